@@ -20,7 +20,7 @@ Unmonitored = executive.safety.Unmonitored
 
 
 class Validity(Enum):
-    """Whether a parameter value can be used."""
+    """Validity of a parameter value."""
 
     VALID = 0
     EXPIRED = 1
@@ -31,12 +31,12 @@ class Validity(Enum):
 
 
 class AssetMode(Enum):
-    """What the asset is about.
+    """Mode of the asset.
 
     Attributes:
         TELEOP: Open velocity command active.
-        PLAN: Plan running.
-        STOPPED: Latched by stop, needs resume.
+        PLAN: Plan active.
+        STOPPED: Latched by stop until resume.
         SAFE: Fault reaction active.
     """
 
@@ -51,14 +51,14 @@ class AssetMode(Enum):
 
 
 class FaultReaction(Enum):
-    """What an asset does about a fault.
+    """Reaction of an asset to a fault.
 
     Attributes:
-        WARN: Goes on, with an event.
-        SLOW_DOWN: Goes on at lower speeds.
-        PAUSE: Stands; motion waits.
-        STOP: Stands; motion FAILED.
-        SAFE: Stands in mode SAFE; motion FAILED.
+        WARN: Continues, with an event.
+        SLOW_DOWN: Continues at lower speeds.
+        PAUSE: Stationary; motion waits.
+        STOP: Stationary; motion FAILED.
+        SAFE: Stationary in mode SAFE; motion FAILED.
     """
 
     WARN = 1
@@ -69,11 +69,11 @@ class FaultReaction(Enum):
 
 
 class Controller(Enum):
-    """What drives an asset to a place.
+    """Controller of a motion to a target.
 
     Attributes:
         TURN_DRIVE: Turns on the spot and straight lines.
-        MPC: Curves in the least time: model predictive control. Not every asset offers it.
+        MPC: Time-optimal curves by model predictive control. Not offered by every asset.
     """
 
     TURN_DRIVE = 1
@@ -81,17 +81,17 @@ class Controller(Enum):
 
 
 class NodeKind(Enum):
-    """What a node of the behaviour tree is.
+    """Type of a node of the behaviour tree.
 
     Attributes:
-        SELECTOR: The first child that does not fail.
-        SEQUENCE: All children, one after the other.
-        PARALLEL: All children at once.
-        DECORATOR: Runs its child again, in time, or inverted.
-        CONDITION: Checks, never acts.
-        TAKE: Takes a goal of a queue.
+        SELECTOR: Ticks children until one does not fail.
+        SEQUENCE: Runs all children in order.
+        PARALLEL: Runs all children at the same time.
+        DECORATOR: Repeats, times or inverts its child.
+        CONDITION: Checks without acting.
+        TAKE: Activates a queued goal.
         LEAF: Acts.
-        PLANNED: Of a plan; which kind is not known.
+        PLANNED: Node of a plan, of unknown type.
     """
 
     SELECTOR = 1
@@ -105,10 +105,10 @@ class NodeKind(Enum):
 
 
 class NodeStatus(Enum):
-    """What a node of the behaviour tree did when it was last ticked.
+    """Result of a behaviour-tree node at the last tick.
 
     Attributes:
-        IDLE: That was not in the last tick.
+        IDLE: Not visited in the last tick.
     """
 
     IDLE = 1
@@ -119,17 +119,17 @@ class NodeStatus(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandHeader:
-    """The identity of a command and how it is to be handled; the first part of every command.
+    """Identity and handling of a command; the first part of every command.
 
     Attributes:
-        commandId: Unique per source for ever, never 0 (MOPS field moeinputsid). Echoed in every
-            notification.
-        source: Commanding entity, e.g. MOE-1: 256 printable characters at most.
+        commandId: Unique for its source forever, never 0 (MOPS field moeinputsid). Repeated in
+            every notification of the command.
+        source: Commanding entity, e.g. MOE-1: at most 256 printable characters.
         counter: MOPS field moeinputscounter, display only.
-        lifetime: Seconds from creationTime after which the command must not start. NULL: it does
-            not age. (s)
-        creationTime: When the source made it. NULL: the lifetime counts from its arrival. (ns since
-            1970 UTC)
+        lifetime: Seconds from creationTime after which the command must not start. NULL: no expiry.
+            (s)
+        creationTime: Time of creation at the source. NULL: the lifetime counts from reception. (ns
+            since 1970 UTC)
         reportStarted: TRUE: send STARTED.
         reportProgress: TRUE: send PROGRESS.
     """
@@ -145,27 +145,26 @@ class CommandHeader:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notification:
-    """One fact that an asset reports.
+    """A report of an asset.
 
     Attributes:
-        kind: What it is about.
-        severity: How much it should worry the operator.
-        timestamp: On-board time of the fact. (ns since 1970 UTC)
-        sequence: Per asset, in the order of events aboard, one more each. At an orbiter 0: it has
-            no number.
-        commandId: The command. NULL unless kind is COMMAND, or it is the prediction of a command's
-            motion: kind EVENT, stage NULL.
+        kind: Its subject.
+        severity: Its severity for the operator.
+        timestamp: On-board time of the event. (ns since 1970 UTC)
+        sequence: Per asset, incremented by one with each report. 0 at an orbiter: not numbered.
+        commandId: The command. NULL unless kind is COMMAND, or the event is a motion prediction of
+            a command: kind EVENT, stage NULL.
         source: Source of that command.
         stage: Stage that the command reached. NULL unless kind is COMMAND.
-        step: PROGRESS: step now.
-        stepCount: PROGRESS: steps expected.
-        code: Why, as a number: on REJECTED, FAILED and CANCELLED, and on events that have one (PUS
+        step: PROGRESS: present step.
+        stepCount: PROGRESS: number of steps.
+        code: Number of the reason: of REJECTED, FAILED and CANCELLED, and of some events (PUS-C
             failure notice code).
         text: For the operator.
-        parameters: Failure data or results. A name that begins with 'predicted ' is of the
-            prediction, and goes with the name that follows.
-        cursor: Per provider, in the order of recording, to catch up by getNotifications. Equal to
-            the sequence aboard. NULL: it is not recorded.
+        parameters: Failure data or results. A name that begins with 'predicted ' is the predicted
+            value of the name after it.
+        cursor: Position in the record of this provider, for getNotifications. Aboard equal to the
+            sequence. NULL: not recorded.
     """
 
     kind: NotificationKind
@@ -185,14 +184,14 @@ class Notification:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterDefinition:
-    """What a monitoring parameter means.
+    """Definition of a monitoring parameter.
 
     Attributes:
         name: Its name.
         description: Its meaning.
         type: Type of its values.
         unit: Unit of its values, UCUM-like (m, rad, m/s, rad/s, V). NULL: a number without unit.
-        writable: TRUE: a command sets it.
+        writable: TRUE: can be set by a command.
     """
 
     name: str
@@ -204,7 +203,7 @@ class ParameterDefinition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterValue:
-    """A monitoring parameter at a moment.
+    """Sample of a monitoring parameter.
 
     Attributes:
         name: Its name.
@@ -221,9 +220,9 @@ class ParameterValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where the asset is.
+    """Pose of the asset.
 
-    A figure that is not known is NaN.
+    Unknown figures are NaN.
 
     Attributes:
         frame: Frame of reference, odom by default.
@@ -242,9 +241,9 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speeds:
-    """How fast the asset may move, and does.
+    """Maximum and present speeds of the asset.
 
-    A figure that is not known is NaN.
+    Unknown figures are NaN.
 
     Attributes:
         travelSpeed: TRAVEL_SPEED, maximum, m/s.
@@ -261,13 +260,13 @@ class Speeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """A place to reach.
+    """Target of a motion.
 
     Attributes:
         x: m.
         y: m.
-        heading: rad. NULL: do not turn at the end.
-        tolerance: m. NULL: default of the asset.
+        heading: rad. NULL: no turn at the end.
+        tolerance: m. NULL: the default of the asset.
     """
 
     x: float
@@ -278,9 +277,9 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """Where the camera points.
+    """Angles of the camera.
 
-    A figure that is not known is NaN.
+    Unknown figures are NaN.
 
     Attributes:
         pan: CAM_PAN, rad, counter-clockwise positive.
@@ -297,9 +296,9 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureSettings:
-    """How to take a picture.
+    """Settings of a picture.
 
-    NULL: the camera's own setting.
+    NULL: the camera's default.
 
     Attributes:
         width: pixel.
@@ -316,15 +315,15 @@ class PictureSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileInfo:
-    """What is known of a file of the asset.
+    """Attributes of a file of the asset.
 
     Attributes:
-        path: Relative to the monitored folder, parts separated by a slash.
+        path: Relative to the monitored folder, separated by slashes.
         size: octet.
-        modified: When it was last changed. (ns since 1970 UTC)
+        modified: Time of the last change. (ns since 1970 UTC)
         mimeType: Its media type.
-        checksum: CRC-32 (IEEE 802.3) of the content. NULL: not known yet.
-        metaData: Whatever else is known, e.g. commandId, POS_X, CAM_PAN at capture.
+        checksum: CRC-32 (IEEE 802.3) of the content. NULL: not computed yet.
+        metaData: Other attributes, e.g. commandId, POS_X, CAM_PAN at capture.
     """
 
     path: str
@@ -340,7 +339,7 @@ class FileChunk:
     """A part of a file's content.
 
     Attributes:
-        offset: Where it begins in the file, octet.
+        offset: Offset of its first octet in the file.
         data: The octets.
     """
 
@@ -350,7 +349,7 @@ class FileChunk:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileReport:
-    """What was transferred.
+    """Result of a file transfer.
 
     Attributes:
         path: The file.
@@ -365,14 +364,14 @@ class FileReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanDefinition:
-    """A plan to carry out.
+    """A plan to execute.
 
     Attributes:
         planId: Its name, unique in the asset.
-        name: Its title, for the operator.
+        name: Its title for the operator.
         format: Format of the content, e.g. BTCPP4, SCXML, MOPS.
-        content: The plan, 256 KiB (262,144 octets) at most.
-        arguments: Blackboard input, 256 at most.
+        content: The plan, at most 256 KiB (262,144 octets).
+        arguments: Blackboard input, at most 256.
     """
 
     planId: str
@@ -384,15 +383,15 @@ class PlanDefinition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanUpdate:
-    """How far a plan has come.
+    """Execution status of a plan.
 
     Attributes:
         planId: The plan.
-        status: Where it is in its life.
-        timestamp: On-board time of the fact. (ns since 1970 UTC)
+        status: Its stage of the life cycle.
+        timestamp: On-board time of the event. (ns since 1970 UTC)
         node: Path of the active node.
-        done: Leaf actions finished.
-        total: Leaf actions known.
+        done: Finished leaf actions.
+        total: Known leaf actions.
         text: For the operator.
     """
 
@@ -407,14 +406,14 @@ class PlanUpdate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssetInfo:
-    """What a client talks to.
+    """Description of an asset.
 
     Attributes:
         asset: Its name.
-        domain: Its MAL domain, under which it publishes.
+        domain: The MAL domain of its updates.
         description: For the operator.
-        softwareVersion: Version of the software aboard.
-        mode: What it is about now.
+        softwareVersion: Version of the on-board software.
+        mode: Its present mode.
     """
 
     asset: str
@@ -426,14 +425,14 @@ class AssetInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceDescriptor:
-    """A service and where it is served.
+    """A service and its addresses.
 
     Attributes:
         name: Name of the service.
         service: Area, service and area version.
-        providerURI: Where its provider is: maltcp://host:port/name, 256 characters at most.
-        brokerURI: Where its broker is. NULL: it has no PUBSUB operation.
-        operations: Numbers of the operations that work here: 1 to 256, each once.
+        providerURI: URI of its provider: maltcp://host:port/name, at most 256 characters.
+        brokerURI: URI of its broker. NULL: no PUBSUB operation.
+        operations: Numbers of the supported operations: 1 to 256, each once.
     """
 
     name: str
@@ -445,14 +444,14 @@ class ServiceDescriptor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssetStatus:
-    """The state of an asset at a moment.
+    """State of an asset at one time.
 
     Attributes:
         timestamp: On-board time. (ns since 1970 UTC)
-        mode: What it is about.
-        activeCommandId: The command under way.
-        queuedCommands: Commands that wait.
-        activePlan: The plan under way.
+        mode: Its subject.
+        activeCommandId: The active command.
+        queuedCommands: Queued commands.
+        activePlan: The active plan.
         values: All parameters.
     """
 
@@ -466,17 +465,18 @@ class AssetStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuthorityStatus:
-    """Who may command the asset.
+    """Status of the command authority.
 
     Attributes:
-        holder: Who holds the authority. NULL: nobody.
-        epoch: Number of the last grant: one more with each. 0: none was granted yet.
-        leaseLeft: Time until the holder loses it, if it gives no sign. 0: nobody holds it. (s)
-        lease: Time that a holder may be silent: each of its commands and requests renews it. (s)
-        askedBy: Who asked for it last, since it was granted.
-        needed: Whether commands need it.
-        caller: Name by which the caller's certificate makes it known, under which alone it
-            commands. NULL: in clear text, where any name is taken.
+        holder: Holder of the authority. NULL: none.
+        epoch: Number of the last grant, incremented by each grant. 0: no grant yet.
+        leaseLeft: Time until the lease expires without a message of the holder. 0: no holder. (s)
+        lease: Maximum time without a message of the holder. Each of its commands and requests
+            renews it. (s)
+        askedBy: Last requester since the grant.
+        needed: TRUE: commands need the authority.
+        caller: Source name of the caller's certificate, the only one for its commands. NULL: clear
+            text, any name is accepted.
     """
 
     holder: str | None = None
@@ -490,17 +490,18 @@ class AuthorityStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActiveFault:
-    """A fault that has begun and is not over.
+    """A fault that is active.
 
     Attributes:
         name: Its name in the asset's fault table.
-        began: On-board time at which it began. (ns since 1970 UTC)
-        severity: How much it should worry the operator.
-        reaction: What the asset does about it.
-        onResume: TRUE: a resume ends it, once its cause is gone. FALSE: it ends with its cause.
-        code: Its reason, as in notifications.
-        text: What showed it when it began, for the operator: 4096 characters at most.
-        parameters: The figures behind that.
+        began: On-board time of its start. (ns since 1970 UTC)
+        severity: Its severity for the operator.
+        reaction: Reaction of the asset.
+        onResume: TRUE: cleared by a resume after its cause has ended. FALSE: cleared with its
+            cause.
+        code: Number of its reason, as in notifications.
+        text: Its evidence at the start, for the operator: at most 4096 characters.
+        parameters: The figures of the evidence.
     """
 
     name: str
@@ -515,15 +516,13 @@ class ActiveFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultStatus:
-    """What the asset's monitors know at a moment.
+    """State of the asset's monitors at one time.
 
     Attributes:
         timestamp: On-board time. (ns since 1970 UTC)
-        why: Why the asset stands, or what moves it: one line for the operator, of 4096 characters
-            at most.
-        active: The faults that are not over, oldest first: each name once.
-        unmonitored: What is not monitored, for want of a sensor or because the asset's file says
-            so.
+        why: Reason for standstill or motion: one line for the operator, at most 4096 characters.
+        active: The active faults, oldest first: each name once.
+        unmonitored: Checks that do not run, for lack of a sensor or by the asset's settings.
     """
 
     timestamp: int
@@ -534,10 +533,10 @@ class FaultStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreviewPose:
-    """Where the asset would be at a time.
+    """Predicted pose at one time.
 
     Attributes:
-        time: Since the beginning. (s)
+        time: From the start of the prediction. (s)
         x: m.
         y: m.
         heading: rad, in ]-pi, pi].
@@ -551,19 +550,19 @@ class PreviewPose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview:
-    """What a motion or a plan would come to.
+    """Prediction of a motion or plan.
 
     Attributes:
-        duration: From its start to standing at its end. (s)
+        duration: From its start to the standstill at its end. (s)
         length: m, of the path of base_link.
         frame: Frame of reference of the path.
-        path: Evenly in time, 200 at most; the last is the end.
-        endWithin: m. How far from the end of the path it may stand, at 2 sigma.
-        headingWithin: rad. By how much its heading may be another, at 2 sigma.
-        energy: J, of the battery. NULL: not known of this asset.
-        clearance: m, the least distance to zones and known rocks of the disc in which it turns.
-            NULL: none is known.
-        nearest: To what that is, for the operator.
+        path: At equal time steps, at most 200; the last is the end.
+        endWithin: m. Maximum distance from the end of the path, 2 sigma.
+        headingWithin: rad. Maximum deviation of the heading at the end, 2 sigma.
+        energy: J, of the battery. NULL: unknown for this asset.
+        clearance: m. Minimum distance of the turning circle to zones and known rocks. NULL: none
+            known.
+        nearest: The zone or rock at that distance, for the operator.
     """
 
     duration: float
@@ -579,20 +578,20 @@ class Preview:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TreeUpdate:
-    """The behaviour tree as of a tick.
+    """The behaviour tree at one tick.
 
     Attributes:
-        whole: Number of the whole tree that this is, or that it differs from.
+        whole: Number of this full tree, or of the full tree that it differs from.
         timestamp: On-board time. (ns since 1970 UTC)
         tick: Number of the tick.
-        mode: What the asset is about.
-        activeSource: Source of the command under way. NULL: none is.
-        activeCommandId: The command under way. NULL: none is.
-        why: Why the asset stands, or what moves it: one line.
-        faults: The active faults, a line each.
-        unmonitored: What is not monitored. NULL: as in the whole.
-        nodes: All nodes, depth first. NULL: as in the whole, but for the changes.
-        changes: The nodes that differ from the whole. NULL in a whole.
+        mode: Mode of the asset.
+        activeSource: Source of the active command. NULL: none.
+        activeCommandId: The active command. NULL: none.
+        why: Reason for standstill or motion: one line.
+        faults: The active faults, one line each.
+        unmonitored: Checks that do not run. NULL: as in the full tree.
+        nodes: All nodes, depth first. NULL: as in the full tree, except for the changes.
+        changes: The nodes that differ from the full tree. NULL in a full tree.
     """
 
     whole: int
@@ -614,12 +613,13 @@ class TreeNode:
 
     Attributes:
         name: Its name.
-        path: Names from the root, joined by slashes. NULL: that of its parent, a slash, and its
+        path: Names from the root, joined by slashes. NULL: the path of its parent, a slash, and its
             name.
-        depth: Steps from the root; its parent is the last node before it of one step less.
-        kind: What it is.
-        status: What it did in the last tick.
-        message: What it says of itself. NULL: nothing.
+        depth: Levels below the root. Its parent is the last node before it with a depth one
+            smaller.
+        kind: Type of the node.
+        status: Result of the last tick.
+        message: Its message. NULL: none.
     """
 
     name: str
@@ -632,12 +632,12 @@ class TreeNode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeChange:
-    """How a node is now.
+    """New state of a node.
 
     Attributes:
-        index: Its place among the nodes of the whole, from 0.
-        status: What it did in the last tick.
-        message: What it says of itself. NULL: nothing.
+        index: Index in the nodes of the full tree, from 0.
+        status: Result of the last tick.
+        message: Its message. NULL: none.
     """
 
     index: int
@@ -647,17 +647,17 @@ class NodeChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class History:
-    """What is known of a time aboard, so that it can be explained.
+    """Recorded history of a period, to explain it.
 
     Attributes:
-        until: On-board time at which it ends: now. (ns since 1970 UTC)
-        reports: In the order of their numbers.
-        asked: Commands, in the order of their arrival.
-        declined: Commands that have no life of their own.
-        situations: What the asset was about, in the order of time.
-        leaves: When leaves of the behaviour tree ran.
-        fastest: The greatest speeds.
-        slowing: Reasons of the faults for which the asset slows down.
+        until: On-board time of its end: now. (ns since 1970 UTC)
+        reports: By sequence number.
+        asked: Commands, in the order of reception.
+        declined: Commands without a life cycle of their own.
+        situations: Modes of the asset, in the order of time.
+        leaves: Runs of leaves of the behaviour tree.
+        fastest: The maximum speeds.
+        slowing: Reasons of the faults with reaction SLOW_DOWN.
     """
 
     until: int
@@ -672,14 +672,14 @@ class History:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PastReport:
-    """A notification as the asset keeps it: with the link of the command, and with units.
+    """A notification as recorded: with the link of the command and with units.
 
     Attributes:
         notification: The notification, without parameters.
-        source: Source of the command that it is of, whatever its kind is. NULL: of none.
-        commandId: That command. NULL: of none.
-        link: Link by which the command came. NULL: of no command.
-        figures: The figures behind it.
+        source: Source of its command, for any kind. NULL: no command.
+        commandId: Its command. NULL: no command.
+        link: Link of its command. NULL: no command.
+        figures: Its figures.
     """
 
     notification: Notification
@@ -694,9 +694,9 @@ class FigureWithUnit:
     """A number with its unit.
 
     Attributes:
-        name: What it is of.
-        value: The number.
-        unit: As people read it. NULL: a count.
+        name: Name of the quantity.
+        value: Its value.
+        unit: Unit for display. NULL: a count.
     """
 
     name: str
@@ -706,18 +706,18 @@ class FigureWithUnit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedCommand:
-    """A command as it arrived.
+    """A command as received.
 
     Attributes:
-        source: Who asked.
-        commandId: Under which number.
-        text: What for, with its arguments and their units, for people.
+        source: Source of the command.
+        commandId: Number of the command.
+        text: Description with arguments and units, for display.
         name: Name of the request.
-        link: By which link.
-        timestamp: On-board time of its arrival. (ns since 1970 UTC)
-        replaces: Whether it was to replace the motion under way.
-        creationTime: When it was made, as its sender said. (ns since 1970 UTC)
-        lifetime: How long it may wait, as its sender said. (s)
+        link: Link of the command.
+        timestamp: On-board time of reception. (ns since 1970 UTC)
+        replaces: TRUE: replaces the active motion.
+        creationTime: Time of creation at the source. (ns since 1970 UTC)
+        lifetime: Maximum age at its start, set by the source. (s)
     """
 
     source: str
@@ -733,15 +733,15 @@ class AskedCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeclinedCommand:
-    """A command that was not taken under its number.
+    """A command that was refused without a life cycle of its own.
 
     Attributes:
-        source: Who asked.
-        commandId: Under which number.
+        source: Source of the command.
+        commandId: Number of the command.
         timestamp: On-board time. (ns since 1970 UTC)
-        code: The reason, as in notifications.
+        code: Number of the reason, as in notifications.
         text: The reason, for the operator.
-        figures: The figures behind it.
+        figures: Its figures.
     """
 
     source: str
@@ -754,14 +754,14 @@ class DeclinedCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """What the asset was about from a time on.
+    """Mode of the asset from a time on.
 
     Attributes:
         timestamp: On-board time. (ns since 1970 UTC)
         mode: Its mode.
-        activeSource: Source of the command under way. NULL: none was.
-        activeCommandId: The command under way. NULL: none was.
-        why: Why it stood, or what moved it: one line.
+        activeSource: Source of the active command. NULL: none.
+        activeCommandId: The active command. NULL: none.
+        why: Reason for standstill or motion: one line.
     """
 
     timestamp: int
@@ -773,13 +773,13 @@ class Situation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeafRun:
-    """A time for which a leaf of the behaviour tree ran.
+    """A run of a leaf of the behaviour tree.
 
     Attributes:
         path: Names from the root, joined by slashes.
         began: On-board time. (ns since 1970 UTC)
-        ended: On-board time. NULL: it runs. (ns since 1970 UTC)
-        message: What it said of itself last. NULL: nothing.
+        ended: On-board time. NULL: still running. (ns since 1970 UTC)
+        message: Its last message. NULL: none.
     """
 
     path: str
@@ -790,13 +790,13 @@ class LeafRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FastestTravel:
-    """The greatest speed that was commanded within a command.
+    """Maximum commanded speed during a command.
 
     Attributes:
-        source: Who asked for the command.
-        commandId: Under which number.
+        source: Source of the command.
+        commandId: Number of the command.
         speed: m/s.
-        allowed: m/s, the greatest that the asset allows.
+        allowed: m/s, the maximum of the asset.
     """
 
     source: str
