@@ -1,1 +1,1 @@
-"""The METERON Robotic Services on MAL: specification, provider (aboard) and client (ground)."""
+"""METERON Robotic Services on MAL: specification, provider (aboard) and client (ground)."""

@@ -1,4 +1,4 @@
-"""The direct link, aboard: serves the MRS over MAL on a thread of its own."""
+"""Onboard end of the direct link: serves the MRS over MAL on its own thread."""
 
 import asyncio
 import logging
@@ -33,12 +33,12 @@ from executive.values.reports import FileEvent, PlanUpdate, Report
 
 _LOG: Final = logging.getLogger(__name__)
 HOUSEKEEPING_S: Final = 5.0
-"""Between two times that the housekeeping is told."""
+"""Period of the housekeeping telemetry; chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Serving:
-    """What there is while the link runs."""
+    """Objects that exist while the link runs."""
 
     gateway: CoreGateway
     asset: AssetServices
@@ -51,49 +51,49 @@ def _holder(executive: Executive) -> str | None:
 
 
 class HousekeepingSource(Protocol):
-    """Measures how the components aboard are doing.
+    """Measures the housekeeping of the onboard processes.
 
     Attributes:
-        parameters: what it measures.
+        parameters: the measured parameters.
     """
 
     parameters: tuple[HousekeepingParameter, ...]
 
     def measure(self, executive: Executive) -> Mapping[str, float | None]:
-        """Return figures by the names of the parameters; on the core's thread."""
+        """Return figures by parameter name, None if unknown; called on the core's thread."""
 
 
 async def _keep_house(
     gateway: CoreGateway, asset: AssetServices, housekeeping: HousekeepingSource
 ) -> None:
     def measured(executive: Executive) -> tuple[float, Mapping[str, float | None]]:
-        """Return figures with their time, by the clock of the events that report some of them."""
+        """Return figures with their time, from the clock that also stamps event reports."""
         return executive.parameters()[0].utc_s, housekeeping.measure(executive)
 
     while True:
-        with suppress(MalError):  # the core is busy: the values get old, and are seen to
+        with suppress(MalError):  # the core is busy: the values become stale, visibly
             utc_s, figures = await gateway.ask(measured)
             asset.keep_house(housekeeping_values(housekeeping.parameters, figures, utc_s))
         await asyncio.sleep(HOUSEKEEPING_S)
 
 
 class MrsLink:
-    """Takes commands and questions to an executive, and sends its reports and telemetry.
+    """Passes commands and queries to an executive, and sends its reports and telemetry.
 
-    It implements `executive.values.ports.Downlink`: `report` and `telemetry` only hand over to the
-    link's thread. What comes while the link does not run is not sent; clients catch up by
-    `getNotifications`.
+    It implements `executive.values.ports.Downlink`: `report` and `telemetry` only pass their
+    argument to the link's thread. While the link does not run nothing is sent; clients catch up
+    by `getNotifications`.
 
     Args:
-        settings: of the asset.
+        settings: settings of the asset.
         host: the address to listen on; `0.0.0.0` for every network.
         port: the port to listen on; 0 for a free one.
-        clear_text: whether others than this computer may be served without certificates.
-        terms: the encoding and the certificates agreed on with the ground.
-        service_layer: where another service layer is, to be registered at; None for nowhere.
-        history: what the executive records, to be asked for; None where it records nothing.
-        housekeeping: measures how the components aboard are doing; None where nobody does.
-        system: the time of messages, and where it listens.
+        clear_text: whether clients on other hosts are served without certificates.
+        terms: encoding and certificates, the same at both ends.
+        service_layer: address of another service layer to register at; None for no registration.
+        history: recorded history of the executive for `getHistory`; None if it records nothing.
+        housekeeping: measures the onboard processes; None for no housekeeping.
+        system: clock of messages, and sockets.
     """
 
     def __init__(
@@ -120,15 +120,15 @@ class MrsLink:
         self._serving: _Serving | None = None
 
     def start(self, executive: Executive) -> MalUri:
-        """Serve an executive; its core must be served by another thread from now on.
+        """Serve an executive, whose core must run on another thread from now on.
 
         Returns:
-            Where the MRS is served.
+            The URI of the MRS.
 
         Raises:
             CertificateError: a certificate file cannot be used.
-            OSError: the address cannot be had.
-            ValueError: others can reach the address, and there are neither certificates nor
+            OSError: the address is not available.
+            ValueError: other hosts can reach the address, but there are neither certificates nor
                 `clear_text`.
         """
         listening: Future[MalUri] = Future()
@@ -139,7 +139,7 @@ class MrsLink:
         return listening.result()
 
     def close(self) -> None:
-        """Hang up on everybody and stop listening."""
+        """Close all connections and stop listening."""
         if self._thread is not None:
             if self._serving is not None:
                 self._serving.gateway.post(self._serving.end)
@@ -147,24 +147,24 @@ class MrsLink:
             self._thread = None
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Send reports to whoever subscribed."""
+        """Send reports to their subscribers."""
         if self._serving is not None:
             self._serving.gateway.post(self._serving.asset.report, reports)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Send parameter values to whoever subscribed."""
+        """Send parameter values to their subscribers."""
         if self._serving is not None:
             self._serving.gateway.post(self._serving.asset.telemetry, values)
 
     def file(self, event: FileEvent) -> None:
-        """Send what happened to a file to whoever subscribed."""
+        """Send a file event to its subscribers."""
         if self._serving is not None:
             files = self._serving.files
             found = files.inspect(event.path)
             self._serving.gateway.post(files.watch.notify, event.kind, event.path, *found)
 
     def plan(self, update: PlanUpdate) -> None:
-        """Send how far a plan has come to whoever subscribed."""
+        """Send the status of a plan to its subscribers."""
         if self._serving is not None:
             self._serving.gateway.post(self._serving.asset.plan, update)
 
@@ -181,8 +181,8 @@ class MrsLink:
         """Serve an executive on the running loop until it is closed.
 
         Args:
-            executive: of another thread.
-            listening: completes with where the MRS is served.
+            executive: executive, which runs on another thread.
+            listening: completes with the URI of the MRS.
         """
         settings, over = self._settings, asyncio.Event()
         tls = self._terms.for_provider()

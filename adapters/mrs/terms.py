@@ -1,4 +1,4 @@
-"""What both ends of a link agree on beforehand, since no message says it."""
+"""Encoding and certificates of a link: agreed beforehand, since messages do not carry them."""
 
 import os
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
 
 NAME: Final = "MRS"
 PORT: Final = 21000
-"""TCP port of a rover, below the ports that Linux hands out by itself (32768 to 60999)."""
+"""TCP port of a rover, below the ephemeral ports of Linux (32768 to 60999)."""
 
 
 class TransportMismatchError(ConnectionError):
-    """Somebody is there, on other terms as it seems; the text says what does not fit."""
+    """A peer answers, but encoding or TLS does not match; the text names the mismatch."""
 
 
 @dataclass(frozen=True, slots=True)
 class TransportSettings:
-    """How an end of the direct link writes, and whom it believes.
+    """Encoding and certificates of one end of the direct link.
 
     Attributes:
-        encoding: of message bodies.
+        encoding: encoding of message bodies.
         certificates: for TLS, mutual; None for clear text.
     """
 
@@ -31,7 +31,7 @@ class TransportSettings:
     certificates: Certificates | None = None
 
     def for_provider(self) -> "ssl.SSLContext | None":
-        """Return what the rover listens with.
+        """Return the TLS context of a server; None for clear text.
 
         Raises:
             CertificateError: a file cannot be used.
@@ -39,7 +39,7 @@ class TransportSettings:
         return None if self.certificates is None else self.certificates.for_provider()
 
     def for_consumer(self) -> "ssl.SSLContext | None":
-        """Return what the ground connects with; raises as `for_provider` does."""
+        """Return the TLS context of a client; raises as `for_provider` does."""
         return None if self.certificates is None else self.certificates.for_consumer()
 
 
@@ -48,11 +48,11 @@ CLEAR: Final = TransportSettings()
 
 
 def start_fault(error: ValueError | OSError, what: str, host: str, elsewhere: str) -> str:
-    """Return why a link is not served, for who started the process: `cannot {what}`."""
+    """Return the reason why a link is not served, for the command line: `cannot {what}`."""
     if isinstance(error, ValueError):
         return (
-            f"{host} can be reached from other computers, and the MRS would be served in clear"
-            " text: give --certificate, --key and --authorities, or add --clear-text if anyone"
+            f"{host} is reachable from other hosts, where the MRS would be served in clear text:"
+            " give --certificate, --key and --authorities, or add --clear-text if every host"
             " there may read and command"
         )
     if isinstance(error, CertificateError):

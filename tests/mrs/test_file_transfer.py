@@ -205,7 +205,7 @@ def test_who_takes_nothing_for_too_long_is_given_up(
 
     error = error_of(aboard, wait)
     assert error.number == 2
-    assert "nothing was taken for 0.2 s" in error.extra.value
+    assert "no chunk was accepted for 0.2 s" in error.extra.value
 
 
 def grow(film: Path) -> None:

@@ -286,4 +286,4 @@ def test_a_folder_that_cannot_be_looked_at_is_looked_at_again(
         assert await _told(told, 1) == [(FileEventKind.STORED, "a")]
 
     _watching(act, tmp_path)
-    assert "cannot be looked at" in caplog.text
+    assert "cannot be scanned" in caplog.text

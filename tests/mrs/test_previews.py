@@ -106,7 +106,7 @@ async def test_one_that_takes_too_long_is_given_up(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(preview_service, "LONGEST_S", 0.0)
-        with pytest.raises(MalError, match="was not worked out within 0 s") as refused:
+        with pytest.raises(MalError, match="was not computed within 0 s") as refused:
             await client.preview(MoveForward(1.0))
     assert refused.value.number == AreaError.BUSY.value
     assert (await client.preview(MoveForward(1.0))).length == pytest.approx(1.0, abs=0.05)

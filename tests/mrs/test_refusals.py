@@ -164,7 +164,7 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
     async def session(client: MrsClient) -> None:
-        with pytest.raises(MalError, match=r"did not answer within 0\.05 s"):
+        with pytest.raises(MalError, match=r"no answer of the executive within 0\.05 s"):
             await client.get_pose()
         with pytest.raises(MalError, match="same commandId"):
             await client.submit(client.command(MoveForward(1.0)))

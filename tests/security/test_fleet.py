@@ -216,7 +216,7 @@ def test_events_of_others_are_bounded_and_name_who_tells_them(aboard: Aboard) ->
     told = [report.text for report in aboard.do(lambda bench: bench.heard.reports)]
     assert 4 * EVENTS_HZ >= len(refused) >= 3 * EVENTS_HZ
     assert {error.number for error in refused} == {StandardError.TOO_MANY.value}
-    assert f"{EVENTS_HZ} a second at most of 127.0.0.1" in str(refused[0])
+    assert f"at most {EVENTS_HZ} a second of 127.0.0.1" in str(refused[0])
     assert len(told) + len(refused) == 5 * EVENTS_HZ
     assert set(told) == {"127.0.0.1: MOE:1 EXECUTED"}
 

@@ -149,13 +149,13 @@ FILE = FileInfo(path="a.jpg", size=3, modified=0)
         ("ServiceLayer", "registerService", replace(CAMERA, operations=(99,)), "Camera has no 99"),
         ("ServiceLayer", "registerService", replace(CAMERA, operations=()), "1 to 256 numbers"),
         ("ServiceLayer", "registerService", replace(CAMERA, providerURI="x"), "maltcp://HOST:PORT"),
-        ("FileManagement", "fileStored", FILE, "file: at a.jpg lies no file"),
+        ("FileManagement", "fileStored", FILE, "file: at a.jpg there is no file"),
         ("Notification", "sendNotification", event(text=None), "text: 1 to 4096 characters"),
         (
             "Notification",
             "sendNotification",
             event(parameters=(NamedValue(name="dust", value=_text("much")),)),
-            "parameters: dust is no finite number",
+            "parameters: dust is not a finite number",
         ),
     ],
 )
@@ -275,5 +275,5 @@ def test_what_is_invalid_in_an_operation_without_a_command_is_in_the_log_with_pe
     aboard.consume(session)
     told = [each for each in caplog.messages if "error 1 for" in each]
     assert all("from 127.0.0.1:" in each for each in told)
-    for reason in ("at a.jpg lies no file", "text: 1 to", "chunkSize: at least 1 octet"):
+    for reason in ("at a.jpg there is no file", "text: 1 to", "chunkSize: at least 1 octet"):
         assert sum(reason in each for each in told) == 1, told

@@ -141,7 +141,7 @@ def test_the_command_line_takes_the_name_and_refuses_another(
         assert done.output.startswith("MOE-2:")
         other = rover("command", *own, "--source", "MOE", "--no-wait", "setTravelSpeed", "0.5")
         assert other.exit_code == 1
-        assert "MOE is MOE-2 by its certificate" in other.output
+        assert "source MOE: the certificate names MOE-2" in other.output
         stop = rover("command", *own, "--source", "MOE", "--no-wait", "stop")
         assert stop.exit_code == 1
         assert aboard.do(lambda bench: bench.executive.mode) is Mode.STOPPED
@@ -212,7 +212,7 @@ def test_a_transfer_is_ended_by_who_began_it_or_holds_the_authority(
                 wanted = ("FileTransfer", "retrieveFile", "film.avi", None, 256)
                 async with consumer.progress(*wanted) as fetching:
                     await anext(fetching)
-                    with pytest.raises(MalError, match="is that of MOE: it or who holds"):
+                    with pytest.raises(MalError, match="belongs to MOE: it or the"):
                         await other.cancel_transfer("film.avi")
                     if ends_it is other:
                         await other.authority.request()

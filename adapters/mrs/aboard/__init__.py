@@ -1,10 +1,10 @@
-"""The provider of the MRS: serves one executive.
+"""Provider of the MRS for one executive.
 
     consumer ==> served_operations ──> asset_services, … ──> gateway ==> the core's thread
       broker <== broadcast <────────────────+   <── post, futures <==========+
 
-`gateway` hands commands and questions to the core; `gateway.post` is the one way back to the link's
-loop, on which all else runs.
+`gateway` passes commands and queries to the core. Everything else runs on the link's loop; the core
+reaches it only through `gateway.post`.
 """
 
 from adapters.mrs.aboard.asset_services import LAST_SEQUENCE as LAST_SEQUENCE

@@ -1,4 +1,4 @@
-"""The operations of one asset but those about files: commands, state, telemetry, reports, plans."""
+"""Operations of one asset except file operations: commands, state, telemetry, reports, plans."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Sequence
@@ -50,21 +50,21 @@ from executive.values.reasons import Figure
 from executive.values.reports import PlanUpdate, Report, Severity
 
 PAGE: Final = 1000
-"""Notifications that one getNotifications returns, at most."""
+"""Maximum notifications in one answer of getNotifications."""
 LAST_SEQUENCE: Final = (1 << 63) - 1
-"""The highest sequence number that the ledger can hold."""
+"""Maximum sequence number of the ledger."""
 SOFTWARE: Final = version("rover-executive")
 
 EVENTS_HZ: Final = 10
-"""Events of each other peer that are reported a second: they are kept as long as reports are."""
+"""Maximum events a second that one peer may have reported: the ledger stores them like reports."""
 ALL_EVENTS_HZ: Final = 50
-"""And of all others together."""
+"""Maximum events a second of all peers together."""
 
 MONITOR_VALUE: Final = (
     ("Monitoring", "monitorValue"),
     ("MonitoringClient", "monitorAssetValue"),
 )
-"""The operations that tell a value: of this asset, and of all that are known here."""
+"""Operations that broadcast a value: of this asset, and of all known assets."""
 MONITOR_NOTIFICATION: Final = (
     ("Notification", "monitorNotification"),
     ("NotificationClient", "monitorAssetNotification"),
@@ -72,15 +72,15 @@ MONITOR_NOTIFICATION: Final = (
 
 
 class CommandIntake(Protocol):
-    """What takes commands: the gateway to the core, or an orbiter that passes them on."""
+    """Receiver of commands: the gateway to the core, or an orbiter that forwards them."""
 
     def submit(self, command: Command) -> Awaitable[None]:
-        """Take a command; raises MalError, here or when it is awaited, if it is not taken."""
+        """Submit a command; raises MalError, here or when awaited, if it is not accepted."""
         ...
 
 
 class UpstreamPublisher(Protocol):
-    """What publishes at another service layer what this asset says."""
+    """Publishes the data of this asset at another service layer."""
 
     def value(self, value: wire.ParameterValue) -> None:
         """Publish a value."""
@@ -94,12 +94,12 @@ def serve_commands(
     intake: CommandIntake,
     known: Callable[[str, str], bool] = lambda *_: True,
 ) -> None:
-    """Serve operations of `REQUESTS`; each is acknowledged when the intake has taken it.
+    """Serve the operations of `REQUESTS`; each is acknowledged when the intake accepts it.
 
-    This is the stop path. Between the octets and the core's inbox lie the decoding of the message,
-    the making of one command and one future, and nothing else.
+    This is the path of a stop. Between the octets and the core's inbox a message is only decoded,
+    and one command and one future are created.
 
-    All are served, unless `known` leaves some out.
+    Operations for which `known` returns False are not served.
     """
     for (service, operation), make in REQUESTS.items():
         if known(service, operation):
@@ -122,11 +122,11 @@ def _submit(
 
 
 class AssetServices:
-    """Serves an executive; its methods broadcast, and are called on the provider's loop.
+    """Serves an executive. Its methods broadcast, and are called on the provider's loop.
 
     Attributes:
         above: publishes at the service layer that the asset joined; None if it joined none.
-        housekeeping: the last values of the executive's own; none where nobody measures them.
+        housekeeping: the last housekeeping values of the executive; empty if none are measured.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class AssetServices:
         served.serve("Notification", "sendNotification", self._send_notification)
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Broadcast reports, and the housekeeping that changed by what they report."""
+        """Broadcast reports, and the housekeeping values that they change."""
         for report in reports:
             notification = notification_of(report)
             keys = notification_keys(self._asset, notification)
@@ -171,11 +171,11 @@ class AssetServices:
             self._broadcast(figure_value(*each, report.utc_s) for each in changed)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Broadcast values of the rover's own."""
+        """Broadcast parameter values of the rover."""
         self._broadcast(map(parameter_value, values))
 
     def keep_house(self, values: tuple[wire.ParameterValue, ...]) -> None:
-        """Broadcast the executive's housekeeping, and keep it for who asks."""
+        """Broadcast the executive's housekeeping, and store it for queries."""
         self.housekeeping = values
         self._broadcast(values)
 
@@ -187,7 +187,7 @@ class AssetServices:
                 self.above.value(value)
 
     def plan(self, update: PlanUpdate) -> None:
-        """Broadcast how far a plan has come."""
+        """Broadcast the status of a plan."""
         keys = (self._asset, update.plan_id, update.status.value)
         self._tell_plan(wire_update(update), keys=keys)
 
@@ -208,7 +208,7 @@ class AssetServices:
         )
 
     def _housekeeping_now(self, executive: Executive) -> tuple[wire.ParameterValue, ...]:
-        """Return the housekeeping as kept, but how uncertain the pose is at present."""
+        """Return the stored housekeeping with the present uncertainty of the pose."""
         figures = uncertainty_figures(executive.status.uncertainty.figures)
         utc_s = executive.parameters()[0].utc_s
         now = {name: figure_value(name, figure, utc_s) for name, figure in figures.items()}
@@ -217,20 +217,20 @@ class AssetServices:
     def _send_notification(
         self, call: CallContext, notification: Notification
     ) -> asyncio.Future[None]:
-        """Have the executive report an event of somebody else, who is named in it."""
+        """Report an event of a client through the executive, with the client's name in its text."""
         text, parameters = notification.text, notification.parameters or ()
         if notification.kind is not NotificationKind.EVENT:
-            raise with_text(AreaError.INVALID, "kind: EVENT, no other")
+            raise with_text(AreaError.INVALID, "kind: must be EVENT")
         if not text or len(text) > LONGEST_TEXT:
             raise with_text(AreaError.INVALID, f"text: 1 to {LONGEST_TEXT} characters")
         if len(parameters) > MOST_FIGURES:
-            raise with_text(AreaError.INVALID, f"parameters: {MOST_FIGURES} at most")
+            raise with_text(AreaError.INVALID, f"parameters: at most {MOST_FIGURES}")
         figures = tuple(map(_figure, parameters))
         peer = call.peer_name or call.connection.peer_host
         self._of_peer.admit(peer)
         self._of_all.admit("all peers together")
-        said, severity = f"{peer}: {text}", notification.severity
-        return self._gateway.ask(lambda executive: _report(executive, severity, said, figures))
+        own_text, severity = f"{peer}: {text}", notification.severity
+        return self._gateway.ask(lambda executive: _report(executive, severity, own_text, figures))
 
 
 def present_values(
@@ -238,10 +238,10 @@ def present_values(
     names: Sequence[str],
     housekeeping: Sequence[wire.ParameterValue] = (),
 ) -> tuple[wire.ParameterValue, ...]:
-    """Return the asset's present values, those of housekeeping too; all if none is named.
+    """Return the present values of the asset with its housekeeping; all if `names` is empty.
 
     Raises:
-        MalError: NotFound, there is no such parameter; TOO_MANY.
+        MalError: NotFound, a parameter does not exist; TOO_MANY.
     """
     require_few(names)
     own = map(parameter_value, executive.parameters())
@@ -252,9 +252,9 @@ def present_values(
 def past_notifications(
     executive: Executive, since: int | None, command_id: int | None, most: int
 ) -> tuple[Notification, ...]:
-    """Return so many notifications of the asset's ledger at most, 0 for a page; oldest first.
+    """Return at most `most` notifications of the asset's ledger, 0 for a page; oldest first.
 
-    `since` is the first cursor, which is the sequence number here.
+    `since` is the first cursor, aboard equal to the sequence number.
     """
     first = min(since or 0, LAST_SEQUENCE)
     return tuple(map(notification_of, executive.reports(first, command_id, page_size(most))))
@@ -266,12 +266,12 @@ def _last_notification(executive: Executive) -> Notification | None:
 
 
 def page_size(most: int) -> int:
-    """Return how many notifications are returned when so many are wanted at most, 0 for all."""
+    """Return the number of notifications of an answer, given the requested maximum; 0 for all."""
     return min(most, PAGE) or PAGE
 
 
 def own_info(executive: Executive) -> wire.AssetInfo:
-    """Return what this asset is."""
+    """Return the description of this asset."""
     settings = executive.settings
     return wire.AssetInfo(
         asset=settings.asset,
@@ -283,7 +283,7 @@ def own_info(executive: Executive) -> wire.AssetInfo:
 
 
 def _camera_state(executive: Executive) -> wire.CameraState:
-    """Return where the camera points, and whether its video stream is forwarded."""
+    """Return the angles of the camera, and whether its video stream is forwarded."""
     figure, video = wire.figures(executive), executive.video
     return wire.CameraState(
         pan=figure[Parameter.CAM_PAN],
@@ -294,7 +294,7 @@ def _camera_state(executive: Executive) -> wire.CameraState:
 
 
 def _actions(executive: Executive) -> tuple[NamedValue, ...]:
-    """Return the text commands that there are, each with what it does."""
+    """Return the supported text commands, each with its help."""
     return tuple(
         NamedValue(name=action.value, value=TypedAttribute(AttributeType.STRING, HELP[action]))
         for action in offered(executive.video)
@@ -302,7 +302,7 @@ def _actions(executive: Executive) -> tuple[NamedValue, ...]:
 
 
 def _fault_status(executive: Executive) -> wire.FaultStatus:
-    """Return why the asset stands, its active faults, and what it does not monitor."""
+    """Return the reason for standstill, the active faults, and the checks that do not run."""
     return wire.FaultStatus(
         timestamp=to_ns(executive.parameters()[0].utc_s),
         why=executive.why[:LONGEST_TEXT],
@@ -334,7 +334,7 @@ def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.Pla
 def _report(
     executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]
 ) -> None:
-    """Report an event, unless it would only pile up behind a ledger that cannot be written."""
+    """Report an event; raises INTERNAL if the ledger cannot store it."""
     if not executive.recording:
         raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
     executive.event(severity, text, figures)
@@ -343,10 +343,10 @@ def _report(
 def _figure(parameter: NamedValue) -> Figure:
     value = parameter.value
     if len(parameter.name) > LONGEST_SOURCE:
-        text = f"parameters: names of {LONGEST_SOURCE} characters at most"
+        text = f"parameters: a name has at most {LONGEST_SOURCE} characters"
         raise with_text(AreaError.INVALID, text)
     if value is None or value.type not in NUMBER_TYPES or not isfinite(value.value):
-        raise with_text(AreaError.INVALID, f"parameters: {parameter.name} is no finite number")
+        raise with_text(AreaError.INVALID, f"parameters: {parameter.name} is not a finite number")
     return Figure(parameter.name, float(value.value))
 
 
@@ -362,4 +362,4 @@ QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
     ("ServiceLayer", "getAsset", own_info),
 )
-"""What only reads: answered on the core's thread by `question(executive, *parts)`."""
+"""Queries, answered on the core's thread by `question(executive, *parts)`."""

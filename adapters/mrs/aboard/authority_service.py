@@ -1,4 +1,4 @@
-"""The service Authority: who may command the asset, and how that passes on."""
+"""Service Authority: holder of the command authority, requests and hand-over."""
 
 import asyncio
 from collections.abc import Callable
@@ -18,11 +18,11 @@ from executive.values.reports import Identity
 Act = Callable[[Executive], AuthorityState | Refusal]
 
 REQUESTS_HZ: Final = 10
-"""Requests of each peer a second: each change of holder is written down and told to all."""
+"""Maximum requests a second of one peer: each change of holder is stored and broadcast."""
 
 
 def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
-    """Serve the authority of an executive; all but the question who has it name who asks."""
+    """Serve the authority of an executive; all operations but getAuthority name the requester."""
     rate = PeerRateLimiter(REQUESTS_HZ, asyncio.get_running_loop().time)
 
     def serve(operation: str, act: Callable[..., Act]) -> None:
@@ -34,7 +34,7 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
                 lambda executive: (_status(act(*parts)(executive), call.peer_name),)
             )
             if parts:
-                served.recognise(call.connection, answer, lambda told: told[0].holder == parts[0])
+                served.recognise(call.connection, answer, lambda reply: reply[0].holder == parts[0])
             return answer
 
         served.serve("Authority", operation, handler)
@@ -47,13 +47,13 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
 
 
 def _asking(act: AuthorityAction, *parts: Any) -> Act:
-    asked = AuthorityRequest(act, *parts)
-    return lambda executive: executive.ask_authority(asked)
+    request = AuthorityRequest(act, *parts)
+    return lambda executive: executive.ask_authority(request)
 
 
 def _require_name(source: str, peer_name: str | None) -> None:
     if peer_name not in {None, source}:
-        raise with_text(AreaError.REJECTED, f"{source} is {peer_name} by its certificate")
+        raise with_text(AreaError.REJECTED, f"source {source}: the certificate names {peer_name}")
 
 
 def _status(found: AuthorityState | Refusal, caller: str | None) -> AuthorityStatus:

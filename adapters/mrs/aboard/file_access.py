@@ -1,7 +1,7 @@
-"""Files aboard: what is told of them, their octets and checksums, and a watch for changes.
+"""Onboard files: attributes, content, checksums, and a watch for changes.
 
-Files are read in threads, so that a stop does not wait for a disk. Each read opens the file, makes
-sure that it is still the same, and reads one slice: no file stays open when a transfer ends early.
+Threads read the files, so that a stop does not wait for a disk. Each read opens the file, checks
+that it is unchanged, and reads one slice: no file stays open when a transfer ends early.
 """
 
 import asyncio
@@ -40,11 +40,11 @@ KINDS: Final = {
     "yaml": "application/yaml",
     "zip": "application/zip",
 }
-"""Media types by suffix. Python's own table depends on the machine, and takes memory."""
+"""Media types by suffix. Python's `mimetypes` depends on the host, and needs memory."""
 
 
 def mime_type(path: str) -> str:
-    """Return the media type that a file's name tells."""
+    """Return the media type of a file name's suffix."""
     return KINDS.get(path.rpartition(".")[2].lower(), UNKNOWN_KIND)
 
 
@@ -54,7 +54,7 @@ def file_info(
     checksum: int | None = None,
     meta_data: tuple[NamedValue, ...] | None = None,
 ) -> FileInfo:
-    """Return what is told of a file."""
+    """Return the attributes of a file."""
     return FileInfo(
         path=path,
         size=stamp.size_octets,
@@ -66,7 +66,7 @@ def file_info(
 
 
 def meta_data(folder: FileFolder, path: str) -> tuple[NamedValue, ...] | None:
-    """Return what is known about a file beside its content; reads a file."""
+    """Return the metadata of a file; reads a file."""
     return tuple(map(_named, folder.about(path))) or None
 
 
@@ -79,14 +79,14 @@ def _named(figure: Figure) -> NamedValue:
 
 
 READ_OCTETS: Final = 1 << 20
-"""What is read at a time."""
+"""Octets of one read."""
 SLICE_OCTETS: Final = 1 << 22
-"""What is read for a checksum before another job of the same thread."""
+"""Octets read for a checksum before the thread serves another task."""
 KNOWN_CHECKSUMS: Final = 512
 AT_REST_NS: Final = 1_000_000_000
-"""A file may change twice within the resolution of its time: one younger is not remembered."""
+"""Minimum age of a cached checksum's file: two changes may have the same modification time."""
 AT_ONCE: Final = 4
-"""Checksums that are computed at the same time."""
+"""Maximum concurrent checksum computations."""
 
 
 def changed(path: str) -> MalError:
@@ -95,15 +95,15 @@ def changed(path: str) -> MalError:
 
 
 def not_found(path: str) -> MalError:
-    """Return the error for a file that is not there, or not any more."""
+    """Return the error for a file that does not exist, or no longer."""
     return with_text(AreaError.NOT_FOUND, path[:LONGEST_PATH])
 
 
 def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: int) -> bytes:
-    """Return octets of a file, all of them within it, which must still have its stamp.
+    """Return octets of a file, from within its size; it must still have this stamp.
 
     Raises:
-        MalError: NotFound, it is gone; Rejected, it was changed or cannot be read.
+        MalError: NotFound, it was deleted; Rejected, it was changed or cannot be read.
     """
     try:
         file = os.open(folder.root / path, os.O_RDONLY | os.O_NONBLOCK)
@@ -123,10 +123,10 @@ def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: i
 
 
 class Checksums:
-    """CRC-32s of files, the last ones remembered.
+    """CRC-32 of files, with a cache of the last ones.
 
-    Concurrent requests for the same file share one computation. It goes on after a timeout of who
-    asked, so that the next request is answered sooner.
+    Concurrent requests for the same file share one computation. It continues after a timeout of
+    the requester, so that the next request is answered sooner.
     """
 
     def __init__(self, folder: FileFolder, system: System = OPERATING_SYSTEM) -> None:
@@ -136,7 +136,7 @@ class Checksums:
         self._room = asyncio.Semaphore(AT_ONCE)
 
     def known(self, stamp: FileStamp) -> int | None:
-        """Return the checksum of a file if it is remembered; may be called from any thread."""
+        """Return the cached checksum of a file, or None; may be called from any thread."""
         return self._known.get(stamp)
 
     async def of(self, path: str, stamp: FileStamp) -> int:
@@ -149,7 +149,7 @@ class Checksums:
             task = self._running[key] = asyncio.create_task(self._compute(path, stamp))
             task.add_done_callback(lambda ended: self._forget(key, ended))
         running = self._running[key]
-        await asyncio.wait((running,))  # leaves it running where whoever waits is cancelled
+        await asyncio.wait((running,))  # keeps it running if the waiting task is cancelled
         return running.result()
 
     async def begin_of(self, path: str, stamp: FileStamp, octets: int) -> int:
@@ -181,19 +181,19 @@ class Checksums:
     def _forget(self, key: tuple[str, FileStamp], ended: "asyncio.Task[int]") -> None:
         del self._running[key]
         if not ended.cancelled():
-            ended.exception()  # whoever waits still gets it; perhaps nobody does any more
+            ended.exception()  # marks it as retrieved; waiting tasks still receive it
 
 
 _LOG: Final = logging.getLogger(__name__)
 
 PERIOD_S: Final = 1.0
-"""Between two looks at the folder, and how long a file must be unchanged to be reported."""
+"""Period of the folder scan, and time without change before a file is reported."""
 SHARE: Final = 20
-"""The pause after a look is at least so many times as long as the look took."""
+"""Minimum pause after a scan, in durations of that scan."""
 MOST_REPORTED: Final = 500
-"""Changes reported after one look, so that subscribers are not flooded; then the rest."""
+"""Maximum changes reported after one scan, so that subscribers are not flooded; the rest follow."""
 UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)
-"""The stamp of a file that was never seen."""
+"""Stamp of an unknown file."""
 
 MetaData = tuple[NamedValue, ...] | None
 
@@ -201,11 +201,11 @@ MetaData = tuple[NamedValue, ...] | None
 class FolderWatcher:
     """Reports each change of the folder once: files that are stored, changed or deleted.
 
-    The core reports its own changes by `notify`; those of other programs are found by looking at
-    the folder. A file that is being written is reported when it did not change between two looks.
+    The core reports its own changes by `notify`; a periodic scan finds those of other programs. A
+    file that is being written is reported when it did not change between two scans.
 
-    `tell` is called with each change, on the loop: what happened to which file, its stamp (the last
-    one known if it is deleted), and what else is known about it.
+    `tell` is called on the loop with each change: event, path, stamp (the last known one if it was
+    deleted), and metadata.
     """
 
     def __init__(
@@ -223,7 +223,7 @@ class FolderWatcher:
     def notify(
         self, kind: FileEventKind, path: str, stamp: FileStamp | None, about: MetaData = None
     ) -> None:
-        """Take a change that another part reports, and report it unless it is known already."""
+        """Report a change that another component announces, unless it is known already."""
         self._notified.add(path)
         match kind:
             case FileEventKind.DELETED:
@@ -241,23 +241,23 @@ class FolderWatcher:
             begin_s = loop.time()
             self._notified.clear()
             try:
-                new, gone = await asyncio.to_thread(self._look)
-                await self._compare(new, gone)
+                new, deleted = await asyncio.to_thread(self._look)
+                await self._compare(new, deleted)
             except Exception:
-                _LOG.exception("the folder of files cannot be looked at")
+                _LOG.exception("the folder of files cannot be scanned")
             pause_s = max(PERIOD_S, SHARE * (loop.time() - begin_s))
 
     def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
-        """Return what is not as known, and what is not there; called in a thread."""
+        """Return new or changed files, and deleted ones; called in a thread."""
         found = dict(self._folder.entries())
         new = {path: stamp for path, stamp in found.items() if self._known.get(path) != stamp}
         return new, [path for path in list(self._known) if path not in found]
 
-    async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
-        """Report differences that have settled, unless they were reported during the look."""
-        rested = [path for path, stamp in new.items() if self._unsettled.get(path) == stamp]
+    async def _compare(self, new: dict[str, FileStamp], deleted: list[str]) -> None:
+        """Report settled differences, unless they were reported during the scan."""
+        settled = [path for path, stamp in new.items() if self._unsettled.get(path) == stamp]
         self._unsettled = new
-        for path in (gone + rested)[:MOST_REPORTED]:
+        for path in (deleted + settled)[:MOST_REPORTED]:
             if path in self._notified:
                 continue
             if path in new:

@@ -1,4 +1,4 @@
-"""The services File Management and File Transfer, but for the commands `delete` and `move`."""
+"""Services FileManagement and FileTransfer, except the commands `delete` and `move`."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable
@@ -36,16 +36,16 @@ from executive.state import FileFolder, FileStamp, check_path
 from executive.values.reports import FileEventKind
 
 READERS: Final = 2
-"""Threads that read files: one may list a full folder while the other serves a transfer."""
+"""Number of reader threads: one may list a full folder while the other serves a transfer."""
 MOST_LISTED: Final = 1000
-"""Files that one listFiles returns: those changed last."""
+"""Maximum files in one answer of listFiles: those changed last."""
 MOST_TRANSFERS: Final = 16
 CHUNK_OCTETS: Final = 1 << 16
 LARGEST_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
-"""How long a consumer may take no chunk before its transfer ends."""
+"""Maximum time in which a consumer accepts no chunk; then its transfer ends."""
 YIELDS_S: Final = 2.0
-"""And before it gives way to another, where `MOST_TRANSFERS` are under way."""
+"""The same bound if another transfer waits and `MOST_TRANSFERS` are active."""
 
 
 def _peer(call: CallContext) -> str:
@@ -54,12 +54,12 @@ def _peer(call: CallContext) -> str:
 
 @dataclass(slots=True, eq=False)
 class _Transfer:
-    """A transfer under way.
+    """An active transfer.
 
     Attributes:
-        peer: who began it: the name of its certificate, or the address that it connects from.
-        taken_s: when something of it was taken last, by the loop's clock.
-        ended: why it was ended from outside; empty if it was not.
+        peer: its client: the name of the certificate, or the client's address.
+        taken_s: time at which the client accepted its last chunk, by the loop's clock.
+        ended: reason of its cancellation; empty if it was not cancelled.
     """
 
     path: str
@@ -69,20 +69,20 @@ class _Transfer:
     ended: str = ""
 
     def end(self, why: str) -> None:
-        """End it, with a reason for whom it is sent to."""
+        """Cancel it, with a reason for its client."""
         self.ended = why
         self.task.cancel()
 
 
 class FileServices:
-    """Serves both services; what blocks has `READERS` threads of the running loop from now on.
+    """Serves both services; blocking calls use `READERS` threads of the running loop from now on.
 
     Args:
-        holder: returns who holds the authority, who may cancel transfers of others.
-        system: whose time decides whether a file is at rest.
+        holder: returns the holder of the authority, which may cancel transfers of all clients.
+        system: clock that decides whether a file is unchanged for long enough.
 
     Attributes:
-        watch: takes changes of files, and publishes them.
+        watch: publishes changes of files.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class FileServices:
         served.serve("FileTransfer", "cancelTransfer", self._cancel)
 
     def inspect(self, path: str) -> tuple[FileStamp | None, MetaData]:
-        """Return what a file is like, None if there is none; may be called from any thread."""
+        """Return stamp and metadata, None if the file is missing; may be called from any thread."""
         return self._folder.stamp(path), meta_data(self._folder, path)
 
     def _publish(self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData) -> None:
@@ -121,25 +121,25 @@ class FileServices:
         )
 
     async def _found(self, path: str) -> tuple[FileStamp, MetaData]:
-        """Return what a file is like; raises NotFound."""
+        """Return stamp and metadata of a file; raises NotFound."""
         stamp, about = await asyncio.to_thread(self.inspect, path)
         if stamp is None:
             raise not_found(path)
         return stamp, about
 
     async def _stored(self, _: CallContext, file: FileInfo) -> None:
-        """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
+        """Publish that a file was stored; raises Invalid unless path, size and checksum match."""
         stamp, about = await asyncio.to_thread(self.inspect, file.path)
         if stamp is None or stamp.size_octets != file.size:
-            there = "no file" if stamp is None else f"a file of {stamp.size_octets} octets"
-            raise with_text(AreaError.INVALID, f"file: at {file.path[:80]} lies {there}")
+            actual = "no file" if stamp is None else f"a file of {stamp.size_octets} octets"
+            raise with_text(AreaError.INVALID, f"file: at {file.path[:80]} there is {actual}")
         if file.checksum is not None:
             try:
                 fits = await self._checksums.of(file.path, stamp) == file.checksum
             except MalError:
                 fits = False
             if not fits:
-                text = f"file: {file.path} has another checksum, or is being changed"
+                text = f"file: {file.path} has another checksum, or is being written"
                 raise with_text(AreaError.INVALID, text)
         self.watch.notify(FileEventKind.STORED, file.path, stamp, about)
 
@@ -168,9 +168,9 @@ class FileServices:
         )
 
     async def _cancel(self, call: CallContext, path: str) -> None:
-        """End the peer's transfers of a file; those of all for who holds the authority.
+        """Cancel the client's transfers of a file; for the holder of the authority those of all.
 
-        That one is known by its certificate. The transfers are looked for after it was asked.
+        The certificate identifies the holder. Its name is queried before transfers are selected.
         """
         named = call.peer_name is not None
         holds = named and call.peer_name == await self._holder()
@@ -180,7 +180,7 @@ class FileServices:
         own = [transfer for transfer in found if holds or transfer.peer == _peer(call)]
         if not own:
             who = ", ".join(sorted({transfer.peer for transfer in found}))
-            text = f"the transfer of {path} is that of {who}: it or who holds the authority ends it"
+            text = f"the transfer of {path} belongs to {who}: it or the authority holder ends it"
             raise with_text(AreaError.REJECTED, text)
         for transfer in own:
             transfer.end(f"the transfer of {path} was cancelled")
@@ -210,22 +210,22 @@ class FileServices:
             self._transfers.discard(transfer)
 
     def _make_room(self) -> None:
-        """End the transfer of which nothing was taken for longest.
+        """Cancel the transfer whose client accepted nothing for the longest time.
 
         Raises:
-            MalError: Busy, all come on.
+            MalError: Busy, all transfers progress.
         """
         stalled = min(self._transfers, key=lambda transfer: transfer.taken_s)
         for_s = asyncio.get_running_loop().time() - stalled.taken_s
         if for_s < YIELDS_S:
-            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are under way already")
+            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are active: try again")
         self._transfers.discard(stalled)
-        stalled.end(f"nothing was taken for {for_s:.0f} s, and another transfer waits")
+        stalled.end(f"no chunk was accepted for {for_s:.0f} s, and another transfer waits")
 
     async def _send(
         self, interaction: Interaction, transfer: _Transfer, offset: int, chunk: int
     ) -> FileReport:
-        """Send a file from an offset on, and return the checksum of what was read for it."""
+        """Send a file from an offset on, and return the checksum of the octets read for it."""
         path = transfer.path
         stamp, about = await self._found(path)
         if offset > stamp.size_octets:
@@ -250,10 +250,10 @@ class FileServices:
     async def _pieces(
         self, path: str, stamp: FileStamp, offset: int, step: int, value: int
     ) -> AsyncGenerator[tuple[int, bytes, int], None]:
-        """Read a file from an offset on, the next piece while the last one is sent.
+        """Read a file from an offset on; reads the next piece while the last one is sent.
 
         Yields:
-            Where a piece begins, its octets, and the checksum of the file up to its end.
+            Offset of a piece, its octets, and the checksum of the file up to its end.
         """
 
         def ahead(begin: int, value: int) -> "asyncio.Future[tuple[bytes, int]]":
@@ -263,18 +263,18 @@ class FileServices:
 
         if offset == stamp.size_octets:
             return
-        coming = ahead(offset, value)
+        following = ahead(offset, value)
         try:
             while offset < stamp.size_octets:
                 begin = offset
-                data, value = await coming
+                data, value = await following
                 offset += len(data)
                 if offset < stamp.size_octets:
-                    coming = ahead(offset, value)
+                    following = ahead(offset, value)
                 yield begin, data, value
         finally:
-            if not coming.cancel() and not coming.cancelled():
-                coming.exception()  # nobody waits for what was read ahead any more
+            if not following.cancel() and not following.cancelled():
+                following.exception()  # marks it as retrieved: the read-ahead is no longer needed
 
     def _read(
         self, path: str, stamp: FileStamp, offset: int, octets: int, before: int
@@ -286,5 +286,5 @@ class FileServices:
         try:
             await interaction.update(part, patience_s=STALLED_S)
         except TimeoutError:
-            text = f"nothing was taken for {STALLED_S:g} s"
+            text = f"no chunk was accepted for {STALLED_S:g} s"
             raise with_text(AreaError.REJECTED, text) from None

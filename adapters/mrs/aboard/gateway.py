@@ -1,4 +1,4 @@
-"""The way from the link's loop to the core's thread, and back to the loop."""
+"""Gateway from the link's loop to the core's thread, and back to the loop."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,21 +15,21 @@ from executive.core.runner import Executive
 T = TypeVar("T")
 
 ANSWER_TIMEOUT_S: Final = 5.0
-"""After which a question or command that was not answered fails with INTERNAL."""
+"""Timeout of the core's answer to a query or command, then INTERNAL; chosen, not measured."""
 MOST_PENDING: Final = 256
-"""Commands and questions that may wait for the core: what a stop, which is always taken, may find
-before it."""
+"""Maximum commands and queries queued for the core. A stop is always accepted, behind at most
+these."""
 SILENT: Final = (
-    "the executive did not answer within {:g} s; whether it took this is not known, and a command"
-    " may be sent again under the same commandId"
+    "no answer of the executive within {:g} s: whether it accepted this is unknown; resend the"
+    " command under the same commandId"
 )
 
 
 class CoreGateway:
-    """Submits commands to an executive and asks it questions, each answered by a future.
+    """Submits commands and queries to an executive, each answered by a future.
 
-    `submit` and `ask` are called on the loop. What they hand over runs on the core's thread, which
-    owns what it touches; the future completes on the loop.
+    `submit` and `ask` are called on the loop. Their callables run on the core's thread, which owns
+    the core's data; the future completes on the loop.
     """
 
     def __init__(self, executive: Executive, loop: asyncio.AbstractEventLoop) -> None:
@@ -38,9 +38,9 @@ class CoreGateway:
         self._pending = 0
 
     def submit(self, command: Command) -> asyncio.Future[None]:
-        """Hand a command over; the future completes when it is admitted, else with the error.
+        """Submit a command; the future completes when it is accepted, else with the error.
 
-        That is TOO_MANY if too much waits already, and it is no stop.
+        The error is TOO_MANY if the queue is full and the command is no stop.
         """
         answer: asyncio.Future[None] = self._loop.create_future()
         if self._pending >= MOST_PENDING and not isinstance(command.request, Stop):
@@ -49,9 +49,9 @@ class CoreGateway:
         return self._limit(answer)
 
     def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
-        """Have a question answered on the core's thread; TOO_MANY if too much waits already.
+        """Run a query on the core's thread; the error is TOO_MANY if the queue is full.
 
-        One whose future is cancelled waits, and counts, until the core has come to it.
+        A query whose future is cancelled stays in the queue until the core has run it.
         """
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._pending >= MOST_PENDING:
@@ -60,21 +60,21 @@ class CoreGateway:
         return _apart(self._limit(answer))
 
     def post(self, act: Callable[..., None], *arguments: object) -> None:
-        """Have something done on the loop; from any thread, and nothing if the loop is closed."""
+        """Call a function on the loop, from any thread; ignored if the loop is closed."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(act, *arguments)
 
     def _limit(self, answer: asyncio.Future[T]) -> asyncio.Future[T]:
-        """Count a future as pending, and let it fail when the core does not answer in time."""
+        """Count a future as pending, and fail it if the core does not answer in time."""
         silent = with_text(StandardError.INTERNAL, SILENT.format(ANSWER_TIMEOUT_S))
         timer = self._loop.call_later(ANSWER_TIMEOUT_S, _fail, answer, silent)
         self._pending += 1
 
-        def over(_: asyncio.Future[T]) -> None:
+        def on_done(_: asyncio.Future[T]) -> None:
             self._pending -= 1
             timer.cancel()
 
-        answer.add_done_callback(over)
+        answer.add_done_callback(on_done)
         return answer
 
     def _admitted(
@@ -93,21 +93,21 @@ class CoreGateway:
     def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:
         try:
             result = question(self._executive)
-        except Exception as error:  # a question must not take the core down with it
+        except Exception as error:  # an error of a query must not end the core
             self.post(_fail, answer, error)
         else:
             self.post(_succeed, answer, result)
 
 
 def _no_room(answer: asyncio.Future[T]) -> asyncio.Future[T]:
-    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} wait: try again"))
+    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} queued: try again"))
     return answer
 
 
 def _apart(answer: asyncio.Future[T]) -> asyncio.Future[T]:
-    """Return a future that becomes what an answer becomes, and may be cancelled without it.
+    """Return a future with the result of an answer, which may be cancelled without the answer.
 
-    Unlike that of `asyncio.shield`, which since Python 3.14 logs what nobody waits for any more.
+    `asyncio.shield` is not used: since Python 3.14 it logs errors of abandoned futures.
     """
     follower: asyncio.Future[T] = answer.get_loop().create_future()
 

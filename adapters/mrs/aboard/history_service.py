@@ -1,4 +1,4 @@
-"""Serves what explains a command, or what the rover does now."""
+"""Serves the history that explains a command, or the present state of the rover."""
 
 import asyncio
 from collections.abc import Container, Iterator, Sequence
@@ -17,16 +17,16 @@ from executive.history import HistoryBuilder, ReceivedCommand, RunHistory
 from executive.values.reports import Identity, Report
 
 MOST: Final = 1000
-"""Reports that are read of the ledger at once."""
+"""Maximum reports read from the ledger at once."""
 AFTER: Final = 8
-"""Reports after the end of a command, among which are those of a stop that ended it."""
+"""Reports after the end of a command, which include those of a stop that ended it."""
 
 
 class HistoryService:
     """Serves `Notification.getHistory`.
 
-    On the core's thread, that of `history`, values are only copied; what of them is sent is chosen
-    on a thread of its own, as a stop may come meanwhile.
+    The core's thread, on which `history` runs, only copies references. A separate thread selects
+    and encodes the answer, so that a stop is not delayed.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class HistoryService:
         return (await asyncio.to_thread(_told, known, wanted, everything),)
 
     def _known(self, executive: Executive, number: int | None) -> RunHistory:
-        """Return what is remembered, and of a command also what only the ledger knows."""
+        """Return the recorded history; for a command also its reports in the ledger."""
         history = self._history.history()
         if number is None:
             return history
@@ -54,8 +54,8 @@ class HistoryService:
         oldest = history.reports[0].sequence if history.reports else executive.last_sequence
         if own and own[0].sequence < oldest:
             reported = own[-1].sequence - own[0].sequence + 1
-            meanwhile = executive.reports(own[0].sequence, count=min(reported + AFTER, MOST))
-            reports |= {each.sequence: each for each in meanwhile}
+            stored = executive.reports(own[0].sequence, count=min(reported + AFTER, MOST))
+            reports |= {each.sequence: each for each in stored}
         received = {each.identity for each in history.received}
         return replace(
             history,
@@ -67,7 +67,7 @@ class HistoryService:
 def _received_before(
     executive: Executive, reports: Sequence[Report], known: Container[Identity]
 ) -> Iterator[ReceivedCommand]:
-    """Yield the commands of some reports that are not known, as far as the ledger knows them."""
+    """Yield the commands of reports that are not in `known`, as far as the ledger has them."""
     for each in {report.identity: report for report in reversed(reports)}.values():
         if each.identity is None or each.identity in known or each.link is None:
             continue

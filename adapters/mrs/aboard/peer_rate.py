@@ -1,4 +1,4 @@
-"""Bounds what others may have reported, so that they fill neither the memory nor the ledger."""
+"""Limits the requests of each client, so that they fill neither the memory nor the ledger."""
 
 from collections.abc import Callable
 from typing import Final
@@ -7,15 +7,15 @@ from adapters.mal import StandardError
 from adapters.mrs.spec import with_text
 
 MOST_PEERS: Final = 1024
-"""Of whom is remembered how much they told: the last ones."""
+"""Maximum peers with a stored token bucket: the last ones."""
 
 
 class PeerRateLimiter:
-    """How many times a second each peer may tell or ask, and as many at once (a token bucket each).
+    """Limits the events a second of each peer, with a burst of the same number (token bucket).
 
     Args:
-        most_hz: events a second.
-        now_s: a clock that is never set.
+        most_hz: maximum events a second.
+        now_s: a monotonic clock.
     """
 
     def __init__(self, most_hz: int, now_s: Callable[[], float]) -> None:
@@ -32,5 +32,5 @@ class PeerRateLimiter:
         if len(self._spent_until_s) > MOST_PEERS:
             del self._spent_until_s[next(iter(self._spent_until_s))]
         if full:
-            text = f"{self._most_hz} a second at most of {peer}"
+            text = f"at most {self._most_hz} a second of {peer}"
             raise with_text(StandardError.TOO_MANY, text)

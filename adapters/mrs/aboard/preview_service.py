@@ -1,7 +1,7 @@
-"""Serves previews of motions and plans, worked out on the link's loop in slices.
+"""Serves previews of motions and plans, computed in slices on the link's loop.
 
-A slice keeps Python's lock for well under a millisecond, and the loop sleeps after each, so that
-the core's thread keeps its ticks and a stop that arrives meanwhile is served.
+A slice holds Python's interpreter lock for well under a millisecond, and the loop sleeps after it.
+So the core's thread meets its ticks, and a stop is served during a preview.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005
 MOST_AT_ONCE: Final = 2
 LONGEST_S: Final = 60.0
-"""A preview that waits for a solver of motion plans which does not answer ends then."""
+"""Timeout of a preview, e.g. if the trajectory solver does not answer; chosen, not measured."""
 
 
 class PreviewService:
@@ -48,7 +48,7 @@ class PreviewService:
 
     async def _work_out(self, asked: Motion | PlanDefinition) -> wire.Preview:
         if self._running >= MOST_AT_ONCE:
-            raise with_text(AreaError.BUSY, f"{MOST_AT_ONCE} previews are worked out: try again")
+            raise with_text(AreaError.BUSY, f"{MOST_AT_ONCE} previews are running: try again")
         self._running += 1
         try:
             run = await self._gateway.ask(lambda executive: executive.preview(asked))
@@ -68,17 +68,17 @@ async def _slice_by_slice(run: PreviewRun) -> Preview | Refusal:
                 await asyncio.sleep(PAUSE_S)
                 run.advance(SLICE_TICKS)
     except TimeoutError:
-        text = f"the preview was not worked out within {LONGEST_S:g} s: preview it in parts"
+        text = f"the preview was not computed within {LONGEST_S:g} s: preview it in parts"
         raise with_text(AreaError.BUSY, text) from None
     return run.result
 
 
 def _refused(refusal: Refusal) -> MalError:
-    """Return the error by which a refusal travels, in words: no report follows that says more."""
+    """Return the error for a refusal, with its full text: no report follows."""
     reason = refusal.reason
     error = _ERRORS.get(reason.value // 100, AreaError.REJECTED)
     return with_text(error, f"{refusal.text} ({reason.value} {reason.name})")
 
 
 _ERRORS: Final = {1: AreaError.INVALID, 4: AreaError.NOT_SUPPORTED}
-"""By the block of the reason."""
+"""Errors by block of the reason number; Rejected for all other blocks."""

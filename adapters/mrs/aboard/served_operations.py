@@ -1,4 +1,4 @@
-"""What a provider of the MRS serves: registered here, so that the directory lists what works."""
+"""Registers the operations of an MRS provider, so that the directory lists the supported ones."""
 
 import asyncio
 from collections import deque
@@ -32,38 +32,38 @@ from adapters.system import OPERATING_SYSTEM, System
 T = TypeVar("T")
 
 MESSAGE_CAP: Final = 1 << 20
-"""Octets of the longest message taken aboard.
+"""Maximum octets of a message accepted aboard.
 
-The longest that anyone needs to send is a plan, of 256 KiB at most. What goes out, such as a file's
-chunks, is not bounded by it.
+The longest useful message is a plan of at most 256 KiB. Outgoing messages, such as chunks of a
+file, are not bounded by it.
 """
 MOST_RECOGNISED: Final = 4
-"""Connections that are kept for whoever showed last to hold the authority."""
+"""Maximum priority connections: those that last proved to hold the authority."""
 LIMITS: Final = PeerLimits(
     message_octets=MESSAGE_CAP,
     unfinished_octets=8 * MESSAGE_CAP,
     unread_octets=32 << 20,
     elements=2048,
 )
-"""What everybody on the link together may take up. The longest lists that anyone needs to send are
-1000 names; reading as many elements as are allowed takes less than a stop may be late."""
+"""Bounds of all clients of the link together. The longest useful lists have 1000 names; decoding
+`elements` elements takes less time than a stop may be late."""
 
 BETWEEN_ASSETS: Final = frozenset(
     {"ServiceLayer", "MonitoringClient", "NotificationClient", "Monitoring.publishParameters"}
 )
-"""What rovers call on each other, by itself: services, and an operation of another."""
+"""Services, and one operation, that rovers call without an operator: no contact with the ground."""
 
 
 class ServedOperations:
-    """A provider, and the operations that work there.
+    """A provider and its supported operations.
 
     Args:
-        encoding: of the bodies of messages.
-        hear: called when an operation is called, unless other rovers may have done so.
-        system: the time of messages, and where it listens.
+        encoding: encoding of message bodies.
+        hear: called at each operation call, except those of `BETWEEN_ASSETS`.
+        system: clock of messages, and sockets.
 
     Attributes:
-        provider: answers NotSupported to everything that is not registered here.
+        provider: answers NotSupported to every operation that is not registered here.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class ServedOperations:
             NAME,
             encoding,
             not_served=with_text(
-                AreaError.NOT_SUPPORTED, "this asset does not serve this operation"
+                AreaError.NOT_SUPPORTED, "this asset does not support this operation"
             ),
             limits=LIMITS,
             logged=(AreaError.INVALID.value,),
@@ -90,14 +90,14 @@ class ServedOperations:
         self.provider.keep(self._recognised.__contains__)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
-        """Let a handler answer an operation that is no PUBSUB."""
+        """Register a handler of an operation that is no PUBSUB."""
 
-        def heard(call: CallContext, *parts: Any) -> Any:
+        def with_contact(call: CallContext, *parts: Any) -> Any:
             self._hear()
             return handler(call, *parts)
 
         between_assets = BETWEEN_ASSETS & {service, f"{service}.{operation}"}
-        self.provider.serve(service, operation, handler if between_assets else heard)
+        self.provider.serve(service, operation, handler if between_assets else with_contact)
         self._working.add((service, operation))
 
     def recognise(
@@ -106,7 +106,7 @@ class ServedOperations:
         answer: "asyncio.Future[T]",
         holds: Callable[[T], bool] = lambda _: True,
     ) -> None:
-        """Keep a connection, however many others want one, once an answer shows the authority."""
+        """Give a connection priority over all others once an answer proves the authority."""
 
         def answered(_: "asyncio.Future[T]") -> None:
             refused = answer.cancelled() or answer.exception() is not None
@@ -118,7 +118,7 @@ class ServedOperations:
     def ask(
         self, service: str, operation: str, gateway: CoreGateway, question: Callable[..., Any]
     ) -> None:
-        """Let the core answer a REQUEST: by `question(executive, *parts)`, on its thread."""
+        """Register a REQUEST that `question(executive, *parts)` answers on the core's thread."""
 
         def handler(_: CallContext, *parts: Any) -> Any:
             return gateway.ask(lambda executive: (question(executive, *parts),))
@@ -128,7 +128,7 @@ class ServedOperations:
     def publisher(
         self, service: str, operation: str, on_subscribed: Callable[[], None] = lambda: None
     ) -> Publisher:
-        """Open a PUBSUB operation whose updates are made only while somebody is subscribed."""
+        """Open a PUBSUB operation whose updates are made only while it has subscribers."""
         self._working.add((service, operation))
         return self.provider.publisher(service, operation, on_subscribed)
 
@@ -144,14 +144,14 @@ class ServedOperations:
         """Open a PUBSUB operation.
 
         Returns:
-            `publish(*parts, keys)`, in the name of the asset unless told otherwise; see
+            `publish(*parts, keys)`, with the asset as source by default; see
             `adapters.mal.Publisher`.
         """
         publisher = self.publisher(service, operation)
         return partial(publisher.publish, source=asset, domain=domain, droppable=droppable)
 
     def services(self) -> tuple[Service, ...]:
-        """Return the services of which at least one operation works."""
+        """Return the services with at least one supported operation."""
         names = {service for service, _ in self._working}
         return tuple(
             service
@@ -161,7 +161,7 @@ class ServedOperations:
         )
 
     def describe(self, service: Service, uri: MalUri, name: str) -> ServiceDescriptor:
-        """Return a service as a directory lists it, given where it is reached and as what."""
+        """Return a service as a directory lists it, given its address and name."""
         publishes = any(each.pattern is Pattern.PUBSUB for each in service.operations)
         return ServiceDescriptor(
             name=name,

@@ -1,7 +1,7 @@
-"""Broadcasts the behaviour tree, as long as somebody is subscribed to it.
+"""Broadcasts the behaviour tree while it has subscribers.
 
-The core's thread is asked for a snapshot now and then; what is sent of it, and when, is decided on
-the link's loop. Nothing is asked for while nobody is subscribed.
+The core's thread returns a snapshot at each poll; the link's loop decides which update is sent, and
+when. Without subscribers the core is not polled.
 """
 
 import asyncio
@@ -20,13 +20,13 @@ from trees import TreeSnapshot, snapshot_of
 
 LOOK_S: Final = 0.2
 FIGURES_S: Final = 1.0
-"""Between two updates in which nothing differs but figures."""
+"""Minimum period of updates in which only figures differ."""
 WHOLE_S: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class _LastBroadcast:
-    """A snapshot that was broadcast, and when by the loop's clock."""
+    """A snapshot that was broadcast, with its time by the loop's clock."""
 
     snapshot: TreeSnapshot
     at_s: float
@@ -46,19 +46,19 @@ class TreeService:
         self._last: _LastBroadcast | None = None
 
     def _begin(self) -> None:
-        """Tell the whole to who has subscribed now."""
+        """Send a full tree to the new subscriber."""
         self._whole = None
         if self._telling is None or self._telling.done():
             self._telling = asyncio.create_task(self._tell())
 
     async def _tell(self) -> None:
         while self._publisher.has_subscribers:
-            with suppress(MalError):  # of a core that is too busy now, or hangs
+            with suppress(MalError):  # the core is busy or hangs: skip this poll
                 self._look(await self._gateway.ask(_snapshot))
             await asyncio.sleep(LOOK_S)
 
     def _look(self, snapshot: TreeSnapshot) -> None:
-        """Broadcast what is due."""
+        """Broadcast the update that is due, if any."""
         now = _LastBroadcast(snapshot, asyncio.get_running_loop().time())
         whole, last, change = self._whole, self._last, None
         if whole is not None and last is not None and now.at_s - whole.at_s < WHOLE_S:
@@ -85,7 +85,7 @@ def _snapshot(executive: Executive) -> TreeSnapshot:
 
 
 def _same(one: TreeSnapshot, other: TreeSnapshot) -> bool:
-    """Whether two differ in nothing but their times."""
+    """Whether two snapshots are equal except for their times."""
     return replace(one, tick=other.tick, utc_s=other.utc_s) == other
 
 
