@@ -185,7 +185,7 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     assert result.exit_code == FAILED
     assert "MOE:5 was taken before, as this command or another" in result.output
     result = command(aboard, "--id", "5", "--no-wait", "setTravelSpeed", "0.5")
-    assert "refused: Duplicate: this source already used command 5" in result.output
+    assert "refused: Duplicate: this source has already used command id 5" in result.output
 
 
 def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":

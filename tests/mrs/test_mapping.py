@@ -71,7 +71,7 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
         wrong = replace(declared, arguments=(replace(distance, **change),))
         with pytest.raises(SpecificationError, match=r"MotionControl\.moveForward"):
             carrier_of(wrong)
-    with pytest.raises(SpecificationError, match="its one part is to be settings"):
+    with pytest.raises(SpecificationError, match="its only part must be settings"):
         carrier_of(replace(declared, part="settings"))
 
 
@@ -143,7 +143,7 @@ def test_a_refusal_that_blames_no_argument_names_none() -> None:
     ("error", "words"),
     [
         (refused(Refusal(Reason.NOT_FINITE, "", argument=2), Identity("A", 1)), "argument 2"),
-        (refused(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command 71"),
+        (refused(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command id 71"),
         (
             refused(Refusal(Reason.NOT_SUPPORTED, "no PNG"), Identity("A", 1)),
             "NotSupported: no PNG",

@@ -176,7 +176,7 @@ def test_an_update_that_fits_no_tree_is_refused(tree: TreeSnapshot) -> None:
     assert whole.nodes is not None
     for update, known, said in (
         (replace(whole, nodes=whole.nodes[1:]), None, "has no parent"),
-        (replace(whole, nodes=None), None, "not known"),
+        (replace(whole, nodes=None), None, "unknown full tree"),
         (replace(whole, nodes=None, changes=(beyond,)), tree, "changed"),
     ):
         with pytest.raises(ValueError, match=said):

@@ -43,7 +43,7 @@ MOST_TRANSFERS: Final = 16
 CHUNK_OCTETS: Final = 1 << 16
 LARGEST_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
-"""Maximum time in which a consumer accepts no chunk; then its transfer ends."""
+"""Timeout of a transfer without an accepted chunk; chosen, not measured."""
 YIELDS_S: Final = 2.0
 """The same bound if another transfer waits and `MOST_TRANSFERS` are active."""
 
@@ -58,7 +58,7 @@ class _Transfer:
 
     Attributes:
         peer: its client: the name of the certificate, or the client's address.
-        taken_s: time at which the client accepted its last chunk, by the loop's clock.
+        taken_s: time of the last accepted chunk, by the loop's clock.
         ended: reason of its cancellation; empty if it was not cancelled.
     """
 
@@ -210,7 +210,7 @@ class FileServices:
             self._transfers.discard(transfer)
 
     def _make_room(self) -> None:
-        """Cancel the transfer whose client accepted nothing for the longest time.
+        """Cancel the transfer with the oldest accepted chunk.
 
         Raises:
             MalError: Busy, all transfers progress.

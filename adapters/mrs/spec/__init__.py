@@ -1,6 +1,6 @@
-"""What both ends of the MRS share: specification, types, errors, and core values on the wire.
+"""Shared by both ends of the MRS: specification, types, errors, and core values on the wire.
 
-It opens no connection. `tree_updates` needs `trees` and is imported late.
+It opens no connection. `tree_updates` needs `trees`, so it is imported only where it is used.
 """
 
 from adapters.mrs.spec.core_values import mode_of as mode_of

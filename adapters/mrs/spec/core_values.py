@@ -1,4 +1,4 @@
-"""What came over the MRS, as values of the core: reports, parameters, plans, modes."""
+"""Converts received MRS values into values of the core: reports, parameters, plans, modes."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -15,7 +15,7 @@ _NAMES: Final = {each.value for each in Parameter}
 
 
 def report_of(notification: types.Notification) -> Report:
-    """Return a notification as a report, whose figures have no units and whose link is unknown."""
+    """Return a notification as a report, without link and without units of its figures."""
     return Report(
         sequence=notification.sequence,
         utc_s=utc_s_of(notification.timestamp),
@@ -36,7 +36,7 @@ def report_of(notification: types.Notification) -> Report:
 
 
 def rover_values_of(values: Iterable[types.ParameterValue]) -> list[ParameterValue]:
-    """Return those values that are of the rover, not of its links; None is what is not valid."""
+    """Return the values of rover parameters, without those of links; None if not valid."""
     return [_parameter_value(each) for each in values if each.name in _NAMES]
 
 
@@ -47,7 +47,7 @@ def _parameter_value(value: types.ParameterValue) -> ParameterValue:
 
 
 def plan_update_of(update: types.PlanUpdate) -> PlanUpdate:
-    """Return how far a plan has come."""
+    """Return the status of a plan."""
     return PlanUpdate(
         update.planId,
         update.status,
@@ -60,12 +60,12 @@ def plan_update_of(update: types.PlanUpdate) -> PlanUpdate:
 
 
 def mode_of(mode: types.AssetMode) -> Mode | None:
-    """Return the mode aboard, or None where nobody is."""
+    """Return the onboard mode, or None if the asset is OFFLINE."""
     return None if mode is types.AssetMode.OFFLINE else Mode(mode.value)
 
 
 def identity_of(source: str | None, number: int | None) -> Identity | None:
-    """Return an identity; None where a part of it is missing."""
+    """Return a command id, or None if a part of it is missing."""
     return None if source is None or number is None else Identity(source, number)
 
 

@@ -1,4 +1,4 @@
-"""The errors of the MRS area: how a refusal of the core travels, and how an answer reads."""
+"""Errors of the MRS area: encodes refusals of the core, and formats errors for display."""
 
 from collections.abc import Mapping, Sized
 from enum import Enum, unique
@@ -11,19 +11,19 @@ from executive.values.reports import Identity, printable
 T = TypeVar("T")
 
 MOST_AT_ONCE: Final = 1000
-"""Of what one message asks for or tells: answering more would keep a stop waiting for seconds."""
+"""Maximum items of one request or message: answering more would delay a stop by seconds."""
 
 
 _PLAIN: Final = {
     StandardError.DESTINATION_LOST.value: "the connection was lost (DESTINATION_LOST)",
-    StandardError.DELIVERY_TIMEDOUT.value: "no answer came in time (DELIVERY_TIMEDOUT)",
-    StandardError.SHUTDOWN.value: "it shuts down (SHUTDOWN)",
+    StandardError.DELIVERY_TIMEDOUT.value: "no answer in time (DELIVERY_TIMEDOUT)",
+    StandardError.SHUTDOWN.value: "the rover shuts down (SHUTDOWN)",
 }
 
 
 @unique
 class AreaError(Enum):
-    """The errors that the MRS area defines."""
+    """Error numbers of the MRS area."""
 
     INVALID = 1
     REJECTED = 2
@@ -39,19 +39,19 @@ def invalid(*arguments: int) -> MalError:
 
 
 def duplicate(identity: Identity) -> MalError:
-    """Return the error for a commandId that its source used before."""
+    """Return the error for a commandId that its source has already used."""
     return MalError(
         AreaError.DUPLICATE.value, TypedAttribute(AttributeType.LONG, identity.command_id)
     )
 
 
 def with_text(error: AreaError | StandardError, text: str) -> MalError:
-    """Return an error that says why in words."""
+    """Return an error with a text as extra information."""
     return MalError(error.value, text)
 
 
 def look_up(known: Mapping[str, T], name: str) -> T:
-    """Return what is known by a name; raises NotFound."""
+    """Return the entry of a name; raises NotFound."""
     try:
         return known[name]
     except KeyError:
@@ -59,13 +59,13 @@ def look_up(known: Mapping[str, T], name: str) -> T:
 
 
 def require_few(asked: Sized) -> None:
-    """Check that one message does not ask for too much, or tell it; raises TOO_MANY."""
+    """Raise TOO_MANY if one message has more than `MOST_AT_ONCE` items."""
     if len(asked) > MOST_AT_ONCE:
-        raise with_text(StandardError.TOO_MANY, f"{len(asked)}: {MOST_AT_ONCE} at once at most")
+        raise with_text(StandardError.TOO_MANY, f"{len(asked)} items, at most {MOST_AT_ONCE}")
 
 
 def refused(refusal: Refusal, identity: Identity) -> MalError:
-    """Return the error by which a refusal travels; its block of reasons decides which."""
+    """Return the error for a refusal, chosen by the hundreds of its reason number."""
     if refusal.reason is Reason.DUPLICATE:
         return duplicate(identity)
     match refusal.reason.value // 100:
@@ -82,23 +82,23 @@ def refused(refusal: Refusal, identity: Identity) -> MalError:
 
 
 def describe_error(error: MalError) -> str:
-    """Return one printable line on an error, by the names that the MRS gives it."""
+    """Return an error as one printable line, with the error names of the MRS."""
     try:
         kind = AreaError(error.number)
     except ValueError:
         return printable(str(error)) if error.extra else _PLAIN.get(error.number, str(error))
-    said = getattr(error.extra, "value", None)
-    if isinstance(said, str):
-        said = printable(said)
+    extra = getattr(error.extra, "value", None)
+    if isinstance(extra, str):
+        extra = printable(extra)
     match kind:
-        case AreaError.DUPLICATE if isinstance(said, int):
+        case AreaError.DUPLICATE if isinstance(extra, int):
             return (
-                f"Duplicate: this source already used command {said}; unless this is a repeat, take"
-                " another number"
+                f"Duplicate: this source has already used command id {extra}; choose a new number,"
+                " unless this is a repeat"
             )
-        case AreaError.INVALID if not isinstance(said, str):
+        case AreaError.INVALID if not isinstance(extra, str):
             indexes = ", ".join(map(str, getattr(error.extra, "values", ())))
             return f"Invalid: argument {indexes}" if indexes else "Invalid"
         case _:
             name = kind.name.title().replace("_", "")
-            return f"{name}: {said}" if said else name
+            return f"{name}: {extra}" if extra else name

@@ -1,4 +1,4 @@
-"""RunHistorys on the wire, and back: what explains a command, or what a rover does now."""
+"""Converts a `RunHistory` to the wire and back."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from executive.values.reports import Identity, Report
 
 
 def wire_history(history: RunHistory) -> types.History:
-    """Return a history to send."""
+    """Return a history for the wire."""
     return types.History(
         until=to_ns(history.until_utc_s),
         reports=tuple(map(_wire_report, history.reports)),
@@ -69,9 +69,9 @@ def wire_history(history: RunHistory) -> types.History:
 
 
 def history_of(history: types.History) -> RunHistory:
-    """Return the history that came; a reason that is not known here is none.
+    """Return a received history; reasons that are unknown here become None.
 
-    What has one always, a command that was declined, is left out then.
+    A declined command with an unknown reason is left out, since it needs one.
     """
     return RunHistory(
         until_utc_s=utc_s_of(history.until),

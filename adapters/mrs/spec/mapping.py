@@ -1,8 +1,8 @@
-"""Values of the core on the wire, and back: commands, plans, state, reports.
+"""Converts values of the core to the wire and back: commands, plans, state, reports.
 
-Requests travel as their declarations and the XML say. An operation that the XML lacks, or whose
-parts are not the arguments of the request, is an error on import. A figure that is not known is
-NaN, or a value that is not VALID.
+Requests are encoded by their declarations and the XML. An operation that the XML lacks, or whose
+parts differ from the arguments of the request, is an error on import. An unknown figure is NaN, or
+a value that is not VALID.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -49,13 +49,13 @@ from executive.values.reports import Identity, PlanUpdate, Report, ReportKind
 FRAME: Final = "odom"
 
 LONGEST_SOURCE: Final = 256
-"""Characters of a source's name: it comes back in every notification of its commands."""
+"""Maximum characters of a source: every notification of its commands repeats it."""
 LONGEST_NAME: Final = 64
 LONGEST_TEXT: Final = 4096
 MOST_FIGURES: Final = 32
-"""Of a notification from outside, so that getNotifications can return a thousand at once."""
+"""Maximum figures of a client's notification, so that getNotifications can return 1000 at once."""
 LONGEST_FIGURE: Final = 256
-"""Characters or octets of what is no number among the figures of a notification."""
+"""Maximum characters or octets of a figure that is no number."""
 
 NUMBER_TYPES: Final = {
     AttributeType.FLOAT,
@@ -86,12 +86,12 @@ DEFINED: Final = tuple(
 
 
 def to_ns(utc_s: float) -> int:
-    """Return nanoseconds since 1970 UTC, as MAL times are given; a float knows no more than µs."""
+    """Return a MAL time, ns since 1970 UTC; rounded to µs, the resolution of a float."""
     return round(utc_s * 1e6) * 1000
 
 
 class AssetView(Protocol):
-    """What knows the state of an asset: the executive aboard, or who hears its telemetry."""
+    """State of an asset: the onboard executive, or a receiver of its telemetry."""
 
     def parameters(self) -> Sequence[ParameterValue]:
         """Return the present values of all parameters, in the order of their definition."""
@@ -114,7 +114,7 @@ def figure_value(name: str, figure: float | None, utc_s: float) -> types.Paramet
 
 
 def pose(asset: AssetView) -> types.Pose:
-    """Return where the rover is."""
+    """Return the pose of the rover, in frame `odom`; unknown figures are NaN."""
     figure = figures(asset)
     return types.Pose(
         frame=FRAME,
@@ -126,7 +126,7 @@ def pose(asset: AssetView) -> types.Pose:
 
 
 def speeds(asset: AssetView) -> types.Speeds:
-    """Return how fast the rover may move, and does."""
+    """Return the maximum and present speeds of the rover; unknown figures are NaN."""
     figure = figures(asset)
     return types.Speeds(
         travelSpeed=figure[Parameter.TRAVEL_SPEED],
@@ -137,7 +137,7 @@ def speeds(asset: AssetView) -> types.Speeds:
 
 
 def figures(asset: AssetView) -> Mapping[Parameter, float]:
-    """Return the present figures, NaN where they are not known."""
+    """Return the present figures, NaN if unknown."""
     return {
         value.parameter: nan if value.value is None else value.value for value in asset.parameters()
     }
@@ -149,10 +149,10 @@ _TEXTS: Final = {AttributeType.STRING, AttributeType.IDENTIFIER, AttributeType.U
 
 
 def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
-    """Return a plan that came.
+    """Return a received plan.
 
     Raises:
-        MalError: Invalid, an argument is neither text nor a number, or there are too many.
+        MalError: Invalid, an argument is neither text nor number, or there are too many.
     """
     arguments = wire.arguments or ()
     if len(arguments) > MOST_ARGUMENTS:
@@ -163,7 +163,7 @@ def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
 
 
 def wire_definition(plan: PlanDefinition) -> types.PlanDefinition:
-    """Return a plan to send; its arguments travel as texts."""
+    """Return a plan for the wire; its arguments are sent as texts."""
     arguments = tuple(
         NamedValue(name=argument.name, value=TypedAttribute(AttributeType.STRING, argument.text))
         for argument in plan.arguments
@@ -178,7 +178,7 @@ def wire_definition(plan: PlanDefinition) -> types.PlanDefinition:
 
 
 def wire_update(update: PlanUpdate) -> types.PlanUpdate:
-    """Return how far a plan has come, to send."""
+    """Return the status of a plan for the wire."""
     return types.PlanUpdate(
         planId=update.plan_id,
         status=update.status,
@@ -204,24 +204,24 @@ _NUMBER: Final = "commandId"
 
 
 def notification_of(report: Report, cursor: int | None = None) -> Notification:
-    """Return the notification that carries a report; figures become parameters.
+    """Return the notification of a report; figures become parameters.
 
-    What is of a command's life, and an EVENT that is of one command, has its source and commandId:
-    a LINK that is of one command names it in its parameters.
+    Life-cycle reports, and an EVENT of one command, have its source and commandId. A LINK report
+    of one command names it in its parameters.
 
     Args:
-        report: what is carried.
-        cursor: its place in the order of recording; None for its sequence, which is that aboard.
+        report: the report.
+        cursor: its position in the record; None for its sequence, as aboard.
     """
     named = _name_of(report.identity) if report.kind is ReportKind.LINK else ()
-    whose = None if named else report.identity
+    identity = None if named else report.identity
     return Notification(
         kind=report.kind,
         severity=report.severity,
         timestamp=to_ns(report.utc_s),
         sequence=report.sequence,
-        commandId=whose.command_id if whose else None,
-        source=whose.source if whose else None,
+        commandId=identity.command_id if identity else None,
+        source=identity.source if identity else None,
         stage=report.stage,
         step=report.step,
         stepCount=report.step_count,
@@ -248,30 +248,30 @@ def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
 
 
 def given_up(notification: Notification) -> Identity | None:
-    """Return the command that a relay says it has given up; None if it says no such thing.
+    """Return the command that a relay reports as lost; None for any other notification.
 
-    This is no stage of its life, which the rover tells: it may not have reached the rover.
+    This is no stage of its life cycle, which the rover reports: it may not have reached the rover.
     """
     return _command_of_link(notification, Severity.ALARM)
 
 
 def forwarded(notification: Notification) -> Identity | None:
-    """Return the command that a relay says it has sent on; None if it says no such thing."""
+    """Return the command that a relay reports as forwarded; None for any other notification."""
     return _command_of_link(notification, Severity.INFORMATIONAL)
 
 
 def _command_of_link(notification: Notification, severity: Severity) -> Identity | None:
     if (notification.kind, notification.severity) != (NotificationKind.LINK, severity):
         return None
-    said = {each.name: each.value.value for each in notification.parameters or () if each.value}
-    source, number = said.get(_SOURCE), said.get(_NUMBER)
+    values = {each.name: each.value.value for each in notification.parameters or () if each.value}
+    source, number = values.get(_SOURCE), values.get(_NUMBER)
     if not isinstance(source, str) or not isinstance(number, int):
         return None
     return Identity(source, number)
 
 
 def is_prediction(notification: Notification) -> bool:
-    """Whether it tells what is predicted of a command's motion, which is no stage of its life."""
+    """Whether it is the motion prediction of a command, which is no stage of its life cycle."""
     return notification.kind is NotificationKind.EVENT and notification.commandId is not None
 
 
@@ -287,7 +287,7 @@ def _name_of(identity: Identity | None) -> tuple[NamedValue, ...]:
 def notification_keys(asset: str, notification: Notification) -> tuple[Any, ...]:
     """Return the subscription keys of a notification.
 
-    What is of no command has no commandId: a 0 would be taken for "any" by brokers.
+    Without a command the commandId is NULL: brokers would interpret 0 as "any".
     """
     return (
         asset,
@@ -299,12 +299,12 @@ def notification_keys(asset: str, notification: Notification) -> tuple[Any, ...]
 
 
 def is_valid_name(name: str) -> bool:
-    """Whether an asset, a parameter or a service may be called so: short, printable, no spaces."""
+    """Whether a name is valid for assets, parameters and services: short, printable, no spaces."""
     return 0 < len(name) <= LONGEST_NAME and name.isprintable() and " " not in name
 
 
 def is_valid_value(value: types.ParameterValue) -> bool:
-    """Whether it is a finite Double that is VALID, or nothing that is not."""
+    """Whether it is a finite Double that is VALID, or has no value and is not VALID."""
     if not is_valid_name(value.name):
         return False
     if value.value is None:
@@ -313,7 +313,7 @@ def is_valid_value(value: types.ParameterValue) -> bool:
 
 
 def is_valid_notification(notification: Notification) -> bool:
-    """Whether a notification is no larger than those of an executive."""
+    """Whether a notification is within the size limits of an executive's own."""
     figures = notification.parameters or ()
     return (
         len(notification.text or "") <= LONGEST_TEXT
@@ -332,7 +332,7 @@ def _size(value: Any) -> int:
 
 
 class _Converter(NamedTuple):
-    """What makes a value of the core of one of the wire, and the other way round."""
+    """Converts a wire value to a core value (inward) and back (outward)."""
 
     inward: Callable[[Any], Any]
     outward: Callable[[Any], Any]
@@ -360,11 +360,11 @@ class OperationCall:
 
 @dataclass(frozen=True, slots=True)
 class RequestMapping:
-    """How one kind of request travels.
+    """Mapping of one type of request to an operation.
 
     Attributes:
-        request: makes the request of the parts that follow the command header.
-        parts: makes those parts of the request.
+        request: converts the parts after the command header to the request.
+        parts: converts the request to these parts.
     """
 
     declaration: CommandDeclaration
@@ -373,18 +373,18 @@ class RequestMapping:
 
 
 def invocation(request: Request) -> OperationCall:
-    """Return the operation that carries a request."""
+    """Return the operation of a request, with its parts."""
     carrier = _CARRIERS[type(request)]
     declaration = carrier.declaration
     return OperationCall(declaration.service, declaration.operation, carrier.parts(request))
 
 
 def carrier_of(declaration: CommandDeclaration) -> RequestMapping:
-    """Return how a declared request travels.
+    """Return the mapping of a declared request.
 
     Raises:
-        KeyError: there is no such operation.
-        SpecificationError: its parts are not the arguments of the request.
+        KeyError: the operation does not exist.
+        SpecificationError: its parts differ from the arguments of the request.
     """
     where = f"{declaration.service}.{declaration.operation}"
     operation = mrs_specification().operation(declaration.service, declaration.operation)
@@ -411,9 +411,9 @@ def carrier_of(declaration: CommandDeclaration) -> RequestMapping:
 def _in_one_part(
     where: str, declaration: CommandDeclaration, parts: Sequence[Field]
 ) -> RequestMapping:
-    """Return the carrier of a request whose arguments are one composite, or NULL for none."""
+    """Return the mapping of a request with one composite as its arguments, or NULL for none."""
     if [(part.name, part.nullable) for part in parts] != [(declaration.part, True)]:
-        raise SpecificationError(f"{where}: its one part is to be {declaration.part}, or NULL")
+        raise SpecificationError(f"{where}: its only part must be {declaration.part}, or NULL")
     nothing = declaration.kind()
     whole = _composite(where, declaration.kind, declaration.arguments, parts[0])
     return RequestMapping(
@@ -441,7 +441,7 @@ def _converter(where: str, argument: Argument, part: Field) -> _Converter:
 def _choice(where: str, kind: type[Enum], part: Field) -> _Converter:
     cls = mrs_specification().classes[part.type.name]
     if list(cls.__members__) != list(kind.__members__):
-        raise SpecificationError(f"{where}: {part.type.name} has others than the request")
+        raise SpecificationError(f"{where}: {part.type.name} differs from the enum of the request")
     return _Converter(
         lambda value: None if value is None else kind[value.name],
         lambda value: None if value is None else cls[value.name],
@@ -459,18 +459,18 @@ def _composite(where: str, kind: type, arguments: Sequence[Argument], part: Fiel
 
 
 def _require(where: str, arguments: Sequence[Argument], parts: Sequence[Field]) -> None:
-    """Raise SpecificationError unless the parts are the arguments: name, type, whether optional."""
-    wanted = [_camel_case(argument.name) for argument in arguments]
+    """Raise SpecificationError unless names, types and optionality equal those of the arguments."""
+    expected = [_camel_case(argument.name) for argument in arguments]
     found = [part.name for part in parts]
-    if wanted != found:
-        raise SpecificationError(f"{where} has {found} where the request has {wanted}")
+    if expected != found:
+        raise SpecificationError(f"{where} has parts {found}, the request {expected}")
     for argument, part in zip(arguments, parts, strict=True):
         chosen = issubclass(argument.kind, Enum)
         others = {argument.kind.__name__ if chosen else part.type.name}
         fits = part.type.name in _WIRE_TYPES.get(argument.kind, others)
         alike = (part.nullable, part.type.is_list) == (argument.optional, argument.many)
         if not (fits and alike):
-            raise SpecificationError(f"{where}: {part.name} is of another type in the request")
+            raise SpecificationError(f"{where}: {part.name} has another type in the request")
 
 
 def _camel_case(name: str) -> str:
@@ -484,13 +484,13 @@ REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
     (carrier.declaration.service, carrier.declaration.operation): carrier.request
     for carrier in _CARRIERS.values()
 }
-"""What makes a request of the parts that follow the command header, by service and operation."""
+"""Constructors of requests from the parts after the command header, by service and operation."""
 
 LINK: Final = DIRECT_LINK
 ARRIVAL: Final = "arrival"
-"""The supplement that says what a motion command does to motion under way: append or replace."""
+"""Supplement for the preemption of the active motion: append or replace."""
 AUTHORITY: Final = "authority"
-"""The supplement that claims the authority of an epoch."""
+"""Supplement for the epoch of the authority."""
 
 
 def command_of(
@@ -499,13 +499,13 @@ def command_of(
     request: Request,
     peer: str | None = None,
 ) -> Command:
-    """Return the command that came with a header; nothing of it keeps a stop from the core.
+    """Return the command of a received header. A stop is accepted with any header.
 
-    `peer` is the name that the connection has proof of; None if it has none.
+    `peer` is the name of the client's certificate; None in clear text.
 
     Raises:
-        MalError: Invalid, the supplement `arrival` is there and neither append nor replace, or
-            `authority` and no Long, or the source's name is too long.
+        MalError: Invalid, the supplement `arrival` is neither append nor replace, `authority` is
+            no Long, or the source is too long.
     """
     if isinstance(request, Stop):
         supplements = ()
@@ -528,7 +528,7 @@ def command_of(
 
 
 def header_of(command: Command) -> CommandHeader:
-    """Return the header that a command travels with."""
+    """Return the message header of a command."""
     created_s = command.created_utc_s
     return CommandHeader(
         commandId=command.identity.command_id,
@@ -542,7 +542,7 @@ def header_of(command: Command) -> CommandHeader:
 
 
 def supplements_of(command: Command) -> tuple[NamedValue, ...]:
-    """Return the supplements that a command travels with; none for the defaults."""
+    """Return the message supplements of a command; none for the defaults."""
     found = []
     if command.arrival is not PreemptionPolicy.APPEND:
         found.append((ARRIVAL, TypedAttribute(AttributeType.IDENTIFIER, command.arrival.value)))

@@ -1,4 +1,4 @@
-"""What a preview is asked of, and what it tells, on the wire."""
+"""Converts preview requests and previews to the wire and back."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _MOTIONS: Final = {each.operation: each for each in declared() if each.family is
 
 @dataclass(frozen=True, slots=True)
 class PreviewRequest:
-    """A motion as a preview is asked of it: the parts of the operation `preview`."""
+    """A motion to preview: the parts of the operation `preview`."""
 
     operation: str
     waypoints: tuple[types.Waypoint, ...] | None
@@ -27,22 +27,22 @@ class PreviewRequest:
 
 
 def asked_motion(motion: Motion) -> PreviewRequest:
-    """Return a motion, to ask for its preview."""
-    asked = invocation(motion)
-    match asked.parts:
+    """Return the preview request of a motion."""
+    call = invocation(motion)
+    match call.parts:
         case (types.Waypoint() as target, controller):
-            return PreviewRequest(asked.operation, (target,), None, controller)
+            return PreviewRequest(call.operation, (target,), None, controller)
         case (tuple() as waypoints, controller):
-            return PreviewRequest(asked.operation, waypoints, None, controller)
+            return PreviewRequest(call.operation, waypoints, None, controller)
         case figures:
-            return PreviewRequest(asked.operation, None, figures)
+            return PreviewRequest(call.operation, None, figures)
 
 
 def motion_of(asked: PreviewRequest) -> Motion:
-    """Return the motion of which a preview is asked.
+    """Return the motion of a preview request.
 
     Raises:
-        MalError: Invalid, there is no such motion, or it has other arguments.
+        MalError: Invalid, the motion does not exist, or has other arguments.
     """
     declaration = _MOTIONS.get(asked.operation)
     if declaration is None:
@@ -68,7 +68,7 @@ def motion_of(asked: PreviewRequest) -> Motion:
 
 
 def wire_preview(preview: "Preview") -> types.Preview:
-    """Return a preview, to send."""
+    """Return a preview for the wire."""
     clearance = preview.clearance
     return types.Preview(
         duration=preview.duration_s,

@@ -1,4 +1,4 @@
-"""The MRS as an MO specification, from which provider and client are driven."""
+"""The MRS as an MO specification; it drives provider and client."""
 
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ def mrs_specification() -> Specification:
 
 
 def service_id(service: Service) -> ServiceId:
-    """Return what a service is known by in a directory."""
+    """Return the key of a service in a directory: area, service and version numbers."""
     first = service.operations[0]
     return ServiceId(
         keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
@@ -26,7 +26,7 @@ def service_id(service: Service) -> ServiceId:
 
 
 def find_service(key: ServiceId) -> Service | None:
-    """Return the service of the MRS that is known by this."""
+    """Return the service of the MRS with this key, or None."""
     return _services().get(key)
 
 

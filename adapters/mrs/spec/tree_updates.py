@@ -1,6 +1,6 @@
-"""The behaviour tree on the wire: a whole now and then, and what differs from it in between.
+"""The behaviour tree on the wire: periodic full updates, and differences from the last full one.
 
-A change is told from the last whole, not from the change before it: any of them may be lost.
+A difference refers to the last full update, not to the previous difference: any may be lost.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ SEPARATOR: Final = "/"
 
 
 def whole_update(number: int, snapshot: TreeSnapshot) -> types.TreeUpdate:
-    """Return a tree as a whole, under a number of its own."""
+    """Return a full update with its number."""
     paths = _Paths()
     nodes = tuple(
         types.TreeNode(
@@ -34,7 +34,7 @@ def whole_update(number: int, snapshot: TreeSnapshot) -> types.TreeUpdate:
 def change_update(
     number: int, whole: TreeSnapshot, snapshot: TreeSnapshot
 ) -> types.TreeUpdate | None:
-    """Return how a tree differs from a whole that was sent; None if its nodes are others."""
+    """Return the differences from a full update that was sent; None if it has other nodes."""
     if not _alike(whole.nodes, snapshot.nodes) or whole.unmonitored != snapshot.unmonitored:
         return None
     changes = tuple(
@@ -50,17 +50,17 @@ def change_update(
 
 
 def snapshot_of_update(update: types.TreeUpdate, whole: TreeSnapshot | None) -> TreeSnapshot:
-    """Return the tree that an update tells: a whole, or one that differs from `whole`.
+    """Return the tree of an update: a full one, or differences from `whole`.
 
     Raises:
-        ValueError: it does not fit that whole, or the nodes of a whole are no tree.
+        ValueError: the differences do not fit `whole`, or the nodes of a full update are no tree.
     """
     if update.nodes is not None:
         nodes, unmonitored = tuple(_nodes(update.nodes)), update.unmonitored or ""
     elif whole is not None:
         nodes, unmonitored = _changed(whole.nodes, update.changes or ()), whole.unmonitored
     else:
-        raise ValueError("a change of a tree that is not known")
+        raise ValueError("differences from an unknown full tree")
     number = update.activeCommandId
     return TreeSnapshot(
         tick=update.tick,
@@ -123,7 +123,7 @@ def _changed(
     changed = list(nodes)
     for each in changes:
         if each.index >= len(nodes):
-            raise ValueError(f"node {each.index} of {len(nodes)} changed")
+            raise ValueError(f"index {each.index} of a changed node, the tree has {len(nodes)}")
         old, status = nodes[each.index], NodeStatus[each.status.name]
         changed[each.index] = TreeNodeSnapshot(
             old.path, old.name, old.depth, old.kind, status, each.message or ""
@@ -132,18 +132,18 @@ def _changed(
 
 
 class _Paths:
-    """The paths of nodes in depth-first order, most of which follow from the names."""
+    """Paths of nodes in depth-first order; usually they follow from the names."""
 
     def __init__(self) -> None:
         self._open: list[str] = []
 
     @property
     def last(self) -> str:
-        """The path of the node that came last."""
+        """Path of the last node."""
         return self._open[-1]
 
     def next(self, name: str, depth: int, path: str | None) -> bool:
-        """Take the next node; return whether its path follows from its parent's, as None does.
+        """Add the next node; return whether its path follows from its parent's, as None does.
 
         Raises:
             ValueError: it has no parent.
