@@ -88,7 +88,7 @@ def test_who_speaks_in_clear_is_not_registered_where_certificates_are_asked_for(
     jackal = Aboard(tmp_path / "jackal", terms=TransportSettings(certificates=ends.rover))
     stranger = Aboard(tmp_path / "scout", asset="scout", service_layer=jackal.uri)
     try:
-        eventually(lambda: said(stranger, "is away"))
+        eventually(lambda: said(stranger, "is not reachable"))
         assert modes(jackal) == {"jackal": AssetMode.IDLE}
     finally:
         stranger.close()
@@ -289,7 +289,7 @@ def test_a_rover_does_not_miss_a_service_layer_that_is_dead(fleet: Fleet) -> Non
     eventually(lambda: joined(scout))
     eventually(lambda: "jackal" in modes(scout))
     fleet.kill(jackal)
-    eventually(lambda: said(scout, "is away"))
+    eventually(lambda: said(scout, "is not reachable"))
     lost = own(scout)[-1]
     assert (lost.kind, lost.severity) == (NotificationKind.LINK, Severity.WARNING)
     eventually(lambda: modes(scout) == {"jackal": AssetMode.OFFLINE, "scout": AssetMode.IDLE})
@@ -306,7 +306,7 @@ def test_a_rover_starts_without_its_service_layer_and_finds_it_later(
     fleet.close(scout)
     scout = Aboard(tmp_path / "scout", asset="scout", service_layer=gone.uri)
     try:
-        eventually(lambda: said(scout, "is away"))
+        eventually(lambda: said(scout, "is not reachable"))
         assert scout.carry_out(MoveForward(0.5))[0].executed
         jackal = fleet.launch("jackal", port=gone.port)
         eventually(lambda: joined(scout))
@@ -407,7 +407,7 @@ def test_a_service_layer_that_is_none_hinders_nobody(tmp_path: Path, answer: byt
             assert rover.carry_out(MoveForward(0.5))[0].executed
             assert modes(rover) == {"jackal": AssetMode.IDLE}
             if answer:
-                eventually(lambda: said(rover, "is away"))
+                eventually(lambda: said(rover, "is not reachable"))
         finally:
             rover.close()
             listening.shutdown(socket.SHUT_RDWR)

@@ -96,7 +96,7 @@ def test_values_that_are_nonsense_are_named(aboard: Aboard, value: ParameterValu
         await consumer.submit(LAYER, "registerService", MOCUP)
         good = reading("HEAD", 1.0)
         error = await error_of(consumer, "Monitoring", "publishParameters", (good, value))
-        assert describe_error(error).startswith(f"Invalid: values: {value.name} is neither")
+        assert describe_error(error).startswith(f"Invalid: values: {value.name} must be a VALID finite Double")
         assert await consumer.request("MonitoringClient", "getValue", "mocup", ()) == ((),)
 
     aboard.consume(session)
@@ -118,7 +118,7 @@ def test_a_certificate_registers_under_its_own_name_only(tmp_path: Path) -> None
         ]
         error = await error_of(mallory, LAYER, "registerService", MOCUP)
         assert error.number == AreaError.REJECTED.value
-        assert "your certificate names mallory" in describe_error(error)
+        assert "the certificate has the name mallory" in describe_error(error)
         await mocup.submit(LAYER, "registerService", MOCUP)
         for operation, part in (("registerService", MOCUP), ("deregisterService", MOCUP.name)):
             error = await error_of(mallory, LAYER, operation, part)
@@ -141,7 +141,7 @@ def test_a_rover_with_the_certificate_of_another_is_told_why_it_is_not_registere
     terms = TransportSettings(certificates=ends["husky"])
     scout = Aboard(tmp_path / "scout", terms=terms, asset="scout", service_layer=jackal.uri)
     try:
-        eventually(lambda: said(scout, "scout.ServiceLayer: your certificate names husky"))
+        eventually(lambda: said(scout, "scout.ServiceLayer: the certificate has the name husky"))
         assert "scout.ServiceLayer" not in services(jackal)
     finally:
         scout.close()

@@ -144,7 +144,12 @@ FILE = FileInfo(path="a.jpg", size=3, modified=0)
 @pytest.mark.parametrize(
     ("service", "operation", "part", "reason"),
     [
-        ("ServiceLayer", "registerService", replace(CAMERA, name="Kamera"), "call it NAME.Camera"),
+        (
+            "ServiceLayer",
+            "registerService",
+            replace(CAMERA, name="Kamera"),
+            "name: must be NAME.Camera",
+        ),
         ("ServiceLayer", "registerService", replace(CAMERA, name="x" * 65), "1 to 64 printable"),
         ("ServiceLayer", "registerService", replace(CAMERA, operations=(99,)), "Camera has no 99"),
         ("ServiceLayer", "registerService", replace(CAMERA, operations=()), "1 to 256 numbers"),

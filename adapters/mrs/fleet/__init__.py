@@ -1,7 +1,7 @@
-"""Several assets: the directory, what was heard of others, the service layer above.
+"""Several assets: the directory, received data of other assets, the upstream service layer.
 
-Every executive is a service layer where other assets register and publish, and may be registered at
-one itself. docs/mrs-rules.md lists what is stored, bounded and passed on.
+Every executive is a service layer where other assets register and publish, and can register at
+another one itself. docs/mrs-rules.md lists the stored data, its bounds and the forwarding.
 """
 
 from adapters.mrs.fleet.fleet_service import FleetService as FleetService

@@ -1,4 +1,4 @@
-"""The Service Layer: which services work here, and which others registered."""
+"""Service ServiceLayer: directory of the supported and the registered services."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -20,24 +20,24 @@ from adapters.mrs.terms import NAME
 
 SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
-"""Under which the service layer is listed that this asset is registered at."""
+"""Name in the directory of the service layer at which this asset is registered."""
 MOST_SERVICES: Final = 64
 MOST_OF_A_PEER: Final = 24
-"""Services that one peer may register: it must not take the room of all others."""
+"""Maximum services of one peer, so that it cannot fill the directory."""
 MOST_OPERATIONS: Final = 256
 LONGEST_URI: Final = 256
 HIGHEST_PORT: Final = 65535
-_ADDRESS: Final = f"maltcp://HOST:PORT/NAME of {LONGEST_URI} characters at most"
+_ADDRESS: Final = f"maltcp://HOST:PORT/NAME, at most {LONGEST_URI} characters"
 
 
 def asset_of(descriptor: ServiceDescriptor) -> str | None:
-    """Return the asset whose Service Layer it describes, which is called `ASSET.ServiceLayer`."""
+    """Return the asset of a descriptor with the name `ASSET.ServiceLayer`, or None."""
     asset, _, service = descriptor.name.rpartition(".")
     return asset if asset and service == SERVICE else None
 
 
 def descriptor_fault(descriptor: ServiceDescriptor) -> str | None:
-    """Return what is wrong with a descriptor: name, addresses or operations; None if nothing is."""
+    """Return the error in name, addresses or operations of a descriptor, or None."""
     operations = descriptor.operations
     if not is_valid_name(descriptor.name):
         return f"name: 1 to {LONGEST_NAME} printable characters without a space"
@@ -60,22 +60,22 @@ def _reachable(uri: str) -> bool:
 
 
 def _unknown(descriptor: ServiceDescriptor) -> str | None:
-    """Return what the specification does not know of a service, if it is one of the MRS.
+    """Return the contradiction between a descriptor and the MRS specification, or None.
 
-    One of the MRS is called as there, perhaps with something and a dot in front, and no other is
-    called so; of other areas nothing is known here.
+    A service of the MRS has its name there, optionally after a prefix with a dot; services of other
+    areas must not have such a name. Otherwise other areas are not checked.
     """
-    called, service = descriptor.name.rpartition(".")[2], find_service(descriptor.service)
+    name, service = descriptor.name.rpartition(".")[2], find_service(descriptor.service)
     (area,) = (area for area in mrs_specification().areas if area.name == NAME)
     if descriptor.service.keyArea != area.number:
-        taken = called in {each.name for each in area.services}
-        return f"name: {called} is a service of the {NAME}, area {area.number}" if taken else None
+        taken = name in {each.name for each in area.services}
+        return f"name: {name} is a service of the {NAME}, area {area.number}" if taken else None
     if service is None:
         return f"service: the {NAME} has no service of that number and version"
-    if service.name != called:
-        return f"name: call it NAME.{service.name}, as the {NAME} does"
+    if service.name != name:
+        return f"name: must be NAME.{service.name}, as in the {NAME}"
     unknown = {*descriptor.operations} - {operation.number for operation in service.operations}
-    return f"operations: {called} has no {min(unknown)}" if unknown else None
+    return f"operations: {name} has no {min(unknown)}" if unknown else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +84,9 @@ class _Registration:
     connection: Connection
 
     def is_of(self, connection: Connection) -> bool:
-        """Whether it was made by the peer of a connection, or by nobody who is still there.
+        """Whether its peer is that of a connection, or is disconnected.
 
-        Over TLS the same peer is who has a certificate of the same name; in clear text, whoever is
-        on the same computer.
+        With TLS the same peer has the same certificate name; in clear text, the same host.
         """
         own = self.connection
         if own.peer_name is None:
@@ -96,9 +95,9 @@ class _Registration:
 
 
 class ServiceRegistry:
-    """Services by name. A name is held while the connection that registered it is open.
+    """Services by name. A name is reserved while the connection that registered it is open.
 
-    Over TLS a name begins with that of the registering peer's certificate.
+    With TLS a name begins with that of the registering peer's certificate.
     """
 
     def __init__(self) -> None:
@@ -106,7 +105,7 @@ class ServiceRegistry:
 
     @property
     def descriptors(self) -> tuple[ServiceDescriptor, ...]:
-        """All that are registered."""
+        """All registered services."""
         return tuple(held.descriptor for held in self._held.values())
 
     def find(self, name: str) -> ServiceDescriptor:
@@ -114,25 +113,25 @@ class ServiceRegistry:
         return look_up(self._held, name).descriptor
 
     def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:
-        """Add a service, or have it registered again by its own peer from its own address.
+        """Add a service, or renew the registration of the same peer and address.
 
-        Where too many are held, one whose connection is gone gives way.
+        If the registry is full, a service with a closed connection is dropped.
 
         Raises:
-            MalError: Invalid, the descriptor makes no sense; Rejected, the certificate names
-                somebody else; Duplicate, another service holds the name; TOO_MANY.
+            MalError: Invalid, the descriptor is not valid; Rejected, the certificate has another
+                name; Duplicate, the name is reserved by another service; TOO_MANY.
         """
         fault = descriptor_fault(descriptor)
         if fault is not None:
             raise with_text(AreaError.INVALID, fault)
         peer = connection.peer_name
         if peer is not None and not (peer and descriptor.name.startswith(f"{peer}.")):
-            text = f"{descriptor.name}: your certificate names {peer or 'nobody'}"
+            text = f"{descriptor.name}: the certificate has the name {peer or 'none'}"
             raise with_text(AreaError.REJECTED, text)
         held = self._held.get(descriptor.name)
         if held is not None and held.connection.is_open:
-            same_place = held.descriptor.providerURI == descriptor.providerURI
-            if not (same_place and held.is_of(connection)):
+            same_uri = held.descriptor.providerURI == descriptor.providerURI
+            if not (same_uri and held.is_of(connection)):
                 raise with_text(AreaError.DUPLICATE, descriptor.name)
         elif held is None:
             self._require_room(connection)
@@ -142,7 +141,7 @@ class ServiceRegistry:
         """Remove a service.
 
         Raises:
-            MalError: NotFound; Rejected, another peer registered it and is there.
+            MalError: NotFound; Rejected, another peer registered it and is connected.
         """
         held = look_up(self._held, name)
         if not held.is_of(connection):
@@ -152,7 +151,7 @@ class ServiceRegistry:
     def _require_room(self, connection: Connection) -> None:
         own = [held for held in self._held.values() if held.connection.is_open]
         if sum(held.is_of(connection) for held in own) >= MOST_OF_A_PEER:
-            text = f"{MOST_OF_A_PEER} registered services of one peer at most"
+            text = f"at most {MOST_OF_A_PEER} registered services of one peer"
             raise with_text(StandardError.TOO_MANY, text)
         if len(self._held) == MOST_SERVICES:
             self._drop_one()
@@ -162,13 +161,13 @@ class ServiceRegistry:
             if not held.connection.is_open:
                 del self._held[name]
                 return
-        raise with_text(StandardError.TOO_MANY, f"{MOST_SERVICES} registered services at most")
+        raise with_text(StandardError.TOO_MANY, f"at most {MOST_SERVICES} registered services")
 
 
 class DirectoryService:
-    """Serves the Service Layer, but for getAsset.
+    """Serves ServiceLayer except getAsset.
 
-    A client finds here what this asset serves, what others registered, and the service layer above.
+    The directory lists services of this asset, registered services, and the upstream service layer.
     """
 
     def __init__(self, served: ServedOperations, asset: str, known: KnownAssets) -> None:
@@ -183,12 +182,12 @@ class DirectoryService:
         served.serve(SERVICE, "deregisterService", self._deregister)
 
     def describe_self(self, uri: MalUri) -> ServiceDescriptor:
-        """Return this service as it is registered elsewhere, given where this asset is reached."""
+        """Return the descriptor to register upstream, given the address of this asset."""
         service = next(each for each in self._served.services() if each.name == SERVICE)
         return self._served.describe(service, uri, self._own)
 
     def list_above(self, service: ServiceDescriptor) -> None:
-        """List the Service Layer that this asset is registered at, as `SERVICE_LAYER_ABOVE`."""
+        """List the upstream service layer as `SERVICE_LAYER_ABOVE`."""
         self._above = replace(service, name=SERVICE_LAYER_ABOVE)
 
     def _list(self, call: CallContext) -> tuple[tuple[ServiceDescriptor, ...]]:
@@ -224,17 +223,17 @@ class DirectoryService:
 
 
 def _at_peer(descriptor: ServiceDescriptor, host: str) -> ServiceDescriptor:
-    """Return where an asset is reached that registered from a host: nowhere but there.
+    """Return a descriptor with the URIs moved to the host that registered it.
 
-    Others ask it at this address, and must not be sent to a third computer by it.
+    Clients connect to these URIs; a registration must not send them to a third host.
     """
 
-    def there(uri: str) -> str:
+    def at_host(uri: str) -> str:
         return str(replace(MalUri.parse(uri), host=host))
 
     broker = descriptor.brokerURI
     return replace(
         descriptor,
-        providerURI=there(descriptor.providerURI),
-        brokerURI=None if broker is None else there(broker),
+        providerURI=at_host(descriptor.providerURI),
+        brokerURI=None if broker is None else at_host(broker),
     )

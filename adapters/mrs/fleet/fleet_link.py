@@ -1,4 +1,4 @@
-"""The connection with the service layer above: registers there, and publishes this asset's data."""
+"""Connection to the upstream service layer: registers, and publishes this asset's data."""
 
 import asyncio
 import logging
@@ -27,21 +27,21 @@ _LOG: Final = logging.getLogger(__name__)
 
 FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
-"""Between two attempts to connect; twice as long each time."""
+"""Maximum pause between two connection attempts; doubled from `FIRST_PAUSE_S` each time."""
 HEARTBEAT_S: Final = 5.0
-"""Between two requests that show whether the connection works, and which assets there are."""
+"""Period of the requests that check the connection and list the assets."""
 FAREWELL_S: Final = 0.5
-"""How long the end of this process may wait to have published the rest, and again to deregister."""
+"""Timeout at shutdown for publishing the backlog, and again for deregistration."""
 RECENT: Final = 256
-"""Notifications at hand without asking the ledger."""
+"""Number of notifications cached in memory; older ones are read from the ledger."""
 _MILLISECOND_NS: Final = 1_000_000
 
 
 class FleetPublisher:
-    """Publishes as a remote publisher, over one connection after the other.
+    """Publishes as a remote publisher, over successive connections.
 
-    Of each parameter the newest value is published. Notifications are published without gaps: what
-    did not arrive before the connection was lost is taken from the ledger.
+    Only the newest value of each parameter is published. Notifications are published without gaps:
+    those that a lost connection did not deliver are read from the ledger.
 
     Attributes:
         idle: set while there is nothing to publish.
@@ -60,19 +60,19 @@ class FleetPublisher:
         self.idle = asyncio.Event()
 
     def value(self, value: ParameterValue) -> None:
-        """Publish a value at the next occasion."""
+        """Publish a value with the next batch."""
         self._values[value.name] = value
         self._wake()
 
     def notification(self, notification: Notification) -> None:
-        """Publish a notification, after all before it, once."""
+        """Publish a notification once, after all earlier ones."""
         if notification.sequence > self._newest:
             self._newest = notification.sequence
             self._recent.append(notification)
             self._wake()
 
     async def note_beginning(self) -> None:
-        """Remember where the ledger ends now: what is older is published only to fill a gap.
+        """Note the present end of the ledger: older reports are published only to fill a gap.
 
         Raises:
             MalError: the core does not answer.
@@ -86,7 +86,7 @@ class FleetPublisher:
         """Publish everything, until cancelled.
 
         Raises:
-            MalError: the service layer refuses something, or the connection is lost.
+            MalError: the service layer answers with an error, or the connection is lost.
         """
         values = await consumer.publication("MonitoringClient", "monitorAssetValue")
         notifications = await consumer.publication("NotificationClient", "monitorAssetNotification")
@@ -119,7 +119,7 @@ class FleetPublisher:
                 self._next = each.sequence + 1
 
     async def _from(self, sequence: int) -> tuple[Notification, ...]:
-        recent = tuple(kept for kept in self._recent if kept.sequence >= sequence)
+        recent = tuple(each for each in self._recent if each.sequence >= sequence)
         if recent and recent[0].sequence == sequence:
             return recent
         return await self._past(sequence, RECENT)
@@ -130,9 +130,9 @@ class FleetPublisher:
         )
 
     async def _heard_above(self, consumer: Consumer) -> int:
-        """Return the sequence number after the last that the service layer above remembers.
+        """Return the sequence number after the last one stored upstream.
 
-        If it remembers nothing of this ledger, it hears again what was told since the beginning.
+        If upstream stores none of this ledger, everything since the start is published again.
         """
         assert self._first is not None
         try:
@@ -149,7 +149,7 @@ class FleetPublisher:
 
 
 def _is_same(own: Notification, heard: Notification) -> bool:
-    """Whether a notification is the one that was heard; times are rounded on their way."""
+    """Whether a notification equals the received one; times are rounded in transmission."""
     return (own.sequence, own.commandId, own.text) == (
         heard.sequence,
         heard.commandId,
@@ -158,13 +158,13 @@ def _is_same(own: Notification, heard: Notification) -> bool:
 
 
 class FleetLink:
-    """Registers, publishes and subscribes; after a loss again, for ever.
+    """Registers, publishes and subscribes; reconnects after each loss, without end.
 
-    That the service layer is lost, and that it is back, is reported as of the kind LINK.
+    Loss and recovery of the service layer are reported with kind LINK.
 
     Args:
-        registration: makes the descriptor to register, given this end's address of a connection.
-        on_above: called with the Service Layer that this asset is registered at.
+        registration: returns the descriptor to register, given the local address of a connection.
+        on_above: called with the upstream service layer.
     """
 
     def __init__(
@@ -189,11 +189,11 @@ class FleetLink:
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin, and go on until `leave`."""
+        """Start; runs until `leave`."""
         self._task = asyncio.create_task(self._run())
 
     async def leave(self) -> None:
-        """Publish the rest and deregister, if that can be done soon; then hang up."""
+        """Publish the backlog and deregister, within `FAREWELL_S` each; then disconnect."""
         if self._registered is not None:
             consumer, name = self._registered
             with suppress(TimeoutError):
@@ -215,16 +215,16 @@ class FleetLink:
                 await self._stay_connected()
             except (MalError, OSError) as fault:
                 self._tell(False, f"the service layer at {self._uri} {_describe(fault)}")
-            except Exception:  # whatever is wrong with it, the rover's own services go on
+            except Exception:  # the rover's own services must continue
                 _LOG.exception("service layer at %s", self._uri)
-                self._tell(False, f"the service layer at {self._uri} makes no sense")
+                self._tell(False, f"the service layer at {self._uri} sent invalid data")
             if loop.time() - began_s > LONGEST_PAUSE_S:
                 pause_s = FIRST_PAUSE_S
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
     async def _stay_connected(self) -> None:
-        """Be a member over one connection, until it is lost, which raises."""
+        """Register, publish and subscribe over one connection until its loss, which raises."""
         await self._publisher.note_beginning()
         consumer = await self._dialer.connect(self._uri)
         try:
@@ -256,23 +256,23 @@ class FleetLink:
             await self._subscriber.discover(consumer)
 
     def _tell(self, is_connected: bool, text: str) -> None:
-        """Report a change; nothing is reported twice in a row."""
+        """Report a change of the connection; the same state is not reported twice."""
         if is_connected is self._is_connected:
             _LOG.debug("%s", text)
             return
         self._is_connected = is_connected
         severity = Severity.INFORMATIONAL if is_connected else Severity.WARNING
-        told = self._gateway.ask(
+        reported = self._gateway.ask(
             lambda executive: executive.event(severity, text, kind=ReportKind.LINK)
         )
-        told.add_done_callback(lambda done: done.cancelled() or done.exception())
+        reported.add_done_callback(lambda done: done.cancelled() or done.exception())
 
 
 def _describe(fault: MalError | OSError) -> str:
     if not isinstance(fault, MalError):
-        return f"is away: {fault}"
+        return f"is not reachable: {fault}"
     refused = any(fault.number == error.value for error in AreaError)
-    return f"{'refuses this asset' if refused else 'is away'}: {describe_error(fault)}"
+    return f"{'refuses this asset' if refused else 'is not reachable'}: {describe_error(fault)}"
 
 
 async def _lost(consumer: Consumer) -> None:
@@ -281,7 +281,7 @@ async def _lost(consumer: Consumer) -> None:
 
 
 async def _first_to_end(*works: Coroutine[Any, Any, None]) -> None:
-    """Do things side by side until one ends or raises; the others are cancelled."""
+    """Run coroutines concurrently until one ends or raises; then cancel the others."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -1,6 +1,6 @@
-"""This asset among others: serves what is known of all, and joins another service layer.
+"""Serves the data of all known assets, and joins another service layer.
 
-It asks each asset at its own address what it is, and caches the answer.
+It queries each asset at its own address for its description, and caches the answer.
 """
 
 import asyncio
@@ -46,9 +46,9 @@ _LOG: Final = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S: Final = 5.0
 FRESH_S: Final = 1.0
-"""An answer younger than this is given again."""
+"""Maximum age of a cached answer."""
 ANSWER_TIMEOUT_S: Final = 2.0
-"""Whoever takes longer to answer is OFFLINE."""
+"""Timeout of an asset's answer; then it is OFFLINE. Chosen, not measured."""
 MOST_DOMAIN: Final = 16
 LONGEST_TEXT: Final = 256
 EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
@@ -59,11 +59,11 @@ _NOTIFICATION_KEYS: Final = ("asset", "kind", "severity", "commandId", "stage")
 
 
 class FleetService:
-    """Serves Service Layer, Monitoring Client and Notification Client, and joins another's.
+    """Serves ServiceLayer, MonitoringClient and NotificationClient, and joins a service layer.
 
-    Every executive is a service layer with a broker, where others may register and publish as
-    themselves. Told to `join` one, it does so too. What an asset says itself carries its name as
-    source; what is passed on, that of who does.
+    Every executive is a service layer with a broker, where other assets register and publish. With
+    `join` it registers at another one. The source of an update is the asset itself, or the asset
+    that forwards it.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class FleetService:
         served.serve("Monitoring", "publishParameters", self._publish_parameters)
 
     def join(self, uri: MalUri) -> None:
-        """Register at another service layer, publish and subscribe there, until told to leave."""
+        """Register at another service layer, publish and subscribe there, until `leave`."""
         subscriber = FleetSubscriber(
             self._asset, self._known, self._pass_on_value, self._pass_on_notification
         )
@@ -115,12 +115,12 @@ class FleetService:
         self._own.above = publisher
 
     async def leave(self) -> None:
-        """Publish the rest and deregister, where that can be done."""
+        """Publish the backlog and deregister, if connected."""
         if self._link is not None:
             await self._link.leave()
 
     def _registration(self, local_host: str) -> ServiceDescriptor:
-        """Describe this Service Layer, given the address from where others are called."""
+        """Return the descriptor of this service layer, given the local address of a connection."""
         served = self._served.provider.uri
         host = local_host if served.host in EVERY_ADDRESS else served.host
         return self._directory.describe_self(replace(served, host=host))
@@ -155,14 +155,12 @@ class FleetService:
         other.history.take(notification)
 
     def _publish_parameters(self, call: CallContext, values: tuple[ParameterValue, ...]) -> None:
-        """Take the values of the asset that registered over this connection: never of this one."""
+        """Accept values of the asset that is registered over this connection, never of this one."""
         require_few(values)
         other = self._known.registered_by(call.connection)
         for value in values:
             if not is_valid_value(value):
-                text = (
-                    f"values: {value.name[:80]} is neither a finite Double that is VALID nor NULL"
-                )
+                text = f"values: {value.name[:80]} must be a VALID finite Double, or NULL"
                 raise with_text(AreaError.INVALID, text)
         for value in values:
             other.take_value(value)
@@ -197,7 +195,7 @@ class FleetService:
 
 
 def _publishing_asset(update: UpdateHeader, keys: Keys) -> str:
-    """Return the asset that an update is of, which must be its source too; raises Invalid."""
+    """Return the asset of an update; raises Invalid unless it is also the source."""
     asset = keys["asset"]
     if asset is None or update.source != asset.value:
         raise invalid(0)
@@ -211,7 +209,7 @@ class _Answer:
 
 
 class AssetDiscovery:
-    """Asks each asset at its own address, and caches the answers."""
+    """Queries each asset at its own address, and caches the answers."""
 
     def __init__(self, name: str, terms: TransportSettings, system: System) -> None:
         self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S, system)
@@ -219,9 +217,9 @@ class AssetDiscovery:
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
 
     async def ask(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
-        """Return what each of the others is; OFFLINE where none answers."""
-        for gone in self._answers.keys() - {other.asset for other in others}:
-            del self._answers[gone]
+        """Return the description of each other asset; OFFLINE without an answer."""
+        for unknown in self._answers.keys() - {other.asset for other in others}:
+            del self._answers[unknown]
         return tuple(await asyncio.gather(*map(self._one, others)))
 
     async def _one(self, other: KnownAsset) -> AssetInfo:
@@ -247,7 +245,7 @@ class AssetDiscovery:
 
     async def _get(self, other: KnownAsset) -> AssetInfo:
         if other.uri is None:
-            raise ValueError("its address is not known")
+            raise ValueError("its address is unknown")
         consumer = await self._dialer.connect(other.uri)
         try:
             info: AssetInfo
@@ -255,7 +253,7 @@ class AssetDiscovery:
         finally:
             await consumer.close()
         if info.asset != other.asset or not _is_valid(info):
-            raise ValueError(f"{info.asset[:LONGEST_TEXT]} answers at its address")
+            raise ValueError(f"another asset answers at its address: {info.asset[:LONGEST_TEXT]}")
         return info
 
     def _offline(self, asset: str) -> AssetInfo:

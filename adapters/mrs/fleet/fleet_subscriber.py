@@ -1,4 +1,4 @@
-"""What others publish at the service layer above, and what was missed of it."""
+"""Receives the updates of other assets from the upstream service layer, with catch-up."""
 
 import asyncio
 import logging
@@ -24,22 +24,22 @@ _LOG: Final = logging.getLogger(__name__)
 SUBSCRIPTION: Final = "fleet"
 
 MOST_HELD: Final = 4096
-"""Notifications that may come in while those before them are still asked for."""
+"""Maximum notifications buffered during the catch-up."""
 
 _Heard = tuple[UpdateHeader, Notification]
 
 
 class FleetSubscriber:
-    """Subscribes to all assets, keeps what they publish, and passes it on to subscribers here.
+    """Subscribes to all assets, stores their updates, and forwards them to subscribers here.
 
-    Only what an asset publishes itself at that service layer is taken: not what that passes on from
-    yet another, so that nothing goes in circles, and nothing of an asset that publishes here.
+    It accepts only updates that an asset itself publishes at that service layer. Forwarded updates
+    are ignored, to avoid loops, as are updates of an asset that publishes here.
 
     Args:
-        pass_on_value, pass_on_notification: called with what is news, its asset and its domain.
+        pass_on_value, pass_on_notification: called with each new item, its asset and its domain.
 
     Attributes:
-        new_assets: set when a new asset published something; its address is to be asked for.
+        new_assets: set when an unknown asset has published; its address is to be queried.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class FleetSubscriber:
         self.new_assets = asyncio.Event()
 
     async def subscribe(self, consumer: Consumer, host: str, uri: str) -> None:
-        """Subscribe, ask which assets there are, and catch up with what was missed.
+        """Subscribe, list the assets, and catch up with missed updates.
 
-        The service layer above is that of the asset `host`, at `uri`.
+        The upstream service layer is that of the asset `host`, at `uri`.
 
         Raises:
             MalError: an answer is an error, or the connection is lost.
@@ -81,11 +81,11 @@ class FleetSubscriber:
                     await self._catch_up(consumer, other)
         finally:
             self._held = None
-        for update, told in held:
-            self._pass_on(update, told)
+        for update, notification in held:
+            self._pass_on(update, notification)
 
     async def discover(self, consumer: Consumer) -> tuple[KnownAsset, ...]:
-        """Ask which assets are registered above, and return them.
+        """Return the assets that are registered upstream.
 
         Raises:
             MalError: the answer is an error, or the connection is lost.
@@ -109,8 +109,8 @@ class FleetSubscriber:
             for value in values:
                 self._keep_value(other, value, ())
             last = other.history.last
-            async for told in missed_notifications(consumer, other.asset, last):
-                self._keep_notification(other, told, (), aloud=last is not None)
+            async for each in missed_notifications(consumer, other.asset, last):
+                self._keep_notification(other, each, (), aloud=last is not None)
         except MalError as error:
             if error.number != AreaError.NOT_FOUND.value:
                 raise
@@ -135,7 +135,7 @@ class FleetSubscriber:
         self, other: KnownAsset, value: ParameterValue, domain: tuple[str, ...]
     ) -> None:
         if is_valid_value(value):
-            with suppress(MalError):  # too many parameters: those that came first are kept
+            with suppress(MalError):  # too many parameters: only the first ones are stored
                 other.take_value(value)
                 self._pass_on_value(value, other.asset, domain)
 
@@ -146,7 +146,7 @@ class FleetSubscriber:
             self._pass_on_notification(told, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> KnownAsset | None:
-        """Return the asset that published an update itself, unless it publishes here, too."""
+        """Return the asset that published an update itself upstream; None for all others."""
         key = update.keyValues[0].value if update.keyValues else None
         if key is None or update.source != key.value:
             return None
@@ -164,7 +164,7 @@ class FleetSubscriber:
         try:
             other = self._known.find_or_add(asset)
         except MalError as error:
-            _LOG.debug("%s is not listened to: %s", asset[:80], error)
+            _LOG.debug("%s is ignored: %s", asset[:80], error)
             return None
         if not other.publishes_here:
             other.above = True
@@ -173,44 +173,44 @@ class FleetSubscriber:
 
 
 FIRST_PAGE: Final = 100
-"""Notifications from before the first meeting that are asked for."""
+"""Number of past notifications that are requested of a newly known asset."""
 
 
 async def missed_notifications(
     consumer: Consumer, asset: str, last: Notification | None
 ) -> AsyncIterator[Notification]:
-    """Give what an asset notified since the last notification that is known, oldest first.
+    """Yield the notifications of an asset after the last known one, oldest first.
 
-    Before anything was heard, and when its ledger is another now, that is the last it said.
+    Without a known one, or with a new ledger of the asset, yield its last `FIRST_PAGE`.
 
     Raises:
-        MalError: NotFound, the asset is not known there; any other answer that is an error.
+        MalError: NotFound, the asset is not known there; any other error of an answer.
     """
     known = False
     if last is not None:
-        async for told in _since(consumer, asset, last.sequence):
-            if not known and told != last:
+        async for each in _since(consumer, asset, last.sequence):
+            if not known and each != last:
                 break
             if known:
-                yield told
+                yield each
             known = True
     if not known:
-        async for told in _since(consumer, asset, await _newest(consumer, asset) - FIRST_PAGE + 1):
-            yield told
+        async for each in _since(consumer, asset, await _newest(consumer, asset) - FIRST_PAGE + 1):
+            yield each
 
 
 async def _since(consumer: Consumer, asset: str, sequence: int) -> AsyncIterator[Notification]:
     since = max(1, sequence)
     while page := await past_page(consumer, asset, since, 0):
-        for told in page:
-            yield told
+        for each in page:
+            yield each
         if page[-1].sequence < since:
             return
         since = page[-1].sequence + 1
 
 
 async def _newest(consumer: Consumer, asset: str) -> int:
-    """Return the highest sequence number, 0 for none, by halving the range in which it lies."""
+    """Return the maximum sequence number by bisection; 0 for none."""
     at_least, below = 0, 1
     while page := await past_page(consumer, asset, below, 1):
         at_least, below = page[0].sequence, 2 * page[0].sequence
@@ -227,7 +227,7 @@ async def _newest(consumer: Consumer, asset: str) -> int:
 async def past_page(
     consumer: Consumer, asset: str, since: int, most: int
 ) -> tuple[Notification, ...]:
-    """Ask a service layer for so many notifications of an asset, 0 for a page; oldest first."""
+    """Query a service layer for at most `most` notifications of an asset, 0 for a page."""
     page: tuple[Notification, ...]
     (page,) = await consumer.request("NotificationClient", "getNotifications", asset, since, most)
     return page

@@ -1,4 +1,4 @@
-"""What is known of other assets: addresses, the last value of each parameter, notifications."""
+"""Stored data of other assets: addresses, last parameter values, notifications."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -16,17 +16,17 @@ from adapters.mrs.spec import (
 
 MOST_NOTIFICATIONS: Final = 1000
 MOST_OCTETS: Final = 1 << 20
-"""Octets that they may take in memory, roughly: long texts leave room for fewer."""
+"""Maximum estimated octets of an asset's notifications: long texts leave space for fewer."""
 
 _BARE: Final = 500
 _FIGURE: Final = 350
 
 
 class NotificationHistory:
-    """Keeps notifications by their sequence numbers, which rise unless the asset's ledger is new.
+    """Stores notifications by sequence number; numbers rise unless the asset has a new ledger.
 
     Attributes:
-        last: the one with the highest number; None before any was heard.
+        last: the one with the maximum number; None before the first.
     """
 
     def __init__(self) -> None:
@@ -35,10 +35,10 @@ class NotificationHistory:
         self._weight = 0
 
     def take(self, notification: Notification) -> bool:
-        """Keep a notification; return whether it is news.
+        """Store a notification; return whether it is new.
 
-        One that is kept already is not news. A number that is not higher than the last, with other
-        content, means that the asset has a new ledger: what was kept is dropped.
+        A number not above the last, with other content, means that the asset has a new ledger: all
+        stored ones are dropped.
         """
         if self._kept.get(notification.sequence) == notification:
             return False
@@ -54,8 +54,8 @@ class NotificationHistory:
         return True
 
     def since(self, first: int, count: int) -> tuple[Notification, ...]:
-        """Return what is kept from a sequence number on, oldest first, so many at most."""
-        wanted = [kept for number, kept in self._kept.items() if number >= first]
+        """Return at most `count` notifications from a sequence number on, oldest first."""
+        wanted = [each for number, each in self._kept.items() if number >= first]
         return tuple(wanted[:count])
 
 
@@ -73,11 +73,11 @@ class KnownAsset:
     """Another asset.
 
     Attributes:
-        uri: where it serves the MRS, as far as is known.
-        connection: over which it publishes here, if it is registered here.
-        above: whether it is known from the service layer above.
-        values: the last value heard of each parameter.
-        history: the last notifications heard.
+        uri: address of its MRS; None if unknown.
+        connection: connection over which it publishes here; None if it is not registered here.
+        above: whether it is known from the upstream service layer.
+        values: the last received value of each parameter.
+        history: the last received notifications.
     """
 
     asset: str
@@ -89,13 +89,13 @@ class KnownAsset:
 
     @property
     def publishes_here(self) -> bool:
-        """Whether it publishes here itself, so that what others pass on of it is ignored."""
+        """Whether it publishes here itself, so that its forwarded updates are ignored."""
         return self.connection is not None and self.connection.is_open
 
     def take_value(self, value: ParameterValue) -> None:
-        """Keep a value; raises TOO_MANY, it has more parameters than are kept."""
+        """Store a value; raises TOO_MANY above `MOST_PARAMETERS` parameters."""
         if value.name not in self.values and len(self.values) == MOST_PARAMETERS:
-            raise with_text(StandardError.TOO_MANY, f"{MOST_PARAMETERS} parameters at most")
+            raise with_text(StandardError.TOO_MANY, f"at most {MOST_PARAMETERS} parameters")
         self.values[value.name] = value
 
 
@@ -103,7 +103,7 @@ class KnownAssets:
     """The other assets, by name.
 
     Args:
-        own: the name of the asset that this is aboard of, which is none of the others.
+        own: the name of this asset, which is not one of the others.
     """
 
     def __init__(self, own: str) -> None:
@@ -112,24 +112,24 @@ class KnownAssets:
 
     @property
     def others(self) -> tuple[KnownAsset, ...]:
-        """All that are known."""
+        """All known assets."""
         return tuple(self._others.values())
 
     def find(self, asset: str) -> KnownAsset:
-        """Return what is known of an asset; raises NotFound."""
+        """Return a known asset; raises NotFound."""
         return look_up(self._others, asset)
 
     def knows(self, asset: str) -> bool:
-        """Whether anything is known of an asset."""
+        """Whether an asset is known."""
         return asset in self._others
 
     def find_or_add(self, asset: str) -> KnownAsset:
-        """Return what is known of an asset, from now on if it is new.
+        """Return a known asset; adds it if it is new.
 
-        When too many are known, one that was registered here and is disconnected is dropped.
+        If the list is full, an asset that was registered here and is disconnected is dropped.
 
         Raises:
-            MalError: Invalid, it is no name; Duplicate, it is this asset's own name;
+            MalError: Invalid, the name is not valid; Duplicate, it is this asset's own name;
                 TOO_MANY.
         """
         if asset in self._others:
@@ -147,7 +147,7 @@ class KnownAssets:
         """Return the asset that is registered over a connection.
 
         Raises:
-            MalError: Rejected, it is not this asset that is registered over this connection.
+            MalError: Rejected, another asset or none is registered over this connection.
         """
         other = self._others.get(asset)
         if other is None or other.connection is not connection:
@@ -155,7 +155,7 @@ class KnownAssets:
         return other
 
     def registered_by(self, connection: Connection) -> KnownAsset:
-        """Return the asset that registered over a connection; raises Rejected if none did."""
+        """Return the asset that is registered over a connection; raises Rejected if none is."""
         for other in self._others.values():
             if other.connection is connection:
                 return other
@@ -166,7 +166,7 @@ class KnownAssets:
             if not other.above and not other.publishes_here:
                 del self._others[other.asset]
                 return
-        raise with_text(StandardError.TOO_MANY, f"{MOST_ASSETS} other assets at most")
+        raise with_text(StandardError.TOO_MANY, f"at most {MOST_ASSETS} other assets")
 
 
 def _not_registered(asset: str) -> MalError:
