@@ -150,7 +150,7 @@ async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_en
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def retrieve(*_: object) -> None:
-        raise TransferError("rock.raw was changed aboard meanwhile: fetch it again")
+        raise TransferError("rock.raw was changed aboard: fetch it again")
 
     monkeypatch.setattr(transfers, "AGAIN_S", 0.01)
     monkeypatch.setattr(MrsClient, "retrieve_file", retrieve)

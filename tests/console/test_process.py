@@ -17,7 +17,7 @@ def test_it_serves_until_a_signal_and_takes_its_archive_up_again(tmp_path: Path)
         arguments = ("--to", "127.0.0.1:1", "--port", "0", "--data", str(tmp_path / "data"))
         with running(tmp_path / "log", "rover-console", *arguments) as process:
             address = process.said(r"(http://127.0.0.1:\d+/)")
-            process.said(r"maltcp://127.0.0.1:1/MRS .*is down: nobody answers")
+            process.said(r"maltcp://127.0.0.1:1/MRS .*is down: no answer at")
             with urllib.request.urlopen(f"{address}api/dictionary", timeout=60) as answer:
                 told = json.load(answer)
                 assert (told["assets"], told["console"]["commands"]) == ({}, [])

@@ -173,4 +173,4 @@ def test_no_rover_is_told(tmp_path: Path) -> None:
     for arguments in (["log"], ["why"], ["watch"]):
         result = CliRunner().invoke(main, [*arguments, "--to", uri])
         assert result.exit_code == 3, result.output
-        assert "nobody answers" in result.output
+        assert "no answer at" in result.output

@@ -316,7 +316,7 @@ def test_a_rover_that_is_not_there(
     monkeypatch.setenv("ROVER_URI", aboard.uri)
     result = rover(*arguments)
     assert result.exit_code == UNREACHABLE
-    assert f"cannot reach the rover: nobody answers at {aboard.uri}" in result.output
+    assert f"cannot reach the rover: no answer at {aboard.uri}" in result.output
     assert "rover demo --stay" in result.output
     assert "--relay" in result.output
 
@@ -324,7 +324,7 @@ def test_a_rover_that_is_not_there(
 def test_a_name_that_no_computer_has_is_called_so() -> None:
     result = rover("command", "--to", "nowhere.invalid", "stop")
     assert result.exit_code == UNREACHABLE
-    assert "no computer is known by the name nowhere.invalid: look at --to" in result.output
+    assert "unknown host nowhere.invalid: look at --to" in result.output
     assert "rover demo" not in result.output
 
 

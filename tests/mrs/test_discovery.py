@@ -144,7 +144,7 @@ def test_a_service_that_comes_back_is_found_again() -> None:
             parts.notify(1)
             assert await next_of(stream) == 1
             await parts.camera.close()
-            with pytest.raises(ConnectionError, match=f"Camera is at {parts.camera.uri} by the"):
+            with pytest.raises(ConnectionError, match=f"Camera, listed at {parts.camera.uri}, is"):
                 await client.get_camera_state()
             assert await next_of(stream) == 2  # missed meanwhile, by the directory's account
             parts.camera, port = camera(0.7), parts.camera.uri.port
@@ -160,7 +160,9 @@ def test_a_broker_that_is_gone_is_a_lost_link() -> None:
     async def scenario() -> None:
         async with in_parts() as parts:
             await parts.broker.close()
-            with pytest.raises(ConnectionError, match=f"Notification is at {parts.broker.uri}"):
+            with pytest.raises(
+                ConnectionError, match=f"Notification, listed at {parts.broker.uri}"
+            ):
                 await MrsClient.connect(str(parts.directory.uri))
 
     asyncio.run(scenario())

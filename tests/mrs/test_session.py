@@ -192,7 +192,7 @@ def test_gives_up_on_a_rover_that_stays_away(aboard: Aboard) -> None:
             task = asyncio.create_task(client.run(client.command(MoveForward(5.0))))
             await heard(stream, Stage.RECEIVED)
             aboard.hang_up()
-            with pytest.raises(ConnectionError, match="nobody answers at maltcp://"):
+            with pytest.raises(ConnectionError, match="no answer at maltcp://"):
                 await task
             with pytest.raises(ConnectionError):
                 await heard(stream, Stage.EXECUTED)
@@ -220,12 +220,12 @@ def test_a_session_that_is_closed_ends_everything(aboard: Aboard) -> None:
 
 def test_nobody_there_is_a_connection_error(aboard: Aboard) -> None:
     aboard.hang_up()
-    with pytest.raises(ConnectionError, match=f"nobody answers at {aboard.uri}"):
+    with pytest.raises(ConnectionError, match=f"no answer at {aboard.uri}"):
         asyncio.run(MrsClient.connect(aboard.uri))
 
 
 def test_another_name_is_no_rover(aboard: Aboard) -> None:
-    with pytest.raises(ConnectionError, match="does not answer as a rover does"):
+    with pytest.raises(ConnectionError, match="does not answer like a rover"):
         asyncio.run(MrsClient.connect(aboard.uri + "X"))
 
 

@@ -72,7 +72,7 @@ def test_a_rover_is_commanded_in_the_encoding_agreed_on(tmp_path: Path, encoding
 def test_another_encoding_is_noticed(tmp_path: Path) -> None:
     with (
         started(tmp_path, TransportSettings(Encoding.SPLIT)) as rover,
-        pytest.raises(ConnectionError, match="is its encoding another than fixed"),
+        pytest.raises(ConnectionError, match="does it use another encoding than fixed"),
     ):
         connect(rover, CLEAR)
 
@@ -97,9 +97,9 @@ def test_a_session_over_tls_outlives_the_link(secured: Aboard, ends: Ends) -> No
 @pytest.mark.parametrize(
     ("who", "why"),
     [
-        (lambda ends: ends.stranger, "hung up: it does not believe this certificate"),
-        (lambda ends: ends.suspicious, "cannot be believed: .SSL.*certificate verify failed"),
-        (lambda _: None, "hung up: does it ask for certificates"),
+        (lambda ends: ends.stranger, "closed the connection: it does not trust this certificate"),
+        (lambda ends: ends.suspicious, "is not trusted: .SSL.*certificate verify failed"),
+        (lambda _: None, "closed the connection: is TLS needed"),
     ],
 )
 def test_who_is_not_believed_is_told_so(
@@ -111,10 +111,10 @@ def test_who_is_not_believed_is_told_so(
 
 
 def test_a_rover_without_tls_does_not_answer_by_it(aboard: Aboard, ends: Ends) -> None:
-    with pytest.raises(ConnectionError, match="a rover there may speak clear text"):
+    with pytest.raises(ConnectionError, match="the rover may use clear text"):
         connect(aboard, TransportSettings(certificates=ends.ground))
     aboard.hang_up()
-    with pytest.raises(ConnectionError, match=f"nobody answers at {aboard.uri}$"):
+    with pytest.raises(ConnectionError, match=f"no answer at {aboard.uri}$"):
         connect(aboard, TransportSettings(certificates=ends.ground))
 
 
@@ -161,9 +161,7 @@ def test_certificates_are_options_of_what_people_type(
     assert told.exit_code == DONE, told.output
     unknown = rover(first, "--to", secured.uri, *options(ends.stranger), *rest)
     assert unknown.exit_code == UNREACHABLE
-    assert (
-        "does not believe this certificate; say how it is spoken to with --cert" in unknown.output
-    )
+    assert "does not trust this certificate; say how it is spoken to with --cert" in unknown.output
 
 
 def test_certificates_may_stand_in_the_environment(
@@ -182,7 +180,7 @@ def test_the_encoding_is_an_option_too(tmp_path: Path) -> None:
         assert rover("status", "--to", split.uri, "--encoding", "split").exit_code == DONE
         wrong = rover("status", "--to", split.uri)
     assert wrong.exit_code == UNREACHABLE
-    assert "is its encoding another than fixed?" in wrong.output
+    assert "does it use another encoding than fixed?" in wrong.output
 
 
 def test_certificates_that_make_no_sense_are_a_usage_error(secured: Aboard, ends: Ends) -> None:

@@ -114,8 +114,8 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
         ask(reached, command, terms)
         assert ask(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
         for wrong, why in (
-            (TransportSettings(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
-            (TransportSettings(Encoding.SPLIT), "does it ask for certificates"),
+            (TransportSettings(Encoding.SPLIT, ends.stranger), "does not trust this certificate"),
+            (TransportSettings(Encoding.SPLIT), "is TLS needed"),
         ):
             with pytest.raises(ConnectionError, match=why):
                 carry_out(reached, SetTravelSpeed(0.5), terms=wrong)

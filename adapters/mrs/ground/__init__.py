@@ -1,10 +1,10 @@
-"""The client of the MRS: commands a rover and hears what it reports.
+"""Client of the MRS: commands a rover and receives its reports.
 
     MrsClient ─+─ queries, outcome, notification_stream, tree_stream, file_retrieval
                └─ session ── rover_consumer ── MAL: a connection for each address of the directory
 
-`session` connects again after a loss, restores subscriptions, and gives up after `patience_s`. What
-the rover answers as an error is raised as MalError; if it does not come back, ConnectionError.
+`session` reconnects after a loss and restores subscriptions, for at most `patience_s`. An error
+answer of the rover is raised as MalError; a rover that stays lost, as ConnectionError.
 """
 
 from adapters.mrs.ground.blocking import BlockingClient as BlockingClient

@@ -1,4 +1,4 @@
-"""The authority of a session: asked for, renewed while the session lasts, claimed by commands."""
+"""Command authority of a session: requested, renewed during the session, claimed by commands."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -8,25 +8,25 @@ from adapters.mal import MalError
 from adapters.mrs.spec import AuthorityStatus
 
 RENEWALS: Final = 3
-"""How often a lease is renewed within its time, so that one lost answer does not end it."""
+"""Renewals within the time of a lease, so that one lost answer does not end it."""
 
 Ask = Callable[..., Awaitable[AuthorityStatus]]
 
 
 class SessionAuthority:
-    """Asks a rover for the authority, and keeps it.
+    """Requests the authority of a rover, and renews it.
 
-    Its methods raise MalError where the rover refuses, naming the holder, and ConnectionError when
-    the rover does not come back in time.
+    Its methods raise MalError if the rover refuses, with the holder's name, and ConnectionError if
+    the link does not recover in time.
 
     Args:
         ask: calls an operation of the service Authority.
-        source: who commands.
-        renews: whether to keep it; else each request of its own renews the lease.
+        source: source of the commands.
+        renews: whether to renew the lease periodically; otherwise only each request renews it.
 
     Attributes:
-        source: who commands.
-        epoch: of the authority that commands claim; None for no claim.
+        source: source of the commands.
+        epoch: epoch of the authority that commands claim; None for no claim.
     """
 
     def __init__(self, ask: Ask, source: str, *, renews: bool = True) -> None:
@@ -37,11 +37,11 @@ class SessionAuthority:
         self._renewing: asyncio.Task[None] | None = None
 
     async def status(self) -> AuthorityStatus:
-        """Return who holds it."""
+        """Return the status of the authority, with its holder."""
         return await self._ask("getAuthority")
 
     async def ensure(self) -> None:
-        """Request it where commands need it; nothing where a rover serves no such thing."""
+        """Request the authority if commands need it; ignored if the rover lacks the service."""
         try:
             status = await self.status()
         except MalError:
@@ -50,36 +50,36 @@ class SessionAuthority:
             await self.request()
 
     async def request(self) -> AuthorityStatus:
-        """Get it if nobody else holds it; else its holder hears who asks."""
+        """Request the authority. If another source holds it, its holder is notified."""
         return self._held(await self._ask("requestAuthority", self.source))
 
     async def take(self) -> AuthorityStatus:
-        """Take it from whoever holds it, if the rover's settings let this source."""
+        """Take the authority over from its holder, if the rover's settings allow this source to."""
         return self._held(await self._ask("takeAuthority", self.source))
 
     async def hand_over(self, to: str, lease_s: float | None = None) -> AuthorityStatus:
-        """Give it to another, who may be silent for so long; None for as long as everybody."""
+        """Hand the authority over, with a lease in s; None for the default lease."""
         epoch = (await self.request()).epoch
         status = await self._ask("handOver", self.source, epoch, to, lease_s)
         self.let_go()
         return status
 
     async def release(self) -> AuthorityStatus:
-        """Give it up."""
+        """Release the authority."""
         epoch = self.epoch if self.epoch is not None else (await self.status()).epoch
         status = await self._ask("releaseAuthority", self.source, epoch)
         self.let_go()
         return status
 
     def let_go(self) -> None:
-        """Claim it and renew it no more; it ends with its lease."""
+        """Stop claiming and renewing it; it ends with its lease."""
         self.epoch = None
         if self._renewing is not None:
             self._renewing.cancel()
             self._renewing = None
 
     async def lost(self) -> None:
-        """Return when it is held no more."""
+        """Wait until the authority is lost."""
         if self._renewing is not None:
             await asyncio.wait((self._renewing,))
 

@@ -1,4 +1,4 @@
-"""The client for scripts and notebooks, in which nothing is awaited: its session has a thread."""
+"""Blocking client for scripts and notebooks; its session runs on a thread."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -14,12 +14,12 @@ T = TypeVar("T")
 
 
 class BlockingClient:
-    """An `MrsClient` whose session runs on a thread of its own; each call waits for its end.
+    """An `MrsClient` with its session on a separate thread; each call waits for its result.
 
     Args:
         to: `maltcp://host:port/MRS`, `host:port` or `host`.
-        source: as of `MrsClient.connect`, whose errors it raises.
-        terms: the encoding and the certificates agreed on with the rover.
+        source: as in `MrsClient.connect`; the same errors are raised.
+        terms: encoding and certificates, the same as the rover's.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class BlockingClient:
         self.close()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the session."""
         try:
             self._wait(self._client.close())
         finally:
@@ -50,24 +50,24 @@ class BlockingClient:
     def run(
         self, request: Request, on_notification: OnNotification = lambda _: None
     ) -> CommandOutcome:
-        """Command the rover, and return when the command has ended.
+        """Send a command and wait until it ends.
 
         Args:
-            request: what is commanded.
-            on_notification: called with each notification of its life, as it comes, on the thread
-                of the session.
+            request: the request to command.
+            on_notification: called with each notification of its life cycle on reception, on the
+                thread of the session.
         """
         return self.ask(lambda client: client.run(client.command(request), on_notification))
 
     def ask(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
-        """Return what a method of the client returns, as in `ask(MrsClient.get_pose)`."""
+        """Return the result of a client's method, e.g. `ask(MrsClient.get_pose)`."""
         return self._wait(method(self._client))
 
     def _wait(self, work: Coroutine[Any, Any, T]) -> T:
         future = asyncio.run_coroutine_threadsafe(work, self._loop)
         try:
             return future.result()
-        except BaseException:  # as when a person interrupts it
+        except BaseException:  # such as KeyboardInterrupt
             future.cancel()
             raise
 

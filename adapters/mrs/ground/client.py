@@ -1,4 +1,4 @@
-"""The ground's side of the MRS: commands with their outcome, and what the rover tells."""
+"""Client session of the MRS: commands with their outcome, and streams of the rover's updates."""
 
 import asyncio
 from collections.abc import Callable
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 SOURCE: Final = "MOE"
-"""The name under which people command, unless they give another."""
+"""Default source of commands."""
 SIGN_S: Final = 1.0
-"""Between two signs to the rover that this end of the link is there."""
+"""Period of the heartbeat requests to the rover."""
 SILENCE_S: Final = 1.0
-"""A rover tells of a command that it took within this: what is silent for longer waits."""
+"""Time without a report after which a command counts as stored at an orbiter."""
 TRIES: Final = 8
-"""How often one command is sent over new connections before it is given up."""
+"""Maximum transmissions of one command over new connections; chosen, not measured."""
 EPOCH_MS: Final = 1_767_225_600_000
-"""2026-01-01, from where command numbers count, in ms since 1970 UTC."""
+"""Epoch of command numbers: 2026-01-01, in ms since 1970 UTC."""
 
 
 class CommandIdGenerator:
-    """Gives milliseconds since 2026, or one more than the last: never 0, never twice.
+    """Generates command numbers: ms since 2026, or the last number plus 1; never 0, never twice.
 
-    A client that starts again goes on above its former numbers, unless it gave more than one a
+    A restarted client continues above its former numbers, unless it used more than one a
     millisecond or the clock was set back.
 
     Args:
-        system: the time.
+        system: the clock.
     """
 
     def __init__(self, system: System = OPERATING_SYSTEM) -> None:
@@ -70,16 +70,16 @@ class CommandIdGenerator:
 
 
 class MrsClient(Queries):
-    """One mission control's session with one rover, over losses of the link.
+    """Session of one mission control with one rover, across losses of the link.
 
-    After a loss it connects and subscribes again, and catches up with the notifications that it
-    missed. While it is connected it asks for something once a second, so that the rover knows that
-    it is there, though it may only listen. All methods raise ConnectionError when the rover does
-    not come back in time, and MalError when the rover answers with an error.
+    After a loss it reconnects, subscribes again, and catches up with missed notifications. While
+    connected it sends a heartbeat request once a second, so that the rover detects the contact
+    even without commands. All methods raise ConnectionError if the link does not recover in time,
+    and MalError if the rover answers with an error.
 
     Attributes:
-        source: the name under which it commands.
-        authority: what its commands claim, once it is requested.
+        source: source of its commands.
+        authority: the authority that its commands claim, once requested.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class MrsClient(Queries):
         patience_s: float,
         system: System,
     ) -> None:
-        """Not to be called; see `connect`."""
+        """Use `connect` instead."""
         self.source = source
         self.authority = SessionAuthority(self._ask_authority, source)
         address, ends = parse_address(uri), (self._restore, self._give_up)
@@ -123,16 +123,16 @@ class MrsClient(Queries):
 
         Args:
             to: `maltcp://host:port/MRS`, `host:port` or `host`.
-            source: the name under which to command; None for that of the certificate, and MOE in
-                clear text.
-            timeout_s: how long to wait for each answer.
-            patience_s: how long to try to connect again after a loss; 0 for not at all.
-            terms: the encoding and the certificates agreed on with the rover.
-            system: the time of messages.
+            source: source of its commands; None for the name of the certificate, MOE in clear
+                text.
+            timeout_s: timeout of each answer.
+            patience_s: maximum time of reconnection attempts after a loss; 0 for none.
+            terms: encoding and certificates, the same as the rover's.
+            system: clock of messages.
 
         Raises:
             CertificateError: a certificate file cannot be used.
-            ConnectionError: nobody answers there, or the ends do not believe one another.
+            ConnectionError: no rover answers there, or certificates are not trusted.
             ValueError: `to` is no address.
         """
         if source is None and terms.certificates is not None:
@@ -149,7 +149,7 @@ class MrsClient(Queries):
         await self.close()
 
     async def close(self) -> None:
-        """Hang up; streams end."""
+        """Close the session; streams end."""
         self.authority.let_go()
         if self._signing is not None:
             self._signing.cancel()
@@ -157,10 +157,10 @@ class MrsClient(Queries):
         self._end(None, ConnectionError("the session was closed"))
 
     def authority_of(self, source: str) -> SessionAuthority:
-        """Return what asks for the authority under another name, and leaves its renewal to others.
+        """Return the authority of another source, without periodic renewal.
 
-        So several people command over one session. With certificates the rover knows it under
-        their name alone.
+        So several operators command over one session. With certificates the rover accepts only
+        the name of the certificate.
         """
         return SessionAuthority(self._ask_authority, source, renews=False)
 
@@ -174,14 +174,14 @@ class MrsClient(Queries):
         arrival: PreemptionPolicy = PreemptionPolicy.APPEND,
         authority: int | None = None,
     ) -> Command:
-        """Return a command, made now.
+        """Return a new command, created now.
 
         Args:
-            request: what is commanded.
-            source: who commands; None for this session.
+            request: the request to command.
+            source: its source; None for that of this session.
             command_id: its number; None for a new one.
-            lifetime_s: how long it may wait; None for as long as it takes.
-            arrival: what it does to motion under way.
+            lifetime_s: maximum age at its start; None for no limit.
+            arrival: its preemption of active motion.
             authority: the epoch that it claims; None for that of this session.
         """
         number = self._numbers.take() if command_id is None else command_id
@@ -201,12 +201,12 @@ class MrsClient(Queries):
         on_notification: OnNotification = lambda _: None,
         on_stored: Callable[[str], None] | None = None,
     ) -> CommandOutcome:
-        """Send a command and wait until it ends or a relay gives it up, over losses of the link.
+        """Send a command and wait until it ends or is lost at a relay, across losses of the link.
 
         Args:
-            command: as `command` makes it.
-            on_notification: called with each notification of its life, as it comes.
-            on_stored: called with words on where it waits, if it does so at an orbiter.
+            command: a command, as returned by `command`.
+            on_notification: called with each notification of its life cycle on reception.
+            on_stored: called with a text on its storage, if it waits at an orbiter.
         """
         watch = CommandWatch(command, on_notification)
         self._watches.append(watch)
@@ -231,13 +231,13 @@ class MrsClient(Queries):
             on_stored(where)
 
     async def submit(self, command: Command) -> None:
-        """Send a command and return when the rover, or the orbiter on the way to it, has taken it.
+        """Send a command and return when the rover, or the orbiter before it, has accepted it.
 
-        When the link is lost before the answer, it is sent again: the rover takes it once only.
-        When that happens `TRIES` times, it is the command that ends the link: it is too long.
+        If the link is lost before the answer, it is resent: the rover executes it at most once.
+        After `TRIES` losses the command itself is the likely cause: it is too long.
         """
         call = invocation(command.request)
-        for again in range(TRIES):
+        for attempt in range(TRIES):
             consumer = await self._session.consumer()
             try:
                 await consumer.submit(
@@ -249,14 +249,14 @@ class MrsClient(Queries):
                 )
                 return
             except MalError as error:
-                if error.number == AreaError.DUPLICATE.value and again:
+                if error.number == AreaError.DUPLICATE.value and attempt:
                     return
                 if error.number not in LOST:
                     raise
                 await self._session.drop(consumer)
         raise ConnectionError(
-            f"{self._session.uri} hung up {TRIES} times over {call.service}.{call.operation}:"
-            " is it longer than the rover takes?"
+            f"{self._session.uri} disconnected {TRIES} times at {call.service}.{call.operation}:"
+            " is the message longer than the rover accepts?"
         )
 
     def notifications(self) -> Stream[Notification]:
@@ -268,15 +268,15 @@ class MrsClient(Queries):
         return await self._subscribe(self._telemetry)
 
     async def plan_updates(self) -> Stream[PlanUpdate]:
-        """Return how far plans come from now on; after a loss of the link, first where they are."""
+        """Return status updates of plans from now on; first all states after a loss of the link."""
         return await self._subscribe(self._plans)
 
     async def tree_snapshots(self) -> "Stream[TreeSnapshot]":
-        """Return the behaviour tree, first as it is now, then whenever it changes."""
+        """Return the behaviour tree: first the present one, then each change."""
         return await self._subscribe(self._trees)
 
     async def file_events(self) -> Stream[FileNotification]:
-        """Return what happens to files from now on; not what happens while the link is lost."""
+        """Return file events from now on, except those during a loss of the link."""
         return await self._subscribe(self._file_news)
 
     async def retrieve_file(
@@ -286,25 +286,25 @@ class MrsClient(Queries):
         on_progress: Callable[[int, int], None] = lambda _done, _size: None,
         chunk_octets: int | None = None,
     ) -> FileInfo:
-        """Fetch a file over a connection of its own, from where a former attempt ended.
+        """Fetch a file over a separate connection; continues an interrupted attempt.
 
-        After a loss of the link it goes on with the rest. What came so far lies beside `to`, in
-        `NAME.CHECKSUM.part`, also when this is interrupted; `to` is there when all has come and
-        its checksum is right.
+        After a loss of the link the transfer continues. The received octets are stored beside `to`
+        in `NAME.CHECKSUM.part`, also after an interruption; `to` exists once the file is complete
+        with a correct checksum.
 
         Args:
             path: the file aboard.
-            to: what it is to be here; a file of that name is replaced.
-            on_progress: called with the octets that are here, and those of the whole.
-            chunk_octets: of one message, None for the rover's choice. Less for a slow link: each
-                chunk has to come within the session's `timeout_s`.
+            to: the local file; an existing one is replaced.
+            on_progress: called with the received octets and the size.
+            chunk_octets: octets of a chunk; None for the rover's default. Smaller for a slow link:
+                each chunk must arrive within the session's `timeout_s`.
 
         Returns:
-            What the rover says of the file.
+            The attributes of the file.
 
         Raises:
-            TransferError: the file was changed aboard meanwhile, or what came is not what is there.
-            OSError: it cannot be written here.
+            TransferError: the file was changed aboard during the transfer, or the checksum differs.
+            OSError: the local file cannot be written.
         """
         file = await self.get_attributes(path)
         session = self._session.separate()
@@ -316,34 +316,34 @@ class MrsClient(Queries):
         return file
 
     async def cancel_transfer(self, path: str) -> None:
-        """End the transfers of a file under this name; with TLS and the authority, those of all."""
+        """Cancel this client's transfers of a file; with TLS and the authority, those of all."""
         await self._tell("FileTransfer", "cancelTransfer", path)
 
     async def file_stored(self, file: FileInfo) -> None:
-        """Have a file announced that was put into the folder aboard."""
+        """Announce a file that was stored in the onboard folder."""
         await self._tell("FileManagement", "fileStored", file)
 
     async def send_notification(self, notification: Notification) -> None:
-        """Have an event reported by the rover."""
+        """Send an event for the rover to report."""
         await self._tell("Notification", "sendNotification", notification)
 
     async def publish_parameters(self, values: tuple[ParameterValue, ...]) -> None:
-        """Have parameter values broadcast."""
+        """Send parameter values for the rover to broadcast."""
         await self._tell("Monitoring", "publishParameters", values)
 
     async def _give_signs(self) -> None:
         with suppress(ConnectionError):
             while True:
                 await asyncio.sleep(SIGN_S)
-                with suppress(MalError):  # an answer that is an error came all the same
+                with suppress(MalError):  # an error answer proves the contact, too
                     await self._give_sign()
                     await self._feed.catch_up(await self._session.consumer())
 
     async def _give_sign(self) -> None:
-        """Ask for something that the other end serves; so that TCP notices a peer that is gone."""
+        """Send a query that the peer supports, so that TCP detects a lost peer."""
         try:
             await self.get_status_interval_s()
-        except NotServedError:  # as by an orbiter: nothing was sent
+        except NotServedError:  # at an orbiter; the query was not sent
             await self.get_last_notification()
 
     async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
@@ -365,7 +365,7 @@ class MrsClient(Queries):
         return stream
 
     async def _restore(self, consumer: RoverConsumer) -> None:
-        with suppress(NotServedError):  # what else it serves can be used all the same
+        with suppress(NotServedError):  # the other services remain usable
             await self._feed.restore(consumer)
         await self._file_news.subscribe(consumer)
         await self._restore_plans(consumer)
@@ -393,8 +393,8 @@ class MrsClient(Queries):
 
     def _on_new_ledger(self) -> None:
         fault = ConnectionError(
-            "the rover came back without its ledger, or without that much of it: how the command"
-            " ended is not known"
+            "the rover restarted without its ledger, or with an older one: the result of the"
+            " command is unknown"
         )
         for watch in self._watches:
             watch.fail(fault)
@@ -403,8 +403,8 @@ class MrsClient(Queries):
         self._end(fault, fault)
 
     def _end(self, of_streams: Exception | None, of_commands: Exception) -> None:
-        told = (self._file_news, self._plans, self._notifications, self._telemetry, self._trees)
-        for streams in told:
+        every = (self._file_news, self._plans, self._notifications, self._telemetry, self._trees)
+        for streams in every:
             streams.close(of_streams)
         for watch in self._watches:
             watch.fail(of_commands)

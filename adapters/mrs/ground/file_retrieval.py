@@ -1,4 +1,4 @@
-"""Fetches a file from a rover, over losses of the link, and makes sure that it is that file."""
+"""Fetches a file from a rover across losses of the link, and verifies its checksum."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,21 +15,21 @@ from adapters.mrs.spec import FileEventType, FileInfo
 
 READ_OCTETS: Final = 1 << 20
 TRIES: Final = 5
-"""Attempts in a row that may bring nothing before the loss is somebody else's to mend."""
+"""Maximum successive attempts without a received octet; chosen, not measured."""
 SILENT: Final = {
     StandardError.DELIVERY_TIMEDOUT.value,
     StandardError.TRANSACTION_TIMEOUT.value,
     *LOST,
 }
-"""What a transfer ends with when nothing comes any more: it is worth another try."""
+"""Errors of a lost or stalled transfer, after which it is retried."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileNotification:
-    """Something that happened to a file aboard.
+    """A change of an onboard file.
 
     Attributes:
-        file: as it is now, or as it was last if it is gone.
+        file: its attributes after the change; the last ones if it was deleted.
     """
 
     event: FileEventType
@@ -37,21 +37,21 @@ class FileNotification:
 
 
 class TransferError(Exception):
-    """What was received is not the file that is aboard; the text says why."""
+    """The received octets are not the onboard file; the text gives the reason."""
 
 
 class FileRetrieval:
-    """One file on its way here.
+    """Transfer of one file from the rover.
 
-    The octets that came lie in a file whose name tells the checksum of the whole, so that a later
-    attempt goes on with them if, and only if, they are of the same content.
+    The received octets are stored in a file with the expected checksum in its name. A later attempt
+    continues with them only if the content is still the same.
 
     Args:
-        session: opened, and used for nothing else: closing it stops the rover from sending.
-        file: as the rover describes it.
-        to: where it is to be.
-        on_progress: called with the octets that are here, and those of the whole.
-        chunk_octets: of one message; None for the rover's choice.
+        session: an open session for this transfer only: closing it ends the rover's transmission.
+        file: attributes of the file.
+        to: the local file.
+        on_progress: called with the received octets and the size.
+        chunk_octets: octets of a chunk; None for the rover's default.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class FileRetrieval:
         on_progress: Callable[[int, int], None],
         chunk_octets: int | None,
     ) -> None:
-        """Prepare.
+        """Prepare the transfer.
 
         Raises:
-            TransferError: the rover cannot tell the checksum.
+            TransferError: the rover has no checksum of the file.
         """
         if file.checksum is None:
-            raise TransferError(f"{file.path} cannot be read aboard, or is being written just now")
+            raise TransferError(f"{file.path} has no checksum: unreadable aboard or being written")
         self._session = session
         self._file = file
         self._to = to
@@ -99,16 +99,16 @@ class FileRetrieval:
 
     async def _receive(self, consumer: RoverConsumer, part: BinaryIO) -> None:
         path, size = self._file.path, self._file.size
-        asked = (path, part.tell(), self._chunk_octets)
-        async with consumer.progress("FileTransfer", "retrieveFile", *asked) as progress:
+        request = (path, part.tell(), self._chunk_octets)
+        async with consumer.progress("FileTransfer", "retrieveFile", *request) as progress:
             (now,) = progress.acknowledgement
             if (now.size, now.checksum) != (size, self._file.checksum):
                 self._part.unlink()
-                raise TransferError(f"{path} was changed aboard meanwhile: fetch it again")
+                raise TransferError(f"{path} was changed aboard: fetch it again")
             self._on_progress(part.tell(), size)
             async for (chunk,) in progress:
                 if chunk.offset != part.tell() or chunk.offset + len(chunk.data) > size:
-                    raise TransferError(f"{path}: a chunk came that does not fit what came before")
+                    raise TransferError(f"{path}: a chunk does not fit the octets before it")
                 part.write(chunk.data)
                 self._on_progress(part.tell(), size)
 
@@ -119,5 +119,5 @@ class FileRetrieval:
                 value = crc32(data, value)
         if value != self._file.checksum:
             self._part.unlink()
-            text = f"{self._file.path}: the CRC-32 of what came is {value:08x}, aboard it is "
+            text = f"{self._file.path}: CRC-32 of the received file is {value:08x}, aboard it is "
             raise TransferError(f"{text}{self._file.checksum:08x}: fetch it again")

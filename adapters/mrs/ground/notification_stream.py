@@ -1,4 +1,4 @@
-"""What a rover broadcasts, as streams that go on across losses of the link."""
+"""Streams of a rover's broadcasts that continue across losses of the link."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,7 +15,7 @@ SUBSCRIPTION: Final = "all"
 
 
 class Stream(Generic[T]):
-    """An asynchronous iterator over what is put; it ends when closed, or raises when failed."""
+    """An asynchronous iterator over items; it ends when closed, or raises when failed."""
 
     def __init__(self) -> None:
         self._items: asyncio.Queue[T | None] = asyncio.Queue()
@@ -23,12 +23,12 @@ class Stream(Generic[T]):
         self.closed = False
 
     def put(self, item: T) -> None:
-        """Add an item; none is taken once closed."""
+        """Add an item; ignored once closed."""
         if not self.closed:
             self._items.put_nowait(item)
 
     def close(self, fault: Exception | None = None) -> None:
-        """End after what was put; with a fault, raise it there."""
+        """End after the items in the queue; with a fault, raise it there."""
         if not self.closed:
             self.closed = True
             self._fault = fault
@@ -46,18 +46,18 @@ class Stream(Generic[T]):
 
 
 class Streams(Generic[T]):
-    """The streams of one broadcast; what comes goes to all of them."""
+    """The streams of one broadcast; each receives every item."""
 
     def __init__(self) -> None:
         self._streams: list[Stream[T]] = []
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody may still be listening."""
+        """Whether any stream is open."""
         return any(not stream.closed for stream in self._streams)
 
     def open(self) -> Stream[T]:
-        """Return what comes from now on."""
+        """Return a stream of the items from now on."""
         stream: Stream[T] = Stream()
         self._streams.append(stream)
         return stream
@@ -74,11 +74,11 @@ class Streams(Generic[T]):
 
 
 class Updates(Streams[T]):
-    """The streams of a PUBSUB operation, subscribed to while somebody listens.
+    """The streams of a PUBSUB operation, subscribed to while any of them is open.
 
     Args:
-        service, operation: what to subscribe to.
-        item: makes an item of the parts of an update.
+        service, operation: the operation.
+        item: converts the parts of an update to an item.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Updates(Streams[T]):
         self._item = item
 
     async def subscribe(self, consumer: RoverConsumer) -> None:
-        """Subscribe over a connection, if anybody listens; raises as `RoverConsumer` does."""
+        """Subscribe over a connection, if a stream is open; raises as `RoverConsumer` does."""
         if self.wanted:
             subscription = Subscription(subscriptionId=SUBSCRIPTION)
             await consumer.subscribe(*self._address, subscription, self._on_update)
@@ -99,17 +99,17 @@ class Updates(Streams[T]):
 
 
 class NotificationStream:
-    """Passes on every notification from the first connection on, in the order of recording.
+    """Delivers every notification from the first connection on, in the order of recording.
 
-    A notification that the rover sends again, because its command came again, is passed on again.
+    A notification that the rover repeats for a repeated command is delivered again.
 
     Args:
         deliver: called with each notification.
-        on_new_ledger: called when the rover came back with another ledger: its numbers start anew,
-            and what it knew of commands is gone.
+        on_new_ledger: called when the rover restarted with another ledger: its sequence numbers
+            start again, and its commands are unknown.
 
     Attributes:
-        behind: whether something may have been missed, as the rover could not read its record.
+        behind: whether notifications may be missing, because the rover could not read its record.
     """
 
     def __init__(
@@ -124,10 +124,10 @@ class NotificationStream:
         self.behind = True
 
     async def restore(self, consumer: RoverConsumer) -> None:
-        """Subscribe on a new connection, and catch up with what was missed since the last one.
+        """Subscribe on a new connection, and catch up with notifications since the last one.
 
         Raises:
-            MalError: the rover does not let subscribe, or the connection is lost again.
+            MalError: the rover rejects the subscription, or the connection is lost again.
         """
         self.behind = True
         held = self._held = []
@@ -150,7 +150,7 @@ class NotificationStream:
         try:
             missed = await self._missed(consumer)
             self.behind = False
-        except MalError as error:  # a rover that cannot read its record still takes a stop
+        except MalError as error:  # without its record the rover still accepts a stop
             if error.number in LOST:
                 raise
             self.behind = error.number == StandardError.INTERNAL.value
@@ -158,7 +158,7 @@ class NotificationStream:
             if self._held is held:
                 self._held = None
         known = {notification.cursor for notification in missed}
-        missed.sort(key=lambda each: given_up(each) is not None)  # it may have ended since
+        missed.sort(key=lambda each: given_up(each) is not None)  # its end may be recorded later
         for notification in (*missed, *(n for n in held if n.cursor not in known)):
             self._pass_on(notification)
 
@@ -180,7 +180,7 @@ class NotificationStream:
         self._deliver(notification)
 
     async def _missed(self, consumer: RoverConsumer) -> list[Notification]:
-        """Return what was recorded after the last notification; on the first connection nothing."""
+        """Return the notifications recorded after the last one; none on the first connection."""
         if self._has_last:
             found: list[Notification] = []
             since: int | None = cursor_of(self._last)

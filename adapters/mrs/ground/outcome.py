@@ -1,4 +1,4 @@
-"""How a command went, as its notifications tell, and where it waits if an orbiter stores it."""
+"""Outcome of a command from its notifications, and its storage at an orbiter."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
@@ -17,13 +17,13 @@ OnNotification = Callable[[Notification], None]
 
 @dataclass(frozen=True, slots=True)
 class CommandOutcome:
-    """The end of a command.
+    """The outcome of a command.
 
     Attributes:
-        life: its notifications, as they came.
-        refusal: the error that answered it, if it was not taken.
-        given_up: what the relay said when it gave it up: whether the rover got it is not known.
-        prediction: what the rover predicted of its motion; None where it predicted nothing.
+        life: its notifications, in the order of reception.
+        refusal: the error answer, if it was not accepted.
+        given_up: the relay's notification of its loss: whether the rover received it is unknown.
+        prediction: the rover's motion prediction; None without one.
     """
 
     command: Command
@@ -34,24 +34,24 @@ class CommandOutcome:
 
     @property
     def executed(self) -> bool:
-        """Whether this command was carried out, with success."""
+        """Whether this command was executed with success."""
         return self.refusal is None and self.stage is Stage.EXECUTED
 
     @property
     def stage(self) -> Stage | None:
-        """The last stage reached, if any is known."""
+        """The last known stage, or None."""
         return self.life[-1].stage if self.life else None
 
 
 class CommandWatch:
-    """Gathers the notifications of one command until its life ends, or a relay gives it up.
+    """Collects the notifications of one command until it ends or is lost at a relay.
 
     Attributes:
-        command, command_id: it, and its number.
-        life: what came so far.
-        given_up: what the relay said when it gave it up, if it did.
-        prediction: what the rover predicted of its motion, if it did.
-        ended: completes when nothing more is to come.
+        command, command_id: the command and its number.
+        life: the received notifications.
+        given_up: the relay's notification of its loss, or None.
+        prediction: the rover's motion prediction, or None.
+        ended: completes at the last expected notification.
     """
 
     def __init__(self, command: Command, on_notification: OnNotification) -> None:
@@ -66,17 +66,17 @@ class CommandWatch:
 
     @property
     def has_news(self) -> bool:
-        """Whether anything was notified of it."""
+        """Whether a notification was received, or the watch has ended."""
         return bool(self.life) or self.ended.done()
 
     def outcome(self, refusal: MalError | None = None) -> CommandOutcome:
-        """Return what came so far as the end, with the error that answered it, if one did."""
+        """Return the outcome from the received notifications and the error answer, if any."""
         return CommandOutcome(
             self.command, tuple(self.life), refusal, self.given_up, self.prediction
         )
 
     def take(self, notification: Notification) -> None:
-        """Take a notification of this command; what its listener raises ends the watch."""
+        """Process a notification of this command; an exception of the callback ends the watch."""
         if self.ended.done():
             return
         if given_up(notification) == self._identity:
@@ -97,55 +97,55 @@ class CommandWatch:
             self.ended.set_result(None)
 
     def fail(self, fault: Exception) -> None:
-        """End the watch without knowing how the command ended."""
+        """End the watch with an unknown result of the command."""
         if not self.ended.done():
             self.ended.set_exception(fault)
-            self.ended.exception()  # whoever waits still gets it; nobody has to
+            self.ended.exception()  # marks it as retrieved; waiting tasks still receive it
 
     def _is_news(self, notification: Notification) -> bool:
         own = (self._identity.source, self._identity.command_id)
-        told = (*self.life, *([] if self.prediction is None else [self.prediction]))
+        received = (*self.life, *([] if self.prediction is None else [self.prediction]))
         return (notification.source, notification.commandId) == own and all(
-            known.sequence != notification.sequence for known in told
+            known.sequence != notification.sequence for known in received
         )
 
 
 DTN_QUEUED: Final = "DTN_QUEUED"
 DTN_OLDEST: Final = "DTN_OLDEST"
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
-"""The parameter by which a relay is known: time until the next contact, 0 during one."""
+"""Parameter of every relay: time until the next contact in s, 0 during one."""
 LAST_HEARD: Final = "DTN_LAST_HEARD"
-"""Time since something was heard of the rover."""
+"""Parameter: time since the last contact with the rover, in s."""
 OVERRIDE: Final = "DTN_OVERRIDE"
-"""What the operator says of contact: 1 up, -1 down, 0 as planned."""
+"""Parameter: operator's override of the contact: 1 up, -1 down, 0 as planned."""
 
 
 async def where_stored(get_value: Callable[..., Awaitable[Sequence[ParameterValue]]]) -> str | None:
-    """Return where a command is that was taken and not heard of; None if the rover itself took it.
+    """Return the storage of an accepted command without report; None without a relay.
 
     Args:
-        get_value: asks the other end for parameters, by their names.
+        get_value: queries the peer for parameters by name.
 
     Raises:
-        ConnectionError: the other end does not come back.
+        ConnectionError: the link does not recover.
     """
     try:
         values = await get_value(NEXT_CONTACT, LAST_HEARD, OVERRIDE)
     except MalError:
         return None
-    left, heard, override = (None if each.value is None else each.value.value for each in values)
+    left, age, override = (None if each.value is None else each.value.value for each in values)
     when = describe_next_contact(inf if left is None else float(left), values[0].timestamp / 1e9)
     if override is not None and override < 0:
-        when = "the way is held closed by the operator until CONTACT PLAN"
-    elif heard is None:
-        when += "; nothing was heard of the rover yet"
+        when = "contact disabled by the operator until CONTACT PLAN"
+    elif age is None:
+        when += "; no contact with the rover yet"
     return f"at the orbiter; {when}"
 
 
 def describe_next_contact(left_s: float, utc_s: float) -> str:
-    """Return in words when there is contact: in so many seconds from a time on."""
+    """Return a text on the next contact, `left_s` seconds after a UTC time."""
     if isinf(left_s):
-        return "there is no contact, and none is planned"
+        return "no contact, and none is planned"
     if left_s <= 0.0:
-        return "there is contact now"
+        return "contact now"
     return f"next contact at {datetime.fromtimestamp(utc_s + left_s, UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,4 +1,4 @@
-"""What a client can ask of a rover without commanding it."""
+"""Queries of a client to a rover."""
 
 from typing import Any, Final, TypeVar
 
@@ -31,22 +31,22 @@ from executive.history import RunHistory
 T = TypeVar("T")
 
 LOST: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
-"""What an interaction ends with when the link or the rover goes away before the answer."""
+"""Errors of an interaction if the link or the rover is lost before the answer."""
 
 LONGEST_NUMBER: Final = (1 << 63) - 1
 
 
 def _is_number(text: str) -> bool:
-    """Whether a text is the number of a command as it travels."""
+    """Whether a text is a command number that fits the wire type."""
     digits = text.removeprefix("-")
     return digits.isascii() and digits.isdigit() and int(digits) <= LONGEST_NUMBER
 
 
 class Queries:
-    """Asks over a session, and asks again when the link was lost before the answer.
+    """Queries over a session, repeated if the link was lost before the answer.
 
-    All methods raise ConnectionError when the rover does not come back in time, and MalError when
-    the rover answers with an error.
+    All methods raise ConnectionError if the link does not recover in time, and MalError if the
+    rover answers with an error.
     """
 
     def __init__(self, session: RoverSession) -> None:
@@ -55,7 +55,7 @@ class Queries:
     async def get_notifications(
         self, since: int | None = None, command_id: int | None = None, max_count: int = 0
     ) -> tuple[Notification, ...]:
-        """Return recorded notifications from a cursor on; 0 for as many as come at once."""
+        """Return recorded notifications from a cursor on; `max_count` 0 for a full page."""
         wanted = (since, command_id, max_count)
         return await self._list(Notification, "Notification", "getNotifications", *wanted)
 
@@ -70,21 +70,21 @@ class Queries:
         return found
 
     async def get_last_notification(self) -> Notification | None:
-        """Return the notification that was recorded last; None if there is none."""
+        """Return the last recorded notification, or None."""
         last: Notification | None = await self._ask("Notification", "getLastNotification")
         return last
 
     async def get_history(
         self, command: str | None = None, *, everything: bool = False
     ) -> RunHistory:
-        """Return what explains a command, or what the rover does now; see `adapters.explanation`.
+        """Return the history of a command, or the present state; see `adapters.explanation`.
 
         Args:
-            command: its number, or `SOURCE:NUMBER`; None for what the rover does.
-            everything: return all that the rover keeps of its last commands, reports and modes.
+            command: its number, or `SOURCE:NUMBER`; None for the present state.
+            everything: return all stored commands, reports and modes.
 
         Raises:
-            UnknownCommandError: no command can be called so.
+            UnknownCommandError: the text is no command id.
         """
         source, _, number = (command or "").rpartition(":")
         if command is not None and not _is_number(number):
@@ -93,87 +93,87 @@ class Queries:
         return history_of(await self._one(History, "Notification", "getHistory", *wanted))
 
     async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
-        """Return present parameter values, all if none is named."""
+        """Return present parameter values; all without names."""
         return await self._list(ParameterValue, "Monitoring", "getValue", names)
 
     async def list_definition(self) -> tuple[ParameterDefinition, ...]:
-        """Return what the parameters mean."""
+        """Return the definitions of the parameters."""
         return await self._list(ParameterDefinition, "Monitoring", "listDefinition")
 
     async def get_pose(self) -> Pose:
-        """Return where the rover is; NaN what is not known."""
+        """Return the pose of the rover; unknown figures are NaN."""
         return await self._one(Pose, "MotionControl", "getPose")
 
     async def get_speeds(self) -> Speeds:
-        """Return how fast the rover may move, and does; NaN what is not known."""
+        """Return the maximum and present speeds; unknown figures are NaN."""
         return await self._one(Speeds, "MotionControl", "getSpeeds")
 
     async def preview(self, motion: Motion) -> Preview:
-        """Return what a motion command would come to, without commanding it."""
-        asked = asked_motion(motion)
-        parts = (asked.operation, asked.waypoints, asked.figures, asked.controller)
+        """Return the prediction of a motion command, without sending it."""
+        wanted = asked_motion(motion)
+        parts = (wanted.operation, wanted.waypoints, wanted.figures, wanted.controller)
         return await self._one(Preview, "MotionControl", "preview", *parts)
 
     async def preview_plan(self, plan: PlanDefinition) -> Preview:
-        """Return what a plan would come to, without submitting it."""
+        """Return the prediction of a plan, without submitting it."""
         return await self._one(Preview, "Plan", "previewPlan", wire_definition(plan))
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
-        """Return the text commands that there are, each with what it does."""
+        """Return the supported text commands, each with its help."""
         return await self._list(NamedValue, "Action", "listActions")
 
     async def get_camera_state(self) -> CameraState:
-        """Return where the camera points, NaN what is not known, and whether video is on."""
+        """Return camera angles, NaN if unknown, and whether video is on."""
         return await self._one(CameraState, "Camera", "getState")
 
     async def get_status_interval_s(self) -> float:
-        """Return how often telemetry is sent, in seconds; 0 for on change."""
+        """Return the telemetry interval in s; 0 for on change."""
         return await self._one(float, "Status", "getStatusInterval")
 
     async def get_status(self) -> AssetStatus:
-        """Return mode, work and all parameters."""
+        """Return mode, active command, queue and all parameters."""
         return await self._one(AssetStatus, "Status", "getStatus")
 
     async def get_faults(self) -> FaultStatus:
-        """Return why the rover stands, its active faults, and what it does not monitor."""
+        """Return the reason for standstill, the active faults, and the checks that do not run."""
         return await self._one(FaultStatus, "Status", "getFaults")
 
     async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
-        """Return how far plans have come, all of them if none is named."""
+        """Return the status of plans; all without ids."""
         return await self._list(PlanUpdate, "Plan", "getPlanStatus", plan_ids)
 
     async def list_files(self, folder: str | None = None) -> tuple[FileInfo, ...]:
-        """Return the files of a folder and of the folders in it, None for all.
+        """Return the files of a folder and its subfolders, None for all.
 
-        A rover names at most a thousand, those that were changed last.
+        A rover returns at most 1000, those changed last.
         """
         return await self._list(FileInfo, "FileTransfer", "listFiles", folder)
 
     async def get_attributes(self, path: str) -> FileInfo:
-        """Return what a file is like, its checksum and what is known of it included."""
+        """Return the attributes of a file with checksum and metadata."""
         return await self._one(FileInfo, "FileManagement", "getAttributes", path)
 
     async def get_asset(self) -> AssetInfo:
-        """Return what this rover is."""
+        """Return the description of this rover."""
         return await self._one(AssetInfo, "ServiceLayer", "getAsset")
 
     async def list_assets(self) -> tuple[AssetInfo, ...]:
-        """Return this rover and all others that it heard of; OFFLINE who does not answer it."""
+        """Return this rover and the assets known to it; OFFLINE if one does not answer."""
         return await self._list(AssetInfo, "MonitoringClient", "listAssets")
 
     async def get_asset_value(self, asset: str, *names: str) -> tuple[ParameterValue, ...]:
-        """Return the parameter values that this rover last heard of another, all if none named."""
+        """Return the last values that this rover received of another asset; all without names."""
         return await self._list(ParameterValue, "MonitoringClient", "getValue", asset, names)
 
     async def get_asset_notifications(
         self, asset: str, since: int | None = None, max_count: int = 0
     ) -> tuple[Notification, ...]:
-        """Return what this rover heard another report, oldest first."""
+        """Return the notifications that this rover received of another asset, oldest first."""
         wanted = (asset, since, max_count)
         return await self._list(Notification, "NotificationClient", "getNotifications", *wanted)
 
     async def get_services(self) -> tuple[ServiceDescriptor, ...]:
-        """Return the services and operations that work there."""
+        """Return the services with their supported operations."""
         return await self._list(ServiceDescriptor, "ServiceLayer", "getServices")
 
     async def get_service(self, name: str) -> ServiceDescriptor:

@@ -1,4 +1,4 @@
-"""One consumer for all services of a rover, each where the rover's directory says it is."""
+"""One consumer for all services of a rover, each at its address in the rover's directory."""
 
 import asyncio
 import ssl
@@ -27,10 +27,10 @@ DIRECTORY: Final = "ServiceLayer"
 
 @dataclass(frozen=True, slots=True)
 class ServiceLocation:
-    """Where something is served.
+    """Address of a service.
 
     Attributes:
-        is_broker: whether a broker of its own is there, and not a provider.
+        is_broker: whether it is a separate broker, not a provider.
     """
 
     uri: str
@@ -39,12 +39,12 @@ class ServiceLocation:
 
 @dataclass(frozen=True, slots=True)
 class ServiceLocations:
-    """The services, by name, that are not where the directory is.
+    """Addresses of services, by name, that differ from the directory's.
 
     Attributes:
-        providers: where their operations are answered.
-        brokers: where their updates are subscribed to.
-        listed: the operations of each service that is anywhere, by number.
+        providers: addresses of their providers.
+        brokers: addresses of their brokers.
+        listed: operation numbers of every listed service.
     """
 
     providers: dict[str, ServiceLocation] = field(default_factory=dict)
@@ -53,45 +53,45 @@ class ServiceLocations:
 
 
 def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> ServiceLocations:
-    """Sort out what a directory says.
+    """Return the addresses of services from the entries of a directory.
 
-    What it says of itself is where it was asked, by whatever name the ground knows that place: a
-    tunnel, another network. A service counts under the name that the specification gives it; what
-    other assets registered goes by other names, and no command of this one goes there.
+    The directory's own URI is replaced by the queried one, since the client may use a tunnel or
+    another network. Only services with the name of the specification count. Those of other assets
+    have other names; no command of this rover is sent there.
 
     Args:
-        found: what the directory says.
-        asked: where it was asked.
+        found: entries of the directory.
+        asked: URI at which the directory was queried.
     """
     listed = {each.name: each for each in reversed(tuple(found)) if _is_ours(each)}
     itself = listed.get(DIRECTORY)
     here = {str(asked)} if itself is None else {str(asked), itself.providerURI}
     brokers_here = {_broker(uri) for uri in here}
-    places = ServiceLocations(listed={name: each.operations for name, each in listed.items()})
+    locations = ServiceLocations(listed={name: each.operations for name, each in listed.items()})
     for name, each in listed.items():
         if each.providerURI not in here:
-            places.providers[name] = ServiceLocation(each.providerURI)
+            locations.providers[name] = ServiceLocation(each.providerURI)
         if each.brokerURI is None or each.brokerURI in brokers_here:
             continue
         with_provider = each.brokerURI == _broker(each.providerURI)
-        places.brokers[name] = (
+        locations.brokers[name] = (
             ServiceLocation(each.providerURI)
             if with_provider
             else ServiceLocation(each.brokerURI, is_broker=True)
         )
-    return places
+    return locations
 
 
 def _broker(uri: str) -> str | None:
-    """Return the broker that belongs to a provider, which is reached over the same connection."""
+    """Return the broker URI of a provider, reached over the same connection."""
     try:
         return str(MalUri.parse(uri).broker)
     except ValueError:
-        return None  # of a transport that is not spoken here
+        return None  # another transport, not supported here
 
 
 def _is_ours(descriptor: ServiceDescriptor) -> bool:
-    """Whether it is a service of the MRS under its own name."""
+    """Whether it is a service of the MRS with the name of the specification."""
     service = find_service(descriptor.service)
     return service is not None and service.name == descriptor.name
 
@@ -100,10 +100,10 @@ class Dialer:
     """Connects to providers and brokers.
 
     Args:
-        name: the last part of this end's own URI.
-        terms: the encoding, and the certificates of this end, which are read when first needed.
-        timeout_s: how long to wait for a connection, and for each reply.
-        system: the time of messages.
+        name: the last part of the client's own URI.
+        terms: encoding and certificates; the files are read at first use.
+        timeout_s: timeout of a connection attempt and of each reply.
+        system: clock of messages.
     """
 
     def __init__(
@@ -119,12 +119,12 @@ class Dialer:
         self._tls: ssl.SSLContext | None = None
 
     async def connect(self, uri: str | MalUri, *, is_broker: bool = False) -> Consumer:
-        """Connect to a provider, or a broker of its own.
+        """Connect to a provider, or to a separate broker.
 
         Raises:
             CertificateError: a certificate file cannot be used.
-            MalError: nobody answers there, or TLS could not be agreed on.
-            ValueError: the URI is none.
+            MalError: no answer, or the TLS handshake failed.
+            ValueError: the URI is not valid.
         """
         if self._tls is None:
             self._tls = self._terms.for_consumer()
@@ -135,18 +135,18 @@ class Dialer:
 
 
 class NotServedError(MalError):
-    """An asset serves only a part of the MRS, as its directory says; NotSupported by the MRS."""
+    """An operation is missing from the asset's directory; NotSupported of the MRS."""
 
     def __init__(self, text: str) -> None:
         super().__init__(AreaError.NOT_SUPPORTED.value, TypedAttribute(AttributeType.STRING, text))
 
 
 class RoverConsumer:
-    """Has the calls of a `Consumer`, and takes each to where its service is.
+    """Has the calls of a `Consumer`, and directs each to the address of its service.
 
-    A connection to another place than the directory's is opened when it is first needed; when one
-    is lost, all are to be made again. Besides what `Consumer` raises, the calls raise
-    ConnectionError when nobody answers where the directory sends them.
+    A connection to another address than the directory's is opened at first use; if one is lost,
+    all must be reconnected. Besides the errors of `Consumer`, the calls raise ConnectionError if
+    an address of the directory does not answer.
     """
 
     def __init__(self, directory: Consumer, dialer: Dialer) -> None:
@@ -160,15 +160,15 @@ class RoverConsumer:
         self._watches = [asyncio.create_task(self._watch(directory))]
 
     async def discover(self, uri: MalUri) -> None:
-        """Ask the directory, which was connected to by this URI; raises as `request` does."""
+        """Query the directory, connected at this URI; raises as `request` does."""
         (found,) = await self._directory.request(DIRECTORY, "getServices")
         self._uri, self._places = uri, service_locations(found, uri)
 
     def require(self, service: str, operation: str) -> None:
-        """Check that the directory lists an operation, where it lists anything.
+        """Check that the directory lists an operation; a directory without entries passes.
 
         Raises:
-            NotServedError: it does not.
+            NotServedError: the operation is not listed.
         """
         listed = self._places.listed
         if service not in listed and listed and service != DIRECTORY:
@@ -180,19 +180,19 @@ class RoverConsumer:
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:
-        """Do a SUBMIT, and return when it is acknowledged."""
+        """Send a SUBMIT, and return when it is acknowledged."""
         provider = await self._provider(service, operation)
         await provider.submit(service, operation, *parts, supplements=supplements)
 
     async def request(self, service: str, operation: str, *parts: Any) -> tuple[Any, ...]:
-        """Do a REQUEST, and return the parts of the response."""
+        """Send a REQUEST, and return the parts of the response."""
         return await (await self._provider(service, operation)).request(service, operation, *parts)
 
     @asynccontextmanager
     async def progress(
         self, service: str, operation: str, *parts: Any
     ) -> AsyncIterator[ProgressStream]:
-        """Do a PROGRESS, which is entered when it is acknowledged."""
+        """Start a PROGRESS; the context is entered at its acknowledgement."""
         provider = await self._provider(service, operation)
         async with provider.progress(service, operation, *parts) as progress:
             yield progress
@@ -202,12 +202,12 @@ class RoverConsumer:
     ) -> None:
         """Register a subscription with the service's broker."""
         self.require(service, operation)
-        place = self._places.brokers.get(service)
-        broker = self._directory if place is None else await self._at(place, service)
+        location = self._places.brokers.get(service)
+        broker = self._directory if location is None else await self._at(location, service)
         await broker.subscribe(service, operation, subscription, on_update)
 
     async def lost(self) -> None:
-        """Return when any of the connections is gone, by whichever end."""
+        """Wait until any of the connections is closed, by either end."""
         await self._lost.wait()
 
     async def close(self) -> None:
@@ -220,8 +220,8 @@ class RoverConsumer:
 
     async def _provider(self, service: str, operation: str) -> Consumer:
         self.require(service, operation)
-        place = self._places.providers.get(service)
-        return self._directory if place is None else await self._at(place, service)
+        location = self._places.providers.get(service)
+        return self._directory if location is None else await self._at(location, service)
 
     async def _at(self, place: ServiceLocation, service: str) -> Consumer:
         async with self._opening:
@@ -229,7 +229,7 @@ class RoverConsumer:
                 try:
                     opened = await self._dialer.connect(place.uri, is_broker=place.is_broker)
                 except (MalError, ValueError) as error:
-                    text = f"{service} is at {place.uri} by the directory: {error}"
+                    text = f"{service}, listed at {place.uri}, is not reachable: {error}"
                     raise ConnectionError(text) from error
                 self._opened[place] = opened
                 self._watches.append(asyncio.create_task(self._watch(opened)))

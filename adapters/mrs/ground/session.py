@@ -1,4 +1,4 @@
-"""A connection to one rover that is made again when it is lost."""
+"""A session with one rover that reconnects after losses of the link."""
 
 import asyncio
 import logging
@@ -16,15 +16,15 @@ from adapters.system import OPERATING_SYSTEM, System
 _LOG: Final = logging.getLogger(__name__)
 
 PAUSE_S: Final = 0.2
-"""Between two attempts to connect again."""
+"""Period of reconnection attempts; chosen, not measured."""
 
 
 class UnknownHostError(ConnectionError):
-    """The name in an address stands for no computer."""
+    """The host name of an address cannot be resolved."""
 
 
 def parse_address(text: str) -> MalUri:
-    """Read where a rover is: `maltcp://host:port/name`, `host:port` or `host`.
+    """Parse the address of a rover: `maltcp://host:port/name`, `host:port` or `host`.
 
     Raises:
         ValueError: it is none of these.
@@ -38,19 +38,19 @@ def parse_address(text: str) -> MalUri:
 
 
 class RoverSession:
-    """Keeps a consumer connected with all services of a rover.
+    """Keeps a consumer connected to all services of a rover.
 
-    Nothing is connected yet.
+    `open` makes the first connection.
 
     Args:
-        uri: where the rover's directory is; it tells where the rest is.
+        uri: address of the rover's directory, which lists all other addresses.
         name: the last part of the consumer's own URI.
-        terms: what was agreed on with the rover.
-        restore: called with every new consumer before anybody else gets it.
-        give_up: called once, when the rover did not come back.
-        timeout_s: how long to wait for a connection, and for each reply.
-        patience_s: how long to go on trying after a loss; 0 for not at all.
-        system: the time of messages.
+        terms: encoding and certificates, the same as the rover's.
+        restore: called with every new consumer before its first use.
+        give_up: called once, if reconnection failed.
+        timeout_s: timeout of a connection attempt and of each reply.
+        patience_s: maximum time of reconnection attempts after a loss; 0 for none.
+        system: clock of messages.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class RoverSession:
         self._keeper: asyncio.Task[None] | None = None
 
     def separate(self) -> "RoverSession":
-        """Return a session with the same rover over connections of its own, for one purpose."""
+        """Return a session with the same rover over separate connections."""
         rest = (self._timeout_s, self._patience_s, self._system)
         return RoverSession(self.uri, self._name, self._terms, None, None, *rest)
 
@@ -86,10 +86,10 @@ class RoverSession:
         """Connect for the first time.
 
         Args:
-            patiently: whether to go on trying, as after a loss.
+            patiently: whether to retry as after a loss.
 
         Raises:
-            ConnectionError: nobody answers as a rover does.
+            ConnectionError: no rover answers there.
         """
         consumer = await (self._connect_again() if patiently else self._connect())
         self._keeper = asyncio.create_task(self._keep(consumer))
@@ -98,7 +98,7 @@ class RoverSession:
         """Return the consumer, once it is connected.
 
         Raises:
-            ConnectionError: the rover did not come back, or the session is closed.
+            ConnectionError: the reconnection failed, or the session is closed.
         """
         await self._settled.wait()
         if self._consumer is None:
@@ -106,13 +106,13 @@ class RoverSession:
         return self._consumer
 
     async def drop(self, consumer: RoverConsumer) -> None:
-        """Let nobody have a consumer again over which nothing comes any more."""
+        """Close a consumer without answers, so that it is not used again."""
         if consumer is self._consumer and self._fault is None:
             self._settled.clear()
         await consumer.close()
 
     async def close(self) -> None:
-        """Hang up, even if this is cancelled."""
+        """Close all connections, even if this is cancelled."""
         try:
             if self._keeper is not None:
                 self._keeper.cancel()
@@ -139,7 +139,7 @@ class RoverSession:
                 if self._give_up is not None:
                     self._give_up(fault)
                 return
-            _LOG.warning("connection with %s is back", self.uri)
+            _LOG.warning("connection with %s recovered", self.uri)
 
     async def _connect_again(self) -> RoverConsumer:
         loop = asyncio.get_running_loop()
@@ -174,26 +174,24 @@ class RoverSession:
     def _no_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:
             why = str(getattr(error.extra, "value", error)).removeprefix(f"{self.uri}: ")
-            return TransportMismatchError(f"{self.uri} cannot be believed: {why}")
+            return TransportMismatchError(f"{self.uri} is not trusted: {why}")
         cause = error.__cause__
         if isinstance(cause, gaierror):
-            return UnknownHostError(f"no computer is known by the name {self.uri.host}")
+            return UnknownHostError(f"unknown host {self.uri.host}")
         if self._terms.certificates is None or isinstance(cause, ConnectionRefusedError):
-            return ConnectionError(f"nobody answers at {self.uri}")
-        return TransportMismatchError(
-            f"nobody answers by TLS at {self.uri}: a rover there may speak clear text"
-        )
+            return ConnectionError(f"no answer at {self.uri}")
+        return TransportMismatchError(f"no TLS answer at {self.uri}: the rover may use clear text")
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:
             if self._terms.certificates is None:
-                return TransportMismatchError(f"{self.uri} hung up: does it ask for certificates?")
+                return TransportMismatchError(f"{self.uri} closed the connection: is TLS needed?")
             return TransportMismatchError(
-                f"{self.uri} hung up: it does not believe this certificate"
+                f"{self.uri} closed the connection: it does not trust this certificate"
             )
-        text = f"{self.uri} does not answer as a rover does: {describe_error(error)}"
+        text = f"{self.uri} does not answer like a rover: {describe_error(error)}"
         if error.number == StandardError.BAD_ENCODING.value:
             return TransportMismatchError(
-                f"{text}; is its encoding another than {self._terms.encoding.value}?"
+                f"{text}; does it use another encoding than {self._terms.encoding.value}?"
             )
         return ConnectionError(text)

@@ -1,4 +1,4 @@
-"""The behaviour tree of a rover, put together from what it broadcasts of it."""
+"""The behaviour tree of a rover, assembled from its updates."""
 
 import logging
 from typing import TYPE_CHECKING, Final
@@ -15,9 +15,9 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class TreeUpdates(Updates["TreeSnapshot"]):
-    """The streams of the behaviour tree: what differs is passed on as the whole that it makes.
+    """The streams of the behaviour tree: differences are merged into the full tree.
 
-    What differs from a whole that did not come is passed over; another whole comes soon.
+    Differences from a missed full update are skipped until the next full one.
     """
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class TreeUpdates(Updates["TreeSnapshot"]):
         self._whole: TreeSnapshot | None = None
 
     async def subscribe(self, consumer: RoverConsumer) -> None:
-        """Subscribe over a connection, over which a whole comes first, if anybody listens."""
+        """Subscribe over a connection, if a stream is open; the first update is a full one."""
         self._whole = None
         await super().subscribe(consumer)
 
@@ -39,7 +39,7 @@ class TreeUpdates(Updates["TreeSnapshot"]):
         try:
             snapshot = snapshot_of_update(update, self._whole)
         except ValueError as error:
-            _LOG.warning("a tree was told that is none: %s", error)
+            _LOG.warning("invalid tree update: %s", error)
             return
         if is_whole:
             self._number, self._whole = update.whole, snapshot
