@@ -115,7 +115,7 @@ def test_what_is_typed_is_what_the_core_gets(
     aboard: Aboard, taken: list[Command], typed: str, request_: Request
 ) -> None:
     result = command(aboard, "--no-wait", *typed.split())
-    assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "taken")
+    assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "acknowledged")
     assert [each.request for each in taken] == [request_]
     assert taken[0].arrival is PreemptionPolicy.APPEND
 
@@ -180,10 +180,10 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     result = command(aboard, "--id", "5", "setTravelSpeed", "0.5")
     assert result.exit_code == FAILED
     assert "EXECUTED" in result.output
-    assert "refused: Duplicate: MOE:5 is a repeat and not done again" in result.output
+    assert "refused: Duplicate: MOE:5 is a repeat and not executed again" in result.output
     result = command(aboard, "--id", "5", "setTravelSpeed", "0.4")
     assert result.exit_code == FAILED
-    assert "MOE:5 was taken before, as this command or another" in result.output
+    assert "MOE:5 was accepted before, as this or another command" in result.output
     result = command(aboard, "--id", "5", "--no-wait", "setTravelSpeed", "0.5")
     assert "refused: Duplicate: this source has already used command id 5" in result.output
 
@@ -218,7 +218,7 @@ def test_ctrl_c_leaves_the_command_at_work_and_says_so(aboard: Aboard) -> None:
     moving.send_signal(signal.SIGINT)
     _, errors = moving.communicate()
     assert moving.returncode == INTERRUPTED
-    assert "may go on aboard: `rover command stop` ends it" in errors
+    assert "may continue: `rover command stop` ends it" in errors
     assert aboard.do(lambda bench: bench.executive.moving)
 
 
@@ -270,9 +270,9 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("moveTo 1 1 --no-wait", "stands before the operation, `rover command --no-wait moveTo"),
-        ("moveTo 1 1 --id=5", "stands before the operation, `rover command --id=5 moveTo"),
-        ("action VIDEO ON --to x", "stands before the operation"),
+        ("moveTo 1 1 --no-wait", "write it before the operation, `rover command --no-wait moveTo"),
+        ("moveTo 1 1 --id=5", "write it before the operation, `rover command --id=5 moveTo"),
+        ("action VIDEO ON --to x", "write it before the operation"),
         ("moveTo 3 2 --headng 90deg", "Did you mean '--heading'?"),
         ("setCameraAngles", "give at least one of --pan, --tilt"),
         ("rotateBy 90", "90 rad is more than a turn: write 90deg for degrees"),
@@ -324,7 +324,7 @@ def test_a_rover_that_is_not_there(
 def test_a_name_that_no_computer_has_is_called_so() -> None:
     result = rover("command", "--to", "nowhere.invalid", "stop")
     assert result.exit_code == UNREACHABLE
-    assert "unknown host nowhere.invalid: look at --to" in result.output
+    assert "unknown host nowhere.invalid: check --to" in result.output
     assert "rover demo" not in result.output
 
 

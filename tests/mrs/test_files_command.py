@@ -94,7 +94,7 @@ def test_what_cannot_be_stored_here_fails_in_words(
 def test_a_folder_that_is_not_here_is_no_file(aboard: Aboard, picture: str, tmp_path: Path) -> None:
     result = files(aboard, "get", picture, f"{tmp_path}/none/")
     assert result.exit_code == 2
-    assert f"there is no folder {tmp_path}/none/" in result.output
+    assert f"folder {tmp_path}/none/ does not exist" in result.output
     assert list(tmp_path.glob("none*")) == []
 
 

@@ -64,7 +64,7 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     assert "1 of 1" in status
     assert rover("abort", "ahead", *to).exit_code == 0
     assert rover("remove", "ahead", *to).exit_code == 0
-    assert rover("status", *to).output == "no plans: `rover plan submit` sends one\n"
+    assert rover("status", *to).output == "no plans: submit one with `rover plan submit`\n"
     gone = rover("status", "ahead", *to)
     assert (gone.exit_code, gone.stderr) == (1, "Error: NotFound: ahead\n")
 

@@ -134,7 +134,7 @@ def test_what_makes_no_sense_as_typed(tmp_path: Path) -> None:
     assert typed("--plan", str(file), "moveForward", "1").exit_code == 2
     assert typed("--arg", "far=1", "moveForward", "1").exit_code == 2
     misplaced = typed("moveForward", "1", "--json")
-    assert "--json is an option of `rover preview`: it stands before" in misplaced.output
+    assert "--json is an option of `rover preview`: write it before" in misplaced.output
 
 
 def test_every_motion_can_be_typed() -> None:
@@ -147,13 +147,13 @@ def test_every_motion_can_be_typed() -> None:
 
 def test_lines_for_people() -> None:
     assert preview_lines(TOLD) == [
-        "takes 2.0 s, 1.00 m",
+        "duration 2.0 s, 1.00 m",
         "ends at x 1.00 m, y 0.00 m, heading 0.0°, within 0.02 m and 1.7° (2 sigma)",
     ]
     more = replace(TOLD, energy=111.4, clearance=0.5, nearest="rock 'boulder'")
     first, _, last = preview_lines(more)
-    assert first == "takes 2.0 s, 1.00 m, 111 J"
-    assert last == "comes to 0.50 m from rock 'boulder'"
+    assert first == "duration 2.0 s, 1.00 m, 111 J"
+    assert last == "clearance 0.50 m to rock 'boulder'"
 
 
 async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsClient) -> None:

@@ -80,7 +80,7 @@ def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
     result = rover("status", "--to", aboard.uri)
     assert result.exit_code == DONE
     first, why, work, *_ = result.output.splitlines()
-    assert (first, work) == ("jackal  MOVING", "command under way 77, 1 waiting")
+    assert (first, work) == ("jackal  MOVING", "active command 77, 1 queued")
     assert re.fullmatch(r"moves at \+\d\.\d\d m/s, [+-]0\.00 rad/s for MOE:77 moveForward", why)
     assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
     assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
@@ -97,12 +97,12 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
-    idle = ["jackal  IDLE", "standing: no motion goal", "nothing under way, nothing waits"]
+    idle = ["jackal  IDLE", "standing: no motion goal", "no command active, queue empty"]
     assert shown(aboard)[:3] == idle
-    assert not any("to go on" in line for line in shown(aboard))
+    assert not any("to continue" in line for line in shown(aboard))
     command(aboard, "--no-wait", "stop")
     assert shown(aboard)[1].startswith("standing: stopped by MOE:")
-    assert shown(aboard)[3] == "to go on: rover command resume"
+    assert shown(aboard)[3] == "to continue: rover command resume"
 
 
 def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
@@ -114,7 +114,7 @@ def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
     assert lines[0] == "jackal  SAFE"
     assert lines[1].startswith("standing: SAFE because odometry is 0.30 s old")
     assert re.fullmatch(r"ALARM odometry_stale since [\d :-]+ UTC, safe until a resume", lines[2])
-    assert lines[4] == "to go on, when that is over: rover command resume"
+    assert lines[4] == "to continue, once the cause is cleared: rover command resume"
     (fault,) = json.loads(rover("status", "--to", aboard.uri, "--json").output)["faults"]
     assert (fault["name"], fault["reaction"], fault["onResume"]) == ("odometry_stale", "SAFE", True)
     assert fault["parameters"]["age"] > fault["parameters"]["bound"]
@@ -124,10 +124,10 @@ def test_says_that_a_fault_ends_by_itself(aboard: Aboard) -> None:
     aboard.do(lambda bench: setattr(bench, "odometry", False))
     aboard.run(2.0)
     said = (
-        r"WARNING odometry_silent since [\d :-]+ UTC, warn while it shows: the newest odometry is "
+        r"WARNING odometry_silent since [\d :-]+ UTC, warn while it persists: the newest odometry "
     )
     assert re.match(said, shown(aboard)[2])
-    assert not any("to go on" in line for line in shown(aboard))
+    assert not any("to continue" in line for line in shown(aboard))
 
 
 def test_says_in_a_line_what_is_not_monitored(aboard: Aboard) -> None:
@@ -148,7 +148,7 @@ def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) ->
     assert shown(aboard)[0] == "jackal  PAUSED"
     assert shown(aboard)[3:5] == [
         f"plan ahead is suspended: suspended by {outcome.command.identity}",
-        "to go on: rover plan resume ahead",
+        "to continue: rover plan resume ahead",
     ]
 
 
@@ -209,7 +209,7 @@ def test_lists_the_rovers_and_shows_one(uri: str) -> None:
 def test_says_who_was_not_heard_of(uri: str) -> None:
     result = status("--to", uri, "--asset", "mule")
     assert result.exit_code == USAGE
-    assert "mule was not heard of" in result.output
+    assert "mule is unknown" in result.output
 
 
 @pytest.mark.parametrize(

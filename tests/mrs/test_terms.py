@@ -161,7 +161,7 @@ def test_certificates_are_options_of_what_people_type(
     assert told.exit_code == DONE, told.output
     unknown = rover(first, "--to", secured.uri, *options(ends.stranger), *rest)
     assert unknown.exit_code == UNREACHABLE
-    assert "does not trust this certificate; say how it is spoken to with --cert" in unknown.output
+    assert "does not trust this certificate; check --cert" in unknown.output
 
 
 def test_certificates_may_stand_in_the_environment(

@@ -107,7 +107,7 @@ def test_status_and_watch_say_that_the_pose_is_uncertain(
     assert lines[1] == f"standing: no motion goal; {said}"
     (place,) = (line for line in lines if line.startswith("at x "))
     assert f", uncertain by {uncertainty}, video off" in place
-    (way_out,) = (line for line in lines if line.startswith("to be certain of the pose again: "))
+    (way_out,) = (line for line in lines if line.startswith("the pose is uncertain: "))
     assert "rover command confirmPose" in way_out
     assert said in " ".join(typed("watch", "--once", "--to", rover.uri).output.split())
     assert typed("command", "--to", rover.uri, "confirmPose", "0", "0").exit_code == 0

@@ -414,9 +414,9 @@ def test_who_asks_without_end_is_slowed_and_changes_do_not_fill_the_record(
 def test_the_command_line_requests_it_and_says_who_holds_it(guarded: Aboard) -> None:
     guarded.runs = False
     to = ("--to", guarded.uri)
-    assert rover("authority", "status", *to).output == "nobody holds the authority\n"
+    assert rover("authority", "status", *to).output == "authority free\n"
     done = rover("command", *to, "--no-wait", "setTravelSpeed", "0.5")
-    assert (done.exit_code, done.output.splitlines()[-1]) == (0, "taken")
+    assert (done.exit_code, done.output.splitlines()[-1]) == (0, "acknowledged")
     other = rover("command", *to, "--source", "MOE-2", "--no-wait", "setTravelSpeed", "0.4")
     assert other.exit_code == 1
     assert "MOE holds it for another" in other.output
@@ -424,7 +424,7 @@ def test_the_command_line_requests_it_and_says_who_holds_it(guarded: Aboard) -> 
     stop = rover("command", *to, "--source", "MOE-2", "--no-wait", "stop")
     assert stop.exit_code == 0
     handed = rover("authority", "hand-over", "MOPS", "--lease", "60", *to)
-    assert "MOPS holds the authority, epoch 2, for another 60 s" in handed.output
+    assert "MOPS holds the authority, epoch 2, lease 60 s" in handed.output
     assert "MOPS holds the authority" in rover("status", *to).output
     status = json.loads(rover("status", "--json", *to).output)["authority"]
     assert (status["holder"], status["needed"]) == ("MOPS", True)
@@ -442,7 +442,7 @@ def test_an_operator_holds_it_until_ctrl_c(guarded: Aboard) -> None:
     holding.send_signal(signal.SIGINT)
     holding.communicate()
     assert holding.returncode == INTERRUPTED
-    assert rover("authority", "status", "--to", guarded.uri).output.startswith("nobody holds")
+    assert rover("authority", "status", "--to", guarded.uri).output.startswith("authority free")
 
 
 def test_an_operator_that_holds_it_is_told_when_another_took_it(tmp_path: Path) -> None:
@@ -453,7 +453,7 @@ def test_an_operator_that_holds_it_is_told_when_another_took_it(tmp_path: Path) 
         assert rover("authority", "take", "--source", "DIRECTOR", "--to", aboard.uri).exit_code == 0
         _, errors = holding.communicate()
         assert holding.returncode == 1
-        assert "it is held no more: DIRECTOR holds the authority" in errors
+        assert "authority lost: DIRECTOR holds the authority" in errors
     finally:
         aboard.close()
 

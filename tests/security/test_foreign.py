@@ -257,7 +257,8 @@ def test_a_repeat_of_which_nothing_is_told_again_is_not_called_another_command(
     told = rover("command", "--to", aboard.uri, "--id", "5", "moveForward", "2")
     assert told.exit_code == 1
     assert (
-        "MOE:5 was taken before, as this command or another, and is not done again" in told.output
+        "MOE:5 was accepted before, as this or another command, and is not executed again"
+        in told.output
     )
 
 

@@ -1,7 +1,7 @@
-"""The sub-commands of `rover` that speak the MRS, each a module beside this face.
+"""Sub-commands of `rover` that use the MRS, one module each.
 
-Other sub-commands and processes use `options` (`to_option`: where a rover is and on which terms;
-`add_terms_options`: the terms of a process that serves) and `terminal`.
+Other sub-commands and processes use `terminal` and `options`: `to_option` for the address,
+encoding and certificates of a rover, `add_terms_options` for those of a server process.
 """
 
 from adapters.mrs.cli.options import RoverTarget as RoverTarget

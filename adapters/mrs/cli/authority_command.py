@@ -1,4 +1,4 @@
-"""`rover authority`: who may command a rover, and how that passes on."""
+"""`rover authority`: shows, requests and transfers the command authority of a rover."""
 
 import click
 
@@ -10,10 +10,10 @@ from adapters.mrs.spec import AuthorityStatus
 
 @click.group()
 def authority() -> None:
-    """Show who may command a rover, and request or pass on that authority.
+    """Show, request or transfer the command authority of a rover.
 
-    One operator at a time holds it, by a lease that each command renews. `rover command` requests
-    it by itself where it is needed and free. To stop, and to read, nobody needs it.
+    One operator at a time holds it, with a lease that each command renews. `rover command` requests
+    it if it is needed and free. A stop and queries do not need it.
 
     \b
     Examples:
@@ -28,7 +28,7 @@ def authority() -> None:
 @json_option
 @in_session
 async def status(client: MrsClient, as_json: bool) -> None:
-    """Show who holds the authority, and for how long.
+    """Show the holder of the authority and its remaining lease.
 
     \b
     Example:
@@ -42,11 +42,11 @@ async def status(client: MrsClient, as_json: bool) -> None:
 
 
 @authority.command()
-@click.option("--hold", is_flag=True, help="Renew it until Ctrl-C, then give it up.")
+@click.option("--hold", is_flag=True, help="Renew it until Ctrl-C, then release it.")
 @source_option
 @in_session
 async def request(client: MrsClient, hold: bool) -> None:
-    """Get the authority if it is free; else its holder is told who asks.
+    """Request the authority. If it is not free, its holder is notified.
 
     \b
     Examples:
@@ -59,11 +59,11 @@ async def request(client: MrsClient, hold: bool) -> None:
 
 
 @authority.command()
-@click.option("--hold", is_flag=True, help="Renew it until Ctrl-C, then give it up.")
+@click.option("--hold", is_flag=True, help="Renew it until Ctrl-C, then release it.")
 @source_option
 @in_session
 async def take(client: MrsClient, hold: bool) -> None:
-    """Take the authority from its holder, where the rover's settings let this source.
+    """Take the authority over from its holder, if the rover's settings allow this source to.
 
     \b
     Example:
@@ -81,12 +81,12 @@ async def take(client: MrsClient, hold: bool) -> None:
     "lease_s",
     type=float,
     metavar="SECONDS",
-    help="How long TO may be silent, such as an orbiter between contacts.",
+    help="Maximum time without a command of TO, e.g. of an orbiter between contacts.",
 )
 @source_option
 @in_session
 async def hand_over(client: MrsClient, to_source: str, lease_s: float | None) -> None:
-    """Give the authority to another operator, or to the orbiter.
+    """Hand the authority over to another operator or to the orbiter.
 
     \b
     Examples:
@@ -100,7 +100,7 @@ async def hand_over(client: MrsClient, to_source: str, lease_s: float | None) ->
 @source_option
 @in_session
 async def release(client: MrsClient) -> None:
-    """Give the authority up.
+    """Release the authority.
 
     \b
     Example:
@@ -110,22 +110,22 @@ async def release(client: MrsClient) -> None:
 
 
 async def _hold(client: MrsClient) -> None:
-    """Keep the authority until Ctrl-C; exits 1 when somebody else has it."""
+    """Hold the authority until Ctrl-C; exits 1 if it is lost to another holder."""
     try:
         await client.authority.lost()
     finally:
         if client.authority.epoch is not None:
             await client.authority.release()
-    fail(f"it is held no more: {authority_line(await client.authority.status())}")
+    fail(f"authority lost: {authority_line(await client.authority.status())}")
 
 
 def authority_line(status: AuthorityStatus) -> str:
-    """Return in one line who may command."""
-    need = "" if status.needed else "; commands need none"
+    """Return the status of the authority in one line."""
+    need = "" if status.needed else "; not needed for commands"
     if status.holder is None:
-        return f"nobody holds the authority{need}"
-    asked = f"; {status.askedBy} asks for it" if status.askedBy else ""
+        return f"authority free{need}"
+    requested = f"; {status.askedBy} requests it" if status.askedBy else ""
     return (
         f"{status.holder} holds the authority, epoch {status.epoch},"
-        f" for another {status.leaseLeft:.0f} s{asked}{need}"
+        f" lease {status.leaseLeft:.0f} s{requested}{need}"
     )

@@ -1,4 +1,4 @@
-"""`rover command`: a sub-command for each request that people send, as its declaration says."""
+"""`rover command`: a sub-command for each operator request, from its declaration."""
 
 from collections.abc import Iterable
 from enum import Enum
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from adapters.mrs.cli.sending import CommandSender
 
 _ELSEWHERE: Final = {Family.PLAN, Family.PLAN_START}
-"""Families with a command of their own, `rover plan`."""
+"""Families with a separate command, `rover plan`."""
 _UNITS: Final = {"rad": "rad or 90deg", "rad/s": "rad/s or 30deg"}
 LARGEST_ID: Final = (1 << 63) - 1
 
@@ -33,7 +33,7 @@ def angle(text: str) -> float:
     """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`.
 
     Raises:
-        click.BadParameter: it is none, or a bare number of more than a turn, which means degrees.
+        click.BadParameter: not an angle, or a number without unit above one turn: likely degrees.
     """
     angle_rad = _radians(text)
     if text[-1:].isdigit() and isfinite(angle_rad) and abs(angle_rad) > 2 * pi:
@@ -42,7 +42,7 @@ def angle(text: str) -> float:
 
 
 def angular_speed(text: str) -> float:
-    """Return radians a second from what is written as an angle."""
+    """Return rad/s from an angle text."""
     return _radians(text)
 
 
@@ -74,7 +74,7 @@ def waypoint(text: str) -> Waypoint:
                 raise ValueError(text)
     except ValueError as error:
         raise click.BadParameter(
-            f"{text!r} is no waypoint: write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, such as"
+            f"{text!r} is no waypoint: write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, e.g."
             " 1,0 or 1,0,90deg or 1,0,,0.1"
         ) from error
 
@@ -83,15 +83,15 @@ _TYPES: Final = {"rad": angle, "rad/s": angular_speed}
 
 
 class OperationCommand(click.Command):
-    """A sub-command whose arguments may begin with a minus, and that explains a wrong option."""
+    """A sub-command that accepts negative numbers as arguments, and explains unknown options."""
 
     ignore_unknown_options = True
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read what was typed.
+        """Parse the command line.
 
         Raises:
-            click.UsageError: an option is none, or one of the group itself.
+            click.UsageError: an option is unknown, or belongs to the group.
         """
         own = _names(self.get_params(ctx))
         above = set() if ctx.parent is None else _names(ctx.parent.command.params)
@@ -104,7 +104,7 @@ class OperationCommand(click.Command):
             if name in above:
                 group = f"rover {ctx.parent.command.name}" if ctx.parent else ""
                 raise click.UsageError(
-                    f"{name} is an option of `{group}`: it stands before the operation,"
+                    f"{name} is an option of `{group}`: write it before the operation,"
                     f" `{group} {word} {self.name} ...`",
                     ctx,
                 )
@@ -118,7 +118,7 @@ def _names(parameters: list[click.Parameter]) -> set[str]:
 
 def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> float | None:
     if seconds is not None and not seconds > 0.0:
-        raise click.BadParameter(f"{seconds:g} is no time to live: give seconds above 0")
+        raise click.BadParameter(f"{seconds:g} is not a lifetime: give seconds above 0")
     return seconds
 
 
@@ -137,18 +137,18 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     type=float,
     callback=_positive,
     metavar="SECONDS",
-    help="Seconds from now after which it must not start.",
+    help="Lifetime from now, after which it must not start.",
 )
 @click.option(
     "--authority",
     type=click.IntRange(1, LARGEST_ID),
     metavar="EPOCH",
-    help="Authority to claim, such as an orbiter's; by default that of the source, requested.",
+    help="Authority to claim, e.g. of an orbiter; by default that of the source is requested.",
 )
 @click.option(
     "--no-wait",
     is_flag=True,
-    help="Return once the command is taken: by the rover, or by an orbiter that stores it.",
+    help="Return at the acknowledgement: of the rover, or of an orbiter that stores the command.",
 )
 @json_option
 @click.pass_context
@@ -162,10 +162,10 @@ def command(
     no_wait: bool,
     as_json: bool,
 ) -> None:
-    """Command a rover and watch how it goes, stage by stage.
+    """Command a rover and print each stage.
 
-    Lengths are in metres; angles in radians, or written as 90deg. Options of `command` itself
-    stand before the operation.
+    Lengths are in metres; angles in radians, or as 90deg. Write options of `command` itself before
+    the operation.
 
     \b
     Examples:
@@ -179,7 +179,7 @@ def command(
       rover command action VIDEO ON
 
     \b
-    Exit status: 0 EXECUTED, 1 refused or ended otherwise, 2 makes no sense, 3 cannot be reached.
+    Exit status: 0 EXECUTED, 1 refused or another result, 2 usage error, 3 rover not reachable.
     """
     from adapters.mrs.cli.sending import CommandSender
 
@@ -187,7 +187,7 @@ def command(
 
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
-    """Return the sub-command that a request is sent by."""
+    """Return the sub-command of a request."""
     written = declaration.written
     parameters = parameters_of(declaration)
     if declaration.family is Family.MOTION:
@@ -220,7 +220,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
 
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:
-    """Return how the arguments of a request are typed, in the order of those that are written."""
+    """Return the command-line parameters of a request, in the order of its written arguments."""
     return [_parameter(argument, declaration.at_least_one) for argument in declaration.written]
 
 
@@ -241,7 +241,7 @@ class _ChoiceOfValues(click.Choice[Enum]):
     """One of an Enum, typed by its value."""
 
     def normalize_choice(self, choice: object, ctx: click.Context | None) -> str:
-        """Return what is compared, of a choice or of what was typed."""
+        """Return the text that is compared, of a choice or of the input."""
         return str(choice.value if isinstance(choice, Enum) else choice)
 
 
@@ -265,12 +265,12 @@ def _replace() -> click.Option:
         flag_value=PreemptionPolicy.REPLACE,
         default=PreemptionPolicy.APPEND,
         type=PreemptionPolicy,
-        help="Cancel the motion under way and what waits, instead of queueing behind it.",
+        help="Cancel active and queued motions, instead of appending to the queue.",
     )
 
 
 def _places(argument: Argument) -> str:
-    """Return how one composite is typed: X,Y[,HEADING[,TOLERANCE]]."""
+    """Return the syntax of one composite: X,Y[,HEADING[,TOLERANCE]]."""
     parts = arguments_of(argument.kind)
     needed = ",".join(part.name.upper() for part in parts if not part.optional)
     others = [part.name.upper() for part in parts if part.optional]
@@ -288,7 +288,7 @@ def help_of(
     group: str,
     typed: Iterable[str],
 ) -> str:
-    """Return the help of a request's sub-command of a group, with what may be typed after it."""
+    """Return the help of a request's sub-command, with examples from `typed`."""
     shown = [
         part
         for argument, parameter in zip(declaration.written, parameters, strict=False)
@@ -313,7 +313,7 @@ for _each in declared():
 
 
 def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
-    """Return how the actions that are known here go on after what is typed."""
+    """Return the completions of the typed words among the known actions."""
     from executive.commands.actions import Action
 
     typed = [*(ctx.params.get("words") or ()), begun]
@@ -334,7 +334,7 @@ def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]
 @click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
 @click.pass_obj
 def action(sending: "CommandSender", words: tuple[str, ...]) -> None:
-    """Have a text command done; without one, list what there is.
+    """Execute a text command; without one, list the supported ones.
 
     \b
     Examples:

@@ -20,7 +20,7 @@ LARGEST_CHUNK: Final = 1 << 18
 def files() -> None:
     """List, describe, fetch and watch the files of a rover.
 
-    To delete or move one is a command: rover command deleteFile, rover command moveFile.
+    Deletion and moving are commands: rover command deleteFile, rover command moveFile.
 
     \b
     Examples:
@@ -36,9 +36,9 @@ def files() -> None:
 @json_option
 @in_session
 async def list_files(client: MrsClient, folder: str | None, as_json: bool) -> None:
-    """List the files of FOLDER and of the folders in it, or all.
+    """List the files of FOLDER and its subfolders, or all.
 
-    At most 1000 are listed: those that were changed last.
+    At most 1000 are listed: those changed last.
 
     \b
     Examples:
@@ -59,7 +59,7 @@ async def list_files(client: MrsClient, folder: str | None, as_json: bool) -> No
 @json_option
 @in_session
 async def info(client: MrsClient, path: str, as_json: bool) -> None:
-    """Describe a file: its checksum, and where the rover was when it took the picture.
+    """Show the attributes of a file: checksum, and for a picture the rover's pose.
 
     \b
     Example:
@@ -81,14 +81,14 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
     "--chunk",
     type=click.IntRange(1, LARGEST_CHUNK),
     metavar="OCTETS",
-    help="Octets of one message; less for a slow link. The rover's choice by default.",
+    help="Octets of a chunk; smaller for a slow link. The rover's default if omitted.",
 )
 @to_option
 def get(path: str, target: str | None, force: bool, chunk: int | None, to: RoverTarget) -> None:
-    """Fetch a file into TARGET, a folder or a name; into this folder by default.
+    """Fetch a file into TARGET, a folder or a name; into the current folder by default.
 
-    What came lies in TARGET.CHECKSUM.part until it is whole and its CRC-32 is right. After a loss
-    of the link, or when it was interrupted, it goes on with the rest.
+    Received octets are stored in TARGET.CHECKSUM.part until the file is complete with a correct
+    CRC-32. After a loss of the link or an interruption the transfer continues.
 
     \b
     Examples:
@@ -99,9 +99,9 @@ def get(path: str, target: str | None, force: bool, chunk: int | None, to: Rover
     if here.is_dir():
         here /= PurePosixPath(path).name
     elif target and target.endswith("/"):
-        raise click.UsageError(f"there is no folder {target}: make it first, or name a file")
+        raise click.UsageError(f"folder {target} does not exist: create it, or give a file name")
     if here.exists() and not force:
-        raise click.UsageError(f"{here} exists: name another, or use --force")
+        raise click.UsageError(f"{here} exists: give another name, or use --force")
     run(_get(to, path, here, chunk))
 
 
@@ -109,16 +109,16 @@ def get(path: str, target: str | None, force: bool, chunk: int | None, to: Rover
 @json_option
 @in_session
 async def watch(client: MrsClient, as_json: bool) -> None:
-    """Print what happens to files, until Ctrl-C.
+    """Print changes of files until Ctrl-C.
 
     \b
     Example:
       rover files watch
     """
-    news = await client.file_events()
+    events = await client.file_events()
     asset = await client.get_asset()
     say(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
-    async for each in news:
+    async for each in events:
         if as_json:
             echo_json(each)
             continue
@@ -130,7 +130,7 @@ async def watch(client: MrsClient, as_json: bool) -> None:
 @click.argument("path")
 @in_session
 async def cancel(client: MrsClient, path: str) -> None:
-    """End your transfers of a file; with TLS and the authority, those of all.
+    """Cancel your transfers of a file; with TLS and the authority, those of all.
 
     \b
     Example:
@@ -152,8 +152,8 @@ def _described(file: FileInfo) -> dict[str, str]:
         "path": file.path,
         "size": f"{file.size} octets",
         "modified": f"{utc(file.modified)} UTC",
-        "media type": file.mimeType or "not known",
-        "CRC-32": "not known" if file.checksum is None else f"{file.checksum:08x}",
+        "media type": file.mimeType or "unknown",
+        "CRC-32": "unknown" if file.checksum is None else f"{file.checksum:08x}",
     } | known
 
 
@@ -173,10 +173,10 @@ async def _get(to: RoverTarget, path: str, target: Path, chunk: int | None) -> N
 
 
 async def _require_file(client: MrsClient, path: str) -> None:
-    """Check that there is such a file before anything is shown of its coming.
+    """Check that a file exists before the progress bar is shown.
 
     Raises:
-        MalError: there is none.
+        MalError: the file does not exist.
         IsADirectoryError: it is a folder.
     """
     try:
@@ -186,5 +186,5 @@ async def _require_file(client: MrsClient, path: str) -> None:
             await client.list_files(path)
         except MalError:
             raise error from None
-        text = f"{path} is a folder: `rover files list {path}` shows what can be fetched of it"
+        text = f"{path} is a folder: `rover files list {path}` lists its files"
         raise IsADirectoryError(text) from error

@@ -1,4 +1,4 @@
-"""Options of every command line that speaks or serves the MRS: where, and on which terms."""
+"""Options of all MRS clients and servers: address, encoding and certificates."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,20 +22,20 @@ json_option: Final = click.option(
 
 def _named(_: click.Context, __: click.Parameter, name: str | None) -> str | None:
     if name == "":
-        raise click.BadParameter("a command needs a source: give a name")
+        raise click.BadParameter("the source is empty: give a name")
     return name
 
 
 source_option: Final = click.option(
     "--source",
     callback=_named,
-    help="Name to command under.  [default: that of the certificate, MOE in clear text]",
+    help="Source of the commands.  [default: name of the certificate, MOE in clear text]",
 )
 
 
 @dataclass(frozen=True, slots=True)
 class RoverTarget:
-    """A rover, as the options say.
+    """A rover, as given by the options.
 
     Attributes:
         uri: `maltcp://host:port/MRS`, `host:port` or `host`.
@@ -46,14 +46,14 @@ class RoverTarget:
 
 
 def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say where a rover is, which the function gets as `to: RoverTarget`."""
+    """Add the options for the address of a rover, passed to the function as `to: RoverTarget`."""
     return _add_address(function, multiple=False)
 
 
 def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the same for any number of rovers, as `to: tuple[RoverTarget, ...]`.
 
-    All are spoken to on the same terms.
+    Encoding and certificates are the same for all.
     """
     return _add_address(function, multiple=True)
 
@@ -68,13 +68,13 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
         {
             "certificate": "PEM file with your certificate",
             "key": "PEM file with its private key",
-            "authorities": "PEM file with the authorities that the rover is believed by",
+            "authorities": "PEM file with the authorities that sign the rover's certificate",
         },
-        "How the rover writes message bodies.",
+        "Encoding of message bodies of the rover.",
         click.Path(exists=True, dir_okay=False, readable=True, path_type=Path),
         environment=True,
     )
-    where = "Where the rover is: maltcp://host:port/MRS, host:port or host."
+    where = "Address of the rover: maltcp://host:port/MRS, host:port or host."
     add_address = click.option(
         "--to",
         envvar="ROVER_URI",
@@ -89,23 +89,23 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
 
 
 def add_terms_options(whom: str) -> Decorator:
-    """Add the options of a process that serves, which gets them as `clear_text` and `terms`.
+    """Add the options of a server process, passed to it as `clear_text` and `terms`.
 
     Args:
-        whom: whose certificate it is.
+        whom: owner of the certificate, for the help.
     """
     add_clear_text = click.option(
         "--clear-text",
         is_flag=True,
-        help="Serve where other computers can reach it: anyone there may read and command.",
+        help="Serve at an address that other hosts can reach: each of them may read and command.",
     )
     add_terms = _terms_options(
         {
-            "certificate": f"certificate of this {whom}, which names --host or leads to it",
+            "certificate": f"certificate of this {whom}, with the name of --host or a name for it",
             "key": "its private key, without a password",
-            "authorities": "the authorities by which the ground is believed",
+            "authorities": "the authorities that sign the certificates of clients",
         },
-        "How the bodies of messages are written, both ways.",
+        "Encoding of message bodies in both directions.",
         click.Path(path_type=Path),
         metavar="PEM",
     )
@@ -120,7 +120,7 @@ def _terms_options(
     environment: bool = False,
     metavar: str | None = None,
 ) -> Decorator:
-    """Return what adds the options of a link's terms; the function gets them as `terms`."""
+    """Return a decorator that adds encoding and certificates, passed on as `terms`."""
 
     def option(name: str, **others: Any) -> Any:
         if environment:

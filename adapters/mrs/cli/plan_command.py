@@ -1,4 +1,4 @@
-"""`rover plan`: check plans here, send them to a rover, steer and watch them there."""
+"""`rover plan`: check plans locally, submit them to a rover, control and watch them."""
 
 import sys
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_
 from executive.settings import SettingsError, load_settings
 from executive.values.reasons import Refusal
 
-COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
+COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 
 
@@ -45,7 +45,7 @@ ARGUMENTS: Final = click.option(
     multiple=True,
     metavar="NAME=VALUE",
     callback=_arguments,
-    help="A value that the plan reads as {NAME}; may be given several times.",
+    help="A value that the plan reads as {NAME}; may be repeated.",
 )
 _ID: Final = click.option(
     "--id", "plan_id", metavar="PLAN", help="The plan's id; the file's name by default."
@@ -54,10 +54,10 @@ _ID: Final = click.option(
 
 @click.group()
 def plan() -> None:
-    """Check plans here, send them to a rover, steer and watch them there.
+    """Check plans locally, submit them to a rover, control and watch them.
 
-    A plan is a behaviour tree in the XML of BehaviorTree.CPP v4; docs/write-a-plan.md tells how to
-    write one.
+    A plan is a behaviour tree in the XML of BehaviorTree.CPP v4; docs/write-a-plan.md explains how
+    to write one.
 
     \b
     Examples:
@@ -74,7 +74,7 @@ def plan() -> None:
 @ARGUMENTS
 @asset_option()
 def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
-    """Check FILE as an asset would, without one.
+    """Check FILE as an asset would, without a connection.
 
     \b
     Examples:
@@ -104,7 +104,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
 def submit(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: RoverTarget
 ) -> None:
-    """Send FILE to a rover, which checks and keeps it.
+    """Submit FILE to a rover, which checks and stores it.
 
     \b
     Examples:
@@ -136,7 +136,7 @@ for _kind in get_args(PlanRequest):
 @json_option
 @in_session
 async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
-    """Show how far plans have come, all of them if none is named.
+    """Show the status of plans; all without PLAN.
 
     \b
     Examples:
@@ -150,7 +150,7 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
     elif plans:
         print_table(map(plan_row, plans), *COLUMNS)
     else:
-        click.echo("no plans: `rover plan submit` sends one")
+        click.echo("no plans: submit one with `rover plan submit`")
 
 
 @plan.command()
@@ -158,7 +158,7 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
 @json_option
 @in_session
 async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:
-    """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
+    """Print status updates of plans until Ctrl-C; with PLAN, until it has ended.
 
     Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
 
@@ -183,7 +183,7 @@ async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:
 
 @plan.command()
 def nodes() -> None:
-    """Print all nodes of plans as a file that Groot2 opens, to draw plans with.
+    """Print all nodes of plans as a palette for Groot2, to draw plans.
 
     \b
     Example:
@@ -195,38 +195,38 @@ def nodes() -> None:
 def definition_of(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:
-    """Return the plan of a file, by the file's name unless it is given an id."""
+    """Return the plan of a file; its id is the file's name by default."""
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
 
 
 def _is_over(update: PlanUpdate) -> bool:
-    """Return whether a plan has ended; exits 1 if it did not as it should."""
+    """Return whether a plan is COMPLETED; exits 1 if it is FAILED or ABORTED."""
     if update.status in {PlanStatus.FAILED, PlanStatus.ABORTED}:
         sys.exit(FAILED)
     return update.status is PlanStatus.COMPLETED
 
 
 def plan_row(update: PlanUpdate) -> tuple[str, ...]:
-    """Return a plan as a row of a table; nodes are told without the plan's name before them."""
+    """Return a plan as a table row; node paths are shown without the plan's prefix."""
     ended = f"{update.done} of {update.total}"
     return (update.planId, update.status.name, ended, _node(update), _text(update))
 
 
 class PlanLines:
-    """Updates as lines, in the order in which they come; a remark on a leaf is told once."""
+    """Formats updates as lines; a repeated text of a plan is shown once."""
 
     def __init__(self) -> None:
         self._told: dict[str, str] = {}
 
     def line(self, update: PlanUpdate) -> str:
-        """Return an update as one line: time, plan, status, leaves that ended, where, and why."""
+        """Return an update as one line: time, plan, status, ended leaves, node, and text."""
         time = datetime.fromtimestamp(update.timestamp / 1e9)
-        news = "" if self._told.get(update.planId) == update.text else _text(update)
+        new_text = "" if self._told.get(update.planId) == update.text else _text(update)
         self._told[update.planId] = update.text or ""
         ended = f"{update.done}/{update.total} ended"
-        said = (f"{time:%H:%M:%S}", update.planId, f"{update.status.name:<9}", ended, _node(update))
-        return "  ".join(part for part in (*said, news) if part)
+        head = (f"{time:%H:%M:%S}", update.planId, f"{update.status.name:<9}", ended, _node(update))
+        return "  ".join(part for part in (*head, new_text) if part)
 
 
 def _node(update: PlanUpdate) -> str:
@@ -242,7 +242,7 @@ def _short(update: PlanUpdate, text: str | None) -> str:
 
 
 def palette() -> str:
-    """Return a plan without trees, with a model of every leaf."""
+    """Return a palette: a plan without trees, with a model of every leaf."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
     lines.append("  <TreeNodesModel>")
     for leaf in LEAVES.values():
@@ -262,6 +262,4 @@ def _input_port(name: str, kind: str, about: str) -> str:
 
 
 _PORT_TYPES: Final = {float: "double", int: "int"}
-_DEADLINE_HELP: Final = (
-    "seconds after which it fails; needed unless a Timeout stands above (optional)"
-)
+_DEADLINE_HELP: Final = "timeout in s, then it fails; needed unless below a Timeout (optional)"

@@ -1,4 +1,4 @@
-"""`rover preview`: what a motion or a plan would come to, without commanding it."""
+"""`rover preview`: predicts a motion or a plan without commanding it."""
 
 from collections.abc import Callable, Coroutine
 from functools import partial
@@ -55,11 +55,11 @@ def preview(
     arguments: tuple[PlanArgument, ...],
     as_json: bool,
 ) -> None:
-    """Tell what a motion or a plan would come to, without commanding it.
+    """Predict a motion or a plan without commanding it.
 
-    It is worked out aboard, from where the motions under way and waiting lead, and refused where
-    the command would be, but for mode, queue and authority. Options of `preview` itself stand
-    before the operation; --json has the path, too.
+    The rover computes it from the end of its active and queued motions. It is refused like the
+    command, except for mode, queue and authority. Write options of `preview` itself before the
+    operation; --json also prints the path.
 
     \b
     Examples:
@@ -68,7 +68,7 @@ def preview(
       rover preview --plan config/plans/look-around.xml
 
     \b
-    Exit status: 0 told, 1 it would be refused or fail, 2 makes no sense, 3 cannot be reached.
+    Exit status: 0 predicted, 1 it would be refused or fail, 2 usage error, 3 rover not reachable.
     """
     ctx.obj = partial(_show, to, as_json)
     if ctx.invoked_subcommand is None and file is None:
@@ -80,21 +80,21 @@ def preview(
 
 
 def preview_lines(found: Preview) -> list[str]:
-    """Return a preview as people read it."""
+    """Return a preview as text lines."""
     end = found.path[-1]
     energy = "" if found.energy is None else f", {found.energy:.0f} J"
     lines = [
-        f"takes {found.duration:.1f} s, {found.length:.2f} m{energy}",
+        f"duration {found.duration:.1f} s, {found.length:.2f} m{energy}",
         f"ends at x {end.x:.2f} m, y {end.y:.2f} m, heading {degrees(end.heading):.1f}°,"
         f" within {found.endWithin:.2f} m and {degrees(found.headingWithin):.1f}° (2 sigma)",
     ]
     if found.clearance is not None:
-        lines.append(f"comes to {found.clearance:.2f} m from {found.nearest}")
+        lines.append(f"clearance {found.clearance:.2f} m to {found.nearest}")
     return lines
 
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
-    """Return the sub-command that asks for the preview of a motion."""
+    """Return the sub-command for the preview of a motion."""
     parameters = parameters_of(declaration)
 
     @click.pass_obj

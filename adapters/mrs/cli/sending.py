@@ -1,4 +1,4 @@
-"""Sends one command for a person at a terminal, and tells how it goes."""
+"""Sends one command from a terminal, and prints its stages."""
 
 import asyncio
 import sys
@@ -26,14 +26,12 @@ from executive.values.reports import TERMINAL
 
 @dataclass(frozen=True, slots=True)
 class CommandSender:
-    """How commands are to be sent, as the options of `rover command` say.
+    """Sends commands with the options of `rover command`.
 
     Attributes:
-        to: the rover.
         command_id: the number to use; None for a new one.
-        authority: the epoch to claim, such as an orbiter's; None for this source's own.
-        wait: whether to wait for the end of the command.
-        as_json: whether to print its notifications as JSON.
+        authority: the epoch to claim, e.g. of an orbiter; None for this source's own.
+        wait, as_json: whether to wait for its end, and to print notifications as JSON.
     """
 
     to: RoverTarget
@@ -45,10 +43,10 @@ class CommandSender:
     as_json: bool = False
 
     def send(self, request: Request, arrival: PreemptionPolicy = PreemptionPolicy.APPEND) -> None:
-        """Send a request and print each stage of its life; exits 1 unless it ends EXECUTED.
+        """Send a request and print each stage; exits 1 unless it ends EXECUTED.
 
         Raises:
-            ConnectionError: the rover cannot be reached.
+            ConnectionError: the rover is not reachable.
         """
         if not asyncio.run(self._send(request, arrival)):
             sys.exit(FAILED)
@@ -69,12 +67,12 @@ class CommandSender:
                 return await (self._run if self.wait else self._submit)(client, command)
             except asyncio.CancelledError:
                 click.echo(
-                    f"{command.identity} may go on aboard: `rover command stop` ends it", err=True
+                    f"{command.identity} may continue: `rover command stop` ends it", err=True
                 )
                 raise
 
     async def _is_authorized(self, client: MrsClient, request: Request) -> bool:
-        """Get the authority where it is needed and free; a stop does not ask."""
+        """Request the authority if it is needed and free; a stop does not need it."""
         if self.authority is not None:
             client.authority.epoch = self.authority
         elif not isinstance(request, Stop):
@@ -101,8 +99,8 @@ class CommandSender:
             self._tell,
             lambda where: self._say(f"{clock()}  STORED     {where}", {"stored": where}),
         )
-        told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
-        if outcome.refusal is not None and not told:
+        printed = outcome.stage is Stage.REJECTED or outcome.given_up is not None
+        if outcome.refusal is not None and not printed:
             say(f"refused: {await _refusal(client, outcome)}", word="refused:", fg="red", err=True)
         return outcome.executed
 
@@ -113,49 +111,51 @@ class CommandSender:
             say(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
             return False
         where = await where_stored(client.get_value)
-        self._say("taken" if where is None else f"stored {where}", {"taken": True, "stored": where})
+        self._say(
+            "acknowledged" if where is None else f"stored {where}", {"taken": True, "stored": where}
+        )
         return True
 
 
 async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
-    """Return why a command was not taken; a repeat is known by its report, which comes again."""
+    """Return the reason why a command was not accepted; a repeat repeats its last report."""
     assert outcome.refusal is not None
     identity = outcome.command.identity
     if outcome.refusal.number != AreaError.DUPLICATE.value:
         return describe_error(outcome.refusal)
     if outcome.life:
         stop = isinstance(outcome.command.request, Stop)
-        done = "the rover was stopped again" if stop else "not done again"
-        return f"Duplicate: {identity} is a repeat and {done}; above is how far it had come"
+        done = "the rover was stopped again" if stop else "not executed again"
+        return f"Duplicate: {identity} is a repeat and {done}; its last stage is printed above"
     where = await where_stored(client.get_value)
     if where is None:
         return (
-            f"Duplicate: {identity} was taken before, as this command or another, and is not done"
-            " again: take another number"
+            f"Duplicate: {identity} was accepted before, as this or another command, and is not"
+            " executed again: choose a new number"
         )
     return (
-        f"Duplicate: {identity} was taken before, {where}; nothing was heard of it yet, or it was"
+        f"Duplicate: {identity} was accepted before, {where}; there is no report yet, or it was"
         " another command"
     )
 
 
 def notification_line(notification: Notification) -> str:
-    """Return a notification as one line: time aboard, stage, text, and why with its figures."""
+    """Return a notification as one line: on-board time, stage, reason, text and figures."""
     name, _ = _stage_word(notification)
-    said = []
+    parts = []
     if notification.step is not None:
-        said.append(f"{notification.step}/{notification.stepCount}")
+        parts.append(f"{notification.step}/{notification.stepCount}")
     if notification.code is not None:
-        said.append(f"{notification.code} {_reason(notification.code)}:")
-    said.append(notification.text or "")
+        parts.append(f"{notification.code} {_reason(notification.code)}:")
+    parts.append(notification.text or "")
     figures = _figures(notification)
     if figures and not is_prediction(notification):
-        said.append(f"[{', '.join(figures)}]")
-    return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(said)}"
+        parts.append(f"[{', '.join(figures)}]")
+    return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(parts)}"
 
 
 def _figures(notification: Notification) -> list[str]:
-    """Return the figures of a notification, each with what was predicted of it."""
+    """Return the figures of a notification, each with its prediction, if any."""
     known = {
         figure.name: figure.value.value
         for figure in notification.parameters or ()
@@ -171,10 +171,10 @@ def _figures(notification: Notification) -> list[str]:
 
 
 def _stage_word(notification: Notification) -> tuple[str, str | None]:
-    """Return the word for where a command is, and its colour where it has ended."""
+    """Return the label of a command's stage, and its colour if it has ended."""
     stage = notification.stage
     if given_up(notification) is not None:
-        return "GIVEN UP", "red"
+        return "LOST", "red"
     if is_prediction(notification):
         return "PREDICTED", None
     if stage is None:

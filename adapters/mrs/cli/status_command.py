@@ -1,4 +1,4 @@
-"""What a rover is: `rover status`, its mode, work and parameters, and `rover services`."""
+"""`rover status`: mode, commands and parameters of a rover; `rover services`: its directory."""
 
 import asyncio
 import sys
@@ -54,20 +54,20 @@ T = TypeVar("T")
 EVERY_S: Final = 0.5
 _RESUME: Final = "rover command resume"
 _CONFIRM: Final = (
-    "to be certain of the pose again: correct it by rover command setPositionCompensation,"
-    " or confirm it by rover command confirmPose"
+    "the pose is uncertain: correct it with rover command setPositionCompensation,"
+    " or confirm it with rover command confirmPose"
 )
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
 
 @click.command()
 @to_option
-@click.option("--watch", is_flag=True, help="Go on showing it until Ctrl-C.")
+@click.option("--watch", is_flag=True, help="Refresh it until Ctrl-C.")
 @json_option
-@click.option("--assets", is_flag=True, help="List this rover and all others that it heard of.")
-@click.option("--asset", metavar="NAME", help="Show what this rover last heard of another.")
+@click.option("--assets", is_flag=True, help="List this rover and the assets known to it.")
+@click.option("--asset", metavar="NAME", help="Show the last values received of another asset.")
 def status(to: RoverTarget, watch: bool, as_json: bool, assets: bool, asset: str | None) -> None:
-    """Show what a rover is about: mode, commands, and all parameters with their units.
+    """Show the state of a rover: mode, commands, and all parameters with their units.
 
     \b
     Examples:
@@ -79,7 +79,7 @@ def status(to: RoverTarget, watch: bool, as_json: bool, assets: bool, asset: str
     if assets and asset is not None:
         raise click.UsageError("either --assets or --asset")
     if watch and (assets or asset is not None):
-        raise click.UsageError("--watch shows the rover itself")
+        raise click.UsageError("--watch shows only the rover itself")
     if assets:
         run(_show_assets(to, as_json))
     elif asset is not None:
@@ -90,7 +90,7 @@ def status(to: RoverTarget, watch: bool, as_json: bool, assets: bool, asset: str
 
 @dataclass(frozen=True, slots=True)
 class _StatusSnapshot:
-    """A rover's state at a moment."""
+    """State of a rover at one time."""
 
     asset: AssetInfo
     definitions: tuple[ParameterDefinition, ...]
@@ -102,11 +102,11 @@ class _StatusSnapshot:
 
     @property
     def values(self) -> dict[str, float | str | None]:
-        """The figures of the parameters, None for what is not known."""
+        """Figures of the parameters, None if unknown."""
         return {value.name: _figure(value) for value in self.status.values}
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as it is printed with --json."""
+        """Return the state as printed with --json."""
         values, faults = self.values, self.faults
         return {
             "asset": self.asset.asset,
@@ -127,7 +127,7 @@ class _StatusSnapshot:
         }
 
     def as_table(self) -> "Group":
-        """Return it as people read it."""
+        """Return the state for display."""
         from rich.console import Group
         from rich.text import Text
 
@@ -159,17 +159,17 @@ async def _show(to: RoverTarget, watch: bool, as_json: bool) -> None:
 
     console = Console()
     async with await connect(to) as client:
-        looks = _looks(client)
+        snapshots = _looks(client)
         if watch and not as_json and console.is_terminal:
-            first = await anext(looks)
+            first = await anext(snapshots)
             with Live(first.as_table(), console=console, auto_refresh=False) as live:
-                async for look in looks:
-                    live.update(look.as_table(), refresh=True)
-        async for look in looks:
+                async for snapshot in snapshots:
+                    live.update(snapshot.as_table(), refresh=True)
+        async for snapshot in snapshots:
             if as_json:
-                echo_json(look.as_json())
+                echo_json(snapshot.as_json())
             else:
-                console.print(look.as_table())
+                console.print(snapshot.as_table())
                 sys.stdout.flush()
             if not watch:
                 return
@@ -187,7 +187,7 @@ async def _looks(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
 
 
 async def _served(answer: Awaitable[T], instead: T) -> T:
-    """Return an answer, or something instead where it is not served, as at an orbiter."""
+    """Return an answer, or `instead` if the operation is not supported, as at an orbiter."""
     try:
         return await answer
     except MalError:
@@ -195,7 +195,7 @@ async def _served(answer: Awaitable[T], instead: T) -> T:
 
 
 async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
-    """Return the plans that wait to be resumed, if the rover stands; none where none are told."""
+    """Return the suspended plans of a stopped rover; none if plans are not supported."""
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()
     plans = await _served(client.get_plan_status(), ())
@@ -203,28 +203,28 @@ async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpda
 
 
 def _work(status: AssetStatus) -> str:
-    """Return what is under way, and what waits."""
+    """Return the active command, the queue and the active plan in one line."""
     if status.activeCommandId is None and not status.queuedCommands:
-        doing = "nothing under way, nothing waits"
+        doing = "no command active, queue empty"
     else:
         active = "none" if status.activeCommandId is None else str(status.activeCommandId)
-        doing = f"command under way {active}, {status.queuedCommands} waiting"
+        doing = f"active command {active}, {status.queuedCommands} queued"
     return doing if status.activePlan is None else f"{doing}, plan {status.activePlan}"
 
 
 def _place(values: dict[str, float | str | None], camera: CameraState) -> str:
-    """Return where the rover is, and whether it films."""
+    """Return pose and video state of the rover in one line."""
     x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
     video = f"video {'on' if camera.videoOn else 'off'}"
     if not (isinstance(x, float) and isinstance(y, float) and isinstance(heading, float)):
-        return f"where it is, is not known now, {video}"
-    place = f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
+        return f"position unknown, {video}"
+    pose = f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
     uncertainty = _uncertainty(values)
-    return f"{place}, uncertain by {uncertainty}, {video}" if uncertainty else f"{place}, {video}"
+    return f"{pose}, uncertain by {uncertainty}, {video}" if uncertainty else f"{pose}, {video}"
 
 
 def _uncertainty(values: dict[str, float | str | None]) -> Uncertainty:
-    """Return how uncertain the pose is, as far as that is reported."""
+    """Return the reported uncertainty of the pose; zero if not reported."""
     position_m, heading_rad = (values.get(each.name) for each in POSE_HOUSEKEEPING)
     if not (isinstance(position_m, float) and isinstance(heading_rad, float)):
         return Uncertainty()
@@ -232,50 +232,50 @@ def _uncertainty(values: dict[str, float | str | None]) -> Uncertainty:
 
 
 def _why(faults: FaultStatus) -> tuple[str, ...]:
-    """Return why the rover stands, or what moves it, and its faults, a line for each."""
+    """Return the reason for standstill or motion, and one line for each fault."""
     return (faults.why, *(_fault_line(each, faults.why) for each in faults.active))
 
 
 def _fault_line(fault: ActiveFault, why: str) -> str:
-    """Return a fault: how bad, since when, what is done about it, and what showed it.
+    """Return a fault in one line: severity, name, start, reaction, evidence.
 
-    Its evidence is left out where the line on why the rover stands has it.
+    The evidence is omitted if `why` contains it.
     """
-    until = "until a resume" if fault.onResume else "while it shows"
+    until = "until a resume" if fault.onResume else "while it persists"
     done = f"{fault.reaction.name.lower()} {until}"
     evidence = "" if fault.text in why else f": {fault.text}"
     return f"{fault.severity.name} {fault.name} since {utc(fault.began)} UTC, {done}{evidence}"
 
 
 def _not_monitored(faults: FaultStatus | None) -> str:
-    """Return in a line what is not monitored, by why."""
+    """Return in one line the checks that do not run, by reason."""
     if faults is None:
-        return "its faults are not told here, but as events"
+        return "active faults are not listed here, only reported as events"
     return f"not monitored: {summary(faults.unmonitored)}"
 
 
 def _ways_out(
     mode: AssetMode, suspended: tuple[PlanUpdate, ...], faults: FaultStatus | None
 ) -> tuple[str, ...]:
-    """Return how a rover that stands goes on, and what its plans wait for; nothing if it does."""
+    """Return the commands that let a stopped rover continue, and its suspended plans."""
     lines: list[str] = []
     holding = [each for each in faults.active if each.reaction in _HOLDING] if faults else []
     if holding:
         if any(each.onResume for each in holding):
-            lines.append(f"to go on, when that is over: {_RESUME}")
+            lines.append(f"to continue, once the cause is cleared: {_RESUME}")
     elif mode is AssetMode.STOPPED:
-        lines.append(f"to go on: {_RESUME}")
+        lines.append(f"to continue: {_RESUME}")
     elif mode is AssetMode.SAFE:
-        where = "" if faults else "rover watch says why; "
-        lines.append(f"{where}to go on, when that is over: {_RESUME}")
+        where = "" if faults else "rover watch shows the reason; "
+        lines.append(f"{where}to continue, once the cause is cleared: {_RESUME}")
     for plan in suspended:
         lines.append(f"plan {plan.planId} is suspended: {plan.text}")
-        lines.append(f"to go on: rover plan resume {plan.planId}")
+        lines.append(f"to continue: rover plan resume {plan.planId}")
     return tuple(lines)
 
 
 async def _show_assets(to: RoverTarget, as_json: bool) -> None:
-    """Print the rover and all others that it heard of, with their modes."""
+    """Print the rover and the assets known to it, with their modes."""
     async with await connect(to) as client:
         assets = await client.list_assets()
     if as_json:
@@ -283,14 +283,14 @@ async def _show_assets(to: RoverTarget, as_json: bool) -> None:
             echo_json({"asset": each.asset, "mode": each.mode})
         return
     rows = ((each.asset, each.mode.name, each.softwareVersion, each.description) for each in assets)
-    print_table(rows, "asset", "mode", "software", "what it is")
+    print_table(rows, "asset", "mode", "software", "description")
 
 
 async def _show_asset(to: RoverTarget, asset: str, as_json: bool) -> None:
-    """Print the values that the rover last heard of another.
+    """Print the last values that the rover received of another asset.
 
     Raises:
-        click.UsageError: it heard of no such asset.
+        click.UsageError: the asset is unknown.
     """
     async with await connect(to) as client:
         try:
@@ -298,7 +298,7 @@ async def _show_asset(to: RoverTarget, asset: str, as_json: bool) -> None:
         except MalError as error:
             if error.number != AreaError.NOT_FOUND.value:
                 raise
-            text = f"--asset: {asset} was not heard of; `rover status --assets` lists who was"
+            text = f"--asset: {asset} is unknown; `rover status --assets` lists the known assets"
             raise click.UsageError(text) from error
         units = {each.name: each.unit or "" for each in await client.list_definition()}
     if as_json:
@@ -324,7 +324,7 @@ def _figure(value: ParameterValue) -> float | str | None:
 def _shown(figure: float | str | None) -> str:
     match figure:
         case None:
-            return "not known"
+            return "unknown"
         case str():
             return printable(figure)
         case _:
@@ -336,8 +336,8 @@ def _shown(figure: float | str | None) -> str:
 async def services(client: MrsClient) -> None:
     """List the services of a rover: operations, provider and broker of each.
 
-    The directory is all that a client has to be told of: it finds the rest by what stands here.
-    Services of other assets that registered here are named ASSET.SERVICE.
+    A client needs only the address of this directory, and finds all services in it.
+    Registered services of other assets are named ASSET.SERVICE.
 
     \b
     Examples:
@@ -360,7 +360,7 @@ async def services(client: MrsClient) -> None:
 
 
 def _operations(descriptor: ServiceDescriptor) -> list[str]:
-    """Return the operations by name, those that the interface does not know by number."""
+    """Return the names of the operations; the number if the interface lacks one."""
     service = find_service(descriptor.service)
     names = {each.number: each.name for each in service.operations} if service else {}
     return [names.get(number, str(number)) for number in descriptor.operations]

@@ -1,6 +1,6 @@
-"""What all sub-commands do alike: connect for a person, say what failed, print tables and JSON.
+"""Shared by all sub-commands: connecting, error messages, tables and JSON.
 
-The client is imported when it is needed, so that help is quick.
+The client is imported at first use, so that `--help` is fast.
 """
 
 import asyncio
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 HINT: Final = (
-    "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or say where"
-    " one is with --to"
+    "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or give its"
+    " address with --to"
 )
 TERMS_HINT: Final = (
-    "say how it is spoken to with --certificate, --key and --authorities (or without them), and"
+    "check --certificate, --key and --authorities (all three, or none for clear text), and"
     " --encoding"
 )
 
@@ -41,7 +41,7 @@ _FIGURES: Final = {"value", "octets"}
 
 
 async def connect(to: RoverTarget, source: str | None = None) -> "MrsClient":
-    """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
+    """Connect; an invalid address is a usage error, other errors get a hint for the operator."""
     from adapters.mrs.ground import MrsClient, UnknownHostError
 
     try:
@@ -53,15 +53,15 @@ async def connect(to: RoverTarget, source: str | None = None) -> "MrsClient":
     except TransportMismatchError as error:
         raise ConnectionError(f"{error}; {TERMS_HINT}") from error
     except UnknownHostError as error:
-        raise ConnectionError(f"{error}: look at --to, or at ROVER_URI") from error
+        raise ConnectionError(f"{error}: check --to or ROVER_URI") from error
     except ConnectionError as error:
         raise ConnectionError(f"{error}; {HINT}") from error
 
 
 def in_session(function: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Make a coroutine of a client the callback of a sub-command, with the options of a session.
+    """Wrap a coroutine of a client as a sub-command's callback, with the options of a session.
 
-    Where the sub-command has an option `source`, that is whose session it is.
+    An option `source` of the sub-command is the source of the session.
     """
 
     @to_option
@@ -77,7 +77,7 @@ def in_session(function: Callable[..., Coroutine[Any, Any, None]]) -> Callable[.
 
 
 def run(session: Coroutine[Any, Any, None]) -> None:
-    """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
+    """Run a session; exits 1 after an error answer, a transfer error or a local OSError."""
     from adapters.mrs.ground import TransferError
     from adapters.mrs.spec import describe_error
 
@@ -92,9 +92,9 @@ def run(session: Coroutine[Any, Any, None]) -> None:
 
 
 def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) -> None:
-    """Print one line, whoever its words are of: what is not printable is escaped.
+    """Print one line, with unprintable characters escaped: texts may come from other systems.
 
-    A word of it may be coloured; with `err` it goes to standard error.
+    One word may be coloured; `err` prints to standard error.
     """
     line = printable(line)
     coloured = line.replace(word, click.style(word, fg=fg), 1) if word and fg else line
@@ -102,13 +102,13 @@ def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) 
 
 
 def fail(text: str) -> None:
-    """Say what failed, and exit 1."""
+    """Print an error, and exit 1."""
     say(f"Error: {text}", err=True)
     sys.exit(FAILED)
 
 
 def echo_json(value: Any) -> None:
-    """Print a value of the MRS, or what is made of such values, as one line of JSON."""
+    """Print an MRS value, or a structure of such values, as one line of JSON."""
     click.echo(json.dumps(_plain(value)))
 
 
@@ -140,14 +140,14 @@ def _plain(value: Any, name: str = "") -> Any:
 
 
 def print_table(rows: Iterable[tuple[str, ...]], *columns: str) -> None:
-    """Print rows of texts under the titles of their columns."""
+    """Print a table with column titles."""
     from rich.console import Console
 
     Console().print(table(rows, *columns))
 
 
 def table(rows: Iterable[tuple[str, ...]], *columns: str) -> "Table":
-    """Return rows of texts, whoever said them: without markup, what is not printable escaped."""
+    """Return a table of texts without markup, with unprintable characters escaped."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -161,16 +161,16 @@ def table(rows: Iterable[tuple[str, ...]], *columns: str) -> "Table":
 
 
 def utc(time_ns: int) -> str:
-    """Return a time of the MRS in words."""
+    """Return a time of the MRS as `YYYY-MM-DD HH:MM:SS` in UTC."""
     return f"{datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def iso(time_ns: int) -> str:
-    """Return a time of the MRS by ISO 8601, to the millisecond."""
+    """Return a time of the MRS in ISO 8601, to the millisecond."""
     return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
 
 
 def clock(time_ns: int | None = None) -> str:
-    """Return the time of day here, now or at a time of the MRS, to the millisecond."""
+    """Return the local time of day, now or at a time of the MRS, to the millisecond."""
     time = datetime.now() if time_ns is None else datetime.fromtimestamp(time_ns / 1e9)
     return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"

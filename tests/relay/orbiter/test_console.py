@@ -74,7 +74,7 @@ async def test_rover_status_shows_the_rover_and_the_relay(tmp_path: Path) -> Non
         status, said = await rover("status", "--to", str(station.uri))
         assert status == 0
         assert "DTN_NEXT_CONTACT" in said
-        assert "its faults are not told here, but as events" in said
+        assert "active faults are not listed here, only reported as events" in said
         status, said = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
         assert status == 0, said
 
@@ -136,5 +136,5 @@ async def test_a_repeat_in_the_dark_is_not_called_another_command(tmp_path: Path
         again = [word for word in typed if word != "--no-wait"]
         status, said = await rover(*again)
         assert status == 1
-        assert f"MOE:7 was taken before, {WHERE}" in said
-        assert "nothing was heard of it yet, or it was another command" in said
+        assert f"MOE:7 was accepted before, {WHERE}" in said
+        assert "there is no report yet, or it was another command" in said

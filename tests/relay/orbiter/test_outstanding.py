@@ -99,7 +99,7 @@ async def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:
         to = ("--to", str(station.uri))
         status, said = await rover("command", *to, "--lifetime", "2", "moveForward", "0.4")
         assert status == 1
-        assert "GIVEN UP" in said
+        assert "LOST" in said
         assert WHY in said
         status, said = await rover("mops", *to, "--no-telemetry", typed="moveForward 0.4\n")
         assert status == 1
