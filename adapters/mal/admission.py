@@ -1,4 +1,4 @@
-"""Who may connect and what all connections of a provider may take up together."""
+"""Admission of connections, and resource bounds of all connections of a provider together."""
 
 import asyncio
 import ctypes
@@ -22,20 +22,20 @@ from adapters.system import Socket, System
 
 @dataclass(frozen=True, slots=True)
 class PeerLimits:
-    """What the peers of a provider may take up, together where it does not say otherwise.
+    """Resource bounds of the peers of a provider, for all together unless stated otherwise.
 
     Attributes:
-        connections: Open at a time, handshakes included; never more than half of the process's
-            file descriptors. One more takes the place of another.
-        message_octets: Of one message. A longer one is answered with TOO_MANY and skipped.
+        connections: Open connections, handshakes included; at most half of the process's file
+            descriptors. One more replaces another.
+        message_octets: Octets of one message. A longer one is answered with TOO_MANY and skipped.
         elements: List elements in one message.
-        unfinished_octets: Of long messages that have not arrived as a whole.
-        unread_octets: Written and not taken by the peers.
-        silence_s: How long a connection may be open before its first whole message.
-        stall_s: How long a message that has begun may rest.
-        handshake_s: How long a peer may take to agree on TLS.
-        subscriptions, publishers, interactions: Registered, or under way.
-        share: Of each of the three, over one connection.
+        unfinished_octets: Octets of long messages that are not complete.
+        unread_octets: Octets written but not accepted by the peers.
+        silence_s: Timeout of a connection's first complete message.
+        stall_s: Timeout of an incomplete message without new octets.
+        handshake_s: Timeout of the TLS handshake.
+        subscriptions, publishers, interactions: Registered, or active.
+        share: Bound of each of the three over one connection.
     """
 
     connections: int = 256
@@ -53,16 +53,16 @@ class PeerLimits:
 
 
 class Quota:
-    """A bound on what all connections hold together, in fair shares.
+    """A bound on a resource of all connections together, with fair shares.
 
-    Whoever wants more when all is taken gets it from the connection that holds most, which is
-    given up; unless that is itself, or one that is kept.
+    If it is exhausted, the connection with the largest part is aborted, unless that is the
+    requester itself or has priority.
 
     Args:
-        what: What is counted, in the plural.
-        total: How much of it there is.
-        share: How much one connection may have.
-        keeps: Whether a connection is not to be given up.
+        what: The counted resource, in the plural.
+        total: Bound of all connections.
+        share: Bound of one connection.
+        keeps: Whether a connection has priority and must not be aborted.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Quota:
         self._held: Counter[Connection] = Counter()
 
     def take(self, connection: Connection, count: int = 1) -> None:
-        """Let a connection have more, or (negative) less.
+        """Reserve more for a connection, or release (negative).
 
         Raises:
             MalError: TOO_MANY; the text names the bound.
@@ -90,7 +90,7 @@ class Quota:
             del self._held[connection]
 
     def drop(self, connection: Connection) -> None:
-        """Take everything back from a connection that is gone."""
+        """Release everything of a closed connection."""
         self._held.pop(connection, None)
 
     def _take_from_others(self, connection: Connection, wanted: int) -> None:
@@ -99,11 +99,11 @@ class Quota:
         if most is None or (self._held[most] <= wanted and not self._keeps(connection)):
             raise too_many(f"at most {self._total} {self._what} over all connections together")
         held = self._held.pop(most)
-        most.give_up(f"it has {held} of {self._total} {self._what}, and others want some")
+        most.give_up(f"it has {held} of {self._total} {self._what}, and others need some")
 
 
 class LimitedLog:
-    """Logs what peers cause: so many records of one kind in a while, then how many there were."""
+    """Rate-limited log of peers' errors: `most` records of a kind in `period_s`, then a count."""
 
     def __init__(self, warn: Callable[..., None], most: int = 10, period_s: float = 10.0) -> None:
         self._warn = warn
@@ -113,14 +113,14 @@ class LimitedLog:
         self._began_s = 0.0
 
     def warn(self, text: str, *arguments: object) -> None:
-        """Log a record, or count it if there were many of the same text."""
+        """Log a record, or count it beyond `most` of the same text."""
         self.tell()
         count = self._counts[text] = self._counts.get(text, 0) + 1
         if count <= self._most:
             self._warn(text, *arguments)
 
     def tell(self) -> None:
-        """Log how many were left out, once a while."""
+        """Log the number of omitted records, once a period."""
         now_s = asyncio.get_running_loop().time()
         if now_s - self._began_s < self._period_s:
             return
@@ -134,28 +134,28 @@ class LimitedLog:
 
 _CONNECTIONS_A_VICTIM: Final = 32
 _KNOWN: Final = 16
-"""Messages after which a peer is as well known as any other."""
+"""Maximum message count that matters in the choice of a victim; chosen, not measured."""
 _ROOM: Final = 64 << 10
-"""Octets that a consumer's buffer grows to because much comes."""
+"""Receive buffer of a consumer under load, in octets."""
 _NO_SUCH_ADDRESS: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 _RETRY_S: Final = 0.1
-"""How long to wait after a connection could not be taken."""
+"""Pause after a failed accept."""
 _SWEEP_S: Final = 1.0
-"""Between two looks for connections on which nothing comes, at most."""
+"""Maximum period of the check for stalled connections."""
 _WORTH_TRIMMING: Final = 4 << 20
-"""Octets given back since memory was last returned to the operating system."""
+"""Freed octets after which memory is returned to the operating system; chosen, not measured."""
 
 
 class Connections(ConnectionGuard):
-    """All connections of a provider, and where it listens for more.
+    """All connections and listening sockets of a provider.
 
-    When there are too many, one of whoever has most of them gives way: one that said nothing or
-    little before others, then the one that has said nothing for longest.
+    At the limit, a connection of the peer with the most connections is aborted: first those with
+    no or few messages, then the one without a message for the longest time.
 
-    `on_refused` is called with the header of a message that there is no room for, and why.
+    `on_refused` is called with the header of a message that exceeds a bound, and the error.
 
     Attributes:
-        keeps: Whether a connection is not to give way to others; for the owner to set.
+        keeps: Whether a connection has priority and must not be aborted; set by the owner.
     """
 
     def __init__(
@@ -190,14 +190,14 @@ class Connections(ConnectionGuard):
         self._most = limits.connections if unbounded else min(limits.connections, descriptors // 2)
 
     def quota(self, what: str, total: int, share: int) -> Quota:
-        """A bound on something that connections hold."""
+        """Return a new bound on a resource of the connections."""
         return Quota(what, total, share, lambda connection: self.keeps(connection))
 
     async def listen(self, host: str, port: int, tls: ssl.SSLContext | None) -> int:
-        """Take connections from now on, and return at which port.
+        """Accept connections from now on, and return the port.
 
         Raises:
-            OSError: The address cannot be had.
+            OSError: The address is not available.
         """
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(
@@ -215,13 +215,13 @@ class Connections(ConnectionGuard):
             self._listeners.append(listener)
             port = listener.getsockname()[1]
         if not self._listeners:
-            raise OSError(errno.EADDRNOTAVAIL, f"{host} is no address of this computer")
+            raise OSError(errno.EADDRNOTAVAIL, f"{host} is no address of this host")
         self._tasks = [loop.create_task(self._accept(each)) for each in self._listeners]
         self._tasks.append(loop.create_task(self._watch()))
         return port
 
     async def stop(self) -> None:
-        """Take no more connections."""
+        """Stop accepting connections."""
         tasks = (*self._tasks, *self._handshakes.values())
         for task in tasks:
             task.cancel()
@@ -234,39 +234,39 @@ class Connections(ConnectionGuard):
         await asyncio.gather(*(connection.close() for connection in self._open))
 
     def opened(self, connection: Connection) -> None:
-        """Called by a connection that can be used."""
+        """Called by a connection that is ready for use."""
         self._open[connection] = asyncio.get_running_loop().time()
         connection.lost.add_done_callback(lambda _: self._forget(connection))
 
     def reserve(self, connection: Connection, octets: int) -> None:
-        """Called by a connection that needs room for a long message, or gives it back."""
+        """Called by a connection that reserves or releases memory for a long message."""
         self._unfinished.take(connection, octets)
         self._given_back += max(-octets, 0)
 
     def refused(self, connection: Connection, header: Header, error: MalError) -> None:
-        """Called by a connection over which a message comes that there is no room for."""
+        """Called by a connection that receives a message beyond a bound."""
         self._on_refused(connection, header, error)
 
     def warn(self, text: str, *arguments: object) -> None:
-        """Log what a peer caused, limited in rate."""
+        """Log an error of a peer, limited in rate."""
         self._log.warn(text, *arguments)
 
     async def _accept(self, listener: Socket) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:
-                taken, address = await loop.sock_accept(listener)
+                accepted, address = await loop.sock_accept(listener)
             except OSError as fault:
-                self.warn("a connection cannot be taken: %s", fault.strerror)
+                self.warn("cannot accept a connection: %s", fault.strerror)
                 self._make_room()
                 await asyncio.sleep(_RETRY_S)
                 continue
             if len(self._hosts) >= self._most and not self._make_room():
-                taken.close()
+                accepted.close()
                 continue
             connection = Connection(self._on_message, self)
             self._hosts[connection] = address[0]
-            self._handshakes[connection] = loop.create_task(self._begin(connection, taken))
+            self._handshakes[connection] = loop.create_task(self._begin(connection, accepted))
             await asyncio.sleep(0)
 
     async def _begin(self, connection: Connection, taken: Socket) -> None:
@@ -284,14 +284,14 @@ class Connections(ConnectionGuard):
                 taken.close()
 
     def _make_room(self) -> bool:
-        """Give up connections, and return whether there was one to be given up.
+        """Abort connections; return whether one could be aborted.
 
-        A few at once where there are many: a crowd that comes again and again would have all of
-        them compared each time.
+        With many connections several are aborted at once, since repeated connection attempts would
+        otherwise sort all of them each time.
         """
         candidates = [connection for connection in self._hosts if not self.keeps(connection)]
         if not candidates:
-            self.warn("a connection is refused: all %d are to be kept", len(self._hosts))
+            self.warn("a connection is refused: all %d have priority", len(self._hosts))
             return False
         crowd = Counter(map(self._peer, candidates))
         for victim in nsmallest(
@@ -302,7 +302,7 @@ class Connections(ConnectionGuard):
             del self._hosts[victim]
             if victim in self._handshakes:
                 self._handshakes[victim].cancel()
-            victim.give_up(f"{self._most} connections are open, and others want one")
+            victim.give_up(f"{self._most} connections are open, and another peer needs one")
         return True
 
     def _peer(self, connection: Connection) -> str:
@@ -316,7 +316,7 @@ class Connections(ConnectionGuard):
         self._on_lost(connection)
 
     async def _watch(self) -> None:
-        """Give up connections on which nothing comes, and give memory back."""
+        """Abort stalled connections, and return freed memory to the system."""
         loop, limits = asyncio.get_running_loop(), self._limits
         while True:
             await asyncio.sleep(min(_SWEEP_S, limits.silence_s, limits.stall_s))
@@ -324,9 +324,9 @@ class Connections(ConnectionGuard):
             now_s = loop.time()
             for connection, opened_s in list(self._open.items()):
                 if not connection.heard and now_s - opened_s > limits.silence_s:
-                    connection.give_up(f"no message came in {limits.silence_s:g} s")
+                    connection.give_up(f"no message within {limits.silence_s:g} s")
                 elif connection.waits_for_more and now_s - connection.arrived_s > limits.stall_s:
-                    connection.give_up(f"a message rests for {limits.stall_s:g} s")
+                    connection.give_up(f"a message is incomplete for {limits.stall_s:g} s")
             self._bound_unread()
             if self._given_back > _WORTH_TRIMMING:
                 self._given_back = 0
@@ -338,10 +338,10 @@ class Connections(ConnectionGuard):
             if unread.total() <= self._limits.unread_octets:
                 return
             del unread[connection]
-            connection.give_up(f"it does not take {octets} octets, and others want the room")
+            connection.give_up(f"{octets} octets are unread, and other peers need the memory")
 
 
 def _trim() -> None:
-    """Return to the operating system what the C library keeps of freed memory."""
-    with suppress(AttributeError):  # not every C library has it
+    """Return memory that the C library caches to the operating system."""
+    with suppress(AttributeError):  # only glibc has it
         ctypes.CDLL(None).malloc_trim(0)

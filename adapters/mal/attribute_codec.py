@@ -1,4 +1,4 @@
-"""Attribute values to octets and back, strictly, in each of the three body encodings."""
+"""Strict codec of attribute values in the three body encodings."""
 
 import struct
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from adapters.mal.values import AttributeType, ObjectRef, TypedAttribute
 
 
 class Encoding(Enum):
-    """How bodies are written; both sides agree on it beforehand, the header does not tell."""
+    """Body encodings. Both ends agree on one beforehand: the header does not carry it."""
 
     FIXED = "fixed"
     VARIABLE = "variable"
@@ -24,18 +24,18 @@ _SHARED: Final = {
     AttributeType.URI: "string",
 }
 METHODS: Final = {kind: _SHARED.get(kind, kind.name.lower()) for kind in AttributeType}
-"""Attribute type to the method of `Reader` and `Writer` that carries it."""
+"""Method of `Reader` and `Writer` for each attribute type."""
 _BY_SHORT_FORM: Final = {kind.value: (kind, method) for kind, method in METHODS.items()}
 
 EPOCH_DAYS: Final = 4383
-"""Days from 1958-01-01, the CCSDS epoch of CDS time codes, to 1970-01-01."""
+"""Days from 1958-01-01, the epoch of CDS time codes (CCSDS 301.0-B-4, 3.3), to 1970-01-01."""
 DAY_MS: Final = 86_400_000
 MS_NS: Final = 1_000_000
 MAX_DEPTH: Final = 64
-"""Composites inside composites, at most."""
+"""Maximum nesting of composites."""
 MAX_ELEMENTS: Final = 1 << 20
-"""List elements in one message, at most, unless told otherwise: an element may cost no octet at all
-(a false bit)."""
+"""Default maximum of list elements in one message: an element may need no octet at all (a false
+bit)."""
 _CDS: Final = struct.Struct(">HI")
 _FLOATS: Final = {32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
@@ -62,10 +62,10 @@ def _read_number(code: str, _kind: type[_Number]) -> "Callable[[Reader], _Number
 
 
 class Reader:
-    """Fixed binary. Every method consumes what it returns, or raises DecodeError.
+    """Reader of fixed binary. Each method consumes the value it returns, or raises DecodeError.
 
     Attributes:
-        at: The index of the next octet.
+        at: Index of the next octet.
     """
 
     __slots__ = ("_depth", "_elements", "_most_elements", "_octets", "at")
@@ -80,35 +80,35 @@ class Reader:
         self._most_elements = elements
 
     def fail(self, what: str) -> DecodeError:
-        """Make the error that says where it happened."""
+        """Return the error with the position of the octet."""
         return DecodeError(f"octet {self.at}: {what}")
 
     def take(self, count: int) -> bytes | memoryview:
-        """The next `count` octets, not copied from a view."""
+        """Return the next `count` octets; a view is not copied."""
         end = self.at + count
-        taken = self._octets[self.at : end]
-        if len(taken) != count:
-            raise self.fail(f"{count} octets wanted, {len(taken)} there")
+        octets = self._octets[self.at : end]
+        if len(octets) != count:
+            raise self.fail(f"{count} octets expected, {len(octets)} available")
         self.at = end
-        return taken
+        return octets
 
     def finish(self) -> None:
         """Raise DecodeError unless everything was consumed."""
         if self.at != len(self._octets):
-            raise self.fail(f"{len(self._octets) - self.at} octets left over")
+            raise self.fail(f"{len(self._octets) - self.at} excess octets")
 
     def enter(self) -> None:
-        """Go one composite deeper."""
+        """Enter a composite."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise self.fail(f"composites nested deeper than {MAX_DEPTH}")
 
     def leave(self) -> None:
-        """Come out of a composite."""
+        """Leave a composite."""
         self._depth -= 1
 
     def elements(self) -> int:
-        """The number of elements of a list."""
+        """Return the number of elements of a list."""
         count = self.uinteger()
         self._elements += count
         if self._elements > self._most_elements:
@@ -116,10 +116,10 @@ class Reader:
         return count
 
     def boolean(self) -> bool:
-        """A Boolean, or the flag before a nullable value."""
+        """Return a Boolean, or the presence flag of a nullable value."""
         octet = self.uoctet()
         if octet > 1:
-            raise self.fail(f"0 or 1 wanted for a flag or Boolean, {octet} there")
+            raise self.fail(f"a flag or Boolean must be 0 or 1, not {octet}")
         return octet == 1
 
     octet = _read_number("b", int)
@@ -134,11 +134,11 @@ class Reader:
     double = _read_number("d", float)
 
     def blob(self) -> bytes:
-        """A Blob."""
+        """Return a Blob."""
         return bytes(self.take(self.uinteger()))
 
     def string(self) -> str:
-        """A String, Identifier or URI."""
+        """Return a String, Identifier or URI."""
         octets = self.take(self.uinteger())
         try:
             return str(octets, "utf-8")
@@ -146,7 +146,7 @@ class Reader:
             raise self.fail(f"text is not UTF-8: {fault.reason}") from None
 
     def time(self) -> int:
-        """A Time, in ns since 1970 UTC."""
+        """Return a Time in ns since 1970 UTC: 16 bits of days, 32 bits of ms of the day."""
         days, milliseconds = _CDS.unpack(self.take(_CDS.size))
         if milliseconds >= DAY_MS:
             raise self.fail(f"{milliseconds} ms in a day")
@@ -154,7 +154,7 @@ class Reader:
         return since_ms * MS_NS
 
     def finetime(self) -> int:
-        """A FineTime, in ns since 1970 UTC; what is finer is cut off."""
+        """Return a FineTime in ns since 1970 UTC; finer digits are truncated."""
         coarse = self.time()
         picoseconds = int.from_bytes(self.take(4), "big")
         if picoseconds >= 1000 * MS_NS:
@@ -162,21 +162,21 @@ class Reader:
         return coarse + picoseconds // 1000
 
     def objectref(self) -> ObjectRef:
-        """An ObjectRef."""
+        """Return an ObjectRef."""
         domain = tuple([self.string() for _ in range(self.elements())])
         return ObjectRef(domain, self.long(), self.string(), self.long())
 
     def attribute(self) -> TypedAttribute:
-        """An attribute that says its type: the short form in one octet, then the value."""
+        """Return an attribute with its type: the short form in one octet, then the value."""
         number = self.uoctet()
         if number not in _BY_SHORT_FORM:
-            raise self.fail(f"no attribute type has short form {number}")
+            raise self.fail(f"unknown attribute short form {number}")
         kind, method = _BY_SHORT_FORM[number]
         return TypedAttribute(kind, getattr(self, method)())
 
 
 def _read_unsigned(bits: int) -> "Callable[[Reader], int]":
-    """LEB128: seven bits an octet, the least significant first."""
+    """Return a reader of LEB128: seven bits an octet, least significant first."""
 
     def read(reader: "Reader") -> int:
         value = shift = 0
@@ -187,18 +187,18 @@ def _read_unsigned(bits: int) -> "Callable[[Reader], int]":
                 break
             shift += 7
             if shift >= bits:
-                raise reader.fail(f"number longer than {bits} bits")
+                raise reader.fail(f"number exceeds {bits} bits")
         if value >> bits:
-            raise reader.fail(f"number longer than {bits} bits")
+            raise reader.fail(f"number exceeds {bits} bits")
         if shift and not octet:
-            raise reader.fail("number written longer than it is")
+            raise reader.fail("number is not minimally encoded")
         return value
 
     return read
 
 
 def _read_signed(bits: int) -> "Callable[[Reader], int]":
-    """Zigzag: 0, -1, 1, -2, and so on."""
+    """Return a reader of zigzag numbers: 0, -1, 1, -2, and so on."""
     read_unsigned = _read_unsigned(bits)
 
     def read(reader: "Reader") -> int:
@@ -234,7 +234,7 @@ class VariableReader(Reader):
 
 
 class SplitReader(VariableReader):
-    """Split binary: Booleans and presence flags are bits in front, all else as in variable."""
+    """Split binary (CCSDS 524.2-B-1): Booleans and flags as leading bits, the rest variable."""
 
     __slots__ = ("_bit", "_bits")
 
@@ -246,10 +246,10 @@ class SplitReader(VariableReader):
         self._bits = self.blob()
 
     def boolean(self) -> bool:
-        """The next bit, least significant first; bits that are not there are 0."""
-        index, place = divmod(self._bit, 8)
+        """Return the next bit, least significant first; missing bits are 0."""
+        index, shift = divmod(self._bit, 8)
         self._bit += 1
-        return index < len(self._bits) and bool(self._bits[index] >> place & 1)
+        return index < len(self._bits) and bool(self._bits[index] >> shift & 1)
 
     def finish(self) -> None:
         """Raise DecodeError unless every octet and every set bit was consumed."""
@@ -257,7 +257,7 @@ class SplitReader(VariableReader):
         used, partial = divmod(self._bit, 8)
         rest = self._bits[used:]
         if rest and (len(rest) > 1 or not partial or rest[0] >> partial):
-            raise self.fail("bits left over")
+            raise self.fail("excess bits")
 
 
 READERS: Final = {
@@ -266,7 +266,7 @@ READERS: Final = {
     Encoding.SPLIT: SplitReader,
 }
 _OCTETS: Final = tuple(bytes((octet,)) for octet in range(256))
-"""Every single octet."""
+"""All octets as bytes."""
 
 
 def _write_integer(bits: int, *, signed: bool) -> "Callable[[Writer, int], None]":
@@ -286,7 +286,7 @@ def _write_float(bits: int) -> "Callable[[Writer, float], None]":
 
 
 class Writer:
-    """Fixed binary. A value that does not fit raises what `codec` turns into EncodeError."""
+    """Writer of fixed binary. `codec` converts the errors of values that do not fit."""
 
     __slots__ = ("pieces",)
 
@@ -294,15 +294,15 @@ class Writer:
         self.pieces: list[bytes] = []
 
     def finish(self) -> bytes:
-        """All that was written."""
+        """Return all written octets."""
         return b"".join(self.pieces)
 
     def length(self, count: int) -> None:
-        """A count of octets or elements."""
+        """Write a number of octets or elements."""
         self.uinteger(count)
 
     def boolean(self, value: bool) -> None:
-        """A Boolean, or the flag before a nullable value."""
+        """Write a Boolean, or the presence flag of a nullable value."""
         self.pieces.append(_OCTETS[_checked(value)])
 
     octet = _write_integer(8, signed=True)
@@ -317,22 +317,22 @@ class Writer:
     double = _write_float(64)
 
     def blob(self, value: bytes) -> None:
-        """A Blob."""
+        """Write a Blob."""
         if not isinstance(value, bytes):
-            raise EncodeError(f"bytes wanted, not {value!r}")
+            raise EncodeError(f"expected bytes, not {value!r}")
         self.length(len(value))
         self.pieces.append(value)
 
     def string(self, value: str) -> None:
-        """A String, Identifier or URI."""
+        """Write a String, Identifier or URI."""
         self.blob(value.encode())
 
     def time(self, value: int) -> None:
-        """A Time, from ns since 1970 UTC, rounded to the ms."""
+        """Write a Time from ns since 1970 UTC, rounded to the ms."""
         self._cds((value + MS_NS // 2) // MS_NS)
 
     def finetime(self, value: int) -> None:
-        """A FineTime, from ns since 1970 UTC."""
+        """Write a FineTime from ns since 1970 UTC."""
         milliseconds, nanoseconds = divmod(value, MS_NS)
         self._cds(milliseconds)
         self.pieces.append((nanoseconds * 1000).to_bytes(4, "big"))
@@ -342,7 +342,7 @@ class Writer:
         self.pieces.append((days + EPOCH_DAYS).to_bytes(2, "big") + rest.to_bytes(4, "big"))
 
     def objectref(self, value: ObjectRef) -> None:
-        """An ObjectRef."""
+        """Write an ObjectRef."""
         self.length(len(value.domain))
         for part in value.domain:
             self.string(part)
@@ -351,9 +351,9 @@ class Writer:
         self.long(value.version)
 
     def attribute(self, value: TypedAttribute) -> None:
-        """An attribute that says its type."""
+        """Write an attribute with its type."""
         if not isinstance(value, TypedAttribute):
-            raise EncodeError(f"a Typed wanted, not {value!r}")
+            raise EncodeError(f"expected a TypedAttribute, not {value!r}")
         self.uoctet(value.type.value)
         getattr(self, METHODS[value.type])(value.value)
 
@@ -404,7 +404,7 @@ class VariableWriter(Writer):
 
 
 class SplitWriter(VariableWriter):
-    """Split binary: Booleans and presence flags are bits in front, all else as in variable."""
+    """Split binary (CCSDS 524.2-B-1): Booleans and flags as leading bits, the rest variable."""
 
     __slots__ = ("_bit", "_bits")
 
@@ -414,15 +414,15 @@ class SplitWriter(VariableWriter):
         self._bits = bytearray()
 
     def boolean(self, value: bool) -> None:
-        """The next bit, least significant first."""
-        place = self._bit % 8
-        if not place:
+        """Write the next bit, least significant first."""
+        shift = self._bit % 8
+        if not shift:
             self._bits.append(0)
-        self._bits[-1] |= _checked(value) << place
+        self._bits[-1] |= _checked(value) << shift
         self._bit += 1
 
     def finish(self) -> bytes:
-        """The bits up to the last one that is set, then the rest."""
+        """Return the bits up to the last set one, then the other octets."""
         front = VariableWriter()
         front.blob(bytes(self._bits.rstrip(b"\0")))
         return b"".join((front.finish(), *self.pieces))
@@ -437,7 +437,7 @@ WRITERS: Final = {
 
 def _checked(value: bool) -> bool:
     if not isinstance(value, bool):
-        raise EncodeError(f"a Boolean wanted, not {value!r}")
+        raise EncodeError(f"expected a Boolean, not {value!r}")
     return value
 
 

@@ -1,4 +1,4 @@
-"""The broker of a provider: subscriptions, publishers in other processes, and matching."""
+"""Broker of a provider: subscriptions, matching, publishers in other processes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,21 +32,21 @@ _SIGNED: Final = (
 )
 
 Keys = dict[str, TypedAttribute | None]
-"""The key values of an update by the names of the keys, in their order."""
+"""Key values of an update by key name, in the order of the operation."""
 
 
 def matches(subscription: Subscription, domain: tuple[str, ...] | None, keys: Keys) -> bool:
-    """Whether an update is for a subscription: its domain and all of its filters match."""
+    """Whether an update matches a subscription: its domain and all filters."""
     return domain_matches(subscription.domain, domain) and all(
         _filter_matches(key_filter, keys) for key_filter in subscription.filters or ()
     )
 
 
 def domain_matches(wanted: Sequence[str] | None, domain: Sequence[str] | None) -> bool:
-    """Whether a domain is wanted.
+    """Whether the domain of an update matches that of a subscription.
 
-    A wanted domain that is NULL takes every domain, an empty one every domain but NULL. A `*`
-    stands for one part, at the beginning or the end for any number of parts.
+    NULL matches every domain, an empty domain every domain except NULL. A `*` matches one part; at
+    the beginning or the end it matches any number of parts. As in mo-services-java 12.
     """
     if wanted is None or domain is None:
         return wanted is None
@@ -60,7 +60,7 @@ def domain_matches(wanted: Sequence[str] | None, domain: Sequence[str] | None) -
     first = slack if open_front and not open_end else 0
     last = slack if open_front else 0
     return any(
-        all(part in (_ANY, there) for part, there in zip(inner, domain[start:], strict=False))
+        all(part in (_ANY, own) for part, own in zip(inner, domain[start:], strict=False))
         for start in range(first, last + 1)
     )
 
@@ -85,17 +85,17 @@ def _value_matches(wanted: TypedAttribute | None, value: TypedAttribute | None) 
 
 
 SUBSCRIPTION_SIZE: Final = 8192
-"""Of one subscription, at most: characters, and 16 for each name or value. All of them are compared
-with each update, so that without a bound one consumer could keep the loop."""
+"""Maximum size of one subscription: its characters, plus 16 for each name or value. Each update is
+compared with all of them, so that an unbounded subscription could block the loop."""
 _EACH: Final = 16
 
 
 @dataclass(slots=True, eq=False)
 class _Subscriber:
-    """A consumer with its subscriptions, by the names of service and operation, and their own id.
+    """A consumer with its subscriptions, by names of service and operation and by subscription id.
 
-    Its notifications all carry the transaction id of its first registration, as those of
-    mo-services-java do.
+    All its notifications have the transaction id of its first registration, as in
+    mo-services-java.
     """
 
     connection: Connection
@@ -106,7 +106,7 @@ class _Subscriber:
     _heads: dict[Names, bytes] = field(default_factory=dict)
 
     def head(self, operation: Operation) -> bytes:
-        """The header of its notifications, as a message without a body."""
+        """Return the header of its notifications, as a message without a body."""
         names = operation.names
         if names not in self._heads:
             header = Header.of(
@@ -122,16 +122,16 @@ class _Subscriber:
 
 
 Admit = Callable[..., None]
-"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
+"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to reject."""
 
 
 @dataclass(frozen=True, slots=True)
 class PublishPolicy:
-    """How an operation is open to publishers in other processes.
+    """Policy of an operation for publishers in other processes.
 
     Attributes:
-        droppable: Whether its updates may be dropped for a subscriber that is too slow.
-        admit: Called with each update before it is sent on.
+        droppable: Whether its updates may be dropped for a slow subscriber.
+        admit: Called with each update before it is distributed.
     """
 
     droppable: bool
@@ -140,7 +140,7 @@ class PublishPolicy:
 
 @dataclass(frozen=True, slots=True)
 class _Registration:
-    """One publisher of one operation: who it is, and over which connection it came."""
+    """A publisher of one operation: its URI and connection."""
 
     connection: Connection
     uri: str | None
@@ -148,7 +148,7 @@ class _Registration:
 
 
 class _Update:
-    """An update on its way to the subscribers, encoded as it is wanted."""
+    """An update for subscribers; encoded once for each distinct subscription."""
 
     def __init__(
         self,
@@ -169,7 +169,7 @@ class _Update:
         self._bodies: dict[tuple[str, tuple[str, ...] | None], bytes] = {}
 
     def messages(self, subscribers: Mapping[str | None, _Subscriber]) -> Iterator[bytes]:
-        """Make the notifications of those who are behind one connection."""
+        """Yield the notifications of all subscribers of one connection."""
         for subscriber in list(subscribers.values()):
             for subscription in list(subscriber.subscriptions.get(self.names, {}).values()):
                 if matches(subscription, self._header.domain, self._keys):
@@ -177,7 +177,7 @@ class _Update:
                     yield restamped(head, self._timestamp, self.body(subscription))
 
     def body(self, subscription: Subscription) -> bytes:
-        """Encode it for a subscription.
+        """Return the encoded body for a subscription.
 
         Raises:
             EncodeError: A value does not fit the specification.
@@ -202,10 +202,10 @@ class _Update:
 
 
 class Broker:
-    """Knows the subscribers and the remote publishers of one provider, while they are connected.
+    """Manages the subscribers and remote publishers of one provider, while they are connected.
 
-    An update is made into messages for a connection when its peer takes them, in its turn: who
-    registered much, or never reads, does not make others wait.
+    An update is encoded for a connection when its peer accepts data, in fair turns: a peer with
+    many subscriptions, or one that never reads, does not delay other peers.
     """
 
     def __init__(
@@ -220,11 +220,11 @@ class Broker:
         self._on_subscribed: dict[Names, Callable[[], None]] = {}
 
     def watch(self, operation: Operation, on_subscribed: Callable[[], None]) -> None:
-        """Call back when somebody has subscribed to an operation."""
+        """Register a callback for new subscriptions to an operation."""
         self._on_subscribed[operation.service_name, operation.name] = on_subscribed
 
     def has_subscribers(self, operation: Operation) -> bool:
-        """Whether anybody is subscribed to an operation."""
+        """Whether an operation has subscribers."""
         names = operation.names
         return any(
             names in subscriber.subscriptions
@@ -239,10 +239,10 @@ class Broker:
         operation: Operation,
         subscription: Subscription,
     ) -> None:
-        """Add a subscription, or replace the one of the same id.
+        """Add a subscription, or replace the one with the same id.
 
         Raises:
-            MalError: TOO_MANY subscriptions, or too much in this one.
+            MalError: TOO_MANY subscriptions, or this one is too large.
         """
         if _size(subscription) > SUBSCRIPTION_SIZE:
             raise too_many(f"at most {SUBSCRIPTION_SIZE} characters in a subscription")
@@ -261,7 +261,7 @@ class Broker:
     def deregister(
         self, connection: Connection, header: Header, operation: Operation, ids: tuple[str, ...]
     ) -> None:
-        """Remove subscriptions; those that are not there are none."""
+        """Remove subscriptions; unknown ids are ignored."""
         subscribers = self._subscribers.get(connection, {})
         subscriber = subscribers.get(header.from_uri)
         if subscriber is None:
@@ -279,7 +279,7 @@ class Broker:
             del self._subscribers[connection]
 
     def drop(self, connection: Connection) -> None:
-        """Forget everybody behind a connection."""
+        """Remove all subscribers and publishers of a connection."""
         self._subscribers.pop(connection, None)
         for known in [known for known in self._publishers if known.connection is connection]:
             del self._publishers[known]
@@ -294,10 +294,10 @@ class Broker:
         parts: tuple[Any, ...],
         droppable: bool,
     ) -> None:
-        """Notify every subscription that an update matches.
+        """Notify all matching subscriptions of an update.
 
         Raises:
-            EncodeError: A value does not fit the specification; noticed when somebody subscribed.
+            EncodeError: A value does not match the specification; detected only with subscribers.
         """
         if not self._subscribers:
             return
@@ -320,10 +320,10 @@ class Broker:
         names: tuple[str, ...],
         types: tuple[Any, ...],
     ) -> None:
-        """Let a publisher in another process publish an operation with these keys, in this order.
+        """Register a publisher in another process, with its keys in this order.
 
         Raises:
-            MalError: UNKNOWN, these are not the keys of the operation; TOO_MANY publishers.
+            MalError: UNKNOWN, the operation has other keys; TOO_MANY publishers.
         """
         keys = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
         given = [AttributeType(kind.value) for kind in types]
@@ -338,7 +338,7 @@ class Broker:
     def deregister_publisher(
         self, connection: Connection, header: Header, operation: Operation
     ) -> None:
-        """Forget a publisher; one that is not there is none."""
+        """Remove a publisher; an unknown one is ignored."""
         if self._publishers.pop(_Registration(connection, header.from_uri, operation), None):
             self._publications.take(connection, -1)
 
@@ -351,11 +351,11 @@ class Broker:
         parts: tuple[Any, ...],
         policy: PublishPolicy,
     ) -> None:
-        """Publish what a publisher in another process sent.
+        """Publish an update of a publisher in another process.
 
         Raises:
-            MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
-                those of its keys; or what the operation's `admit` raises.
+            MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values do not match
+                its keys; or the error of the operation's `admit`.
         """
         kinds = self._publishers.get(_Registration(connection, header.from_uri, operation))
         if kinds is None:
@@ -377,7 +377,7 @@ def _size(subscription: Subscription) -> int:
 
 
 class Publisher:
-    """Publishes the updates of one PUBSUB operation; to be called on the provider's loop."""
+    """Publishes the updates of one PUBSUB operation; call it on the provider's loop."""
 
     def __init__(self, broker: Broker, operation: Operation) -> None:
         self._broker = broker
@@ -386,7 +386,7 @@ class Publisher:
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody is subscribed."""
+        """Whether the operation has subscribers."""
         return self._broker.has_subscribers(self._operation)
 
     def publish(
@@ -397,19 +397,19 @@ class Publisher:
         source: str | None = None,
         droppable: bool,
     ) -> None:
-        """Notify all subscribers that this update is for.
+        """Notify all matching subscriptions.
 
         Args:
             parts: The parts of the update, without the update header.
             keys: A plain value or None for each subscription key of the operation, in order.
             domain: The domain of the update, outermost part first.
-            source: Who publishes.
-            droppable: Whether it may be dropped, the oldest first, for a subscriber that is too
-                slow. One that may not waits; the subscriber is disconnected when too many wait.
+            source: The publisher.
+            droppable: Whether it may be dropped for a slow subscriber, oldest first. Otherwise it
+                is queued; a subscriber whose queue is full is disconnected.
 
         Raises:
-            EncodeError: A value does not fit the specification (noticed when somebody subscribed).
-            ValueError: There are more or fewer keys than the operation has.
+            EncodeError: A value does not match the specification (detected only with subscribers).
+            ValueError: The number of keys differs from the operation's.
         """
         typed = {
             name: None if value is None else TypedAttribute(kind, value)
@@ -422,7 +422,7 @@ class Publisher:
 def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:
     keys: dict[str, TypedAttribute | None] = {}
     if len(values or ()) != len(kinds):
-        raise _unknown(f"{len(kinds)} key values wanted, {len(values or ())} given")
+        raise _unknown(f"{len(kinds)} key values expected, {len(values or ())} given")
     for (name, kind), given in zip(kinds.items(), values or (), strict=True):
         if given.value is not None and given.value.type is not kind:
             raise _unknown(f"key {name} is a {kind.name}, not a {given.value.type.name}")

@@ -1,4 +1,4 @@
-"""`python -m adapters.mal.broker_process`: a broker of its own for publishers and subscribers."""
+"""`python -m adapters.mal.broker_process`: a separate broker for publishers and subscribers."""
 
 import asyncio
 import signal
@@ -25,20 +25,20 @@ _PEM: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 @click.option("--port", default=0, show_default=True, help="TCP port; 0 takes a free one.")
 @click.option("--certificate", type=_PEM, help="TLS: certificate of this broker.")
 @click.option("--key", type=_PEM, help="TLS: private key of this broker.")
-@click.option("--authorities", type=_PEM, help="TLS: the authorities it trusts.")
-@click.option("--clear-text", is_flag=True, help="Do without TLS where others can reach it.")
+@click.option("--authorities", type=_PEM, help="TLS: trusted authorities.")
+@click.option("--clear-text", is_flag=True, help="Serve without TLS at a non-loopback address.")
 @click.option(
     "--encoding",
     type=click.Choice([encoding.name.lower() for encoding in Encoding]),
     default="fixed",
     show_default=True,
-    help="Body encoding that all have agreed on.",
+    help="Body encoding of all peers.",
 )
 @click.option(
     "--droppable",
     multiple=True,
     metavar="SERVICE.OPERATION",
-    help="Updates that may be dropped, the oldest first, for a slow subscriber. May be repeated.",
+    help="Updates that may be dropped for a slow subscriber, oldest first. May be repeated.",
 )
 def main(
     specification: Path,
@@ -54,7 +54,7 @@ def main(
 ) -> None:
     """Serve every PUBSUB operation of a SPECIFICATION (XML) until SIGINT or SIGTERM.
 
-    It prints its URI once it listens.
+    It prints its URI when it listens.
 
     \b
     Example:
@@ -102,12 +102,12 @@ def _context(
 async def _serve(
     provider: Provider, host: str, port: int, tls: ssl.SSLContext | None, clear_text: bool
 ) -> None:
-    over, loop = asyncio.Event(), asyncio.get_running_loop()
+    closing, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, over.set)
+        loop.add_signal_handler(number, closing.set)
     await provider.start(host, port, tls, clear_text)
     click.echo(str(provider.uri))
-    await over.wait()
+    await closing.wait()
     await provider.close()
 
 

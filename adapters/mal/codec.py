@@ -1,4 +1,4 @@
-"""Messages to octets and back: the header, always fixed binary, and bodies of any type."""
+"""Codec of messages: the header, always fixed binary, and bodies of any type."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -36,13 +36,13 @@ from adapters.mal.values import AttributeType, NamedValue, TypedAttribute, Typed
 Read = Callable[[Any], Any]
 Write = Callable[[Any, Any], None]
 _UNFIT = (EncodeError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""What a value that does not fit may raise on its way into octets."""
+"""Exceptions of an encoder for a value that does not fit."""
 _MIXED = 0
-"""The type id of a list whose elements each carry their own type."""
+"""Type id of a list whose elements each have their own type."""
 
 
 class Codes(NamedTuple):
-    """How a type is read from a Reader and written to a Writer."""
+    """Functions that read a type from a Reader and write it to a Writer."""
 
     read: Read
     write: Write
@@ -50,7 +50,7 @@ class Codes(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Announced:
-    """A type that a type id may announce."""
+    """A type that a type id can identify."""
 
     type_id: int
     ref: TypeRef
@@ -59,22 +59,22 @@ class _Announced:
 
 
 def write_named(name: str, write: Write, writer: Writer, value: Any) -> None:
-    """Write a value, and name it should it not fit.
+    """Write a value; the error names it.
 
     Raises:
-        EncodeError: It does not fit.
+        EncodeError: The value does not fit.
     """
     try:
         write(writer, value)
     except _UNFIT as fault:
-        what = "NULL where it may not be" if value is None else fault
+        what = "must not be NULL" if value is None else fault
         raise EncodeError(f"{name}: {what}") from None
 
 
 class TypeCodec:
-    """The codes of every type of a specification in one encoding.
+    """Readers and writers of all types of a specification in one encoding.
 
-    Those of composites, which refer to each other, are made at once: threads share them.
+    All composites are built in the constructor: they refer to each other, and threads share them.
     """
 
     def __init__(self, specification: Specification, encoding: Encoding) -> None:
@@ -94,14 +94,14 @@ class TypeCodec:
             self._of(ref)
 
     def parts(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
-        """The codes of parts, known by identity: hashing them takes as long as reading values."""
+        """Return the codes of parts, cached by identity: hashing them is as slow as decoding."""
         known = self._parts.get(id(parts))
         if known is None:
             known = self._parts[id(parts)] = parts, tuple(map(self.part, parts))
         return known[1]
 
     def part(self, part: Field) -> Codes:
-        """The codes of a message part."""
+        """Return the codes of a message part."""
         mixed = part.type.is_list and self._is_abstract(part.type)
         codes = self._of(part.type)
         return _nullable(_mixed_part(codes) if mixed else codes, part.nullable)
@@ -152,7 +152,7 @@ class TypeCodec:
 
         def write(writer: Writer, value: Any) -> None:
             if not isinstance(value, bound.cls):
-                raise EncodeError(f"a {bound.definition.name} wanted, not {value!r}")
+                raise EncodeError(f"expected a {bound.definition.name}, not {value!r}")
             write_number(writer, value.value)
 
         return Codes(read, write)
@@ -168,7 +168,7 @@ class TypeCodec:
 
         def write(writer: Writer, value: Any) -> None:
             if type(value) is not bound.cls:
-                raise EncodeError(f"a {ref.name} wanted, not {value!r}")
+                raise EncodeError(f"expected a {ref.name}, not {value!r}")
             for name, _, write_field in plan:
                 write_named(name, write_field, writer, getattr(value, name))
 
@@ -178,7 +178,7 @@ class TypeCodec:
         return codes
 
     def _by_type_id(self, base: TypeRef) -> Codes:
-        """An element that its type id announces, of a type that may stand in for `base`."""
+        """Return the codes of an element with its type id, of a subtype of `base`."""
 
         def read(reader: Reader) -> Any:
             number = reader.long()
@@ -213,7 +213,7 @@ class TypeCodec:
                 case _:
                     known, content = self._by_kind.get((type(value), False)), value
             if known is None or base not in known.ancestors:
-                raise EncodeError(f"a {base.name} wanted, not {value!r}")
+                raise EncodeError(f"expected a {base.name}, not {value!r}")
             writer.long(known.type_id)
             self._of(known.ref).write(writer, content)
 
@@ -242,7 +242,7 @@ def _list(element: Codes) -> Codes:
 
     def write(writer: Writer, values: Any) -> None:
         if isinstance(values, str | bytes):
-            raise EncodeError(f"a list wanted, not {values!r}")
+            raise EncodeError(f"expected a list, not {values!r}")
         writer.length(len(values))
         for index, value in enumerate(values):
             write_named(f"[{index}]", write_element, writer, value)
@@ -267,12 +267,12 @@ def _nullable(codes: Codes, nullable: bool) -> Codes:
 
 
 def _mixed_part(codes: Codes) -> Codes:
-    """A list of an abstract type as a message part: the type id of mixed lists comes first."""
+    """Return the codes of a list of an abstract type as a message part, after the mixed type id."""
 
     def read(reader: Reader) -> Any:
         number = reader.long()
         if number != _MIXED:
-            raise reader.fail(f"type id {number} where a list of mixed types begins")
+            raise reader.fail(f"type id {number} at the start of a list of mixed types")
         return codes.read(reader)
 
     def write(writer: Writer, value: Any) -> None:
@@ -283,17 +283,17 @@ def _mixed_part(codes: Codes) -> Codes:
 
 
 _type_codec = lru_cache(maxsize=8)(TypeCodec)
-"""Made once for all connections: a process has one specification or two."""
+"""Cached for all connections: a process has one or two specifications."""
 
 ERROR_PARTS: Final = (
     Field("number", TypeRef("MAL", "UInteger")),
     Field("extraInformation", TypeRef("MAL", "Element"), nullable=True),
 )
-"""The parts of every error."""
+"""Parts of every error message."""
 
 
 class Codec:
-    """Encodes and decodes bodies of one specification, with so many list elements at most."""
+    """Encodes and decodes bodies of one specification, with at most `elements` list elements."""
 
     def __init__(
         self,
@@ -307,14 +307,14 @@ class Codec:
         self._types = _type_codec(specification, encoding)
 
     def decode(self, parts: tuple[Field, ...], body: bytes) -> tuple[Any, ...]:
-        """Read the parts of a message.
+        """Decode the parts of a message.
 
         Raises:
             DecodeError: The body is not exactly one value of each part.
         """
         if not parts:
             if body:
-                raise DecodeError(f"{len(body)} octets where no part is")
+                raise DecodeError(f"{len(body)} octets, but the message has no parts")
             return ()
         reader = self._reader(body, elements=self._elements)
         values = []
@@ -327,13 +327,13 @@ class Codec:
         return tuple(values)
 
     def encode(self, parts: tuple[Field, ...], values: Sequence[Any]) -> bytes:
-        """Write the parts of a message.
+        """Encode the parts of a message.
 
         Raises:
-            EncodeError: A value does not fit its part, or there are too many or too few.
+            EncodeError: A value does not fit its part, or the number of values differs.
         """
         if len(values) != len(parts):
-            raise EncodeError(f"{len(parts)} parts wanted, {len(values)} given")
+            raise EncodeError(f"{len(parts)} parts expected, {len(values)} given")
         if not parts:
             return b""
         writer = self._writer()
@@ -342,15 +342,15 @@ class Codec:
         return writer.finish()
 
     def decode_error(self, body: bytes) -> MalError:
-        """Read the body of a message whose is-error bit is set.
+        """Decode the body of a message with the is-error bit.
 
         Raises:
-            DecodeError: The body is not an error's.
+            DecodeError: The body is no error body.
         """
         return MalError(*self.decode(ERROR_PARTS, body))
 
     def encode_error(self, error: MalError) -> bytes:
-        """Write the body of an error.
+        """Encode the body of an error.
 
         Raises:
             EncodeError: The number or the extra information does not fit.
@@ -364,28 +364,28 @@ _STAGES: Final = tuple(InteractionStage)
 _LENGTH: Final = struct.Struct(">I")
 _FROM, _TO, _TIMESTAMP, _AUTHENTICATION = 0x80, 0x40, 0x10, 0x01
 _B2_FIELDS: Final = 0x2E
-"""Priority, network zone, session name and domain: gone in 521.0-B-3, and not to be skipped."""
+"""Priority, network zone, session name and domain: removed in 521.0-B-3, so not accepted."""
 _SUPPLEMENT_CAP: Final = 256
-"""Supplements and parts of them in one header, at most."""
+"""Maximum supplements and parts of them in one header."""
 _COPIED_OCTETS: Final = 4096
-"""Octets of the longest message that is copied first, since its many small views cost more."""
+"""Maximum octets of a message that is copied first, since many small views are slower."""
 SHORTEST: Final = _HEAD.size + _LENGTH.size
-"""Octets of the shortest message: no URI, no timestamp, no supplement, no body."""
+"""Octets of the minimum message: no URI, no timestamp, no supplement, no body."""
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a message says of itself.
+    """Message header (CCSDS 521.0-B-3, octets as in mo-services-java 12).
 
     Attributes:
-        stage: Which message of which pattern it is.
-        transaction_id: The interaction it belongs to, chosen by the consumer; signed, 64 bits.
-        from_uri: Who sent it.
-        to_uri: Whom it is for.
-        timestamp_ns: When it was sent, in ns since 1970 UTC, to the ms.
-        supplements: Named attributes beside the body.
-        authentication_id: Proof of who sent it; None if there is none.
-        qos: Left over from 521.0-B-2; 1 by custom, and of no meaning.
+        stage: Message of an interaction pattern; the SDU type.
+        transaction_id: Id of the interaction, chosen by the consumer; signed, 64 bits.
+        from_uri: URI of the sender.
+        to_uri: URI of the receiver.
+        timestamp_ns: Time of sending in ns since 1970 UTC, to the ms.
+        supplements: Named attributes in addition to the body.
+        authentication_id: Credentials of the sender, or None.
+        qos: Remainder of 521.0-B-2; conventionally 1, without meaning.
         session: The same.
     """
 
@@ -415,7 +415,7 @@ class Header:
         timestamp_ns: int | None = None,
         supplements: tuple[NamedValue, ...] = (),
     ) -> "Header":
-        """A header addressed to an operation."""
+        """Return a header that addresses an operation."""
         return cls(
             stage,
             operation.area,
@@ -431,7 +431,7 @@ class Header:
         )
 
     def addressed(self, specification: Specification) -> Operation:
-        """Find the operation that it addresses, which has its stage.
+        """Return the addressed operation with this stage.
 
         Raises:
             MalError: Unsupported area, area version, service or operation.
@@ -446,7 +446,7 @@ class Header:
     def reply(
         self, stage: InteractionStage, timestamp_ns: int, *, is_error: bool = False
     ) -> "Header":
-        """The header of what answers this message, made at this time."""
+        """Return the header of a reply to this message, with this timestamp."""
         return Header(
             stage,
             self.area,
@@ -462,7 +462,7 @@ class Header:
 
     @property
     def flags(self) -> int:
-        """The octet that says which of the optional fields are there."""
+        """The octet of presence flags of the optional fields."""
         return (
             (_FROM if self.from_uri is not None else 0)
             | (_TO if self.to_uri is not None else 0)
@@ -472,7 +472,7 @@ class Header:
 
 
 def encode_message(header: Header, body: bytes) -> bytes:
-    """Put a header in front of a body.
+    """Return the octets of header and body.
 
     Raises:
         EncodeError: A header field does not fit.
@@ -512,38 +512,38 @@ def encode_message(header: Header, body: bytes) -> bytes:
 
 
 def encode_timestamp(timestamp_ns: int) -> bytes:
-    """Write a time as headers have it."""
+    """Return a time in the encoding of headers."""
     writer = Writer()
     writer.time(timestamp_ns)
     return writer.finish()
 
 
 def restamped(head: bytes, timestamp: bytes, body: bytes) -> bytes:
-    """Put a body behind a header, given as a message without one, that ends with a timestamp."""
+    """Return the message of `head` with another timestamp, its last field, and a body."""
     length = (len(head) + len(body)).to_bytes(_LENGTH.size, "big")
     return b"".join((length, head[_LENGTH.size : -len(timestamp)], timestamp, body))
 
 
 def decode_header(octets: bytes | memoryview) -> tuple[Header, int]:
-    """Read the header at the beginning of a message, of which more may follow.
+    """Decode the header of a message that may be incomplete.
 
     Returns:
-        The header, and how long the whole message says it is.
+        The header, and the length of the message by its length field.
 
     Raises:
-        DecodeError: There is no header of this kind.
+        DecodeError: The header is not valid.
     """
     return _read_header(Reader(octets, 0, _SUPPLEMENT_CAP))
 
 
 def decode_message(message: bytes | memoryview) -> tuple[Header, bytes]:
-    """Take a whole message apart.
+    """Decode a complete message.
 
     Returns:
         The header and the body.
 
     Raises:
-        DecodeError: It has no header of this kind, or its length is another one.
+        DecodeError: The header is not valid, or the length field differs.
     """
     octets = message if len(message) > _COPIED_OCTETS else bytes(message)
     reader = Reader(octets, 0, _SUPPLEMENT_CAP)
@@ -560,7 +560,7 @@ def _read_header(reader: Reader) -> tuple[Header, int]:
     if kind >> 5 != VERSION:
         raise DecodeError(f"header version {kind >> 5}, not {VERSION}")
     if kind & 0x1F >= len(_STAGES):
-        raise DecodeError(f"no SDU type {kind & 0x1F}")
+        raise DecodeError(f"unknown SDU type {kind & 0x1F}")
     if flags & _B2_FIELDS:
         raise DecodeError(f"flags {flags:#04x} announce fields that 521.0-B-3 does not have")
     if encoding:

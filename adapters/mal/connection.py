@@ -1,4 +1,4 @@
-"""One TCP connection that carries messages both ways: framing, turns, notifications, URIs."""
+"""One bidirectional TCP connection: framing, fair scheduling, notifications, URIs."""
 
 import asyncio
 import logging
@@ -16,35 +16,35 @@ from adapters.mal.tls import certificate_name
 
 _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
-"""Octets written and not taken by the peer, beyond which another reply ends the connection."""
+"""Maximum octets written but not accepted by the peer; another reply then ends the connection."""
 _UNSENT_CAP: Final = 128 << 10
-"""Octets that the operating system may buffer for a slow peer. By default it takes megabytes, which
-would be minutes of telemetry that can no longer be dropped."""
+"""Maximum octets that the operating system buffers for a slow peer. Its default of megabytes would
+be minutes of telemetry that can no longer be dropped."""
 _GATHERED_CAP: Final = 16 << 10
-"""Octets of notifications that are written at once."""
+"""Maximum octets of notifications in one write."""
 _GRACE_S: Final = 1.0
-"""How long a peer may take what was written before the connection was closed."""
+"""Timeout of a close for the peer to accept written octets."""
 
 MESSAGE_CAP: Final = 64 << 20
-"""Octets of the longest message taken, and of the longest that is skipped."""
+"""Maximum octets of an accepted message, and of a skipped one."""
 HEADER_OCTETS: Final = 4096
-"""Of a message that is too long, what is read of it to see whom to tell."""
+"""Octets that are read of a message that is too long, to find its sender."""
 _LEAST_ROOM: Final = 16 << 10
-"""Octets of a new framer's buffer."""
+"""Initial octets of a framer's buffer."""
 ROOM_AT_ONCE: Final = 256 << 10
-"""Octets that a buffer grows to because much comes; beyond that only for a longer message."""
+"""Buffer size under load; larger only for a longer message."""
 
 
 class Framer:
-    """Cuts a stream of octets into messages.
+    """Splits a stream of octets into messages.
 
-    The buffer is reused, and never much longer than what has arrived of a message.
+    The buffer is reused, and never much larger than the received part of a message.
 
     Args:
-        cap: Octets of the longest message taken.
-        reserve: Called with how many octets beyond `room` the buffer is about to take, or
-            (negative) has given back; it raises to refuse.
-        room: Octets that the buffer grows to because much comes.
+        cap: Maximum octets of a message.
+        reserve: Called with the octets beyond `room` that the buffer is about to allocate, or
+            (negative) has released; raises to reject.
+        room: Buffer size under load.
     """
 
     def __init__(
@@ -63,36 +63,36 @@ class Framer:
 
     @property
     def unfinished(self) -> bool:
-        """Whether a message has begun and not ended."""
+        """Whether a message is incomplete."""
         return self._end > self._begin or self._skip > 0
 
     def buffer(self) -> memoryview:
-        """The free part of the buffer, at least one octet: the next octets go there."""
+        """Return the free part of the buffer, at least one octet, for the next octets."""
         return self._buffer[self._end :]
 
     def received(self, count: int) -> None:
-        """Note that so many octets were put into `buffer`."""
+        """Add `count` octets that were written to `buffer`."""
         self._end += count
 
     def take(self) -> memoryview | None:
-        """Return the next message, which is valid until the next call; None if none is complete.
+        """Return the next message, valid until the next call; None if none is complete.
 
         Raises:
-            DecodeError: These octets are no message; where the next begins is unknown.
-            MalError: It is too long, or `reserve` refused; it may be skipped.
+            DecodeError: The octets are no message; the start of the next one is unknown.
+            MalError: It is too long, or `reserve` rejected it; it can be skipped.
         """
         if self._skip:
             skipped = min(self._skip, self._end - self._begin)
             self._begin += skipped
             self._skip -= skipped
-        there = self._end - self._begin
-        length = self._length() if there >= 4 else 0
-        if there < 4 or there < min(length, HEADER_OCTETS if length > self._cap else length):
+        size = self._end - self._begin
+        length = self._length() if size >= 4 else 0
+        if size < 4 or size < min(length, HEADER_OCTETS if length > self._cap else length):
             self._arrange(length)
             return None
         message = self._buffer[self._begin : self._begin + length]
         if length > self._cap:
-            raise too_many(f"a message of {length} octets; at most {self._cap} are taken")
+            raise too_many(f"message of {length} octets, at most {self._cap} are accepted")
         self._begin += length
         if self._begin == self._end:
             self._begin = self._end = 0
@@ -101,12 +101,12 @@ class Framer:
         return message
 
     def skip(self) -> memoryview:
-        """Let the message that has begun come and go; return its first octets."""
+        """Skip the incomplete message; return its first octets."""
         self._skip = self._length()
         return self._buffer[self._begin : min(self._end, self._begin + HEADER_OCTETS)]
 
     def release(self) -> None:
-        """Let go of the buffer; nothing comes any more."""
+        """Release the buffer of a closed connection."""
         self._buffer = memoryview(b"")
         self._begin = self._end = self._skip = 0
 
@@ -118,11 +118,11 @@ class Framer:
                 f"first octet {begin[0]:#04x}: the header of 521.0-B-2, not of 521.0-B-3"
             )
         if not SHORTEST <= length <= MESSAGE_CAP:
-            raise DecodeError(f"message length {length}, not within {SHORTEST} and {MESSAGE_CAP}")
+            raise DecodeError(f"message length {length} is outside {SHORTEST} to {MESSAGE_CAP}")
         return length
 
     def _arrange(self, length: int) -> None:
-        """Make room behind an incomplete message by moving it, into a longer buffer if need be."""
+        """Move an incomplete message to free space after it, into a larger buffer if necessary."""
         begun = self._buffer[self._begin : self._end]
         size = len(self._buffer)
         if len(begun) == size or (self._end == size and size < self._room):
@@ -142,18 +142,18 @@ class Framer:
 
 
 SLICE_S: Final = 0.002
-"""How long messages are served at a time, before whoever else is on the loop has a turn."""
+"""Duration of a slice of served messages, before other tasks of the loop run."""
 _PAUSE_S: Final = 0.0001
-"""How long nothing must have been served for a new slice to begin."""
+"""Idle time after which a new slice begins."""
 
 Job = Callable[[], bool]
-"""Does one piece of work, and returns whether more is left."""
+"""Does one piece of work, and returns whether more is pending."""
 
 
 class FairScheduler:
-    """Shares the loop's time among connections, a piece of work at a time.
+    """Shares the loop's time among connections, one piece of work at a time.
 
-    Whoever has little to do is served before those who always have more.
+    A job with little work is served before jobs that always have more.
     """
 
     def __init__(self) -> None:
@@ -163,7 +163,7 @@ class FairScheduler:
         self._ended_s = self._end_s = 0.0
 
     def wake(self, job: Job) -> None:
-        """Do a job's work: at once while there is time and nobody waits, the rest in turn."""
+        """Run a job: immediately if the slice has time and no job waits, the rest in turn."""
         if not self._waiting:
             now_s = asyncio.get_running_loop().time()
             if now_s - self._ended_s > _PAUSE_S:
@@ -180,7 +180,7 @@ class FairScheduler:
         self._fresh.append(job)
 
     def forget(self, job: Job) -> None:
-        """Let a job wait no longer."""
+        """Remove a waiting job."""
         if job in self._waiting:
             self._waiting.remove(job)
             (self._fresh if job in self._fresh else self._busy).remove(job)
@@ -207,12 +207,12 @@ OnMessage = Callable[["Connection", Header, bytes], None]
 
 
 class ConnectionGuard:
-    """What a connection asks of whoever looks after it; this one knows no others.
+    """Owner of a connection: bounds and scheduling; this base class has a single connection.
 
     Attributes:
-        turns: Whose turn it is.
-        message_cap: Octets of the longest message taken.
-        room: Octets that each connection's buffer may have without asking.
+        turns: Scheduler of the connections.
+        message_cap: Maximum octets of a message.
+        room: Octets of each connection's buffer without a reservation.
     """
 
     def __init__(self, message_cap: int = MESSAGE_CAP, room: int = ROOM_AT_ONCE) -> None:
@@ -221,40 +221,40 @@ class ConnectionGuard:
         self.room = room
 
     def opened(self, connection: "Connection") -> None:
-        """Know that a connection can be used."""
+        """Called when a connection is ready for use."""
 
     def reserve(self, connection: "Connection", octets: int) -> None:
-        """Give room for octets of long messages, or (negative) take it back.
+        """Reserve octets for long messages, or release (negative).
 
         Raises:
             MalError: TOO_MANY.
         """
 
     def refused(self, connection: "Connection", header: Header, error: MalError) -> None:
-        """Answer a message that there is no room for, and that is skipped."""
+        """Answer a message that exceeds a bound and is skipped."""
         connection.refuse(f"{header.stage.name}: {error}")
 
     def warn(self, text: str, *arguments: object) -> None:
-        """Log what a peer caused."""
+        """Log an error of a peer."""
         _LOG.warning(text, *arguments)
 
 
 class Connection(asyncio.BufferedProtocol):
-    """Gives every message to its owner, in its turn, and writes without waiting.
+    """Passes every received message to its owner, in fair turns, and writes without waiting.
 
-    Octets that are no message close the connection with one line in the log, and so does a peer
-    that does not read its replies. Reading never waits for writing, so that a command gets in
-    however slow the way back is.
+    Invalid octets close the connection with one line in the log, as does a peer that does not read
+    its replies. Reading never waits for writing, so that a command is received however slow the
+    return path is.
 
     Attributes:
-        lost: Done when the connection is gone, whichever end closed it.
-        peer: The other end, for logs.
-        peer_host: The address of the other end's computer.
-        peer_name: Whom the other end's certificate names, over TLS; empty if it names nobody, None
-            without one.
-        arrived_s: When octets came last, in the loop's time.
-        heard: How many whole messages came.
-        heard_s: When the last of them did, in the loop's time.
+        lost: Completes when the connection is closed, by either end.
+        peer: The peer, for logs.
+        peer_host: The host address of the peer.
+        peer_name: The name in the peer's certificate; empty if it has none, None without a
+            certificate.
+        arrived_s: Time of the last received octets, by the loop's clock.
+        heard: Number of complete received messages.
+        heard_s: Time of the last of them, by the loop's clock.
     """
 
     def __init__(self, on_message: OnMessage, guard: ConnectionGuard | None = None) -> None:
@@ -273,7 +273,7 @@ class Connection(asyncio.BufferedProtocol):
         self._jobs = (self._receive_one, self._notifications.send_one)
         self._loop = loop = asyncio.get_running_loop()
         self.lost: asyncio.Future[None] = loop.create_future()
-        self.peer = "nobody"
+        self.peer = "unknown"
         self.peer_host = ""
         self.peer_name: str | None = None
         self.arrived_s = loop.time()
@@ -286,15 +286,15 @@ class Connection(asyncio.BufferedProtocol):
 
     @property
     def local_address(self) -> tuple[str, int]:
-        """The host and port of this end, of an open connection."""
+        """Host and port of this end of an open connection."""
         assert self._transport is not None
         host, port, *_ = self._transport.get_extra_info("sockname")
         return host, port
 
     def send(self, message: bytes) -> None:
-        """Write a message; nothing happens when the connection is gone.
+        """Write a message; ignored if the connection is closed.
 
-        The answers to messages that came together are written together.
+        The answers to messages that arrived together are written together.
         """
         self._keep(message)
         if not self._serving:
@@ -304,17 +304,17 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
-            self.give_up(f"more than {_UNREAD_CAP} octets wait to be read there")
+            self.give_up(f"more than {_UNREAD_CAP} octets are unread by the peer")
             return
         self._transport.write(message)
 
     async def drain(self, patience_s: float | None = None) -> None:
-        """Yield to the loop, and return when the peer has taken most of what was written.
+        """Yield to the loop, and wait until the write buffer of the connection has space.
 
-        Returns at once on a connection that is lost.
+        Returns immediately if the connection is lost.
 
         Raises:
-            TimeoutError: The peer did not in so many seconds.
+            TimeoutError: The peer did not within `patience_s`.
         """
         await asyncio.sleep(0)
         if not self._writable.is_set():
@@ -324,32 +324,32 @@ class Connection(asyncio.BufferedProtocol):
 
     @property
     def unread_octets(self) -> int:
-        """What was written and is not taken by the peer yet."""
+        """Octets written but not accepted by the peer yet."""
         return 0 if self._transport is None else self._transport.get_write_buffer_size()
 
     @property
     def waits_for_more(self) -> bool:
-        """Whether a message has begun to arrive, and not ended."""
+        """Whether a received message is incomplete."""
         return self._framer.unfinished
 
     def pause_reading(self, holder: object) -> None:
-        """Read nothing until each holder has resumed; the peer waits meanwhile."""
+        """Stop reading until each holder has resumed; TCP then slows down the peer."""
         self._holders.add(holder)
         if self._transport is not None:
             self._transport.pause_reading()
 
     def resume_reading(self, holder: object) -> None:
-        """Read on if no other holder has paused reading."""
+        """Continue reading if no other holder has paused it."""
         if holder in self._holders:
             self._holders.remove(holder)
             if not self._holders and self._transport is not None:
                 self._transport.resume_reading()
 
     def notify(self, messages: Callable[[], Iterable[bytes]], droppable: bool) -> None:
-        """Write messages that may wait, and be dropped meanwhile if they are `droppable`.
+        """Queue messages for writing; `droppable` ones may be dropped from the queue.
 
-        They are made when the peer takes them. Those of one turn of the loop are written together.
-        The oldest are dropped first.
+        They are encoded when the peer accepts data. Those of one loop iteration are written
+        together. The oldest are dropped first.
         """
         if self.is_open and self._notifications.put(messages, droppable):
             self._guard.turns.wake(self._jobs[1])
@@ -373,7 +373,7 @@ class Connection(asyncio.BufferedProtocol):
             self._write(together)
 
     def refuse(self, reason: str) -> None:
-        """Close the connection because of what came over it, which the log will say."""
+        """Close the connection because of an invalid message, with the reason in the log."""
         if self.is_open:
             self._guard.warn("connection with %s closed: %s", self.peer, reason)
             self._write_gathered()
@@ -381,14 +381,14 @@ class Connection(asyncio.BufferedProtocol):
             self._transport.close()
 
     def give_up(self, reason: str) -> None:
-        """End the connection at once, which the log will say; what was not taken yet is lost."""
+        """Abort the connection, with the reason in the log; unsent octets are lost."""
         if self.is_open:
-            self._guard.warn("connection with %s given up: %s", self.peer, reason)
+            self._guard.warn("connection with %s aborted: %s", self.peer, reason)
         if self._transport is not None:
             self._transport.abort()
 
     async def close(self) -> None:
-        """Close the connection and return when it is gone; a peer that takes nothing loses it."""
+        """Close the connection and wait for its end; it is aborted after a timeout."""
         self._write_gathered()
         if self._transport is not None:
             self._transport.close()
@@ -403,19 +403,19 @@ class Connection(asyncio.BufferedProtocol):
         options = {socket.TCP_NODELAY: 1, socket.TCP_NOTSENT_LOWAT: _UNSENT_CAP}
         for option, value in options.items():
             transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, option, value)
-        gone = ("nobody", 0)  # it hung up before it was taken, and is lost next
-        host, port, *_ = transport.get_extra_info("peername") or gone
+        closed = ("unknown", 0)  # the peer closed it before the accept; it is lost next
+        host, port, *_ = transport.get_extra_info("peername") or closed
         self.peer, self.peer_host = f"{host}:{port}", host
         certificate = transport.get_extra_info("peercert")
         self.peer_name = (certificate_name(certificate) or "") if certificate else None
         self._guard.opened(self)
 
     def get_buffer(self, sizehint: int) -> memoryview:
-        """Called by asyncio, for where to put what arrives."""
+        """Return the buffer for received octets; called by asyncio."""
         return self._framer.buffer()
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Called by asyncio when octets have arrived there."""
+        """Called by asyncio when octets were received into the buffer."""
         self._framer.received(nbytes)
         self.arrived_s = self._loop.time()
         self._drained = False
@@ -427,7 +427,7 @@ class Connection(asyncio.BufferedProtocol):
             self.pause_reading(self._framer)
 
     def _receive_one(self) -> bool:
-        """Take a message that has arrived; read on when there is none."""
+        """Process one received message; continue reading if there is none."""
         try:
             message = self._framer.take()
             if message is not None:
@@ -446,7 +446,7 @@ class Connection(asyncio.BufferedProtocol):
         return False
 
     def _skip(self, error: MalError) -> bool:
-        """Have a message that there is no room for answered, and let it come and go."""
+        """Answer a message that exceeds a bound, and skip it."""
         try:
             header, _ = decode_header(self._framer.skip())
         except DecodeError:
@@ -456,12 +456,12 @@ class Connection(asyncio.BufferedProtocol):
         return self.is_open
 
     def pause_writing(self) -> None:
-        """Called by asyncio when the peer does not take what is written."""
+        """Called by asyncio when the write buffer is full."""
         self._writable.clear()
         self._notifications.paused = True
 
     def resume_writing(self) -> None:
-        """Called by asyncio when the peer takes again."""
+        """Called by asyncio when the write buffer has space again."""
         self._writable.set()
         self._notifications.paused = False
         self._guard.turns.wake(self._jobs[1])
@@ -482,7 +482,7 @@ _BROKER: Final = "InternalBroker"
 
 @dataclass(frozen=True, slots=True)
 class MalUri:
-    """Where a consumer, provider or broker is, and its name there."""
+    """URI of a consumer, provider or broker."""
 
     host: str
     port: int
@@ -490,10 +490,10 @@ class MalUri:
 
     @classmethod
     def parse(cls, text: str) -> "MalUri":
-        """Read `maltcp://host:port/name`.
+        """Parse `maltcp://host:port/name`.
 
         Raises:
-            ValueError: It is not of this form.
+            ValueError: It does not have this form.
         """
         parts = urlsplit(text)
         if (
@@ -507,27 +507,27 @@ class MalUri:
 
     @property
     def broker(self) -> "MalUri":
-        """The broker that belongs to a provider, named as ESA does."""
+        """URI of a provider's broker, named as in mo-services-java."""
         return MalUri(self.host, self.port, self.name + _BROKER)
 
     def __str__(self) -> str:
-        """The URI as text."""
+        """Return the URI as text."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{SCHEME}://{host}:{self.port}/{self.name}"
 
 
 DROPPABLE_CAP: Final = 256
-"""Droppable notifications that wait, at most; the oldest gives way to a new one."""
+"""Maximum queued droppable notifications; a new one replaces the oldest."""
 BACKLOG_CAP: Final = 4096
-"""Notifications that may not be dropped and wait, at most; one more, and the subscriber is given
-up."""
+"""Maximum queued notifications that may not be dropped; beyond it the subscriber is
+disconnected."""
 
 
 class NotificationQueue:
-    """Notifications for one peer, in order and bounded, made into messages when it takes them.
+    """Bounded, ordered queue of notifications for one peer; encoded when the peer accepts data.
 
     Attributes:
-        paused: Whether the peer takes nothing now.
+        paused: Whether the peer accepts no data now.
     """
 
     def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
@@ -540,7 +540,7 @@ class NotificationQueue:
         self._under_way: Iterator[bytes] | None = None
 
     def put(self, messages: Callable[[], Iterable[bytes]], droppable: bool) -> bool:
-        """Have messages wait, and return whether they may be sent now."""
+        """Queue messages, and return whether they can be sent now."""
         if self._under_way is None and not self._waiting and not self.paused:
             self._under_way = iter(messages())
             return True
@@ -552,12 +552,12 @@ class NotificationQueue:
             self._droppable.append(self._number)
         while len(self._waiting) - len(self._droppable) > BACKLOG_CAP:
             if not self.send_one():
-                self._give_up(f"{BACKLOG_CAP} messages wait that may not be dropped")
+                self._give_up(f"{BACKLOG_CAP} queued messages may not be dropped")
                 return False
         return not self.paused
 
     def send_one(self) -> bool:
-        """Write a message, and return whether more can be written now."""
+        """Write one message, and return whether more can be written now."""
         while not self.paused:
             if self._under_way is None:
                 if not self._waiting:

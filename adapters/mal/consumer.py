@@ -1,4 +1,4 @@
-"""The consumer's side: sends messages and waits for what comes back; publishes at a broker."""
+"""Consumer: sends messages and waits for the replies; publishes at a broker."""
 
 import asyncio
 import logging
@@ -40,31 +40,31 @@ from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
 _GOODBYE_S: Final = 1.0
-"""How long a broker may take to forget subscriptions before the connection is closed."""
+"""Timeout of deregistration before the connection is closed."""
 Supplements = tuple[NamedValue, ...]
 
 
 class _Refusals(Transaction):
-    """What a broker answers to publications: nothing, or an error, of which the newest is kept."""
+    """Answers of a broker to publications: none, or errors; the last error is stored."""
 
     newest: MalError | None = None
 
     def take(self, _stage: InteractionStage, _parts: Parts, _octets: int) -> None:
-        """Nobody publishes to a publisher."""
+        """Ignore a PUBLISH: a publisher receives none."""
 
     def fail(self, error: MalError) -> None:
-        """Keep an error for the next publication."""
+        """Store an error for the next publication."""
         self.newest = error
 
 
 class Publication:
     """A publisher of one operation, registered with a broker.
 
-    The broker answers a publication only if it refuses it: the next call then raises its error.
+    The broker answers a publication only if it rejects it; the next call then raises the error.
     """
 
     def __init__(self, consumer: "Consumer", operation: Operation) -> None:
-        """Not to be called; see `Consumer.publication`."""
+        """Use `Consumer.publication` instead."""
         self._consumer = consumer
         self._names = operation.names
         self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
@@ -76,19 +76,19 @@ class Publication:
     async def publish(
         self, *parts: Any, keys: tuple[Any, ...], domain: tuple[str, ...], source: str | None = None
     ) -> None:
-        """Publish an update, and return when the connection takes more.
+        """Publish an update, and return when the connection accepts more.
 
         Args:
             parts: The parts of the update, without the update header.
             keys: A plain value or None for each subscription key of the operation, in order.
             domain: The domain of the update, outermost part first.
-            source: Who publishes.
+            source: The publisher.
 
         Raises:
-            EncodeError: A value does not fit the specification.
-            MalError: The broker refused an earlier update; this one is not sent.
-                DESTINATION_LOST: the connection is gone.
-            ValueError: There are more or fewer keys than the operation has.
+            EncodeError: A value does not match the specification.
+            MalError: The broker rejected an earlier update; this one is not sent.
+                DESTINATION_LOST: the connection is closed.
+            ValueError: The number of keys differs from the operation's.
         """
         if self._refusals.newest is not None:
             error, self._refusals.newest = self._refusals.newest, None
@@ -107,7 +107,7 @@ class Publication:
         await self._consumer._connection.drain()
 
     async def register(self) -> None:
-        """Tell the broker; to be called once."""
+        """Register with the broker; call it once."""
         keys = (tuple(self._kinds), tuple(self._kinds.values()))
         await self._consumer._single(
             *self._names, InteractionStage.PUBLISH_REGISTER, keys, number=self._number
@@ -125,7 +125,7 @@ class Publication:
 
 
 class Consumer:
-    """A client of one provider over one connection, which is not opened again once it is lost."""
+    """A client of one provider over one connection; it does not reconnect after a loss."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class Consumer:
         timeout_s: float,
         system: System,
     ) -> None:
-        """Not to be called; see `connect`."""
+        """Use `connect` instead."""
         self._specification = specification
         self._codec = codec
         self._provider_uri, self._broker_uri = str(provider), str(broker)
@@ -164,21 +164,20 @@ class Consumer:
         """Connect to a provider.
 
         Args:
-            specification: What the provider may serve.
+            specification: The services of the provider.
             uri: The provider's URI.
             name: The last part of the consumer's own URI.
-            encoding: The body encoding agreed with the provider.
-            timeout_s: How long to wait for the connection, and later for each reply.
-            is_broker: Whether the URI is that of a broker itself, and not of a provider that has
-                one of its own.
-            tls: How to encrypt, and whom to believe; see `Certificates.for_consumer`.
-            system: The time and the numbers of messages.
+            encoding: The body encoding, the same as the provider's.
+            timeout_s: Timeout of the connection attempt, and later of each reply.
+            is_broker: Whether the URI is that of a separate broker, not of a provider with its own.
+            tls: TLS context with the trusted authorities; see `Certificates.for_consumer`.
+            system: Clock and random numbers of messages.
 
         Raises:
-            MalError: DESTINATION_TRANSIENT, no answer; AUTHENTICATION_FAILED, TLS could
-                not be agreed on. A provider that does not believe this certificate hangs up after
-                that: the first interaction is DESTINATION_LOST.
-            ValueError: The URI is none.
+            MalError: DESTINATION_TRANSIENT, no answer; AUTHENTICATION_FAILED, the TLS handshake
+                failed. A provider that does not trust this certificate closes the connection
+                after that: the first interaction is DESTINATION_LOST.
+            ValueError: The URI is not valid.
         """
         target = uri if isinstance(uri, MalUri) else MalUri.parse(uri)
         broker = target if is_broker else target.broker
@@ -201,11 +200,11 @@ class Consumer:
     async def send(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> None:
-        """Do a SEND, and return when the connection takes more; a SEND has no reply.
+        """Send a SEND, and return when the connection accepts more; a SEND has no reply.
 
         Raises:
-            EncodeError: A part does not fit the specification.
-            KeyError: There is no such operation.
+            EncodeError: A part does not match the specification.
+            KeyError: The operation does not exist.
             MalError: DESTINATION_LOST.
         """
         self._send(service, operation, InteractionStage.SEND, parts, supplements)
@@ -214,11 +213,11 @@ class Consumer:
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> None:
-        """Do a SUBMIT, and return when it is acknowledged.
+        """Send a SUBMIT, and return when it is acknowledged.
 
         Raises:
-            EncodeError: A part does not fit the specification.
-            KeyError: There is no such operation.
+            EncodeError: A part does not match the specification.
+            KeyError: The operation does not exist.
             MalError: The provider's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
         """
         await self._single(service, operation, InteractionStage.SUBMIT, parts, supplements)
@@ -226,7 +225,7 @@ class Consumer:
     async def request(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> tuple[Any, ...]:
-        """Do a REQUEST, and return the parts of the response; raises as `submit` does."""
+        """Send a REQUEST, and return the parts of the response; raises as `submit` does."""
         return await self._single(service, operation, InteractionStage.REQUEST, parts, supplements)
 
     async def invoke(
@@ -237,9 +236,9 @@ class Consumer:
         supplements: Supplements = (),
         timeout_s: float | None = None,
     ) -> Invocation:
-        """Do an INVOKE, and return when it is acknowledged; raises as `submit` does.
+        """Send an INVOKE, and return when it is acknowledged; raises as `submit` does.
 
-        The response is waited for for `timeout_s`; None for as long as any reply.
+        `timeout_s` is the timeout of the response; None for that of all replies.
         """
         transaction = self._begin(service, operation, InteractionStage.INVOKE, parts, supplements)
         invocation = Invocation(transaction, self._timeout_s if timeout_s is None else timeout_s)
@@ -255,11 +254,11 @@ class Consumer:
         supplements: Supplements = (),
         timeout_s: float | None = None,
     ) -> AsyncIterator[ProgressStream]:
-        """Do a PROGRESS, which is entered when it is acknowledged; raises as `submit` does.
+        """Start a PROGRESS, entered at its acknowledgement; raises as `submit` does.
 
-        Each update and the response are waited for for `timeout_s`; None for as long as any reply.
-        What still comes after it is left goes nowhere. The MAL has no message that stops the
-        provider; closing the connection does.
+        `timeout_s` is the timeout of each update and the response; None for that of all replies.
+        Messages after the exit are dropped. The MAL has no message to stop the provider; closing
+        the connection does.
         """
         transaction = self._begin(service, operation, InteractionStage.PROGRESS, parts, supplements)
         progress = ProgressStream(transaction, self._timeout_s if timeout_s is None else timeout_s)
@@ -274,7 +273,7 @@ class Consumer:
     ) -> None:
         """Register a subscription; raises as `submit` does.
 
-        The provider forgets it when the connection is lost.
+        The provider removes it when the connection is lost.
         """
         with self._subscriptions.added(service, operation, subscription, on_update):
             await self._single(service, operation, InteractionStage.REGISTER, (subscription,))
@@ -287,7 +286,7 @@ class Consumer:
     async def publication(self, service: str, operation: str) -> Publication:
         """Register as a publisher of a PUBSUB operation; raises as `submit` does.
 
-        The broker forgets it when the connection is lost.
+        The broker removes it when the connection is lost.
         """
         publication = Publication(self, self._specification.operation(service, operation))
         await publication.register()
@@ -295,27 +294,27 @@ class Consumer:
 
     @property
     def local_address(self) -> tuple[str, int]:
-        """The host and port of this end, while the connection is open."""
+        """Host and port of this end, while the connection is open."""
         return self._connection.local_address
 
     async def lost(self) -> None:
-        """Return when the connection is gone, by whichever end."""
+        """Wait until the connection is closed, by either end."""
         await asyncio.shield(self._connection.lost)
 
     async def close(self) -> None:
-        """Deregister what is subscribed, and close the connection, even if this is cancelled.
+        """Deregister subscriptions, and close the connection, even if this is cancelled.
 
-        A broker that dials back to who hung up, as that of mo-services-java does, is told so.
+        Without deregistration the broker of mo-services-java would connect back to a lost client.
         """
         try:
             if self._connection.is_open:
-                over = [
+                farewells = [
                     self._single(service, operation, InteractionStage.DEREGISTER, (ids,))
                     for (service, operation), ids in self._subscriptions.ids().items()
                 ]
                 with suppress(TimeoutError):
                     async with asyncio.timeout(_GOODBYE_S):
-                        await asyncio.gather(*over, return_exceptions=True)
+                        await asyncio.gather(*farewells, return_exceptions=True)
         finally:
             await self._connection.close()
 
@@ -328,7 +327,7 @@ class Consumer:
         supplements: Supplements = (),
         number: int | None = None,
     ) -> tuple[Operation, int]:
-        """Send what begins a transaction; return the operation and the transaction id."""
+        """Send the initiating message of a transaction; return operation and transaction id."""
         operation = self._specification.operation(service, name)
         if stage not in operation.parts:
             raise ValueError(f"{service}.{name} is a {operation.pattern.name}, not a {stage.name}")
@@ -373,7 +372,7 @@ class Consumer:
         supplements: Supplements = (),
         number: int | None = None,
     ) -> Parts:
-        """Do what has one reply, and return its parts."""
+        """Run an interaction with one reply, and return its parts."""
         transaction = self._begin(service, name, stage, parts, supplements, number)
         try:
             _, reply = await transaction.next(self._timeout_s, StandardError.DELIVERY_TIMEDOUT)

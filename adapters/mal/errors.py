@@ -1,4 +1,4 @@
-"""Errors of the MAL: those that travel as a reply, and those of the codec."""
+"""Errors of the MAL: error replies, and errors of the codec."""
 
 from enum import Enum
 from typing import Any
@@ -7,7 +7,7 @@ from adapters.mal.values import AttributeType, TypedAttribute
 
 
 class StandardError(Enum):
-    """The error numbers of MAL area version 3 (CCSDS 521.0-B-3)."""
+    """Error numbers of MAL area version 3 (CCSDS 521.0-B-3)."""
 
     DELIVERY_FAILED = 65536
     DELIVERY_TIMEDOUT = 65537
@@ -32,7 +32,7 @@ class StandardError(Enum):
 
 
 class MalError(Exception):
-    """An interaction ends with an error; a handler raises it, and so does the consumer's call.
+    """An interaction ended with an error; raised by handlers and by the consumer's calls.
 
     Attributes:
         number: A `StandardError` value, or a number of the service's own area.
@@ -48,24 +48,24 @@ class MalError(Exception):
         super().__init__(self.number, self.extra)
 
     def __str__(self) -> str:
-        """Name the number where it is a standard one, then the extra information."""
+        """Return number, name of a standard error, and extra information."""
         names = [f" {error.name}" for error in StandardError if error.value == self.number]
         head = f"MAL error {self.number}{''.join(names)}"
         return head if self.extra is None else f"{head}: {getattr(self.extra, 'value', self.extra)}"
 
 
 def too_many(text: str) -> MalError:
-    """Make the error that names the bound that was reached."""
+    """Return the TOO_MANY error; the text names the bound."""
     return MalError(StandardError.TOO_MANY, text)
 
 
 class DecodeError(ValueError):
-    """Octets are not what the specification and the encoding say they should be."""
+    """Octets do not match the specification and the encoding."""
 
 
 class EncodeError(ValueError):
-    """A value does not fit the type that the specification gives it."""
+    """A value does not match its type in the specification."""
 
 
 class SpecificationError(ValueError):
-    """A service specification cannot be used: unreadable, incomplete or contradicting itself."""
+    """A service specification is unreadable, incomplete or contradictory."""

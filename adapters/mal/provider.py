@@ -1,4 +1,4 @@
-"""The provider's side: takes messages, calls handlers, and sends what they return."""
+"""Provider: receives messages, calls handlers, and sends their results."""
 
 import asyncio
 import inspect
@@ -33,15 +33,15 @@ Parts = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class CallContext:
-    """What a handler is told beside the parts of the message.
+    """Context of a handler's call, in addition to the parts of the message.
 
     Attributes:
         service: Name of the service.
         operation: Name of the operation.
-        from_uri: Who calls.
-        transaction_id: The interaction, as the caller numbered it.
-        supplements: Named attributes that came with the header.
-        connection: The connection it came on.
+        from_uri: URI of the caller.
+        transaction_id: The interaction, numbered by the caller.
+        supplements: Named attributes of the header.
+        connection: The connection of the message.
     """
 
     service: str
@@ -53,7 +53,7 @@ class CallContext:
 
     @property
     def peer_name(self) -> str | None:
-        """Whom the caller's certificate names, over TLS; None without one."""
+        """The name in the caller's certificate; None without one."""
         return self.connection.peer_name
 
 
@@ -64,7 +64,7 @@ returns None, a tuple of parts, or an awaitable of either."""
 
 @dataclass(frozen=True, slots=True)
 class ReplyPath:
-    """The way back to who sent a message: replies and errors, in any stage that follows it."""
+    """Return path to the sender of a message: replies and errors of all later stages."""
 
     connection: Connection
     header: Header
@@ -75,20 +75,20 @@ class ReplyPath:
         """Send a reply.
 
         Raises:
-            EncodeError: The parts are not those of the stage.
+            EncodeError: The parts do not match the stage.
         """
         body = self.codec.encode(operation.parts[stage], parts or ())
         self.connection.send(encode_message(self.header.reply(stage, utc_ns(self.system)), body))
 
     def refuse(self, error: MalError, stage: InteractionStage | None = None) -> None:
-        """Send an error in place of the reply of a stage, the first if none is given."""
+        """Send an error in place of the reply of a stage, by default the first."""
         if self.header.stage is InteractionStage.SEND:
             _LOG.info("SEND from %s dropped: %s", self.header.from_uri, error)
             return
         try:
             body = self.codec.encode_error(error)
         except EncodeError:
-            _LOG.exception("error %d with extra information that does not fit", error.number)
+            _LOG.exception("error %d: its extra information cannot be encoded", error.number)
             body = self.codec.encode_error(MalError(error.number))
         stage = stage or REPLY[self.header.stage]
         header = self.header.reply(stage, utc_ns(self.system), is_error=True)
@@ -102,19 +102,19 @@ class ReplyPath:
 
 
 class UpdateError(MalError):
-    """Ends a PROGRESS with an error of the UPDATE; any other is the error of ACK or RESPONSE."""
+    """Ends a PROGRESS with an error of UPDATE; other errors are those of ACK or RESPONSE."""
 
 
 class Interaction:
-    """One INVOKE or PROGRESS, as its handler sees it.
+    """Interface of a handler to one INVOKE or PROGRESS.
 
-    The handler is `async def`, calls `acknowledge` once, `update` as often as it likes (PROGRESS
+    The handler is `async def`, calls `acknowledge` once, `update` any number of times (PROGRESS
     only), and returns the parts of the response. It raises MalError to end the interaction with an
-    error in place of the message that would come next. It is cancelled when the consumer's
-    connection is lost and when the provider closes.
+    error in place of the next message. It is cancelled when the consumer's connection is lost and
+    when the provider closes.
 
     Attributes:
-        call: Who calls, and what.
+        call: Context of the call.
     """
 
     def __init__(
@@ -137,8 +137,8 @@ class Interaction:
         """Send the acknowledgement.
 
         Raises:
-            EncodeError: The parts are not those of the acknowledgement.
-            RuntimeError: It is sent already.
+            EncodeError: The parts do not match the acknowledgement.
+            RuntimeError: It was sent before.
         """
         if self._acknowledged:
             raise RuntimeError("acknowledged already")
@@ -146,26 +146,26 @@ class Interaction:
         self._acknowledged = True
 
     async def update(self, *parts: Any, patience_s: float | None = None) -> None:
-        """Send an update, once the consumer has taken most of what was sent before.
+        """Send an update, once the write buffer of the connection has space.
 
-        Everybody else on the loop has a turn first, however fast the consumer is.
+        Other tasks of the loop run first, however fast the consumer is.
 
         Args:
             parts: The parts of the update.
-            patience_s: How long to wait for the consumer; None for ever.
+            patience_s: Timeout of the consumer; None for no timeout.
 
         Raises:
-            TimeoutError: The consumer did not take it in time.
-            EncodeError: The parts are not those of an update.
-            RuntimeError: It is not acknowledged yet, or no PROGRESS.
+            TimeoutError: The consumer did not accept it in time.
+            EncodeError: The parts do not match the update.
+            RuntimeError: The interaction is not acknowledged, or no PROGRESS.
         """
         if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
-            raise RuntimeError("updates are for a PROGRESS that is acknowledged")
+            raise RuntimeError("an update needs an acknowledged PROGRESS")
         await self.call.connection.drain(patience_s)
         self._back.send(self._operation, InteractionStage.PROGRESS_UPDATE, parts)
 
     async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:
-        """Let a handler serve it, and send what ends it."""
+        """Run a handler, and send the response or error."""
         try:
             answer = handler(self, *parts)
             if not asyncio.iscoroutine(answer):
@@ -206,14 +206,14 @@ _ANSWERED_ELSEWHERE: Final = (
     InteractionStage.PROGRESS,
     InteractionStage.PUBLISH,
 )
-"""What no reply follows, or not as soon as the handler is called."""
+"""Messages without a reply, or without one directly after the handler."""
 
 
 class Provider:
     """Serves operations by handlers, and PUBSUB ones through its own broker.
 
-    Handlers are called on the loop, from within the arrival of the octets. A handler that raises
-    anything but MalError is answered for with INTERNAL and a trace in the log.
+    Handlers are called on the loop, directly when the octets arrive. Any exception of a handler
+    other than MalError is answered with INTERNAL and logged with its traceback.
     """
 
     def __init__(
@@ -226,17 +226,17 @@ class Provider:
         logged: Collection[int] = (),
         system: System = OPERATING_SYSTEM,
     ) -> None:
-        """Prepare a provider that serves nothing yet.
+        """Create a provider without handlers.
 
         Args:
-            specification: What may be served.
+            specification: Services that it may serve.
             name: The last part of its URI.
-            encoding: The body encoding, agreed with all consumers.
+            encoding: The body encoding, the same for all consumers.
             not_served: The answer to an operation without handler or publisher; if None,
                 UNSUPPORTED_OPERATION.
-            limits: What its consumers may take up together; those of `PeerLimits` if None.
-            logged: Numbers of errors of handlers that are logged beside what cannot be read.
-            system: The time of messages, and where it listens.
+            limits: Resource bounds of all consumers; those of `PeerLimits` if None.
+            logged: Numbers of handlers' errors that are logged, in addition to decoding errors.
+            system: Clock of messages, and sockets.
         """
         limits = limits or PeerLimits()
         self._specification = specification
@@ -248,7 +248,7 @@ class Provider:
             limits, self._receive, self._no_room, self._lose, _LOG.warning, system
         )
         self._interactions = connections.quota(
-            "interactions under way", limits.interactions, limits.share
+            "active interactions", limits.interactions, limits.share
         )
         self._broker = Broker(
             self._codec,
@@ -265,27 +265,27 @@ class Provider:
         self._names = (self._uri.name, self._uri.broker.name)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
-        """Let a handler answer an operation: any but PUBSUB.
+        """Register the handler of an operation; any pattern except PUBSUB.
 
-        That of an INVOKE or PROGRESS is `async def handler(interaction, *parts)`, all others are
-        called with the `CallContext`. What a SEND's returns goes nowhere.
+        For INVOKE and PROGRESS it is `async def handler(interaction, *parts)`; the others receive
+        the `CallContext`. The result of a SEND's handler is ignored.
 
         Raises:
-            KeyError: There is no such operation.
+            KeyError: The operation does not exist.
             ValueError: It is a PUBSUB.
         """
         if self._specification.operation(service, operation).pattern is Pattern.PUBSUB:
-            raise ValueError(f"{service}.{operation} is a PUBSUB, which no handler can serve")
+            raise ValueError(f"{service}.{operation} is a PUBSUB: it has no handler")
         self._handlers[service, operation] = handler
 
     def publisher(
         self, service: str, operation: str, on_subscribed: Callable[[], None] = lambda: None
     ) -> Publisher:
-        """Open a PUBSUB operation for subscribers, and give what publishes its updates.
+        """Open a PUBSUB operation for subscribers, and return the publisher of its updates.
 
         Raises:
-            KeyError: There is no such operation.
-            ValueError: It is of another pattern.
+            KeyError: The operation does not exist.
+            ValueError: It has another pattern.
         """
         found = self._pubsub(service, operation)
         self._published.add((service, operation))
@@ -295,13 +295,13 @@ class Provider:
     def open(
         self, service: str, operation: str, droppable: bool = False, admit: Admit = lambda *_: None
     ) -> None:
-        """Let publishers in other processes publish a PUBSUB operation through this broker.
+        """Open a PUBSUB operation of this broker for publishers in other processes.
 
-        Its updates may be `droppable`, see `Publisher.publish`; `admit` may refuse each of them.
+        Its updates may be `droppable`, see `Publisher.publish`; `admit` may reject each of them.
 
         Raises:
-            KeyError: There is no such operation.
-            ValueError: It is of another pattern.
+            KeyError: The operation does not exist.
+            ValueError: It has another pattern.
         """
         self._pubsub(service, operation)
         self._published.add((service, operation))
@@ -314,37 +314,37 @@ class Provider:
         tls: SSLContext | None = None,
         clear_text: bool = False,
     ) -> None:
-        """Listen.
+        """Start listening.
 
         Args:
             host: The address to listen on.
             port: The TCP port; 0 takes a free one.
-            tls: How to encrypt, and whom to believe; see `Certificates.for_provider`.
-            clear_text: Whether to do without TLS on an address that others can reach.
+            tls: TLS context with the trusted authorities; see `Certificates.for_provider`.
+            clear_text: Whether to allow no TLS on an address that other hosts can reach.
 
         Raises:
-            OSError: The address cannot be had.
-            ValueError: Others can reach the address, and there is neither TLS nor `clear_text`.
+            OSError: The address is not available.
+            ValueError: Other hosts can reach the address, without TLS or `clear_text`.
         """
         host = address_to_listen(host)
         if tls is None and not clear_text and not is_loopback(host):
             raise ValueError(
-                f"{host} can be reached from other computers: give TLS certificates,"
-                " or say explicitly that anyone may read and send in clear text"
+                f"{host} is reachable from other hosts: give TLS certificates,"
+                " or allow clear text, which any host may read and send"
             )
         self._uri = MalUri(host, await self._connections.listen(host, port, tls), self._name)
 
     def keep(self, keeps: Callable[[Connection], bool]) -> None:
-        """Say which connections are not to give way when others want one, or its share."""
+        """Set the check for connections with priority, which are never aborted for other peers."""
         self._connections.keeps = keeps
 
     @property
     def uri(self) -> MalUri:
-        """Where it is reached, once started."""
+        """Its URI, once started."""
         return self._uri
 
     async def close(self) -> None:
-        """Stop listening, answer SHUTDOWN to requests under way, and close all connections."""
+        """Stop listening, answer SHUTDOWN to active requests, and close all connections."""
         await self._connections.stop()
         for answer in self._running:
             answer.cancel()
@@ -362,7 +362,7 @@ class Provider:
         self._broker.drop(connection)
 
     def _no_room(self, connection: Connection, header: Header, error: MalError) -> None:
-        """Answer a message that is skipped."""
+        """Answer a skipped message."""
         self._connections.warn("%s from %s skipped: %s", header.stage.name, connection.peer, error)
         if header.stage in REPLY and not header.is_error:
             ReplyPath(connection, header, self._codec, self._system).refuse(error)
@@ -372,7 +372,7 @@ class Provider:
             header.stage not in REPLY and header.stage is not InteractionStage.SEND
         ):
             error = "error " if header.is_error else ""
-            connection.refuse(f"{error}{header.stage.name} is nothing that a consumer sends")
+            connection.refuse(f"{error}{header.stage.name} is no message of a consumer")
             return
         back = ReplyPath(connection, header, self._codec, self._system)
         try:
@@ -390,14 +390,14 @@ class Provider:
             self._warn_of(back, error)
             back.refuse(error)
         except DecodeError as fault:
-            unread = MalError(StandardError.BAD_ENCODING, str(fault))
-            self._warn_of(back, unread)
-            back.refuse(unread)
+            bad_encoding = MalError(StandardError.BAD_ENCODING, str(fault))
+            self._warn_of(back, bad_encoding)
+            back.refuse(bad_encoding)
         except Exception:
             back.fault()
 
     def _warn_of(self, back: ReplyPath, error: MalError) -> None:
-        """Log what cannot be read, or is for nobody here; each error is a kind of its own."""
+        """Log an undecodable or wrongly addressed message, limited separately for each error."""
         if error.number in self._logged:
             header = back.header
             self._connections.warn(
@@ -415,7 +415,7 @@ class Provider:
 
     def _addressed(self, header: Header) -> Operation:
         if header.to_uri is None or header.to_uri.rpartition("/")[2] not in self._names:
-            text = f"{header.to_uri} is not here"
+            text = f"{header.to_uri} is not served here"
             raise MalError(StandardError.DESTINATION_UNKNOWN, text)
         return header.addressed(self._specification)
 
@@ -460,17 +460,17 @@ class Provider:
         return None
 
     def _begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
-        """Let a handler serve an INVOKE or PROGRESS until it or the connection ends."""
+        """Run the handler of an INVOKE or PROGRESS until it or the connection ends."""
         task = asyncio.ensure_future(interaction.run(handler, parts))
         self._hold(interaction.call.connection, task)
         self._running.add(task)
         task.add_done_callback(self._running.discard)
 
     def _hold(self, connection: Connection, work: "asyncio.Future[Any]") -> None:
-        """Count work for a connection as under way, until it or the connection ends.
+        """Count work of a connection as active until it or the connection ends.
 
         Raises:
-            MalError: TOO_MANY, the work is not to be done.
+            MalError: TOO_MANY; the work is cancelled.
         """
         try:
             self._interactions.take(connection)

@@ -1,4 +1,4 @@
-"""A service specification as frozen data, and its types bound to Python classes and type ids."""
+"""Service specifications as frozen data, with types bound to Python classes and type ids."""
 
 import dataclasses
 import keyword
@@ -15,7 +15,7 @@ from adapters.mal.values import AttributeType
 
 
 class Pattern(Enum):
-    """The interaction patterns, numbered as MAL's InteractionType."""
+    """Interaction patterns, numbered as MAL's InteractionType (CCSDS 521.0-B-3)."""
 
     SEND = 1
     SUBMIT = 2
@@ -26,7 +26,7 @@ class Pattern(Enum):
 
 
 class InteractionStage(Enum):
-    """The messages of the patterns; the number is the SDU type on the wire."""
+    """Messages of the patterns (CCSDS 521.0-B-3); the number is the SDU type on the wire."""
 
     SEND = 0
     SUBMIT = 1
@@ -51,12 +51,12 @@ class InteractionStage(Enum):
     PUBLISH_DEREGISTER = 20
     PUBLISH_DEREGISTER_ACK = 21
 
-    __hash__ = object.__hash__  # that of Enum hashes the name, for every message several times
+    __hash__ = object.__hash__  # Enum would hash the name several times for each message
 
 
 @dataclass(frozen=True, slots=True)
 class TypeRef:
-    """The name of a type, or of a list of it, in an area."""
+    """Reference to a type, or to a list of it, in an area."""
 
     area: str
     name: str
@@ -75,7 +75,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class CompositeType:
-    """A composite, abstract where it has no short form; `fields` are without the parents'."""
+    """A composite; abstract without a short form. `fields` excludes those of its parents."""
 
     name: str
     short_form: int | None
@@ -107,7 +107,7 @@ class EnumerationType:
 
 @dataclass(frozen=True, slots=True)
 class ErrorDefinition:
-    """An error that an area or service defines."""
+    """An error of an area or service."""
 
     name: str
     number: int
@@ -115,17 +115,17 @@ class ErrorDefinition:
 
 
 Names = tuple[str, str]
-"""Of a service and an operation."""
+"""Names of a service and an operation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operation and everything a message header says to address it.
+    """An operation with all numbers of its address in a message header.
 
     Attributes:
-        parts: The parts of every message of the pattern, those the MAL itself defines included.
-        keys: The subscription keys of a PUBSUB operation.
-        errors: Names of the errors it may raise.
+        parts: Parts of every message of the pattern, including those defined by the MAL.
+        keys: Subscription keys of a PUBSUB operation.
+        errors: Names of its errors.
     """
 
     area: int
@@ -142,7 +142,7 @@ class Operation:
 
     @property
     def names(self) -> Names:
-        """Of its service and its own."""
+        """Names of its service and itself."""
         return self.service_name, self.name
 
 
@@ -171,15 +171,15 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class BoundType:
-    """A composite or enumeration with what the wire and Python know it by.
+    """A composite or enumeration with its Python class and type ids.
 
     Attributes:
-        definition: What the specification says.
+        definition: Its definition in the specification.
         cls: The dataclass or enum of its values.
-        type_id: The number that announces it where a type is abstract; None for an abstract one.
+        type_id: Its id on the wire where the specified type is abstract; None if abstract itself.
         list_id: The same for a list of it.
         fields: All fields of a composite, its parents' first.
-        ancestors: The types in whose place it may stand.
+        ancestors: The types that it can replace.
     """
 
     definition: CompositeType | EnumerationType
@@ -191,7 +191,7 @@ class BoundType:
 
 
 class Specification:
-    """Areas (the MAL's own among them) that refer to nothing outside, bound to Python classes.
+    """Areas without external references, including the MAL's, bound to Python classes.
 
     Attributes:
         areas: The areas.
@@ -200,7 +200,7 @@ class Specification:
     """
 
     def __init__(self, areas: tuple[Area, ...], types: Mapping[TypeRef, BoundType]) -> None:
-        """Index what is looked up; raises SpecificationError if two operations are the same."""
+        """Index the operations; raises SpecificationError if two have the same name or address."""
         self.areas = areas
         self.types = MappingProxyType(dict(types))
         self.classes = MappingProxyType({ref.name: bound.cls for ref, bound in types.items()})
@@ -212,15 +212,15 @@ class Specification:
             name = operation.names
             address = (operation.area, operation.area_version, operation.service, operation.number)
             if name in self._by_name or address in self._by_number:
-                raise SpecificationError(f"operation {name[0]}.{name[1]} {address} is there twice")
+                raise SpecificationError(f"duplicate operation {name[0]}.{name[1]} {address}")
             self._by_name[name] = self._by_number[address] = operation
 
     def operation(self, service: str, operation: str) -> Operation:
-        """Find an operation by its names; KeyError if there is none."""
+        """Return an operation by its names; raises KeyError."""
         return self._by_name[service, operation]
 
     def resolve(self, area: int, version: int, service: int, operation: int) -> Operation:
-        """Find the operation that a header addresses.
+        """Return the operation of a header's address.
 
         Raises:
             MalError: Unsupported area, area version, service or operation.
@@ -258,7 +258,7 @@ _MESSAGES: Final = {
     },
     Pattern.PUBSUB: {"publishNotify": InteractionStage.PUBLISH},
 }
-"""The names that a specification gives to the messages it defines."""
+"""Element names of messages in the XML, by pattern."""
 
 _ID: Final = Field("subscriptionId", TypeRef("MAL", "Identifier"))
 _UPDATE: Final = Field("updateHeader", TypeRef("MAL", "UpdateHeader"))
@@ -275,15 +275,15 @@ REPLY: Final = {
     InteractionStage.DEREGISTER: InteractionStage.DEREGISTER_ACK,
     InteractionStage.PUBLISH_DEREGISTER: InteractionStage.PUBLISH_DEREGISTER_ACK,
 }
-"""The message that answers an initiating one; an error has the number of the reply it replaces."""
+"""Reply to each initiating message; an error has the SDU type of the reply that it replaces."""
 
 
 def stage_parts(
     pattern: Pattern, messages: Mapping[str, tuple[Field, ...]]
 ) -> Mapping[InteractionStage, tuple[Field, ...]]:
-    """Return the parts of every message of a pattern, in the order in which they are sent.
+    """Return the parts of every message of a pattern, in order of transmission.
 
-    `messages` holds those that the specification defines, by their names there.
+    `messages` has the messages of the specification by element name.
     """
     parts = {stage: messages.get(name, ()) for name, stage in _MESSAGES[pattern].items()}
     match pattern:
@@ -338,14 +338,14 @@ ATTRIBUTES: Final = {
         "ObjectRef": AttributeType.OBJECTREF,
     }.items()
 }
-"""The attribute types by their names in specifications."""
+"""Attribute types by name in specifications."""
 _FUNDAMENTAL: Final = {ELEMENT, ATTRIBUTE, COMPOSITE, *ATTRIBUTES}
 
 
 def type_id(
     area: int, version: int, short_form: int, service: int = 0, *, is_list: bool = False
 ) -> int:
-    """The number that announces a type where the specification leaves it open, as a signed Long."""
+    """Return the wire id of a type, used where the specified type is abstract; a signed Long."""
     number = (
         area << 48
         | service << 32
@@ -356,7 +356,7 @@ def type_id(
 
 
 def python_name(name: str) -> str:
-    """The Python name of a field or item: the same, where Python allows it."""
+    """Return the Python name of a field or item: the same, if Python allows it."""
     plain = re.sub(r"\W", "_", name)
     return plain + "_" if keyword.iskeyword(plain) else plain
 
@@ -364,10 +364,10 @@ def python_name(name: str) -> str:
 def bind(areas: tuple[Area, ...], classes: Mapping[str, Any]) -> Specification:
     """Resolve every type of the areas, which must include the MAL's.
 
-    Values of a type are of the dataclass or enum of its name; a type without one gets one made.
+    Values have the dataclass or enum with the name of their type; a missing class is generated.
 
     Raises:
-        SpecificationError: A type is unknown or there twice, or a class does not fit its type.
+        SpecificationError: A type is unknown or duplicate, or a class does not match its type.
     """
     binder = _Binder(areas, classes)
     for area in areas:
@@ -391,7 +391,7 @@ class _Binder:
             for definition in area.types:
                 ref = TypeRef(area.name, definition.name)
                 if ref in self._definitions:
-                    raise SpecificationError(f"type {ref.area}::{ref.name} is there twice")
+                    raise SpecificationError(f"duplicate type {ref.area}::{ref.name}")
                 self._definitions[ref] = definition
 
     def check(self, where: str, parts: tuple[Field, ...]) -> None:
@@ -407,7 +407,7 @@ class _Binder:
         for ref, bound in self.bound.items():
             if bound.type_id is not None and seen.setdefault(bound.type_id, ref.name) != ref.name:
                 raise SpecificationError(
-                    f"{seen[bound.type_id]} and {ref.name} have one short form"
+                    f"{seen[bound.type_id]} and {ref.name} have the same short form"
                 )
 
     def bind(self, ref: TypeRef, children: tuple[TypeRef, ...] = ()) -> BoundType:
@@ -456,10 +456,10 @@ class _Binder:
         self.check(f"composite {ref.area}::{ref.name}", fields)
         names = [python_name(field.name) for field in fields]
         if len(set(names)) < len(names):
-            raise SpecificationError(f"composite {ref.area}::{ref.name} has two fields of one name")
+            raise SpecificationError(f"composite {ref.area}::{ref.name} has a duplicate field")
         cls = self._given(ref) or _make_dataclass(definition, base)
         if not dataclasses.is_dataclass(cls) or [f.name for f in dataclasses.fields(cls)] != names:
-            raise SpecificationError(f"class {ref.name} has not the fields {', '.join(names)}")
+            raise SpecificationError(f"class {ref.name} must have the fields {', '.join(names)}")
         return self._bound(ref, definition, cls, fields, ancestors)
 
     def _enumeration(self, ref: TypeRef, definition: EnumerationType) -> type[Any]:
@@ -467,7 +467,7 @@ class _Binder:
         cls: Any = self._given(ref) or Enum(definition.name, items)
         members: Any = cls if isinstance(cls, EnumMeta) else ()
         if {member.name: member.value for member in members} != items:
-            raise SpecificationError(f"class {ref.name} has not the items {', '.join(items)}")
+            raise SpecificationError(f"class {ref.name} must have the items {', '.join(items)}")
         return cast(type[Any], cls)
 
     def _given(self, ref: TypeRef) -> Any:

@@ -1,4 +1,4 @@
-"""Reads MO service specifications: XML after ServiceSchema v003, as the CCSDS publishes them."""
+"""Reads MO service specifications: XML of ServiceSchema v003, as published by CCSDS."""
 
 from pathlib import Path
 from types import ModuleType
@@ -28,16 +28,16 @@ MAL_XML: Final = Path(__file__).with_name("mal.xml")
 
 
 def load_specification(path: Path | str, classes: ModuleType | None = None) -> Specification:
-    """Load a service specification, with the MAL's own area added.
+    """Load a service specification, and add the MAL area.
 
     Args:
         path: The XML file.
-        classes: A module whose dataclasses and enums are used for the types of their names
-            (docs/mal.md, Tools); a type without one gets a class made at run time.
+        classes: A module with the dataclasses and enums of the types, by name (docs/mal.md, Tools);
+            missing classes are generated at run time.
 
     Raises:
         OSError: The file cannot be read.
-        SpecificationError: It is no specification, or it contradicts itself or the classes.
+        SpecificationError: It is no specification, is contradictory, or does not match the classes.
     """
     areas = read_areas(path)
     if all(area.name != "MAL" for area in areas):
@@ -46,7 +46,7 @@ def load_specification(path: Path | str, classes: ModuleType | None = None) -> S
 
 
 def read_areas(path: Path | str) -> tuple[Area, ...]:
-    """Read the areas that an XML file defines, nothing resolved yet.
+    """Read the areas of an XML file, with unresolved types.
 
     Raises:
         OSError: The file cannot be read.
@@ -60,7 +60,7 @@ def read_areas(path: Path | str) -> tuple[Area, ...]:
     except (ElementTree.ParseError, KeyError, ValueError) as fault:
         raise SpecificationError(f"{path}: {fault}") from fault
     if not areas:
-        raise SpecificationError(f"{path}: no area in it")
+        raise SpecificationError(f"{path}: has no area")
     return areas
 
 

@@ -1,4 +1,4 @@
-"""TLS for both ends, mutual: each shows a certificate and checks the other's."""
+"""Mutual TLS: both ends authenticate by certificate."""
 
 import ipaddress
 import socket
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class CertificateError(OSError):
-    """A file with certificates or a key cannot be used; the text says which, and why."""
+    """A certificate or key file cannot be used; the text names file and reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Certificates:
         certificate: PEM file with the certificate of this end and the intermediate ones, if any.
             A provider's names its host or address as a subjectAltName.
         key: PEM file with its private key, without a password.
-        authorities: PEM file with the certificates of the authorities that vouch for other ends.
+        authorities: PEM file with the certificates of the authorities that sign the peers'.
     """
 
     certificate: Path
@@ -29,40 +29,40 @@ class Certificates:
     authorities: Path
 
     def for_provider(self) -> ssl.SSLContext:
-        """What a provider listens with; it refuses clients that its authorities do not vouch for.
+        """Return the context of a provider; it rejects clients not signed by its authorities.
 
         Raises:
-            CertificateError: A file is missing or no such PEM file, or key and certificate are not
-                of one another.
+            CertificateError: A file is missing or no such PEM file, or key and certificate do not
+                match.
         """
         context = self._context(ssl.Purpose.CLIENT_AUTH)
         context.verify_mode = ssl.CERT_REQUIRED
         return context
 
     def for_consumer(self) -> ssl.SSLContext:
-        """What a consumer connects with; it checks the provider's name, too.
+        """Return the context of a consumer; it also checks the provider's name.
 
         Raises:
-            CertificateError: As of `for_provider`.
+            CertificateError: As in `for_provider`.
         """
         return self._context(ssl.Purpose.SERVER_AUTH)
 
     def name(self) -> str | None:
-        """Return whom the certificate of this end names, as the other end will find it.
+        """Return the name in the certificate of this end, as its peers will read it.
 
-        The standard library reads no certificate but a peer's that it trusts. So this end shakes
-        hands with itself, in memory, and trusts its own certificate in that.
+        The standard library only parses a trusted peer's certificate. So this end makes an
+        in-memory handshake with itself, in which it trusts its own certificate.
 
         Raises:
-            CertificateError: As of `for_provider`.
+            CertificateError: As in `for_provider`.
         """
         ours, theirs = self.for_consumer(), self.for_provider()
         ours.check_hostname, ours.verify_mode = False, ssl.CERT_NONE
         theirs.load_verify_locations(self.certificate)
         theirs.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
-        there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-        consumer = ours.wrap_bio(back, there)
-        provider = theirs.wrap_bio(there, back, server_side=True)
+        forward, back = ssl.MemoryBIO(), ssl.MemoryBIO()
+        consumer = ours.wrap_bio(back, forward)
+        provider = theirs.wrap_bio(forward, back, server_side=True)
         for end in (consumer, provider, consumer, provider):
             try:
                 end.do_handshake()
@@ -81,7 +81,7 @@ class Certificates:
         try:
             context = ssl.create_default_context(purpose, cafile=str(self.authorities))
         except ssl.SSLError as error:
-            raise CertificateError(f"{self.authorities}: holds no certificate in PEM") from error
+            raise CertificateError(f"{self.authorities}: contains no PEM certificate") from error
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.verify_flags |= ssl.VERIFY_X509_STRICT  # by default only since Python 3.13
         try:
@@ -94,7 +94,7 @@ class Certificates:
         return context
 
     def _no_password(self) -> str:
-        raise CertificateError(f"{self.key}: asks for a password; a key without one is needed")
+        raise CertificateError(f"{self.key}: has a password; use a key without one")
 
 
 def _check_readable(path: Path) -> None:
@@ -105,10 +105,10 @@ def _check_readable(path: Path) -> None:
 
 
 def certificate_name(certificate: Mapping[str, Any]) -> str | None:
-    """Return whom a verified certificate names, None if nobody.
+    """Return the name in a verified certificate, or None.
 
-    That is the common name of its subject, else the first of its subjectAltNames. A name with
-    characters that are not printable is none. It is as `ssl.SSLSocket.getpeercert` gives it.
+    It is the common name of the subject, else the first subjectAltName. A name with unprintable
+    characters counts as none. `certificate` is in the format of `ssl.SSLSocket.getpeercert`.
     """
     subject = [pair for names in certificate.get("subject", ()) for pair in names]
     common = [name for kind, name in subject if kind == "commonName"]
@@ -117,7 +117,7 @@ def certificate_name(certificate: Mapping[str, Any]) -> str | None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this computer can reach an address to listen on."""
+    """Whether an address to listen on is reachable from this host only."""
     try:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
@@ -125,10 +125,10 @@ def is_loopback(host: str) -> bool:
 
 
 def address_to_listen(host: str) -> str:
-    """Return a host without the brackets of IPv6 in a URI; raise OSError if there is none."""
+    """Return a host without the brackets of IPv6 in a URI; raises OSError if it is unknown."""
     host = host.strip("[]")
     try:
         socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
-    except UnicodeError as error:  # longer than a name can be
+    except UnicodeError as error:  # longer than a host name may be
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known") from error
     return host

@@ -1,4 +1,4 @@
-"""What comes back to a consumer: the answers to its messages, and the updates it subscribed to."""
+"""Received messages of a consumer: replies, and updates of its subscriptions."""
 
 import asyncio
 import itertools
@@ -15,11 +15,11 @@ from adapters.mal.values import Subscription
 from adapters.system import System, utc_ns
 
 _EPOCH_MS: Final = 1_283_299_200_000
-"""2010-09-01, where the count of ESA's transaction ids begins, in ms since 1970 UTC."""
+"""Epoch of mo-services-java's transaction ids: 2010-09-01, in ms since 1970 UTC."""
 
 
 def transaction_ids(system: System) -> Iterator[int]:
-    """Signed 64-bit numbers unlike any other consumer's: 40 bits ms, 8 random, 16 counter."""
+    """Yield signed 64-bit numbers, unique among consumers: 40 bits ms, 8 random, 16 counter."""
     (salt,) = system.random_octets(1)
     for counter in itertools.count(1):
         milliseconds = utc_ns(system) // 1_000_000 - _EPOCH_MS
@@ -31,9 +31,9 @@ Parts = tuple[Any, ...]
 
 
 HELD_CAP: Final = 4 << 20
-"""Octets of updates that wait to be taken, beyond which nothing more is read."""
+"""Maximum octets of buffered updates; beyond it reading pauses."""
 _OVERHEAD: Final = 512
-"""What a waiting message counts beside its body, in octets."""
+"""Octets that a buffered message counts in addition to its body."""
 _FOLLOWERS: Final = {
     InteractionStage.INVOKE_ACK: (InteractionStage.INVOKE_RESPONSE,),
     InteractionStage.PROGRESS_ACK: (
@@ -45,14 +45,14 @@ _FOLLOWERS: Final = {
         InteractionStage.PROGRESS_RESPONSE,
     ),
 }
-"""What a provider sends after a message; after all others, nothing."""
+"""Messages that a provider may send after a message; none after all others."""
 
 _Arrived = tuple[InteractionStage, Parts, int] | MalError
-"""A message's stage, parts and weight in octets, or what ends it all."""
+"""Stage, parts and octets of a message, or the final error."""
 
 
 class Transaction:
-    """The answers to a message, kept in their order until they are asked for.
+    """The replies to a message, buffered in order.
 
     Attributes:
         operation: The operation of the message.
@@ -74,11 +74,11 @@ class Transaction:
         self._error: MalError | None = None
 
     def expects(self, stage: InteractionStage) -> bool:
-        """Whether this message, or an error in its place, may come now."""
+        """Whether this message, or an error in its place, is expected now."""
         return stage in self._expected
 
     def take(self, stage: InteractionStage, parts: Parts, octets: int) -> None:
-        """Keep a message with a body of so many octets."""
+        """Buffer a message; `octets` is the size of its body."""
         self._expect(_FOLLOWERS.get(stage, ()))
         self._octets += octets + _OVERHEAD
         if self._octets > HELD_CAP:
@@ -86,12 +86,12 @@ class Transaction:
         self._arrived.put_nowait((stage, parts, octets + _OVERHEAD))
 
     def fail(self, error: MalError) -> None:
-        """Keep an error, after which nothing comes."""
+        """Buffer an error, the last message."""
         self._expect(())
         self._arrived.put_nowait(error)
 
     def end(self) -> None:
-        """Let go of whatever else will come."""
+        """Drop all further messages."""
         self._expect(())
         self._connection.resume_reading(self)
 
@@ -140,14 +140,14 @@ class Invocation:
     """
 
     def __init__(self, transaction: Transaction, timeout_s: float) -> None:
-        """Not to be called; see `Consumer.invoke` and `Consumer.progress`."""
+        """Use `Consumer.invoke` or `Consumer.progress` instead."""
         self.acknowledgement: Parts = ()
         self._transaction = transaction
         self._timeout_s = timeout_s
         self._response: Parts | None = None
 
     async def response(self) -> Parts:
-        """Wait for the response and return its parts; updates that come before it are let go.
+        """Wait for the response and return its parts; earlier updates are dropped.
 
         Raises:
             MalError: The provider's error, TRANSACTION_TIMEOUT, or DESTINATION_LOST.
@@ -157,7 +157,7 @@ class Invocation:
         return self._response
 
     async def begin(self, timeout_s: float) -> None:
-        """Wait for the acknowledgement; to be called once."""
+        """Wait for the acknowledgement; call it once."""
         try:
             _, self.acknowledgement = await self._transaction.next(
                 timeout_s, StandardError.DELIVERY_TIMEDOUT
@@ -167,11 +167,11 @@ class Invocation:
             raise
 
     def end(self) -> None:
-        """Let go of whatever else will come."""
+        """Drop all further messages."""
         self._transaction.end()
 
     async def _step(self) -> Parts | None:
-        """The parts of the next update, or None when the response is there."""
+        """Return the parts of the next update, or None after the response."""
         if self._response is not None:
             return None
         stage, parts = await self._transaction.next(
@@ -184,15 +184,15 @@ class Invocation:
 
 
 class ProgressStream(Invocation):
-    """A PROGRESS that is acknowledged; iterating gives the parts of each update until the response.
+    """An acknowledged PROGRESS; iteration yields the parts of each update until the response.
 
-    An error, of an update or of the response, is raised by the iteration and by `response` alike.
-    While more updates wait than `HELD_CAP` allows, nothing is read from the connection: whoever
-    does not take them gets no other reply either.
+    Iteration and `response` both raise an error of an update or of the response. While more than
+    `HELD_CAP` octets of updates are buffered, the connection is not read: a consumer that does not
+    consume them receives no other reply either.
     """
 
     def __aiter__(self) -> "ProgressStream":
-        """Itself."""
+        """Return itself."""
         return self
 
     async def __anext__(self) -> Parts:
@@ -210,7 +210,7 @@ OnUpdate = Callable[..., None]
 
 
 class Subscriptions:
-    """The subscriptions of one consumer, by the names of service and operation and their own id."""
+    """Subscriptions of one consumer, by names of service and operation and by subscription id."""
 
     def __init__(self, specification: Specification, codec: Codec) -> None:
         self._specification = specification
@@ -221,7 +221,7 @@ class Subscriptions:
     def added(
         self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
     ) -> Iterator[None]:
-        """Add a subscription that is about to be registered; if that fails, all is as before."""
+        """Add a subscription during its registration; restored if the registration fails."""
         key = (service, operation, subscription.subscriptionId)
         before = self._on_update.get(key)
         self._on_update[key] = on_update
@@ -234,7 +234,7 @@ class Subscriptions:
             raise
 
     def remove(self, service: str, operation: str, subscription_id: str) -> None:
-        """Forget a subscription."""
+        """Remove a subscription."""
         self._on_update.pop((service, operation, subscription_id), None)
 
     def ids(self) -> dict[tuple[str, str], tuple[str, ...]]:
@@ -246,7 +246,7 @@ class Subscriptions:
         return found
 
     def notified(self, header: Header, body: bytes) -> None:
-        """Hand an update to whom it is for; one that cannot be read is logged and dropped."""
+        """Pass an update to its callback; an invalid one is logged and dropped."""
         try:
             if header.is_error:
                 raise self._codec.decode_error(body)

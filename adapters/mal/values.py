@@ -1,4 +1,4 @@
-"""The types of the MAL itself that this stack and its users handle; field names are its own."""
+"""Types of the MAL area (CCSDS 521.0-B-3) that this stack uses; field names are the standard's."""
 
 # ruff: noqa: N815 - names are those of the specification
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class AttributeType(Enum):
-    """The attribute types, by their short forms; the MAL has an enumeration of the same."""
+    """Attribute types with their short forms (CCSDS 521.0-B-3); also an enumeration of the MAL."""
 
     BLOB = 1
     BOOLEAN = 2
@@ -33,10 +33,10 @@ class AttributeType(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TypedAttribute:
-    """An attribute that must carry its type: the specification says Attribute or Element.
+    """An attribute with its type, where the specification has Attribute or Element.
 
     Attributes:
-        type: The attribute type it travels as.
+        type: The encoded attribute type.
         value: The plain Python value (times in ns since 1970 UTC, durations in s).
     """
 
@@ -46,11 +46,11 @@ class TypedAttribute:
 
 @dataclass(frozen=True, slots=True)
 class TypedList:
-    """A list where the specification says Element, for instance an error's extra information.
+    """A list where the specification has Element, e.g. an error's extra information.
 
     Attributes:
-        type: What the elements are: an attribute type, the class of a composite or enumeration,
-            or None for a list whose elements each carry their own type.
+        type: Type of the elements: an attribute type, the class of a composite or enumeration, or
+            None if each element has its own type.
         values: The elements.
     """
 
@@ -63,7 +63,7 @@ class ObjectRef:
     """A reference to an MO object (CCSDS 521.0-B-3).
 
     Attributes:
-        domain: The domain the object lives in, outermost part first.
+        domain: The domain of the object, outermost part first.
         type: The type id of the object, 64 bits.
         key: The object's name within its domain and type.
         version: The object's version.
@@ -85,14 +85,14 @@ class NamedValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NullableAttribute:
-    """An attribute in a list that has no NULL."""
+    """A nullable attribute in a list, since lists have no NULL elements."""
 
     value: TypedAttribute | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceId:
-    """A service, by its numbers."""
+    """A service, identified by its numbers."""
 
     keyArea: int
     keyService: int
@@ -101,7 +101,7 @@ class ServiceId:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubscriptionFilter:
-    """The values of one key, of which one must match."""
+    """A filter on one key; any of the values must match."""
 
     name: str
     values: tuple[TypedAttribute, ...]
@@ -109,13 +109,13 @@ class SubscriptionFilter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subscription:
-    """What a consumer wants to be notified of.
+    """A subscription of a consumer.
 
     Attributes:
-        subscriptionId: Name of the subscription, the consumer's choice.
+        subscriptionId: Name of the subscription, chosen by the consumer.
         domain: Domain of the updates, with wildcards; NULL for all.
-        selectedKeys: Names of the keys to be sent; NULL for all.
-        filters: Filters on keys, all of which must match; NULL for none.
+        selectedKeys: Names of the keys to send; NULL for all.
+        filters: Filters on keys; all must match; NULL for none.
     """
 
     subscriptionId: str
@@ -135,7 +135,7 @@ class UpdateHeader:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectIdentity:
-    """What tells one MO object from all others."""
+    """Unique identity of an MO object."""
 
     domain: tuple[str, ...]
     key: str
@@ -144,10 +144,10 @@ class ObjectIdentity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Object:
-    """The base of MO objects: composites with an identity of their own.
+    """Base of MO objects: composites with an identity.
 
     Attributes:
-        objectIdentity: Which object this is.
+        objectIdentity: Identity of this object.
     """
 
     objectIdentity: ObjectIdentity

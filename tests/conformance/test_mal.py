@@ -62,7 +62,7 @@ def test_verbose_names_each_message() -> None:
         ("request.1", {"value": ["2.5"]}, "value[0]: '2.5' wanted, 2.5 decoded"),
         ("request.1", {"value": [2.5, 1]}, "value: [2.5, 1] wanted, [2.5] decoded"),
         ("request.1", {"value": None}, "value[0]: None wanted, 2.5 decoded"),
-        ("request.1", {"message": "00"}, "octet 0: 23 octets wanted, 1 there"),
+        ("request.1", {"message": "00"}, "octet 0: 23 octets expected, 1 available"),
         ("request.1", {"message": "zz"}, "message: not hex"),
         ("request.1", {"message": None}, "message: not hex"),
         ("request.1", {"encoding": "xml"}, "encoding: 'xml' is none"),

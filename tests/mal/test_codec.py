@@ -48,17 +48,17 @@ def part(name: str, nullable: bool = False, is_list: bool = False) -> tuple[Fiel
 @pytest.mark.parametrize(
     ("encoding", "parts", "body", "why"),
     [
-        ("fixed", part("Integer"), "000000", "4 octets wanted, 3 there"),
-        ("fixed", part("Integer"), "0000000000", "1 octets left over"),
-        ("fixed", (), "00", "1 octets where no part is"),
-        ("fixed", part("Integer", nullable=True), "0200000000", "0 or 1 wanted"),
-        ("fixed", part("Boolean"), "02", "0 or 1 wanted"),
+        ("fixed", part("Integer"), "000000", "4 octets expected, 3 available"),
+        ("fixed", part("Integer"), "0000000000", "1 excess octets"),
+        ("fixed", (), "00", "1 octets, but the message has no parts"),
+        ("fixed", part("Integer", nullable=True), "0200000000", "must be 0 or 1"),
+        ("fixed", part("Boolean"), "02", "must be 0 or 1"),
         ("fixed", part("Mode"), "03", "Mode has no item 3"),
         ("fixed", part("String"), "00000002c328", "not UTF-8"),
-        ("fixed", part("String"), "ffffffff41", "4294967295 octets wanted, 1 there"),
-        ("fixed", part("Blob"), "7fffffff", "octets wanted, 0 there"),
+        ("fixed", part("String"), "ffffffff41", "4294967295 octets expected, 1 available"),
+        ("fixed", part("Blob"), "7fffffff", "octets expected, 0 available"),
         ("fixed", part("Integer", is_list=True), "ffffffff", "list elements"),
-        ("fixed", part("Integer", is_list=True), "0000ffff00000000", "octets wanted"),
+        ("fixed", part("Integer", is_list=True), "0000ffff00000000", "octets expected"),
         ("fixed", part("Time"), "111f05265c00", "86400000 ms in a day"),
         ("fixed", part("FineTime"), "111f000000003b9aca00", "1000000000 ps in a ms"),
         ("fixed", part("Attribute"), "0001000003000014", "no Attribute has type id"),
@@ -71,18 +71,18 @@ def part(name: str, nullable: bool = False, is_list: bool = False) -> tuple[Fiel
             "fixed",
             part("Rec"),
             "00000000000000" + "0114" + "00",
-            "no attribute type has short form",
+            "unknown attribute short form",
         ),
-        ("variable", part("Integer"), "ffffffff1f", "longer than 32 bits"),
-        ("variable", part("ULong"), "ffffffffffffffffffff01", "longer than 64 bits"),
-        ("variable", part("UShort"), "808004", "longer than 16 bits"),
-        ("variable", part("UInteger"), "8000", "written longer than it is"),
-        ("variable", part("UInteger"), "80", "1 octets wanted, 0 there"),
-        ("variable", part("Boolean"), "02", "0 or 1 wanted"),
-        ("split", part("Boolean"), "", "1 octets wanted, 0 there"),
-        ("split", part("Boolean"), "0102", "bits left over"),
-        ("split", part("Boolean"), "020100", "bits left over"),
-        ("split", part("Boolean"), "0501", "5 octets wanted, 1 there"),
+        ("variable", part("Integer"), "ffffffff1f", "exceeds 32 bits"),
+        ("variable", part("ULong"), "ffffffffffffffffffff01", "exceeds 64 bits"),
+        ("variable", part("UShort"), "808004", "exceeds 16 bits"),
+        ("variable", part("UInteger"), "8000", "not minimally encoded"),
+        ("variable", part("UInteger"), "80", "1 octets expected, 0 available"),
+        ("variable", part("Boolean"), "02", "must be 0 or 1"),
+        ("split", part("Boolean"), "", "1 octets expected, 0 available"),
+        ("split", part("Boolean"), "0102", "excess bits"),
+        ("split", part("Boolean"), "020100", "excess bits"),
+        ("split", part("Boolean"), "0501", "5 octets expected, 1 available"),
         ("split", part("Boolean", is_list=True), "00ffffff7f", "list elements"),
     ],
 )
@@ -147,7 +147,7 @@ def test_a_value_that_does_not_fit_is_refused(
 
 
 def test_the_number_of_parts_must_be_right() -> None:
-    with pytest.raises(EncodeError, match="1 parts wanted, 0 given"):
+    with pytest.raises(EncodeError, match="1 parts expected, 0 given"):
         FIXED.encode(part("Long"), ())
 
 

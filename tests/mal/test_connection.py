@@ -51,7 +51,7 @@ async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptur
         for number in range(40):
             writer.write(request(provider, number))
         await gone.wait()
-        assert "octets wait to be read there" in caplog.text
+        assert "octets are unread by the peer" in caplog.text
         assert await good.request(SERVICE, "doRequest", 1.0) == (BIG.decode(),)
         writer.close()
 

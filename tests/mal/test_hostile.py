@@ -95,9 +95,9 @@ async def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFix
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"is_error": True}, "error REQUEST is nothing that a consumer sends"),
-        ({"stage": InteractionStage.NOTIFY}, "NOTIFY is nothing that a consumer sends"),
-        ({"stage": InteractionStage.REQUEST_RESPONSE}, "nothing that a consumer sends"),
+        ({"is_error": True}, "error REQUEST is no message of a consumer"),
+        ({"stage": InteractionStage.NOTIFY}, "NOTIFY is no message of a consumer"),
+        ({"stage": InteractionStage.REQUEST_RESPONSE}, "no message of a consumer"),
     ],
 )
 async def test_what_no_consumer_sends_ends_the_connection(
@@ -137,17 +137,17 @@ def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
     ("at", "octet", "why"),
     [
         (4, 0x03, "header version 0"),
-        (4, 0x36, "no SDU type 22"),
+        (4, 0x36, "unknown SDU type 22"),
         (21, 0xF0, "fields that 521.0-B-3 does not have"),
         (21, 0xD8, "fields that 521.0-B-3 does not have"),
         (21, 0xD4, "fields that 521.0-B-3 does not have"),
         (21, 0xD2, "fields that 521.0-B-3 does not have"),
         (22, 1, "encoding id 1"),
         (23, 0x7F, "list elements"),
-        (26, 1, "octets wanted"),
-        (27, 0x7F, "octets wanted"),
+        (26, 1, "octets expected"),
+        (27, 0x7F, "octets expected"),
         (31, 0xFF, "not UTF-8"),
-        (21, 0xD1, "octets wanted"),
+        (21, 0xD1, "octets expected"),
         (3, 0, "length 0 in a message"),
     ],
 )

@@ -142,7 +142,7 @@ async def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFi
             error = await error_of(interaction)
             assert error.number == StandardError.INTERNAL.value
     assert "ZeroDivisionError" in caplog.text
-    assert "2 parts wanted, 1 given" in caplog.text
+    assert "2 parts expected, 1 given" in caplog.text
 
 
 async def test_only_what_can_be_served_may_be() -> None:

@@ -290,7 +290,7 @@ async def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_con
             value = TypedAttribute(AttributeType.DOUBLE, float(number))
             publisher.publish(value, big, keys=("k", 1), domain=("esa",), droppable=droppable)
             await received.have(number + 1)
-        assert ("messages wait that may not be dropped" in caplog.text) is not droppable
+        assert ("queued messages may not be dropped" in caplog.text) is not droppable
         writer.close()
 
 

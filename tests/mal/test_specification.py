@@ -109,11 +109,11 @@ def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
 def test_a_class_that_does_not_fit_is_refused() -> None:
     stale = ModuleType("stale")
     stale.Rec = NamedValue  # type: ignore[attr-defined]
-    with pytest.raises(SpecificationError, match="class Rec has not the fields"):
+    with pytest.raises(SpecificationError, match="class Rec must have the fields"):
         load_specification(XML, classes=stale)
     stale = ModuleType("stale")
     stale.Mode = AttributeType  # type: ignore[attr-defined]
-    with pytest.raises(SpecificationError, match="class Mode has not the items"):
+    with pytest.raises(SpecificationError, match="class Mode must have the items"):
         load_specification(XML, classes=stale)
 
 
@@ -123,15 +123,15 @@ def test_a_class_that_does_not_fit_is_refused() -> None:
         ('name="Mode" area="WireTest"', 'name="Mood" area="WireTest"', "unknown type"),
         ('name="Mode" area="WireTest"', 'name="Mode" area="Other"', "unknown type"),
         ('name="Composite" area="MAL"', 'name="Base" area="WireTest"', "extends itself"),
-        ('shortFormPart="13"', 'shortFormPart="12"', "one short form"),
-        ('name="Derived2"', 'name="Derived"', "there twice"),
-        ('name="doSubmit" number="2"', 'name="doSend" number="2"', "there twice"),
-        ('name="label"', 'name="id"', "two fields of one name"),
+        ('shortFormPart="13"', 'shortFormPart="12"', "the same short form"),
+        ('name="Derived2"', 'name="Derived"', "duplicate"),
+        ('name="doSubmit" number="2"', 'name="doSend" number="2"', "duplicate"),
+        ('name="label"', 'name="id"', "has a duplicate field"),
         ('number="177"', "", "has no 'number'"),
         ('number="177"', 'number="many"', "many"),
         ("mal:sendIP", "mal:shoutIP", "SHOUT"),
         ("</mal:specification>", "", "no element found"),
-        ("mal:area", "mal:volume", "no area in it"),
+        ("mal:area", "mal:volume", "has no area"),
         ('<mal:type list="false" name="Mode" area="WireTest"/>', "", "has 0 types"),
     ],
 )

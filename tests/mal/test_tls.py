@@ -165,7 +165,7 @@ async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
 async def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
     provider = Provider(SPECIFICATION, SERVICE)
-    with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
+    with pytest.raises(ValueError, match="give TLS certificates, or allow clear text"):
         await provider.start(host)
 
 

@@ -134,7 +134,7 @@ def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason:
 
 async def test_a_message_that_is_too_long_is_answered_and_the_link_stays(client: MrsClient) -> None:
     told = client.notifications()
-    with pytest.raises(MalError, match=f"TOO_MANY.*at most {MESSAGE_CAP} are taken"):
+    with pytest.raises(MalError, match=f"TOO_MANY.*at most {MESSAGE_CAP} are accepted"):
         await client.submit(client.command(plan(MESSAGE_CAP)))
     await client.submit(client.command(MoveForward(1.0)))
     await heard(told, Stage.ACCEPTED)

@@ -129,7 +129,7 @@ def test_others_are_served_by_tls_or_when_clear_text_is_asked_for(
 
         return act
 
-    with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
+    with pytest.raises(ValueError, match="give TLS certificates, or allow clear text"):
         aboard.do(listen(CLEAR))
     aboard.do(listen(TransportSettings(certificates=ends.rover)))
     aboard.do(listen(CLEAR, clear_text=True))

@@ -85,7 +85,7 @@ async def test_a_crowd_keeps_out_neither_who_is_there_nor_who_comes(
             await served(first)
         for each in crowd:
             each.close()
-    told = [record for record in caplog.records if "others want one" in record.getMessage()]
+    told = [record for record in caplog.records if "another peer needs one" in record.getMessage()]
     assert 1 <= len(told) <= 10
 
 
@@ -167,7 +167,7 @@ async def test_half_messages_take_a_bounded_part_of_memory(
 
 @pytest.mark.parametrize(
     ("octets", "why"),
-    [(b"", "no message came in 0.05 s"), (b"\0\0\1\0half", "a message rests for 0.05 s")],
+    [(b"", "no message within 0.05 s"), (b"\0\0\1\0half", "a message is incomplete for 0.05 s")],
 )
 async def test_who_does_not_go_on_is_hung_up_on(
     octets: bytes, why: str, caplog: pytest.LogCaptureFixture
@@ -193,7 +193,7 @@ async def test_a_message_beyond_the_bound_is_answered_and_skipped() -> None:
             for _ in range(3):
                 error = await error_of(consumer.submit(SERVICE, "doSubmit", 100_000 * "x", True))
                 assert error.number == StandardError.TOO_MANY.value
-                assert "at most 8192 are taken" in str(error)
+                assert "at most 8192 are accepted" in str(error)
                 await served(consumer)
 
 
@@ -262,7 +262,7 @@ async def test_what_cannot_be_read_is_told_with_peer_and_reason_and_not_too_ofte
     unread = [each for each in caplog.messages if "BAD_ENCODING" in each]
     assert (len(unserved), len(unread)) == (10, 10)
     assert f"from 127.0.0.1:{port}" in unserved[0]
-    assert "0 or 1 wanted for a flag or Boolean, 2 there" in unread[0]
+    assert "a flag or Boolean must be 0 or 1, not 2" in unread[0]
 
 
 async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> None:
@@ -283,7 +283,7 @@ async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> No
                 asyncio.create_task(first.request(SERVICE, "echoLong", 1, None)) for _ in range(20)
             ]
             refused, _ = await asyncio.wait(asked, return_when=asyncio.FIRST_COMPLETED)
-            with pytest.raises(MalError, match="at most 8 interactions under way"):
+            with pytest.raises(MalError, match="at most 8 active interactions"):
                 refused.pop().result()
         await asyncio.gather(*asked, return_exceptions=True)
         async with asyncio.timeout(5.0):
