@@ -1,7 +1,7 @@
-"""What a script or a notebook needs of a rover: clients, requests, histories and recordings.
+"""Python API for scripts and notebooks: clients, requests, histories and recordings.
 
-It only re-exports; these names stay while the packages behind them change. docs/python-api.md shows
-how they are used.
+It only re-exports; these names remain stable while the packages behind them change.
+docs/python-api.md shows their use.
 """
 
 from adapters.explanation import (

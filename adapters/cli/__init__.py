@@ -1,1 +1,1 @@
-"""The `rover` command for people."""
+"""The command line tool `rover`."""

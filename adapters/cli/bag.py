@@ -1,4 +1,4 @@
-"""The command `rover bag`: a recording for the tools of ROS."""
+"""`rover bag`: converts a recording for the tools of ROS."""
 
 from pathlib import Path
 
@@ -11,8 +11,8 @@ import click
 def bag(recording: Path, folder: Path) -> None:
     """Convert a recorded run to a rosbag2 folder.
 
-    It holds what such a rover has on ROS: odometry, sensors, /tf, velocities, reports (/rosout) and
-    the tree, under the names of ASSET.ros.yaml; of simulations also where the rover truly was.
+    It contains the ROS topics of such a rover: odometry, sensors, /tf, velocities, reports
+    (/rosout) and the tree, with the names of ASSET.ros.yaml; of simulations also the true pose.
 
     \b
     Example:
@@ -29,7 +29,7 @@ def bag(recording: Path, folder: Path) -> None:
             f"{error.name} is missing: pip install 'rover-executive[ros,bag]'"
         ) from error
     if folder.exists():
-        raise click.UsageError(f"{folder} is there already: name a new folder")
+        raise click.UsageError(f"{folder} exists: give a new folder")
     try:
         counts = write_bag(recording, folder)
     except (RecordingError, SettingsError) as error:

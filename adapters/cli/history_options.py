@@ -1,4 +1,4 @@
-"""What `rover log` and `rover why` share: where the history comes from, and its times."""
+"""Shared by `rover log` and `rover why`: source of the history, and format of its times."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -21,18 +21,18 @@ file_option: Final = click.option(
     "recording",
     metavar="RUN.mcap",
     type=click.Path(path_type=Path),
-    help="Of a recorded run, not of the rover.",
+    help="Read a recorded run instead of the rover.",
 )
 
 
 def read_file(recording: Path, until_s: float | None = None) -> tuple[RunHistory, float]:
-    """Return what a recording knows, and when it began, seconds since 1970-01-01 UTC.
+    """Return the history of a recording, and its start in seconds since 1970-01-01 UTC.
 
     Raises:
-        click.UsageError: it cannot be used, or a rover is named, too.
+        click.UsageError: the file cannot be used, or a rover is given, too.
     """
     if click.get_current_context().get_parameter_source("to") is ParameterSource.COMMANDLINE:
-        raise click.UsageError("--file is of a recording, --to of a rover: choose one")
+        raise click.UsageError("--file selects a recording, --to a rover: choose one")
     from adapters.recording import RecordingError, read_history
 
     try:
@@ -42,12 +42,12 @@ def read_file(recording: Path, until_s: float | None = None) -> tuple[RunHistory
 
 
 def since_began(began_utc_s: float) -> Callable[[float], str]:
-    """Return what tells a time aboard as seconds since the beginning of a recording."""
+    """Return a formatter of on-board times as seconds since the start of a recording."""
     return lambda utc_s: f"{utc_s - began_utc_s:7.2f} s"
 
 
 def date_and_time(utc_s: float) -> str:
-    """Tell a time aboard by UTC, to hundredths of a second."""
+    """Return an on-board time as date and time in UTC, to hundredths of a second."""
     at = datetime.fromtimestamp(utc_s, UTC)
     return f"{at:%Y-%m-%d %H:%M:%S}.{at.microsecond // 10_000:02d}"
 
@@ -55,13 +55,13 @@ def date_and_time(utc_s: float) -> str:
 async def ask(
     client: "MrsClient", command: str | None = None, *, everything: bool = False
 ) -> RunHistory:
-    """Return what a rover knows, as `MrsClient.get_history` does.
+    """Return the history of a rover, as `MrsClient.get_history` does.
 
-    An orbiter of a relay has no more than the reports that it heard, all of which are returned, or
-    those of the command.
+    An orbiter of a relay has only the received reports: all, or those of the command, are
+    returned.
 
     Raises:
-        UsageError: no command can be called so.
+        UsageError: the text is no command id.
     """
     from adapters.mrs.spec import AreaError
 
@@ -77,7 +77,7 @@ async def ask(
 
 
 async def _of_reports(client: "MrsClient", number: int | None) -> RunHistory:
-    """Return the history by reports alone, of the commands of a number or of all."""
+    """Return a history of reports only, of all commands with a number or of all."""
     from adapters.mrs.spec import report_of
 
     found = map(report_of, await client.get_all_notifications(command_id=number))

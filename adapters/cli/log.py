@@ -1,4 +1,4 @@
-"""`rover log`: the history of commands and events."""
+"""`rover log`: history of commands and events."""
 
 import sys
 from dataclasses import replace
@@ -24,30 +24,30 @@ if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
 
 PAGE: Final = 1000
-"""Reports that are asked for at once."""
+"""Maximum reports of one query."""
 
 
 @click.command()
 @to_option
 @file_option
-@click.option("--follow", is_flag=True, help="Go on with each report as it comes, until Ctrl-C.")
-@click.option("--command", metavar="COMMAND", help="Of one: its number, or SOURCE:NUMBER.")
-@click.option("--source", help="Of the commands of this source.")
+@click.option("--follow", is_flag=True, help="Print each further report until Ctrl-C.")
+@click.option("--command", metavar="COMMAND", help="One command: its number, or SOURCE:NUMBER.")
+@click.option("--source", help="Commands of this source.")
 @click.option(
     "--severity",
     type=click.Choice([each.name.lower() for each in Severity], case_sensitive=False),
     default=Severity.INFORMATIONAL.name.lower(),
     show_default=True,
-    help="The least that is listed.",
+    help="Minimum severity.",
 )
 @click.option("--since", "since_s", type=float, metavar="SECONDS", help="From this time on.")
 @click.option("--until", "until_s", type=float, metavar="SECONDS", help="Up to this time.")
 @click.option(
     "--mode",
     type=click.Choice([each.name.lower() for each in Mode], case_sensitive=False),
-    help="What was reported in this mode.",
+    help="Reports in this mode.",
 )
-@click.option("--unfold", is_flag=True, help="List each report of a command on a line of its own.")
+@click.option("--unfold", is_flag=True, help="List each report of a command on a separate line.")
 @json_option
 def log(
     to: RoverTarget,
@@ -62,11 +62,11 @@ def log(
     unfold: bool,
     as_json: bool,
 ) -> None:
-    """List commands, each with its whole life on a line, and events.
+    """List commands, each with its life cycle on one line, and events.
 
-    A command is listed if one of its reports is wanted. Of a recording, times are seconds since
-    its beginning. Of a rover, --since and --until are seconds before now; without --since its last
-    1000 reports are looked at.
+    A command is listed if one of its reports matches. For a recording, times are seconds since its
+    start. For a rover, --since and --until are seconds before now; without --since its last 1000
+    reports are read.
 
     \b
     Examples:
@@ -81,7 +81,7 @@ def log(
     in_mode = None if mode is None else Mode[mode.upper()]
     wanted = LogFilter(command, source, Severity[severity.upper()], mode=in_mode)
     if follow and (recording is not None or until_s is not None or mode is not None):
-        raise click.UsageError("--follow goes with neither --file, --until nor --mode")
+        raise click.UsageError("--follow excludes --file, --until and --mode")
     if recording is None:
         run(_ask(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
         return
@@ -124,7 +124,7 @@ async def _ask(
     from adapters.mrs.spec import report_of
 
     async with await connect(to) as client:
-        news = client.notifications()
+        stream = client.notifications()
         history = await ask(client, wanted.command, everything=wanted.command is None)
         now_utc_s = history.until_utc_s
         wanted = replace(
@@ -138,13 +138,13 @@ async def _ask(
         known = {each.sequence for each in history.reports if each.sequence}
         while follow:
             sys.stdout.flush()
-            report = report_of(await anext(news))
+            report = report_of(await anext(stream))
             if report.sequence not in known and wanted.has(report):
                 printer.list(report)
 
 
 async def _with_older(client: "MrsClient", history: RunHistory, since_utc_s: float) -> RunHistory:
-    """Return a history with older reports, as far as they are wanted and known."""
+    """Return a history with older reports from the rover, back to a UTC time."""
     from adapters.mrs.spec import report_of
 
     reports = list(history.reports)

@@ -1,8 +1,7 @@
-"""The `rover` command: finds its sub-commands by entry points and gives exit codes their meaning.
+"""The `rover` command: finds its sub-commands by entry points, and maps exceptions to exit codes.
 
-It knows no sub-command by name. Each is an entry point in the group `rover.commands`, or of a
-checkout, imported only when it is called: `rover --help` reads the first lines of their docstrings
-from the sources.
+Each sub-command is an entry point in the group `rover.commands`, or in the list of a checkout. It
+is imported only when called: `rover --help` reads the first line of its docstring from the source.
 """
 
 import ast
@@ -23,7 +22,7 @@ from adapters.process import guard_output, missing_package
 GROUP: Final = "rover.commands"
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 CHECKOUT_COMMANDS: Final = CHECKOUT / "tests" / "commands.toml"
-"""Lists the commands that need a checkout, as entry points; an installed wheel lacks this file."""
+"""List of the commands that need a checkout, as entry points; not in an installed wheel."""
 UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
 
@@ -36,7 +35,7 @@ class EntryPointGroup(click.Group):
         return sorted(_found())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one command; a name that no package provides is a usage error."""
+        """Import and return one command; an unknown name is a usage error."""
         found = _found()
         entry = found.get(cmd_name)
         if entry is None:
@@ -61,7 +60,7 @@ class EntryPointGroup(click.Group):
         return super().main(*arguments, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; a lost or absent connection and Ctrl-C get exit codes of their own."""
+        """Run the command; connection errors and Ctrl-C have separate exit codes."""
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
@@ -96,11 +95,11 @@ def _found() -> dict[str, EntryPoint]:
 
 
 def _first_line(entry: EntryPoint, limit: int) -> str:
-    """Return the short help of a command, where possible by its docstring without importing it."""
-    room, *inner = entry.module.split(".")
-    spec = find_spec(room)
-    for place in (spec.submodule_search_locations if spec is not None else None) or ():
-        source = Path(place, *inner).with_suffix(".py")
+    """Return the short help of a command, if possible from its source without importing it."""
+    package, *inner = entry.module.split(".")
+    spec = find_spec(package)
+    for folder in (spec.submodule_search_locations if spec is not None else None) or ():
+        source = Path(folder, *inner).with_suffix(".py")
         for node in ast.parse(source.read_bytes()).body:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name == entry.attr:
                 command = click.Command(entry.name, help=ast.get_docstring(node))
@@ -129,11 +128,11 @@ def main() -> None:
     \b
     Exit status:
       0    done
-      1    what was asked for failed, such as a command that ended FAILED or REJECTED
-      2    the command line or a file given to it makes no sense
-      3    the rover cannot be reached
+      1    the operation failed, such as a command that ended FAILED or REJECTED
+      2    the command line or an input file is invalid
+      3    the rover is not reachable
       130  interrupted by Ctrl-C
-      141  nobody reads the output any more
+      141  the reader of the output is closed
     """
 
 

@@ -1,4 +1,4 @@
-"""`rover watch`: the behaviour tree of a running executive, by ROS or MRS, or of a recorded run."""
+"""`rover watch`: behaviour tree of a running executive, over ROS or MRS, or of a recorded run."""
 
 import sys
 from pathlib import Path
@@ -28,19 +28,19 @@ from adapters.process import asset_option
     "recording",
     metavar="RUN.mcap",
     type=click.Path(path_type=Path),
-    help="Show a recorded run instead: keys rewind, step, and go from report to report.",
+    help="Show a recorded run instead: keys rewind, step, and jump between reports.",
 )
 @click.option(
     "--at",
     metavar="MOMENT",
-    help="With --file, print one moment: seconds, a command's SOURCE:NUMBER, or a reason's name.",
+    help="With --file, print one time: seconds, a command's SOURCE:NUMBER, or a reason's name.",
 )
 @click.option(
     "--html",
     "page",
     metavar="PAGE.html",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="With --file, write one page with a time slider, which needs no network.",
+    help="With --file, write an HTML page with a time slider; it needs no network.",
 )
 def watch(
     to: RoverTarget,
@@ -51,11 +51,11 @@ def watch(
     at: str | None,
     page: Path | None,
 ) -> None:
-    """Show the behaviour tree, the mode, and why the rover stands or moves.
+    """Show the behaviour tree, the mode, and the reason for standstill or motion.
 
-    Listens on ROS, or with --to, or where ROVER_URI is set and --domain-id is not given, by the
-    MRS, which needs no ROS here. Ends with Ctrl-C, or of a recorded run with q. Where no executive
-    is heard within a few seconds, or none any more, the exit status is 3.
+    Uses ROS; with --to, or with ROVER_URI and without --domain-id, the MRS, which needs no local
+    ROS. Ends with Ctrl-C, or for a recorded run with q. The exit status is 3 if no executive is
+    received within a few seconds, or its contact is lost.
 
     \b
     Examples:
@@ -71,9 +71,7 @@ def watch(
     """
     if recording is not None:
         if once:
-            raise click.UsageError(
-                "--once is for a rover that runs: give --at a moment with --file"
-            )
+            raise click.UsageError("--once needs a running rover: with --file use --at MOMENT")
         if at is not None and page is not None:
             raise click.UsageError("--at and --html: choose one")
         _watch_file(recording, at, page)
@@ -93,10 +91,10 @@ def watch(
 
 
 def _by_mrs() -> bool:
-    """Whether a rover is named by where its MRS is.
+    """Whether a rover is selected by its MRS address.
 
     Raises:
-        UsageError: it is named for ROS, too.
+        UsageError: it is selected for ROS, too.
     """
     source = click.get_current_context().get_parameter_source
     of_ros = [
@@ -106,7 +104,7 @@ def _by_mrs() -> bool:
         return not of_ros
     by_mrs = source("to") is ParameterSource.COMMANDLINE
     if by_mrs and of_ros:
-        raise click.UsageError("--asset and --domain-id are of ROS, --to of the MRS: choose one")
+        raise click.UsageError("--asset and --domain-id select ROS, --to the MRS: choose one")
     return by_mrs
 
 
@@ -140,7 +138,7 @@ def _watch_file(recording: Path, at: str | None, page: Path | None) -> None:
         elif sys.stdin.isatty() and sys.stdout.isatty():
             browse(recording, "0")
         else:
-            raise click.UsageError("without a terminal, name one moment: --at 12.5")
+            raise click.UsageError("without a terminal give one time: --at 12.5")
     except RecordingError as error:
         raise click.UsageError(str(error)) from error
     except OSError as error:

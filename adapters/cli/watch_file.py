@@ -1,4 +1,4 @@
-"""Shows a recorded run moment by moment in the terminal: one, or all by the keys."""
+"""Shows a recorded run in the terminal: one tick, or all by keys."""
 
 from math import degrees
 from pathlib import Path
@@ -18,15 +18,15 @@ _STEPS: Final = {"\x1b[C": 1, "\x1b[D": -1, "l": 1, "h": -1}
 _EVENTS: Final = {"\x1b[B": 1, "\x1b[A": -1, "j": 1, "k": -1}
 _SECONDS: Final = {">": 1.0, "<": -1.0}
 _LONGEST: Final = 6
-"""Commands that are listed: the last ones."""
+"""Maximum commands shown: the last ones."""
 
 
 def show_moment(path: Path, at: str) -> None:
-    """Print a moment of a recording, as `at` names it: see `rover watch --at`.
+    """Print one tick of a recording, selected by `at` as in `rover watch --at`.
 
     Raises:
         RecordingError: the file cannot be used as a recording.
-        click.UsageError: there is no such moment.
+        click.UsageError: `at` matches no tick.
     """
     recorded = RecordedMoments(path)
     moment = recorded.moments[_index(recorded, path, at)]
@@ -34,11 +34,11 @@ def show_moment(path: Path, at: str) -> None:
 
 
 def browse(path: Path, at: str) -> None:
-    """Show the run from a moment on, as the keys ask.
+    """Show the run from one tick on, controlled by keys.
 
     Raises:
         RecordingError: the file cannot be used as a recording.
-        click.UsageError: there is no such moment.
+        click.UsageError: `at` matches no tick.
     """
     recorded = RecordedMoments(path)
     index = _index(recorded, path, at)
@@ -68,20 +68,20 @@ def _index(recorded: RecordedMoments, path: Path, at: str) -> int:
         index = recorded.index_of(at)
     if index is None:
         raise click.UsageError(
-            f"--at {at}: {path} has no such command and no such reason; give seconds since its"
-            " beginning, SOURCE:NUMBER, or the name of a reason as WHEELS_OFF_COMMAND"
+            f"--at {at}: {path} has no such command or reason; give seconds since its start,"
+            " SOURCE:NUMBER, or the name of a reason such as WHEELS_OFF_COMMAND"
         )
     return index
 
 
 def _shown(recorded: RecordedMoments, moment: Moment, height: int | None) -> RenderableType:
     notes = {path: f"since {since_s:.2f} s" for path, since_s in moment.since_s.items()}
-    place = "no odometry"
+    pose = "no odometry"
     if moment.pose is not None:
-        turned = degrees(moment.pose.heading_rad)
-        place = f"x {moment.pose.x_m:z.2f} y {moment.pose.y_m:z.2f} m, {turned:z.0f}°"
+        heading_deg = degrees(moment.pose.heading_rad)
+        pose = f"x {moment.pose.x_m:z.2f} y {moment.pose.y_m:z.2f} m, {heading_deg:z.0f}°"
     end_s = recorded.moments[-1].time_s
-    lines = [Text(f"{moment.time_s:.2f} of {end_s:.2f} s   {place}", "bold")]
+    lines = [Text(f"{moment.time_s:.2f} of {end_s:.2f} s   {pose}", "bold")]
     lines += [
         Text(f"{each.identity}  {each.stage.name if each.stage else ''}  {each.text}")
         for each in moment.commands[-_LONGEST:]

@@ -1,4 +1,4 @@
-"""A recorded run as one page with a time slider, which needs no network."""
+"""Writes a recorded run as one HTML page with a time slider; it needs no network."""
 
 import json
 from importlib.resources import files
@@ -10,12 +10,12 @@ from executive.values.reports import Report
 from trees import COLOURS, branches, line, looks
 
 Row = tuple[str, str, str, float | None]
-"""Of a tree: the branch, the node, its look, since when."""
+"""A row of a tree: branch, node, display style, start of its status in s."""
 _Value = TypeVar("_Value")
 
 
 def write_page(recording: Path, page: Path) -> None:
-    """Write the page of a recording.
+    """Write the HTML page of a recording.
 
     Raises:
         RecordingError: the file cannot be used as a recording.
@@ -51,7 +51,7 @@ def write_page(recording: Path, page: Path) -> None:
 
 
 def _kept(known: list[_Value], value: _Value) -> int:
-    """Return the number of a value that is kept once while it stays the same."""
+    """Return the index of a value; successive equal values are stored once."""
     if not known or known[-1] != value:
         known.append(value)
     return len(known) - 1

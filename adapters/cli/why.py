@@ -1,4 +1,4 @@
-"""`rover why`: what became of a command, or why the rover stands or moves, in plain words."""
+"""`rover why`: explains the result of a command, or the present standstill or motion."""
 
 from pathlib import Path
 
@@ -26,18 +26,17 @@ from executive.history import RunHistory
     "at_s",
     type=float,
     metavar="SECONDS",
-    help="With --file: as it was then, in seconds since the beginning of the recording.",
+    help="With --file: the state at this time, in seconds since the start of the recording.",
 )
 @json_option
 def why(
     command: str | None, to: RoverTarget, recording: Path | None, at_s: float | None, as_json: bool
 ) -> None:
-    """Tell why: of a command what became of it, else why the rover stands or moves.
+    """Explain the result of a command, or the present standstill or motion.
 
-    A command is named by its number, or as SOURCE:NUMBER. Told are who asked for it, over which
-    link, what it waited for, which leaves of the tree worked on it, what limited its speed, what
-    ended it, and the figures that showed it. A rover remembers its last 1000 commands, and of
-    those before them, or before it was restarted, the reports.
+    A command is given by its number, or as SOURCE:NUMBER. Its explanation shows source, link, wait,
+    the leaves of the tree that executed it, speed limits, its end, and the evidence. A rover stores
+    its last 1000 commands; of older ones, and from before a restart, it has only the reports.
 
     \b
     Examples:
@@ -48,13 +47,13 @@ def why(
       rover why --file run.mcap --at 4.5
 
     \b
-    Exit status: 0 told, 2 makes no sense, 3 the rover cannot be reached.
+    Exit status: 0 explained, 2 usage error, 3 rover not reachable.
     """
     if recording is not None:
         history, began_utc_s = read_file(recording, at_s)
         _tell(_explained(history, command), since_began(began_utc_s), as_json)
     elif at_s is not None:
-        raise click.UsageError("--at needs --file RUN.mcap: a rover tells what is now")
+        raise click.UsageError("--at needs --file RUN.mcap: a rover only explains the present")
     else:
         run(_ask(to, command, as_json))
 

@@ -88,7 +88,7 @@ def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
         (("why", "9" * 40), "neither NUMBER nor SOURCE:NUMBER"),
         (("why", "--at", "1"), "--at needs --file"),
         (("log", "--file", "run.mcap"), "choose one"),
-        (("log", "--follow", "--mode", "safe"), "--follow goes with neither"),
+        (("log", "--follow", "--mode", "safe"), "--follow excludes"),
         (("watch", "--asset", "jackal"), "choose one"),
     ],
 )

@@ -79,7 +79,7 @@ def test_what_ros_reads_is_what_was_recorded(stuck: Path, tmp_path: Path) -> Non
 
 def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
     for arguments, words in (
-        ((stuck, tmp_path), "is there already"),
+        ((stuck, tmp_path), "exists: give a new folder"),
         ((tmp_path / "none.mcap", tmp_path / "bag"), "cannot be read"),
         ((stuck, stuck / "bag"), "cannot be written"),
     ):

@@ -104,8 +104,8 @@ def test_the_page_shows_a_moment_in_a_browser(stuck: Path, tmp_path: Path) -> No
 def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
     for arguments, told in (
         (("--file", stuck, "--at", "MOE:9"), "no such command"),
-        (("--file", stuck), "name one moment"),
-        (("--file", stuck, "--once"), "--once is for a rover that runs"),
+        (("--file", stuck), "give one time"),
+        (("--file", stuck, "--once"), "--once needs a running rover"),
         (("--at", "3"), "need --file"),
         (("--file", stuck, "--html", tmp_path / "no" / "run.html"), "cannot be written"),
         (("--file", tmp_path / "none.mcap", "--at", "3"), "cannot be read"),
