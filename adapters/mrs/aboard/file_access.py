@@ -253,11 +253,11 @@ class FolderWatcher:
         new = {path: stamp for path, stamp in found.items() if self._known.get(path) != stamp}
         return new, [path for path in list(self._known) if path not in found]
 
-    async def _compare(self, new: dict[str, FileStamp], deleted: list[str]) -> None:
+    async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
         """Report settled differences, unless they were reported during the scan."""
         settled = [path for path, stamp in new.items() if self._unsettled.get(path) == stamp]
         self._unsettled = new
-        for path in (deleted + settled)[:MOST_REPORTED]:
+        for path in (gone + settled)[:MOST_REPORTED]:
             if path in self._notified:
                 continue
             if path in new:
