@@ -94,7 +94,7 @@ def test_every_report_is_kept_in_order_with_link_and_time(aboard: Aboard, tmp_pa
         Answer.DUPLICATE,
         Answer.ADMITTED,
     ]
-    assert "already used command 1" in record.sendings[1].text
+    assert "already used command id 1" in record.sendings[1].text
 
 
 def test_a_play_ends_without_a_command_that_never_does(aboard: Aboard, tmp_path: Path) -> None:
