@@ -1,8 +1,8 @@
-"""The authority over an asset as `rover-nxt` is told of it: which commands of the relay have it.
+"""The command authority as the executive sends it to `rover-nxt`, for the relay's commands.
 
-The executive grants the authority; `rover-nxt`, which passes the relay's commands on to a brick
-without it, keeps what it was told last. The same message goes back to the executive after each
-command that went by the orbiter's authority, since that renews the lease.
+The executive grants the authority. `rover-nxt` also forwards relay commands to the brick while the
+executive is not running; it then applies the last received authority. The same message returns to
+the executive after each command under the orbiter's authority, because that renews the lease.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from adapters.mops.dictionary import OtherEntry
 
 @dataclass(frozen=True, slots=True)
 class RelayAuthority:
-    """By which authority commands may come by the relay.
+    """Authority that commands over the relay need.
 
     Attributes:
         needed: whether commands need the authority.
-        holder: who holds it; None for nobody.
-        epoch: of the orbiter's grant; None while it holds none.
-        given_by: whose commands the orbiter may pass on by it; None for everybody's.
+        holder: name of the holder; None if the authority is free.
+        epoch: epoch of the orbiter's grant; None if the orbiter is not the holder.
+        given_by: the only source whose commands the orbiter may forward; None for any source.
     """
 
     needed: bool
@@ -28,7 +28,7 @@ class RelayAuthority:
     given_by: str | None = None
 
     def fault(self, source: str, claimed: int | None) -> str:
-        """Return why a source may not command by an epoch that it claims; empty if it may."""
+        """Return the reason to refuse a command under a claimed epoch; empty if it is allowed."""
         if claimed is None and not self.needed:
             return ""
         if claimed is None:
@@ -39,25 +39,25 @@ class RelayAuthority:
             wrong = f"{source} is not {self.given_by}, who gave it"
         else:
             return ""
-        return f"{wrong}: {self.holder or 'nobody'} holds it"
+        return f"{wrong}: {self.holder or 'no operator'} holds it"
 
 
 def authority_message(
     authority: RelayAuthority, entry: OtherEntry, source: str, dest: str
 ) -> Message:
-    """Return the message that tells an authority.
+    """Return the message that carries an authority.
 
     Raises:
-        MopsError: it cannot be spelled.
+        MopsError: a value cannot be encoded.
     """
     return Message(entry.code, source, dest, entry.command, tuple(values_of(authority)))
 
 
 def authority_of(message: Message) -> RelayAuthority:
-    """Return the authority that a message tells.
+    """Return the authority that a message carries.
 
     Raises:
-        MopsError: it tells none.
+        MopsError: the inputs are not an authority.
     """
     found: RelayAuthority = made_of(RelayAuthority, message.inputs)
     return found

@@ -1,4 +1,4 @@
-"""MOPS messages as values, as octets, in a stream; a dataclass's fields as a message's values.
+"""MOPS messages as values, as octets and in a stream; dataclass fields as message values.
 
 On the wire (thesis 6.1.1):
 `CODE|SOURCE|DEST|COMMAND|INPUTS|OUTPUTS|RECEIVED|EXECUTED|moeinputsid|moeinputscounter#`
@@ -22,47 +22,47 @@ SEPARATOR: Final = "|"
 END: Final = "#"
 COMMA: Final = ","
 LONGEST: Final = 4096
-"""Octets of a message, the `#` included."""
+"""Maximum length of a message in octets, including the `#`."""
 HIGHEST_CODE: Final = 0xFFF
 HIGHEST_ID: Final = (1 << 63) - 1
 HIGHEST_COUNTER: Final = (1 << 32) - 1
 LATEST_UTC_S: Final = 5e9
-"""In the year 2128: not much later the 16 bits for the days of a MAL time are full."""
+"""Year 2128: shortly after it the 16-bit day count of a MAL time overflows."""
 
 _CODE: Final = re.compile("[0-9A-F]{3}")
 _NAME: Final = re.compile(r"[!\"$-+\--{}~]+")
-"""Printable ASCII but the space and what separates: `#`, `|` and the comma."""
+"""Printable ASCII except the space and the separators `#`, `|` and comma."""
 _VALUE: Final = re.compile(r"[ !\"$-+\--{}~]*")
 _VALUES: Final = re.compile(r"[ !\"$-{}~]*")
-"""Values with commas between them."""
+"""Values separated by commas."""
 _NUMBER: Final = re.compile("0|[1-9][0-9]*")
 _FLAGS: Final = {"True": True, "False": False}
 _FIELDS: Final = 10
 
 
 class MopsError(ValueError):
-    """It is no MOPS message, or cannot be one; the text says which field and why."""
+    """The input is no MOPS message, or cannot become one; the text names field and cause."""
 
 
 def require_name(key: str, text: str) -> None:
-    """Do nothing where a text can be a source, dest or command of a message.
+    """Raise ValueError unless a text is valid as source, dest or command of a message.
 
     Args:
-        key: of the text in a file of settings.
-        text: what stands there.
+        key: key of the text in a settings file, for the error.
+        text: the text to check.
 
     Raises:
-        ValueError: it cannot.
+        ValueError: the text has a character that names exclude.
     """
     if not _NAME.fullmatch(text):
         raise ValueError(f"{key} is {text!r}: a name has printable ASCII, no space, comma, | or #")
 
 
 def require_asset(name: str) -> None:
-    """Do nothing where a name can be that of an asset, in messages and of the files kept for it.
+    """Raise ValueError unless a name is valid for an asset, in messages and in file names.
 
     Raises:
-        ValueError: it cannot.
+        ValueError: the name has a character that names exclude, or a slash.
     """
     require_name("asset", name)
     if "/" in name:
@@ -74,15 +74,15 @@ class Message:
     """A command, a notification or telemetry.
 
     Attributes:
-        code: what kind of message it is, 0 to 0xFFF; `config/mops/dictionary.yaml` lists the kinds.
-        source, dest: who sends it and whom it is for.
+        code: message type, 0 to 0xFFF; `config/mops/dictionary.yaml` lists the types.
+        source, dest: names of sender and receiver.
         command: name of the command or of the telemetry.
         inputs: arguments of a command.
         outputs: results.
-        received: whether the destination has it.
-        executed: whether it was carried out with success.
-        moe_inputs_id: the command's number, unique per source; None where there is no command.
-        moe_inputs_counter: for display; None where there is none.
+        received: whether the destination has received it.
+        executed: whether it was executed successfully.
+        moe_inputs_id: command number, unique per source; None for messages on no command.
+        moe_inputs_counter: for display; None if absent.
     """
 
     code: int
@@ -104,7 +104,7 @@ def encode(message: Message) -> bytes:
     """Return the octets of a message.
 
     Raises:
-        MopsError: a field does not fit.
+        MopsError: a field is invalid or the message is too long.
     """
     if not 0 <= message.code <= HIGHEST_CODE:
         raise MopsError(f"code: {message.code} is not within 0 and {HIGHEST_CODE:#x}")
@@ -121,10 +121,10 @@ def encode(message: Message) -> bytes:
 
 
 def decode(octets: bytes) -> Message:
-    """Return the message that octets are, from the code to the `#`.
+    """Return the message encoded by octets, from the code to the `#`.
 
     Raises:
-        MopsError: they are none, or not in the one way in which it is written.
+        MopsError: the octets are not a message in its canonical spelling.
     """
     if len(octets) > LONGEST:
         raise MopsError(f"{len(octets)} octets: a message has {LONGEST} at most")
@@ -151,7 +151,7 @@ def decode(octets: bytes) -> Message:
 
 def _checked(pattern: re.Pattern[str], name: str, text: str) -> str:
     if not pattern.fullmatch(text):
-        raise MopsError(f"{name}: {text[:40]!r} cannot stand there")
+        raise MopsError(f"{name}: {text[:40]!r} has a character that is not allowed")
     return text
 
 
@@ -192,20 +192,20 @@ def _number(name: str, text: str, highest: int) -> int | None:
 
 _END: Final = END.encode()
 _PADDING: Final = b"\0\r\n"
-"""What may stand before a message unsaid: USB packets are filled up with zeros."""
+"""Octets skipped before a message: USB packets are padded with zeros."""
 _SHOWN: Final = 60
 
 
 class MopsStream:
-    """Collects octets until messages are there; keeps no more than one message's worth.
+    """Assembles messages from octets; buffers at most one message.
 
-    What is no message is dropped up to and with the next `#`, counted and told once.
+    Invalid input is dropped up to and including the next `#`; each piece is counted and logged.
 
     Args:
-        tell: called with one line on each piece that was dropped.
+        tell: called with one line for each dropped piece.
 
     Attributes:
-        dropped_octets, dropped_pieces: what was no message so far.
+        dropped_octets, dropped_pieces: totals of invalid input.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
@@ -216,7 +216,7 @@ class MopsStream:
         self.dropped_pieces = 0
 
     def feed(self, octets: bytes) -> Iterator[Message]:
-        """Take octets, cut anywhere, and give the messages that are now whole."""
+        """Add octets, split at any position, and yield the messages completed by them."""
         *pieces, self._begun = (self._begun + octets).split(_END)
         for piece in pieces:
             message = self._whole(piece + _END)
@@ -227,7 +227,7 @@ class MopsStream:
             self._begun = b""
 
     def cut(self) -> None:
-        """Drop what has begun: its end does not come any more."""
+        """Drop an incomplete message; its end will not arrive."""
         begun, self._begun = self._begun, b""
         skipped, self._skipped = self._skipped, 0
         if skipped or begun.strip(_PADDING):
@@ -251,11 +251,11 @@ class MopsStream:
 
 
 def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
-    """Give the messages of a text that holds whole ones only.
+    """Yield the messages of a text that contains complete messages only.
 
     Args:
         text: one message or several.
-        tell: called with one line on each piece that is none.
+        tell: called with one line for each invalid piece.
     """
     stream = MopsStream(tell)
     yield from stream.feed(text.encode("utf-8", "replace"))
@@ -263,13 +263,13 @@ def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
 
 
 def require_within(name: str, value: float | None, least: int, most: float) -> None:
-    """Raise MopsError where a value lies outside of what can be kept and told."""
+    """Raise MopsError unless a value is None or within the range that is stored and sent."""
     if value is not None and not least <= value <= most:
         raise MopsError(f"{name}: {value} is not within {least} and {most:.0f}")
 
 
 def fingerprint(text: str) -> int:
-    """Return 64 bits of a text's SHA-256, by which its receiver confirms that it has it."""
+    """Return 64 bits of a text's SHA-256; the receiver acknowledges the text with them."""
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8])
 
 
@@ -282,7 +282,7 @@ _WORDS: Final = {float: "number", int: "whole number", bool: "True or False"}
 
 
 def names_of(kind: type, before: str = "") -> Iterator[str]:
-    """Yield the names of a dataclass's values: dotted where it holds others, [] where repeated."""
+    """Yield the names of a dataclass's values: dotted if nested, with [] if repeated."""
     for name, hint in _hints(kind):
         element = _element(hint)
         if element is not None:
@@ -294,7 +294,7 @@ def names_of(kind: type, before: str = "") -> Iterator[str]:
 
 
 def encoded(text: str) -> str:
-    """Return a text as it stands in a message; numbers and base64 stay as they are."""
+    """Return a text percent-encoded for a message; numbers and base64 are unchanged."""
     return text if _PLAIN.fullmatch(text) else quote(text, safe=_KEPT)
 
 
@@ -302,8 +302,8 @@ def values_of(item: Any) -> Iterator[str]:
     """Yield the values of a dataclass.
 
     Raises:
-        MopsError: a number is not finite, a text that may be missing is empty, or a value is there
-            that messages do not carry.
+        MopsError: a number is not finite, an optional text is empty, or a field is set that
+            messages do not carry.
     """
     kind: type = type(item)
     for name in _not_relayed(kind):
@@ -333,21 +333,21 @@ def values_of(item: Any) -> Iterator[str]:
 
 
 def made_of(kind: type, values: Sequence[str]) -> Any:
-    """Return the dataclass that has these values.
+    """Return the dataclass with these values.
 
     Raises:
-        MopsError: there are too many or too few, or one is not of its kind.
+        MopsError: the number of values is wrong, or a value has the wrong type.
     """
     left = list(reversed(values))
     made = _made(kind, left)
     if left:
-        raise MopsError(f"inputs: {len(left)} more than wanted")
+        raise MopsError(f"inputs: {len(left)} too many")
     return made
 
 
 @cache
 def _fields(kind: type) -> Sequence[tuple[str, bool]]:
-    """Return the name of each value of a dataclass, and whether it may be missing."""
+    """Return the name of each value of a dataclass, and whether it is optional."""
     return [(name, type(None) in get_args(hint)) for name, hint in _hints(kind)]
 
 
@@ -368,7 +368,7 @@ def _relayed(field: Field[Any]) -> bool:
 
 
 def _element(hint: Any) -> type | None:
-    """Return what a tuple of any length repeats; None for anything else."""
+    """Return the element type of a tuple of any length; None for other types."""
     if get_origin(hint) is not tuple:
         return None
     element: type = get_args(hint)[0]
@@ -423,7 +423,7 @@ def _unquoted(name: str, text: str) -> str:
     except UnicodeDecodeError as fault:
         raise MopsError(f"{name}: {text[:40]!r} is not UTF-8") from fault
     if encoded(found) != text:
-        raise MopsError(f"{name}: {text[:40]!r} is not percent-encoded as it is here")
+        raise MopsError(f"{name}: {text[:40]!r} is not percent-encoded in the canonical form")
     return found
 
 

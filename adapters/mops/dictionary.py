@@ -1,4 +1,4 @@
-"""Requests of the core as MOPS messages, and back, as `config/mops/dictionary.yaml` spells them."""
+"""Conversion between requests of the core and MOPS messages, by `config/mops/dictionary.yaml`."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -25,11 +25,11 @@ from executive.values.reports import Identity
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """How one command is spelled.
+    """Spelling of one command.
 
     Attributes:
-        code: the message's code.
-        command: the message's name.
+        code: code of the message.
+        command: name of the message.
         inputs: names of its values: the fields of the request, in their order.
     """
 
@@ -40,7 +40,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class TelemetryEntry:
-    """How telemetry is spelled: the parameters in their order."""
+    """Spelling of telemetry: the parameters in their order."""
 
     code: int
     command: str
@@ -49,7 +49,7 @@ class TelemetryEntry:
 
 @dataclass(frozen=True, slots=True)
 class OtherEntry:
-    """How something else is spelled that has values of its own."""
+    """Spelling of a message type with values of its own."""
 
     code: int
     command: str
@@ -57,14 +57,14 @@ class OtherEntry:
 
 @dataclass(frozen=True, slots=True)
 class Spelling:
-    """The file.
+    """Content of the dictionary file.
 
     Attributes:
-        commands: their codes.
+        commands: code of each command.
 
     Raises:
-        ValueError: a code or a name cannot stand in a message or is there twice, telemetry has not
-            each parameter once, or there is no stop.
+        ValueError: a code or name is invalid or duplicate, telemetry does not list each parameter
+            exactly once, or the stop is missing.
     """
 
     commands: Mapping[str, int]
@@ -76,7 +76,7 @@ class Spelling:
     housekeeping: OtherEntry = OtherEntry(0x305, "HOUSEKEEPING")
 
     def __post_init__(self) -> None:
-        """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
+        """Check what holds for every dictionary; `Dictionary` checks the set of commands."""
         seen: dict[str, str] = {}
         for key, code, command in self._by_key():
             if not 0 <= code <= HIGHEST_CODE:
@@ -88,9 +88,9 @@ class Spelling:
         for parameter in Parameter:
             if (count := self.telemetry.outputs.count(parameter)) != 1:
                 fault = f"has {parameter.value} twice" if count else f"lacks {parameter.value}"
-                raise ValueError(f"telemetry.outputs {fault}: each parameter stands there once")
+                raise ValueError(f"telemetry.outputs {fault}: list each parameter once")
         if "stop" not in self.commands:
-            raise ValueError("commands lacks stop: no rover goes without one")
+            raise ValueError("commands lacks stop: every rover needs a stop")
 
     def _by_key(self) -> Iterator[tuple[str, int, str]]:
         for name, code in self.commands.items():
@@ -107,7 +107,7 @@ class Spelling:
 
 
 def message_name(command: str) -> str:
-    """Return the name of the message of a command: MOVE_TO of moveTo."""
+    """Return the name of a command's message: MOVE_TO for moveTo."""
     return re.sub(r"(?=[A-Z])", "_", command).upper()
 
 
@@ -116,14 +116,14 @@ _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()
 
 @dataclass(frozen=True, slots=True)
 class CommandConditions:
-    """By which authority a command is given, how long it is to live, what overtook it.
+    """Authority, creation time and lifetime of a command, and whether a stop overtook it.
 
     Attributes:
-        authority: the epoch that its sender claims.
-        created_utc_s: when its sender made it.
-        lifetime_s: for how long from then it may start.
-        overtaken: whether a stop that was made after it came before it. Then it is not executed:
-            who has not recorded it refuses it, all others repeat the last reply.
+        authority: epoch claimed by the sender.
+        created_utc_s: creation time at the sender, s UTC.
+        lifetime_s: time after the creation in which it may start, s.
+        overtaken: whether a stop created later arrived earlier. The command is then not executed: a
+            receiver without a record of it refuses it, all others repeat the last reply.
     """
 
     authority: int | None = None
@@ -137,22 +137,22 @@ _HIGHEST_EPOCH: Final = (1 << 63) - 1
 
 
 class Dictionary:
-    """Spells commands.
+    """Converts commands to messages and back.
 
     Attributes:
-        spelling: what the file says.
-        commands: how each is spelled, by the name that it has for people.
+        spelling: content of the file.
+        commands: spelling of each command, by its display name.
     """
 
     def __init__(self, spelling: Spelling, origin: str) -> None:
-        """Check that the commands are those of the core.
+        """Check that each command is one of the core's.
 
         Args:
-            spelling: what the file says.
-            origin: the file's name, for errors.
+            spelling: content of the file.
+            origin: name of the file, for errors.
 
         Raises:
-            SettingsError: a command is not known.
+            SettingsError: a command is unknown.
         """
         self.spelling = spelling
         self.commands: dict[str, Entry] = {}
@@ -174,16 +174,16 @@ class Dictionary:
         dest: str,
         conditions: CommandConditions = UNCONDITIONAL,
     ) -> Message:
-        """Return the message that asks a destination for something.
+        """Return the message that requests a command from a destination.
 
         Args:
-            request: what is asked for.
-            identity: who asks, and under which number.
-            dest: who is asked.
-            conditions: stand where a reply has its outputs, which a command has not.
+            request: content of the command.
+            identity: its source and number.
+            dest: name of the receiver.
+            conditions: sent in the field of the outputs, which a command does not use.
 
         Raises:
-            MopsError: the request cannot be spelled.
+            MopsError: the request cannot be encoded.
         """
         entry = self._by_kind.get(type(request))
         if entry is None:
@@ -199,10 +199,10 @@ class Dictionary:
         )
 
     def request(self, message: Message) -> Request:
-        """Return what a message asks for.
+        """Return the request that a message carries.
 
         Raises:
-            MopsError: it is no command, or its inputs do not fit.
+            MopsError: it is not a command, or its inputs are invalid.
         """
         self.entry(message)
         _, kind = self._by_code[message.code]
@@ -210,14 +210,14 @@ class Dictionary:
         return request
 
     def is_stop(self, message: Message) -> bool:
-        """Return whether a message asks for a stop, whatever else is wrong with it."""
+        """Return whether a message requests a stop, regardless of other errors in it."""
         return message.code == self.spelling.commands["stop"] and not message.received
 
     def entry(self, message: Message) -> Entry:
-        """Return how the command is spelled that a message asks for or replies to.
+        """Return the spelling of the command that a message requests or replies to.
 
         Raises:
-            MopsError: it is none.
+            MopsError: it is neither.
         """
         entry = self.entry_of(message.code)
         if entry.command != message.command:
@@ -225,10 +225,10 @@ class Dictionary:
         return entry
 
     def entry_of(self, code: int) -> Entry:
-        """Return how the command of a code is spelled.
+        """Return the spelling of the command with a code.
 
         Raises:
-            MopsError: there is none.
+            MopsError: no command has this code.
         """
         if code not in self._by_code:
             raise MopsError(f"code {code:03X} is no command")
@@ -237,10 +237,10 @@ class Dictionary:
 
 
 def conditions_of(command: Message) -> CommandConditions:
-    """Return the conditions of a command; what it does not say is None.
+    """Return the conditions of a command; absent ones are None.
 
     Raises:
-        MopsError: it has other outputs.
+        MopsError: its outputs are not conditions.
     """
     missing = ("",) * (len(CommandConditions.__slots__) - len(command.outputs))
     found: CommandConditions = made_of(CommandConditions, (*command.outputs, *missing))
@@ -250,7 +250,7 @@ def conditions_of(command: Message) -> CommandConditions:
 
 
 def mark_overtaken(command: Message) -> Message:
-    """Return a command that says in its conditions that a stop has overtaken it."""
+    """Return a copy of a command that is marked as overtaken by a stop."""
     authority, created_utc_s, lifetime_s, *_ = *command.outputs, "", "", ""
     return replace(command, outputs=(authority, created_utc_s, lifetime_s, str(True)))
 
@@ -266,7 +266,7 @@ def load_dictionary(path: Path | None = None) -> Dictionary:
     """Return the dictionary of `config/mops/dictionary.yaml`, or of another file.
 
     Raises:
-        SettingsError: there is none, or it does not fit.
+        SettingsError: the file is missing or invalid.
     """
     path = path or config_folder() / "mops" / "dictionary.yaml"
     return Dictionary(read_yaml(path, Spelling), str(path))

@@ -1,4 +1,4 @@
-"""Housekeeping of a component aboard, as a MOPS message and back: figures by their names."""
+"""Conversion between the housekeeping of an onboard component and a MOPS message."""
 
 import re
 from collections.abc import Mapping
@@ -16,11 +16,11 @@ _MOST: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Housekeeping:
-    """How a component is doing.
+    """Health figures of a component.
 
     Attributes:
-        utc_s: when, seconds since 1970-01-01 UTC.
-        figures: by the names of the parameters; None for what is not known.
+        utc_s: time of the figures, seconds since 1970-01-01 UTC.
+        figures: value of each parameter, by its name; None if unknown.
     """
 
     utc_s: float
@@ -28,7 +28,7 @@ class Housekeeping:
 
 
 def housekeeping_message(told: Housekeeping, entry: OtherEntry, source: str) -> Message:
-    """Return the message that tells it."""
+    """Return the message that carries housekeeping."""
     outputs = [repr(told.utc_s)]
     for name, figure in told.figures.items():
         outputs += [name, "" if figure is None else repr(float(figure))]
@@ -36,10 +36,10 @@ def housekeeping_message(told: Housekeeping, entry: OtherEntry, source: str) -> 
 
 
 def housekeeping_of(message: Message, entry: OtherEntry) -> Housekeeping:
-    """Return what a message tells.
+    """Return the housekeeping that a message carries.
 
     Raises:
-        MopsError: it is no housekeeping, or a value does not fit.
+        MopsError: it is not housekeeping, or a value is invalid.
     """
     if (message.code, message.command) != (entry.code, entry.command) or message.inputs:
         raise MopsError(f"{message.code:03X} {message.command} is no housekeeping")

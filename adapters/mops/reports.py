@@ -1,4 +1,4 @@
-"""Reports of the core as MOPS messages, and back: replies to commands, events."""
+"""Conversion between reports of the core and MOPS replies and events."""
 
 import re
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from executive.values.reasons import Reason
 from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Severity, Stage
 
 TO_ALL: Final = "ALL"
-"""For whom that is which nobody asked for: events, telemetry."""
+"""Destination of unsolicited messages: events, telemetry."""
 LINK: Final = RELAY_LINK
 LONGEST_TEXT: Final = 250
-"""Characters of a report's text: percent-encoded they still fit into a message."""
+"""Maximum length of a report's text; percent-encoded, it still fits into a message."""
 UNNUMBERED: Final = 0
-"""The sequence of a report whose sender does not number its reports."""
+"""Sequence of a report whose sender does not number its reports."""
 HIGHEST_SEQUENCE: Final = 999_999_999
-"""Of a report: more than a ledger will hold, and little enough to tell ledgers apart by it."""
+"""Maximum sequence of a report: above the capacity of a ledger; used to distinguish ledgers."""
 HIGHEST_STEP: Final = (1 << 32) - 1
 _LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
@@ -29,7 +29,7 @@ N = TypeVar("N", Stage, Severity, Reason)
 
 @dataclass(frozen=True, slots=True)
 class _Reply:
-    """Outputs of a reply; a brick gives the first three."""
+    """Outputs of a reply; a brick sends the first three."""
 
     stage: str
     reason: str
@@ -61,17 +61,17 @@ _EVENT_OUTPUTS: Final = len(_Event.__slots__)
 def reply_of(
     report: Report, entry: Entry, source: str, counter: int | None = None, ledger: str = ""
 ) -> Message:
-    """Return the reply that tells a report on a command. Its figures and its link are not told.
+    """Return the reply for a report on a command. Its figures and its link are omitted.
 
     Args:
-        report: of a command.
-        entry: how that command is spelled.
+        report: report on a command.
+        entry: spelling of the command.
         source: name of the asset in messages.
         counter: moeinputscounter of the command, if it had one.
-        ledger: name of the ledger in which the report has its number; empty does not say.
+        ledger: ledger that numbers the report; empty omits it.
 
     Raises:
-        MopsError: it is on no command, or the command's source cannot stand in a message.
+        MopsError: the report is not on a command, or the command's source is invalid in messages.
     """
     if report.identity is None or report.stage is None:
         raise MopsError(f"report {report.sequence} is on no command")
@@ -100,18 +100,18 @@ def reply_of(
 
 
 def is_last(reply: Message) -> bool:
-    """Return whether nothing more is to come after a reply: done, not taken, or at an end."""
+    """Return whether a reply is the last one: executed, not received, or in a terminal stage."""
     return reply.executed or not reply.received or not _ENDS.isdisjoint(reply.outputs[:1])
 
 
 def refusal_of(command: Message, source: str, text: str, reason: Reason | None = None) -> Message:
-    """Return the reply to a message that was not received, and on which nobody reports.
+    """Return the reply to a message that was not received, and for which no report exists.
 
     Args:
         command: the message.
         source: name of the asset in messages.
-        text: why.
-        reason: why, if it has a number.
+        text: cause of the refusal.
+        reason: numbered reason, if there is one.
     """
     outputs = _Reply(Stage.REJECTED.name, reason.name if reason else "", _cut(text))
     return Message(
@@ -126,16 +126,16 @@ def refusal_of(command: Message, source: str, text: str, reason: Reason | None =
 
 
 def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -> Message:
-    """Return the message that tells a report on no command, whatever its kind.
+    """Return the message for a report of any kind that is not on a command.
 
     Args:
-        report: on no command.
-        entry: how events are spelled.
+        report: the report.
+        entry: spelling of events.
         source: name of the asset in messages.
         ledger: as for `reply_of`.
 
     Raises:
-        MopsError: it is on a command.
+        MopsError: the report is on a command.
     """
     if report.kind is ReportKind.COMMAND:
         raise MopsError(f"report {report.sequence} is on a command")
@@ -151,19 +151,19 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
 
 
 def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> Report:
-    """Return what a reply or an event tells.
+    """Return the report that a reply or an event carries.
 
     Args:
-        message: what the asset said.
-        dictionary: how it is spelled.
-        heard_utc_s: the time of a report that has none.
+        message: reply or event of the asset.
+        dictionary: spelling of the messages.
+        heard_utc_s: time of reception, s UTC; used for a report without a time.
 
     Returns:
-        The report, without figures. A reply with three outputs at most, as a brick gives them, is
-        `UNNUMBERED`; one without any tells by its flags alone.
+        The report, without figures. A reply with at most three outputs, as sent by a brick, is
+        `UNNUMBERED`; in one without outputs the flags alone give the stage.
 
     Raises:
-        MopsError: it is neither, or says what no asset says.
+        MopsError: it is neither, or its content is invalid.
     """
     if message.inputs:
         raise MopsError(f"inputs: {message.command} is no report")
@@ -201,12 +201,12 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
 
 
 def ledger_of(message: Message, dictionary: Dictionary) -> str:
-    """Return the name of the ledger in which a report has its number; empty if it does not say.
+    """Return the name of the ledger that numbers a report; empty if not given.
 
-    Reports with the same number and ledger are the same; another ledger begins at 1 again.
+    Reports with equal number and ledger are the same; each ledger starts at 1.
 
     Raises:
-        MopsError: it is no name.
+        MopsError: the name is invalid.
     """
     event = message.code == dictionary.spelling.event.code
     named = message.outputs[(_EVENT_OUTPUTS if event else _REPLY_OUTPUTS) - 1 :]
@@ -237,7 +237,7 @@ def _event(message: Message, entry: OtherEntry) -> Report:
 
 
 def _said(outputs: _Reply | _Event) -> tuple[str, ...]:
-    """Return outputs as values; who does not name its ledger leaves it out."""
+    """Return outputs as values; an empty ledger is omitted."""
     values = tuple(values_of(outputs))
     return values if outputs.ledger else values[:-1]
 

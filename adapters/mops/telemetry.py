@@ -1,4 +1,4 @@
-"""Telemetry of a rover and the health of its link, as MOPS messages and back."""
+"""Conversion between telemetry or link health and MOPS messages."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ from executive.values.parameters import Parameter, ParameterValue
 
 @dataclass(frozen=True, slots=True)
 class LinkHealth:
-    """What the bundle agent at one end of the relay tells of itself.
+    """Counters and state of the bundle agent at one end of the relay link.
 
     Attributes:
-        utc_s: when, seconds since 1970-01-01 UTC.
-        queued: bundles that wait to be sent.
-        oldest_s: how long the oldest of them has waited.
-        next_contact_utc_s: when the next contact is planned to begin; None if none is.
-        last_heard_s: how long ago something came from the other end; None for never.
-        unread: bundles that wait to be published.
-        refused: messages that were refused since the start.
-        contact: whether it could send to the other end; None, as all below, where the end is of a
-            version that does not tell.
-        queued_octets: of the bundles that wait to be sent.
-        sent, acknowledged, retransmitted, expired, received: what went over its link since the
-            start, as `adapters.bundle.Traffic` has it.
-        round_trip_s: how long the other end took to answer last; None before it did.
+        utc_s: time of the values, seconds since 1970-01-01 UTC.
+        queued: bundles queued for transmission.
+        oldest_s: age in the queue of the first of them, s.
+        next_contact_utc_s: start of the next planned contact; None if none is planned.
+        last_heard_s: time since the last reception from the other end, s; None for never.
+        unread: bundles queued for publication.
+        refused: messages refused since the start.
+        contact: whether it could send to the other end; None, like all below, if the end runs a
+            version without these values.
+        queued_octets: size of the bundles queued for transmission.
+        sent, acknowledged, retransmitted, expired, received: traffic of its link since the start,
+            as in `adapters.bundle.Traffic`.
+        round_trip_s: last response time of the other end, s; None before the first response.
     """
 
     utc_s: float
@@ -52,11 +52,11 @@ class LinkHealth:
 
 
 _ALWAYS_TOLD: Final = 7
-"""Values of LinkHealth that every version tells."""
+"""Number of values of LinkHealth that every version sends."""
 
 
 def health_message(health: LinkHealth, entry: OtherEntry, source: str) -> Message:
-    """Return the message that tells it.
+    """Return the message that carries link health.
 
     Raises:
         MopsError: a number is not finite.
@@ -66,13 +66,13 @@ def health_message(health: LinkHealth, entry: OtherEntry, source: str) -> Messag
 
 
 def health_of(message: Message, entry: OtherEntry) -> LinkHealth:
-    """Return what a message tells.
+    """Return the link health that a message carries.
 
     Raises:
-        MopsError: it is none of a link, or a value does not fit.
+        MopsError: it is not a link health message, or a value is invalid.
     """
     if (message.code, message.command) != (entry.code, entry.command) or message.inputs:
-        raise MopsError(f"{message.code:03X} {message.command} tells nothing of a link")
+        raise MopsError(f"{message.code:03X} {message.command} is no link health")
     missing = len(LinkHealth.__slots__) - len(message.outputs)
     if missing and len(message.outputs) != _ALWAYS_TOLD:
         raise MopsError(f"outputs: {len(message.outputs)}, not {len(LinkHealth.__slots__)}")
@@ -88,7 +88,7 @@ def telemetry_of(
     dest: str,
     mode: Mode | None = None,
 ) -> Message:
-    """Return telemetry: all parameters, empty where nothing is known, and the mode if there is one.
+    """Return telemetry: all parameters, empty if unknown, and the mode if given.
 
     A brick has no mode.
     """
@@ -107,15 +107,15 @@ def telemetry_of(
 def parameters_of(
     message: Message, spelling: TelemetryEntry, utc_s: float
 ) -> tuple[ParameterValue, ...]:
-    """Return the parameters that telemetry tells, None where it does not know one.
+    """Return the parameters of a telemetry message; unknown ones are None.
 
     Args:
         message: telemetry.
         spelling: the parameters in their order.
-        utc_s: when it was sent; the message does not say.
+        utc_s: time of transmission; the message does not carry it.
 
     Raises:
-        MopsError: it is no telemetry, or a value is no number.
+        MopsError: it is not telemetry, or a value is not a number.
     """
     told = _told(message, spelling)
     for parameter, value in told.items():
@@ -125,10 +125,10 @@ def parameters_of(
 
 
 def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
-    """Return the mode that telemetry tells; None where it tells none.
+    """Return the mode in a telemetry message; None if absent.
 
     Raises:
-        MopsError: there is no such mode.
+        MopsError: the mode is unknown.
     """
     for name in message.outputs[len(spelling.outputs) :]:
         if name not in Mode.__members__:
@@ -140,15 +140,15 @@ def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
 def facts_of(
     message: Message, spelling: TelemetryEntry, stamp_s: float
 ) -> Iterator[Odometry | Battery | CameraAngles]:
-    """Yield what telemetry tells, also what is not finite; of what is not known in it, nothing.
+    """Yield the facts in a telemetry message, also non-finite ones; unknown values are omitted.
 
     Args:
         message: telemetry.
         spelling: the parameters in their order.
-        stamp_s: when it came.
+        stamp_s: time of reception, s.
 
     Raises:
-        MopsError: it is no telemetry, or a value is no number.
+        MopsError: it is not telemetry, or a value is not a number.
     """
     known = {name: value for name, value in _told(message, spelling).items() if value is not None}
     place = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
@@ -170,10 +170,10 @@ def _all(known: dict[Parameter, float], wanted: Sequence[Parameter]) -> list[flo
 
 
 def _told(message: Message, spelling: TelemetryEntry) -> dict[Parameter, float | None]:
-    """Return what telemetry tells of each parameter, in their order; None where nothing is known.
+    """Return the value of each parameter in a telemetry message, in order; None if unknown.
 
     Raises:
-        MopsError: it is no telemetry, or a value is no number.
+        MopsError: it is not telemetry, or a value is not a number.
     """
     if (message.code, message.command) != (spelling.code, spelling.command):
         raise MopsError(f"{message.code:03X} {message.command} is no telemetry")

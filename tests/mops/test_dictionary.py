@@ -73,9 +73,9 @@ def test_commands_read_so(request_: Request, text: str) -> None:
     [
         (replace(spelled(Stop()), code=0x1FF), "1FF is no command"),
         (replace(spelled(Stop()), command="HALT"), "is STOP, not HALT"),
-        (replace(spelled(Stop()), inputs=("1",)), "1 more than wanted"),
+        (replace(spelled(Stop()), inputs=("1",)), "1 too many"),
         (replace(spelled(MoveForward(1.0)), inputs=()), "distance_m is missing"),
-        (replace(spelled(MoveForward(1.0)), inputs=("1", "2")), "1 more than wanted"),
+        (replace(spelled(MoveForward(1.0)), inputs=("1", "2")), "1 too many"),
         (replace(spelled(MoveForward(1.0)), inputs=("nan",)), "'nan' is no number"),
         (replace(spelled(MoveForward(1.0)), inputs=("1e999",)), "is no number"),
         (replace(spelled(MoveForward(1.0)), inputs=("1_0",)), "is no number"),

@@ -44,14 +44,14 @@ def refusals(bench: Bench) -> list[str]:
         (MOE_HOLDS, forward(1), "a command needs the authority: MOE holds it"),
         (MOE_HOLDS, forward(None), "a command needs the authority: MOE holds it"),
         (MOE_HOLDS, by(7, forward(1)), "the relay does not hold authority 7: MOE holds it"),
-        (RelayAuthority(True), forward(1), "a command needs the authority: nobody holds it"),
+        (RelayAuthority(True), forward(1), "a command needs the authority: no operator holds it"),
         (ORBITER_HOLDS, by(6, forward(1)), "the relay does not hold authority 6: MOPS holds it"),
         (
             ORBITER_HOLDS,
             by(7, forward(1, "MOE-2")),
             "MOE-2 is not MOE, who gave it: MOPS holds it",
         ),
-        (RelayAuthority(False), by(7, forward(1)), "the relay does not hold authority 7: nobody"),
+        (RelayAuthority(False), by(7, forward(1)), "the relay does not hold authority 7: no operator"),
     ],
 )
 def test_without_the_orbiter_s_authority_the_relay_moves_no_brick(
