@@ -1,9 +1,9 @@
-"""The rover MOCUP behind the port `MotionRover`: what the executive wants, as MOPS commands.
+"""MOCUP behind the port `DelegatedMotionRover`: the executive's commands as MOPS messages.
 
-The brick does one thing at a time, so commands wait here until it has answered the one before; a
-stop does not wait. What is asked for a command of mission control goes out under that one's source
-and number, with a counter, so that `rover-nxt` knows both links' copies of it for one. No ROS and
-no clock of its own: messages go out by `send` and come in by `take`.
+The brick executes one command at a time, so commands wait here for the reply to the one before; a
+stop does not wait. Messages of a command of mission control carry its source and number, with a
+counter, so that `rover-nxt` recognises copies from both links. Independent of ROS and of a clock:
+messages leave by `send` and are passed to `take`.
 """
 
 import logging
@@ -54,13 +54,13 @@ from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, St
 _LOG: Final = logging.getLogger(__name__)
 
 RETRANSMIT_S: Final = 1.0
-"""After this an unanswered command is sent again, and camera angles are sent again."""
+"""Period after which an unanswered command is sent again, and camera angles are repeated."""
 ANSWER_TIMEOUT_S: Final = 3.0
-"""After this the answer to a command that is no motion is waited for no longer."""
+"""Timeout of the reply to a command that is not a motion."""
 MOST_ASKED: Final = 64
-"""Commands whose answers are remembered."""
+"""Maximum number of commands with a pending reply."""
 MOST_UNCONFIRMED: Final = 200
-"""Commands whose last report is published until `rover-nxt` confirms it."""
+"""Maximum number of commands whose last report is published until `rover-nxt` acknowledges it."""
 MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
@@ -76,7 +76,7 @@ class _BrickRequest:
 
 @dataclass(frozen=True, slots=True)
 class _ReplyKey:
-    """Source, number and counter of a command, which its replies carry."""
+    """Source, number and counter of a command, repeated in its replies."""
 
     identity: Identity
     counter: int | None
@@ -86,11 +86,11 @@ class MocupRover:
     """Commands one brick.
 
     Args:
-        send: takes each message on its way to the brick.
-        observe: gets the end of each whole motion, and what becomes of what came by the other link
-            first.
-        source: the name under which the brick is told what is of no command.
-        dest: the brick's name.
+        send: called with each message to the brick.
+        observe: called with the end of each whole motion, and the results of commands that arrived
+            over the other link first.
+        source: source of messages of no command.
+        dest: name of the brick.
     """
 
     def __init__(
@@ -122,10 +122,10 @@ class MocupRover:
         self._camera_at_s = 0.0
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Have a motion carried out, after what waits.
+        """Queue a motion for the brick.
 
-        Its speed is set first, if that is new or was set for another command: the other link may
-        have set another one meanwhile.
+        Its speed is set first if it differs or belongs to another command: the other link may have
+        changed it since.
         """
         if motion.command != self._speeds_of:
             self._speeds.clear()
@@ -145,23 +145,23 @@ class MocupRover:
 
     @property
     def moving(self) -> bool:
-        """Whether the brick has a motion of the executive's, or is to have one."""
+        """Whether the brick executes a motion of the executive, or one is queued."""
         requests = (*self._asked.values(), *self._waiting)
         return any(asked.motion is not None for asked in requests)
 
     def halt(self) -> None:
-        """Send a stop at once; what waits is not sent any more."""
+        """Send a stop at once; the queue is cleared."""
         self._waiting.clear()
         self._speeds.clear()
         self._ask(_BrickRequest(Stop()))
 
     def emergency_stop(self) -> None:
-        """Send a stop at once, from any thread; nothing here is changed by it."""
+        """Send a stop at once, from any thread; changes no state here."""
         key = _ReplyKey(Identity(self._source, next(self._numbers)), None)
         self._send(self._message(Stop(), key))
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Have the camera pointed; the same angles are sent again only after `RETRANSMIT_S`."""
+        """Point the camera; equal angles are sent again only after `RETRANSMIT_S`."""
         now_s = self._clock.now_s()
         if wanted != self._camera:
             self._waiting = deque(e for e in self._waiting if not isinstance(e.request, _OF_CAMERA))
@@ -174,8 +174,8 @@ class MocupRover:
     def remind(self) -> None:
         """Retransmit an unanswered command under its number; call regularly.
 
-        A command that is lost before it reaches the adapter of the brick would else never come; the
-        adapter gives a brick the same command once.
+        A command may be lost before it reaches `rover-nxt`, which sends each command to the brick
+        at most once.
         """
         if self._unanswered is not None and self._clock.now_s() - self._sent_at_s >= RETRANSMIT_S:
             self._sent_at_s = self._clock.now_s()
@@ -183,10 +183,10 @@ class MocupRover:
         self._next()
 
     def take(self, reply: Message) -> None:
-        """Take a reply of the brick; one that answers nothing is ignored.
+        """Process a reply of the brick; one that answers no command is ignored.
 
         Raises:
-            MopsError: it tells of an authority, and of none that there is.
+            MopsError: it is an authority message with an invalid authority.
         """
         if reply.code == self._dictionary.spelling.authority.code:
             epoch = authority_of(reply).epoch
@@ -198,7 +198,7 @@ class MocupRover:
             self._on_external_stop(reply)
             return
         if key is None:
-            _LOG.debug("no command is answered by %s", reply)
+            _LOG.debug("reply to no command: %s", reply)
             return
         if key not in self._asked:
             if key.counter is None:
@@ -215,7 +215,7 @@ class MocupRover:
                 self._observe(MotionStarted(motion.number))
 
     def _on_external_stop(self, stop: Message) -> None:
-        """End what the brick was asked, as the other link has stopped it."""
+        """End all commands sent to the brick, as the other link has stopped it."""
         self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
         requests = (*self._asked.values(), *self._waiting)
         self._asked = {k: e for k, e in self._asked.items() if isinstance(e.request, Stop)}
@@ -227,7 +227,7 @@ class MocupRover:
             self._tell_end(asked, stop)
 
     def _is_anothers_stop(self, reply: Message) -> bool:
-        """Return whether `rover-nxt` notifies of a stop of the other link."""
+        """Return whether a reply is the notification of a stop over the other link."""
         begun = reply.outputs[:1] == (Stage.STARTED.name,)
         return begun and reply.code == self._stop and reply.dest != self._source
 
@@ -238,7 +238,7 @@ class MocupRover:
             self._observe(CommandUnderWay(command))
 
     def _on_external_result(self, command: Identity, reply: Message) -> None:
-        """End what is asked for a command that the brick has had by the other link."""
+        """End the requests of a command that the brick received over the other link."""
         theirs = [asked for asked in self._waiting if asked.command == command]
         self._waiting = deque(e for e in self._waiting if e.command != command)
         for key in [key for key, asked in self._asked.items() if asked.command == command]:
@@ -260,7 +260,7 @@ class MocupRover:
             self._last = self._unanswered = None
 
     def _drop_motion_after(self, asked: _BrickRequest, reply: Message) -> None:
-        """Drop the motion that waits for a speed which the brick refused."""
+        """Drop a queued motion after the brick refused its speed."""
         following = self._waiting[0] if self._waiting else None
         if (
             isinstance(asked.request, SetTravelSpeed | SetRotateSpeed)
@@ -289,7 +289,7 @@ class MocupRover:
 
     @property
     def _busy(self) -> bool:
-        """Whether the brick still owes the answer that the next command waits for."""
+        """Whether the next command has to wait for a reply of the brick."""
         asked = None if self._last is None else self._asked.get(self._last)
         if asked is None:
             return False
@@ -309,7 +309,7 @@ class MocupRover:
         self._send(self._unanswered)
 
     def _can_be_sent(self, request: Request, key: _ReplyKey) -> bool:
-        """Return whether a command's source can stand in messages; a relayed one always can."""
+        """Return whether a command's source is valid in messages; a relayed one's always is."""
         try:
             encode(self._message(request, key))
         except MopsError:
@@ -332,32 +332,32 @@ def _why(reply: Message) -> str:
 
 
 def relay_authority(settings: AuthoritySettings, grant: Grant) -> RelayAuthority:
-    """Return which commands of the relay have the authority, where this was granted last."""
+    """Return the authority of the relay's commands after the last grant."""
     if grant.holder != settings.relay:
         return RelayAuthority(bool(settings.needed), grant.holder)
     return RelayAuthority(bool(settings.needed), grant.holder, grant.epoch, grant.given_by)
 
 
 class ClaimAnnouncer:
-    """Tells `rover-nxt`, as a downlink, what the executive carries out, and who may command.
+    """Downlink that publishes the executive's commands and the authority to `rover-nxt`.
 
-    `rover-nxt` stands where both links meet (thesis 6.2). It has to know the commands that come to
-    the brick in parts, or not yet, or not at all, to know the relay's copy of one; and what is
-    reported on them, to tell the relay. A claim is the command as a MOPS message with RECEIVED set,
-    a report a reply. Both go in one string, so that of several only the last has to arrive: it is
-    published again until `rover-nxt` confirms it.
+    `rover-nxt` connects both links (thesis 6.2). It must know commands that reach the brick in
+    parts, later or never, to recognise the relay's copies, and their reports, for the relay.
+    A claim is the command as a MOPS message with RECEIVED set; a report is a reply. Both are one
+    string, so that only the last of several must arrive: it is published again until `rover-nxt`
+    acknowledges it.
 
-    What the executive refused is not claimed: there is nothing that could be done twice. Nor is
-    what no message can ask for.
+    A command that the executive refused is not claimed, because it cannot be executed twice; nor is
+    one that has no MOPS message.
 
-    The authority is told when it has passed on, before anything that its new holder commands.
+    The authority is published after each hand-over, before any command of its new holder.
 
     Args:
-        request_of: returns what a command asked for, if it is known.
-        authority: returns which commands of the relay have the authority.
-        publish: takes each string on its way.
-        source: the name under which the authority is told.
-        brick: name of the brick, and of who reports.
+        request_of: returns the request of a command, or None if unknown.
+        authority: returns the authority of the relay's commands.
+        publish: called with each string.
+        source: source of the authority messages.
+        brick: name of the brick, and source of the reports.
     """
 
     def __init__(
@@ -377,11 +377,11 @@ class ClaimAnnouncer:
         self._source = source
         self._brick = brick
         self._unconfirmed: dict[Identity | None, str] = {}
-        """The last string on each command, and on the authority."""
+        """Last string for each command, and for the authority (None)."""
         self._before: dict[Identity | None, str] = {}
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Publish new reports on commands, and the authority where it has passed on."""
+        """Publish new reports on commands, and the authority after a hand-over."""
         for report in reports:
             if report.identity is None:
                 self._tell_authority()
@@ -389,7 +389,7 @@ class ClaimAnnouncer:
                 self._tell(report, report.identity)
 
     def again(self, reports: Iterable[Report]) -> None:
-        """Publish the authority, and the last of reports on each command, for a new listener."""
+        """Publish the authority and the last report on each command, for a new subscriber."""
         self._told_authority = None
         self._tell_authority()
         last = {each.identity: each for each in reports if each.stage in _TOLD}
@@ -398,14 +398,14 @@ class ClaimAnnouncer:
                 self._tell(report, identity)
 
     def taken(self, mark: int) -> None:
-        """Note that `rover-nxt` has recorded the string with a fingerprint."""
+        """Process the acknowledgement of the string with this fingerprint."""
         for key, text in self._unconfirmed.items():
             if fingerprint(text) == mark:
                 del self._unconfirmed[key]
                 return
 
     def look(self) -> None:
-        """Publish again what was not confirmed at the last call either."""
+        """Publish again the strings that were unacknowledged at the last call already."""
         for key, text in self._unconfirmed.items():
             if self._before.get(key) == text:
                 self._publish(text)
@@ -443,10 +443,10 @@ class ClaimAnnouncer:
         self._publish(text)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Tell nothing: the brick measures."""
+        """Ignore telemetry: the brick measures it."""
 
     def file(self, event: FileEvent) -> None:
-        """Tell nothing."""
+        """Ignore file events."""
 
     def plan(self, update: PlanUpdate) -> None:
-        """Tell nothing: what a plan commands is reported."""
+        """Ignore plans: commands of a plan are reported."""

@@ -60,7 +60,7 @@ def rover_nxt(cable: Path, name: str = "nxt") -> Iterator[Running]:
     command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(cable))
     process = Running(log, *command, "--data", str(cable.parent / "nxt"))
     try:
-        process.said("the brick is there")
+        process.said("brick connected")
         yield process
     finally:
         process.clean_up()

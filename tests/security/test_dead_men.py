@@ -59,7 +59,7 @@ def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why
     bench.says(cancelled(asked), executed(bench.halted()))
     ((told_by, told),) = bench.ports.notified
     assert told_by is link
-    assert told.outputs == ("CANCELLED", "INTERRUPTED", f"{who} was silent for 0.5 s")
+    assert told.outputs == ("CANCELLED", "INTERRUPTED", f"no heartbeat of {who} for 0.5 s")
     assert bench.router.counts.dead_man == 1
 
 

@@ -127,7 +127,7 @@ def _start(place: Workplace, asset: str, seed: int) -> tuple[dict[str, Victim], 
     if cable:
         data = ("--data", place.folder / "brick")
         line = ("sim.brick.nxt", "--asset", asset, *data, *cable)
-        victims["nxt"] = place.start("nxt", *line, up="the brick is there")
+        victims["nxt"] = place.start("nxt", *line, up="brick connected")
     return victims, f"maltcp://{HOST}:{port}/{NAME}"
 
 

@@ -1,8 +1,8 @@
-"""Whether the camera's head is where a command of the relay points it, by the brick's telemetry.
+"""Monitor of the camera head: compares its angles in telemetry with those a command requested.
 
-A brick has executed such a command when the head begins to turn. The relay is told EXECUTED once
-telemetry shows the angles, and FAILED where it does not in time. What the executive asks for is
-answered at once, since it looks at the angles itself.
+The brick replies EXECUTED as soon as the head starts to turn. The relay receives EXECUTED once
+telemetry shows the angles, and FAILED if it does not in time. Replies to the executive are
+forwarded at once, because the executive monitors the angles itself.
 """
 
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from executive.values.clock import Clock
 from executive.values.parameters import Parameter
 
 NEAR_RAD: Final = 0.02
-"""As `camera.angle_tolerance_rad` of the executive."""
+"""Equal to `camera.angle_tolerance_rad` of the executive."""
 USUAL_RADPS: Final = 0.5
-"""How fast the head turns where telemetry does not say so."""
+"""Rotation speed of the head that is assumed if telemetry does not give it."""
 MARGIN_S: Final = 5.0
-"""Allowed beside twice the time that the head takes at its speed."""
+"""Allowed in addition to twice the turning time at the head's speed. Chosen, not measured."""
 MOST_AIMED: Final = 64
-"""Commands whose angles are remembered."""
+"""Maximum number of commands with pending angles."""
 _Key = tuple[str, int | None, int | None]
 _Angles = tuple[float | None, float | None]
-"""Pan and tilt; None for what is not known, or not asked for."""
+"""Pan and tilt, rad; None if unknown or not requested."""
 
 
 @dataclass(slots=True)
 class _Pointing:
-    """Angles that a command asks for, and the reply that waits for them, with its deadline."""
+    """Angles that a command requests, and the reply deferred until then, with its deadline."""
 
     command: Message
     wanted_rad: _Angles
@@ -39,11 +39,11 @@ class _Pointing:
 
 @dataclass(frozen=True, slots=True)
 class PointingResult:
-    """How a command for the head ended.
+    """Result of a command for the camera head.
 
     Attributes:
-        reply: of the brick, that it is executed.
-        fault: why the head is not there all the same; empty if it is.
+        reply: reply of the brick that it is executed.
+        fault: reason why the head is not at its angles; empty if it is.
     """
 
     command: Message
@@ -52,11 +52,11 @@ class PointingResult:
 
 
 class CameraHeadMonitor:
-    """Keeps the brick's replies to commands for the camera's head until it is there.
+    """Defers the brick's replies to camera commands until the head is at its angles.
 
     Args:
-        dictionary: what a message asks for, and how telemetry is spelled.
-        clock: of deadlines.
+        dictionary: decodes requests and telemetry.
+        clock: clock of the deadlines.
     """
 
     def __init__(self, dictionary: Dictionary, clock: Clock) -> None:
@@ -67,7 +67,7 @@ class CameraHeadMonitor:
         self._pointing: dict[_Key, _Pointing] = {}
 
     def aim(self, command: Message) -> None:
-        """Note a command that goes to the brick now; a relative one counts from where it points."""
+        """Record a command sent to the brick; relative angles start from the current ones."""
         try:
             request = self._dictionary.request(command)
         except MopsError:
@@ -85,7 +85,7 @@ class CameraHeadMonitor:
             del self._pointing[next(iter(self._pointing))]
 
     def keep(self, command: Message, reply: Message) -> bool:
-        """Keep the reply that a command is executed; return False if it is none for the head."""
+        """Defer the reply that a command is executed; return False if it does not move the head."""
         pointing = self._pointing.get(_key(command))
         if pointing is None:
             return False
@@ -95,21 +95,21 @@ class CameraHeadMonitor:
         return True
 
     def keeps(self, command: Message) -> bool:
-        """Return whether a reply to a command is kept."""
+        """Return whether the reply to a command is deferred."""
         pointing = self._pointing.get(_key(command))
         return pointing is not None and pointing.reply is not None
 
     def forget(self, command: Message) -> None:
-        """Forget a command."""
+        """Drop a command."""
         self._pointing.pop(_key(command), None)
 
     def clear(self) -> None:
-        """Forget all, as the brick is gone."""
+        """Drop all commands, as the brick is disconnected."""
         self._pointing.clear()
         self._seen_rad = (None, None)
 
     def see(self, telemetry: Message) -> list[PointingResult]:
-        """Take telemetry, and return the commands whose angles it shows."""
+        """Process telemetry and return the commands whose angles it confirms."""
         try:
             told = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
         except MopsError:
@@ -124,10 +124,10 @@ class CameraHeadMonitor:
         ]
 
     def overdue(self) -> list[PointingResult]:
-        """Return the commands whose angles telemetry did not show in time, and what it shows."""
+        """Return the commands whose deadline has passed, with the last angles in telemetry."""
         late = [each for each in self._waiting() if self._clock.now_s() > each.until_s]
         shown = ", ".join("unknown" if seen is None else f"{seen:.3f}" for seen in self._seen_rad)
-        text = f"the camera did not reach its angles: it points to {shown} rad"
+        text = f"the camera did not reach its angles in time: it is at {shown} rad"
         return [PointingResult(each.command, self._taken(each), text) for each in late]
 
     def _waiting(self) -> list[_Pointing]:
@@ -148,7 +148,7 @@ def _sum(now_rad: float | None, by_rad: float) -> float | None:
 
 
 def _left_rad(wanted_rad: _Angles, seen_rad: _Angles) -> float:
-    """Return how far the head has to turn yet; infinitely far where it is not known."""
+    """Return the remaining angle of the head; infinite if unknown."""
     return max(
         0.0 if wanted is None else inf if seen is None else abs(wanted - seen)
         for wanted, seen in zip(wanted_rad, seen_rad, strict=True)

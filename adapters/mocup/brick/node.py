@@ -59,10 +59,10 @@ from executive.values.facts import Battery, CameraAngles, Odometry
 NODE_NAME: Final = "nxt"
 HEALTH_S: Final = 1.0
 HOUSEKEEPING_S: Final = {BrickLink.DIRECT: 5.0, BrickLink.RELAY: 30.0}
-"""Between two times that this process tells of itself; the relay's link is narrow."""
+"""Period of the housekeeping of this process; longer for the relay, because its link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
-_TAKEN: Final = "std_msgs/UInt64, fingerprint of a string that was taken"
+_TAKEN: Final = "std_msgs/UInt64, fingerprint of an accepted string"
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
     "product_id": ("the brick's product id", 0xFFFF),
@@ -74,18 +74,18 @@ _USB: Final = {
 
 @dataclass(frozen=True, slots=True)
 class NxtSettings:
-    """What `config/mocup.nxt.yaml` says.
+    """Content of `config/mocup.nxt.yaml`.
 
     Attributes:
-        brick: its name in messages.
-        address: where it is on USB.
+        brick: name of the brick in messages.
+        address: its USB address.
         commands, notifications: topics of each link.
         stops: topic of the relay's stops, which overtake its commands.
-        taken: topic of each link on which a string that came by it is confirmed.
-        kept: topic on which `rover-relay` confirms replies; None if it does not.
-        relay_telemetry_s: how often telemetry goes to the relay at most.
+        taken: topic of each link for the acknowledgement of its strings.
+        kept: topic of `rover-relay` for the acknowledgement of replies; None if it has none.
+        relay_telemetry_s: minimum period of telemetry to the relay, s.
         relay_needs_authority: whether the relay's commands need the authority until an executive
-            has told.
+            has published it.
     """
 
     brick: str
@@ -103,11 +103,11 @@ def declare_settings(node: Node) -> NxtSettings:
     """Declare and read the parameters.
 
     Raises:
-        ParameterError: one is missing or wrong.
+        ParameterError: one is missing or invalid.
     """
     numbers = {key: _number(node, key) for key in _USB}
     return NxtSettings(
-        declare_value(node, "brick", Parameter.Type.STRING, "the brick's name in messages"),
+        declare_value(node, "brick", Parameter.Type.STRING, "name of the brick in messages"),
         UsbAddress(**numbers),
         {link: _strings(node, link, "command") for link in BrickLink},
         {link: _strings(node, link, "notification") for link in BrickLink},
@@ -123,7 +123,7 @@ def declare_settings(node: Node) -> NxtSettings:
             node,
             "relay_needs_authority",
             Parameter.Type.BOOL,
-            "whether the relay's commands need the authority until an executive has told",
+            "whether the relay's commands need the authority until an executive publishes it",
         ),
     )
 
@@ -139,7 +139,7 @@ def _number(node: Node, key: str) -> int:
 
 def _period_s(node: Node) -> float:
     name = "relay_telemetry_s"
-    meaning = "how often telemetry goes to the relay at most, s"
+    meaning = "minimum period of telemetry to the relay, s"
     value = float(declare_value(node, name, Parameter.Type.DOUBLE, meaning))
     if not 0.0 <= value <= HIGHEST_PERIOD_S:
         raise ParameterError(f"parameter {name} is {value}: 0 to {HIGHEST_PERIOD_S:g} s")
@@ -152,7 +152,7 @@ def _strings(node: Node, link: BrickLink, what: str) -> Topic:
 
 
 def keep_alive(spelling: Spelling, brick: str) -> bytes:
-    """Return what tells the brick that its host lives, and how long that may be silent."""
+    """Return the heartbeat for the brick, with the timeout that the brick applies to it."""
     entry = spelling.keep_alive
     return encode(Message(entry.code, SOURCE, brick, entry.command, (f"{SILENT_S:g}",)))
 
@@ -162,9 +162,9 @@ class NxtNode:
 
     Args:
         node: publishes and subscribes.
-        topics: where measurements go.
-        settings: the brick's name, the topics of strings.
-        record: what was asked before; what the brick still owed then is told as failed.
+        topics: topics of the measurements.
+        settings: name of the brick, topics of the strings.
+        record: earlier commands; those that the brick has not answered are reported as failed.
         claim: finds and claims the brick.
     """
 
@@ -229,11 +229,11 @@ class NxtNode:
         self._session.close()
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
-        """Hand a message to the session."""
+        """Pass a message to the session."""
         return self._session.send(octets, visit)
 
     def stop_brick(self, octets: bytes) -> bool:
-        """Hand a stop to the session."""
+        """Pass a stop to the session."""
         return self._session.stop(octets)
 
     def notify(self, link: BrickLink, message: Message) -> None:
@@ -241,7 +241,7 @@ class NxtNode:
         self._notifications[link].publish(String(data=str(message)))
 
     def telemetry(self, message: Message) -> None:
-        """Publish what telemetry measures on a rover's topics, and it whole to the relay."""
+        """Publish telemetry on the rover's topics, and the whole message to the relay."""
         now_s = time.monotonic()
         if now_s - self._relay_telemetry_s >= self._settings.relay_telemetry_s:
             self._relay_telemetry_s = now_s
@@ -275,10 +275,10 @@ class NxtNode:
 
     def _arrived(self, link: BrickLink, message: String) -> None:
         if not self._service.inbox.put(link, message.data):
-            self._refused(f"{link.value} link: {MOST_ARRIVED} texts wait")
+            self._refused(f"{link.value} link: {MOST_ARRIVED} texts are queued")
 
     def _serve_inbox(self) -> None:
-        """Take one text: of those that have arrived by either link, a stop first."""
+        """Process one received text of either link, a stop first."""
         for link, subscription in self._commands.items():
             waiting = subscription.handle
             with waiting:
@@ -304,7 +304,7 @@ class NxtNode:
         self._tell_housekeeping()
 
     def _tell_housekeeping(self) -> None:
-        """Tell by both links how this process is doing."""
+        """Publish the health figures of this process on both links."""
         now_s, counts = time.monotonic(), self._router.counts
         listeners = self._service.listeners
         due = [link for link in BrickLink if now_s >= self._house_s[link] and listeners[link]]
@@ -322,13 +322,13 @@ class NxtNode:
             self.notify(link, housekeeping_message(told, self._housekeeping, self._settings.brick))
 
     def _diagnose(self) -> None:
-        """Publish one status: ERROR without the brick, WARN where messages were refused."""
+        """Publish one status: ERROR without the brick, WARN if messages were refused."""
         if not self._session.connected:
-            level, text = DiagnosticStatus.ERROR, f"the brick is not there: {self._service.why}"
+            level, text = DiagnosticStatus.ERROR, f"no brick connected: {self._service.why}"
         elif self._refused_since:
             level, text = DiagnosticStatus.WARN, "messages were refused"
         else:
-            level, text = DiagnosticStatus.OK, "the brick is there"
+            level, text = DiagnosticStatus.OK, "brick connected"
         name = f"{self._node.get_fully_qualified_name()}: brick"
         values = {"USB": self._settings.address, **asdict(self._router.counts)}
         stamp = self._node.get_clock().now().to_msg()

@@ -1,4 +1,4 @@
-"""Who owns the brick: the executive's claims, and the relay's commands that wait for it."""
+"""Ownership of the brick: the executive's claims, and queued commands of the relay."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,10 +16,10 @@ _Key = tuple[str, int | None]
 
 
 class Ownership:
-    """The executive's claims: a command that it carries out in parts is not done for the relay too.
+    """The executive's claims: prevent a second execution of claimed commands for the relay.
 
     Raises:
-        LedgerError: from every method that takes a message, if nothing can be read or written.
+        LedgerError: from every method with a message, if the record cannot be read or written.
     """
 
     def __init__(self, record: BrickRecord, out: ReplyPublisher) -> None:
@@ -30,24 +30,20 @@ class Ownership:
 
     @property
     def executive_busy(self) -> bool:
-        """Whether the executive is amid a claimed command, so that the brick is its own."""
+        """Whether the executive is executing a claimed command, which reserves the brick."""
         return bool(self._begun)
 
     def release(self) -> None:
-        """Keep the brick for the executive no longer: all was stopped, or one of them is gone."""
+        """End the executive's reservation of the brick, after a stop or the loss of either side."""
         self._begun.clear()
 
     def stop(self, stop: Message) -> None:
-        """Notify the executive of a stop by the relay, which ends all that it has claimed."""
+        """Notify the executive of a stop over the relay, which ends all claimed commands."""
         self._out.notify(BrickLink.DIRECT, self._out.reply(stop, Stage.STARTED))
         self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
 
     def begin(self, part: Message) -> bool:
-        """Begin a part of a command for the executive.
-
-        Returns:
-            Whether it may: not where the relay has stopped that meanwhile.
-        """
+        """Begin a part of a command for the executive; return False if the relay stopped it."""
         if _key(part) in self._stopped:
             self._out.notify(BrickLink.DIRECT, self._out.cancelled(part, _BY_RELAY))
             return False
@@ -57,7 +53,7 @@ class Ownership:
         return True
 
     def claim(self, command: Message) -> None:
-        """Record that the executive carries a command out; the relay may have been first."""
+        """Record that the executive carries out a command; the relay may have sent it earlier."""
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
@@ -69,16 +65,16 @@ class Ownership:
             self.relay_was_first(claim, first)
 
     def relay_was_first(self, claim: ExecutiveClaim, first: BrickCommand) -> bool:
-        """Tell the executive what became of a claimed command that the relay brought first.
+        """Notify the executive of the result of a claimed command that the relay sent first.
 
-        What the brick refused or never had it has not done: the executive may. The relay receives
-        its reports, unless it had the refusal.
+        A command that the brick refused or never received is not executed: the executive may
+        execute it. The relay then receives the executive's reports, unless it has the refusal.
 
         Returns:
-            Whether it is the relay's.
+            Whether the command belongs to the relay.
         """
         if not same(claim.command, first.command):
-            text = f"this number is that of another {first.command.command}"
+            text = f"this number is used by another {first.command.command}"
             self._out.reject((BrickLink.DIRECT,), claim.command, text, Reason.DUPLICATE)
         elif first.refused:
             if first.command.moe_inputs_counter is not None:  # a part may have that counter
@@ -93,7 +89,7 @@ class Ownership:
         return True
 
     def report(self, report: Message) -> None:
-        """Record a report of the executive on a claimed command, and pass it to the relay."""
+        """Record a report of the executive on a claimed command, and forward it to the relay."""
         if is_last(report):
             for known in (self._begun, self._stopped):
                 known.discard(_key(command_of(report)))
@@ -105,14 +101,14 @@ class Ownership:
         self.tell_relay(claim)
 
     def add_relay_copy(self, claim: ExecutiveClaim, command: Message) -> None:
-        """Record the relay's copy of a claimed command, so that the relay hears of it."""
+        """Record the relay's copy of a claimed command, so that the relay receives its reports."""
         if self._out.is_same(BrickLink.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
             self._record.save_claim(claim)
             self.tell_relay(claim)
 
     def tell_relay(self, claim: ExecutiveClaim) -> None:
-        """Pass the executive's last report to the relay, if there are both a report and a copy."""
+        """Forward the executive's last report to the relay, if a report and a copy exist."""
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
             told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
@@ -125,31 +121,33 @@ def _key(command: Message) -> _Key:
 
 MOST_WAITING: Final = 32
 SILENT_S: Final = 0.5
-"""Whatever moves is stopped when who has moved it was not heard for so long."""
+"""Timeout of the heartbeat: the brick is stopped if the process that moved it is silent longer."""
 
 
-STOPPED: Final = CancelCause("stopped before the brick had it", Reason.STOPPED)
-GONE: Final = CancelCause("the brick went away before it had it")
+STOPPED: Final = CancelCause("stopped before it reached the brick", Reason.STOPPED)
+GONE: Final = CancelCause("the brick disconnected before it was sent")
 SILENT: Final = {
     BrickLink.DIRECT: CancelCause(
-        f"the executive was silent for {SILENT_S:g} s", Reason.INTERRUPTED
+        f"no heartbeat of the executive for {SILENT_S:g} s", Reason.INTERRUPTED
     ),
-    BrickLink.RELAY: CancelCause(f"rover-relay was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
+    BrickLink.RELAY: CancelCause(
+        f"no heartbeat of rover-relay for {SILENT_S:g} s", Reason.INTERRUPTED
+    ),
 }
-"""Why what came by a link ends when who sends by it is gone."""
-_BY_RELAY: Final = CancelCause("the relay has stopped it", Reason.STOPPED)
+"""Cause by which commands of a link end when its sender is silent."""
+_BY_RELAY: Final = CancelCause("stopped over the relay", Reason.STOPPED)
 _CAUSES: Final = (STOPPED, GONE, *SILENT.values())
 
 
 class BrickQueue:
-    """Commands that are received and wait for the brick, on the disk.
+    """Received commands that wait for the brick, stored on disk.
 
-    They wait for what the executive carries out as well, and no longer than they live.
+    They also wait while the executive reserves the brick, and expire with their lifetime.
 
     Args:
-        send: sends the brick a command; returns False where it cannot.
+        send: sends a command to the brick; returns False if it cannot.
         reject: refuses a command of a link.
-        clock: for their lifetimes.
+        clock: clock of the lifetimes.
     """
 
     def __init__(
@@ -171,22 +169,22 @@ class BrickQueue:
 
     @property
     def must_wait(self) -> bool:
-        """Whether the brick has no time for what comes now.
+        """Whether the brick is busy, so that new commands are queued.
 
         Raises:
-            LedgerError: that cannot be read.
+            LedgerError: the record cannot be read.
         """
         return self._at_work or bool(self._record.waiting())
 
     def put(self, command: Message) -> None:
-        """Take a command in, or refuse it where too many wait.
+        """Add a command, or refuse it if the queue is full.
 
         Raises:
-            LedgerError: it cannot be written down.
+            LedgerError: the command cannot be recorded.
         """
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
-            text = f"BUSY: {MOST_WAITING} commands wait for the brick"
+            text = f"BUSY: {MOST_WAITING} commands are queued"
             self._reject(BrickLink.RELAY, command, text, Reason.QUEUE_FULL)
             return
         received = self._out.reply(command, Stage.RECEIVED)
@@ -194,15 +192,15 @@ class BrickQueue:
             for cause in _CAUSES:
                 encode(self._out.cancelled(command, cause))
         except MopsError as error:
-            self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
+            self._out.refuse(f"relay link: not queued, the reply would be too long: {error}")
             return
         self._record.save(BrickCommand(command, (BrickLink.RELAY,), received, waits=True))
         self._arrived[_key(command)] = (self._clock.utc_s(), self._clock.now_s())
         self._out.notify(BrickLink.RELAY, received)
 
     def go_on(self, there: bool) -> None:
-        """Send the brick what has waited longest, if it is there and has time."""
-        with self._out.contained("what waits goes on waiting"):
+        """Send the first queued command to the brick, if it is connected and idle."""
+        with self._out.contained("queued commands stay queued"):
             self._end_what_is_to_end()
             waiting = self._record.waiting()
             if there and waiting and not self._at_work:
@@ -213,9 +211,9 @@ class BrickQueue:
                 self._arrived.clear()
 
     def end(self, cause: CancelCause) -> None:
-        """End all that waits; as long as that cannot be written down, nothing of it is sent."""
+        """End all queued commands; until that is recorded, none of them is sent."""
         self._ending = self._ending or cause
-        with self._out.contained("what is to end goes on waiting"):
+        with self._out.contained("commands to cancel stay queued"):
             self._end_what_is_to_end()
 
     @property
@@ -241,7 +239,7 @@ class BrickQueue:
             return
 
     def _late(self, command: Message) -> Refusal | None:
-        """Return why it is too late for a command, or None; after a restart by UTC alone."""
+        """Return the refusal of an expired command, or None; after a restart by UTC alone."""
         utc_s, now_s = self._clock.utc_s(), self._clock.now_s()
         arrived_utc_s, arrived_s = self._arrived.get(_key(command), (utc_s, now_s))
         return expired(conditions_of(command), utc_s, arrived_utc_s, now_s - arrived_s)

@@ -1,4 +1,4 @@
-"""`rover-nxt`: the process aboard that speaks to MOCUP's brick."""
+"""`rover-nxt`: the onboard process that connects MOCUP's brick."""
 
 import logging
 from collections.abc import Callable
@@ -28,11 +28,11 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 def brick_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that `serve_brick` takes, and pass them on with what is for ROS."""
+    """Add the options of `serve_brick`, and pass on the ROS arguments."""
     for option in (
         click.pass_obj,
         log_level_option,
-        data_option("what the brick was asked"),
+        data_option("the brick's commands"),
         click.option(
             "--brick-params",
             type=EXISTING_FILE,
@@ -54,8 +54,8 @@ def brick_options(function: Callable[..., None]) -> Callable[..., None]:
 def main(ros_arguments: tuple[str, ...], **options: Any) -> None:
     """Carry MOPS strings between ROS topics and a brick on USB until SIGINT or SIGTERM.
 
-    A brick that is unplugged is looked for until it is there again. What follows --ros-args goes to
-    ROS.
+        A brick that is unplugged is searched for until it is connected again. Arguments after
+        --ros-args are passed to ROS.
 
     \b
     Examples:
@@ -67,7 +67,7 @@ def main(ros_arguments: tuple[str, ...], **options: Any) -> None:
     Exit status:
       0  ended by a signal, the brick released
       1  cannot start; the text says why
-      2  the command line or a settings file makes no sense
+      2  the command line or a settings file is invalid
     """
     require("usb")
     from adapters.mocup.brick.usb import libusb
@@ -84,19 +84,19 @@ def serve_brick(
     brick_params: Path | None,
     data: Path | None,
 ) -> None:
-    """Serve by what speaks USB until SIGINT or SIGTERM; the brick is released on any way out.
+    """Serve the brick until SIGINT or SIGTERM; it is released however the process ends.
 
     Args:
-        backend: what speaks USB.
-        ros_arguments: what goes to ROS as it is.
+        backend: USB backend.
+        ros_arguments: arguments passed to ROS unchanged.
         asset: namespace of the rover.
-        ros_params: ROS parameter file of the rover's topics; None is that of the asset.
-        brick_params: ROS parameter file of the brick; None is that of the asset.
-        data: folder of the record; None is that of the asset.
+        ros_params: ROS parameter file of the rover's topics; None selects that of the asset.
+        brick_params: ROS parameter file of the brick; None selects that of the asset.
+        data: folder of the record; None selects that of the asset.
 
     Raises:
-        executive.settings.SettingsError: a ROS parameter or argument makes no sense, or the
-            MOPS dictionary does not fit.
+        executive.settings.SettingsError: a ROS parameter or argument, or the MOPS dictionary,
+            is invalid.
         StartError: the folder or the record cannot be used.
     """
     from adapters.mocup.brick.node import NODE_NAME, NxtNode, declare_settings
@@ -109,11 +109,11 @@ def serve_brick(
     topics = ros_params or config_folder() / f"{asset}.ros.yaml"
     brick = brick_params or config_folder() / f"{asset}.nxt.yaml"
     for path, option, what in (
-        (topics, "--ros-params", "the rover's topics stand"),
-        (brick, "--brick-params", "the brick and its topics stand"),
+        (topics, "--ros-params", "the file of the rover's topics"),
+        (brick, "--brick-params", "the file of the brick and its topics"),
     ):
         if not path.is_file():
-            raise click.UsageError(f"{path}: there is no such file; {option} names where {what}")
+            raise click.UsageError(f"{path}: there is no such file; {option} names {what}")
     data = data or default_folder(asset)
     asked = Termination()
     try:
@@ -135,7 +135,7 @@ def serve_brick(
                 print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
                 while not asked.requested:
                     executor.spin_once()
-                _LOG.info("asked to end: the brick is released")
+                _LOG.info("termination requested: the brick is released")
     except LedgerError as error:
         raise StartError(str(error)) from error
 

@@ -1,4 +1,4 @@
-"""What the brick was asked, what waits, is claimed and granted: all SQL of `rover-nxt`."""
+"""The record of `rover-nxt`: commands, queue, claims, authority. All SQL of this process."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from executive.record import Connect, Database, LedgerError, connect_to_file
 from executive.values.reports import Stage
 
 KEPT: Final = 10_000
-"""Commands that are remembered; the oldest are forgotten."""
+"""Maximum number of commands in the record; the oldest are deleted."""
 _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
-"""The latest claims: the executive queues far fewer."""
+"""Number of latest claims searched for open ones: the executive queues far fewer."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
 _FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
 _SCHEMA: Final = """
@@ -33,7 +33,7 @@ CREATE TABLE IF NOT EXISTS authority (only_row INTEGER PRIMARY KEY, message TEXT
 
 
 class BrickLink(Enum):
-    """A way in and out."""
+    """Link between the brick and a sender of commands."""
 
     DIRECT = "direct"
     RELAY = "relay"
@@ -41,10 +41,10 @@ class BrickLink(Enum):
 
 @dataclass(frozen=True, slots=True)
 class BrickCommand:
-    """What the brick was asked or is to be asked, by which links, and the last reply.
+    """A command to the brick, the links that sent it, and the last reply.
 
     Attributes:
-        waits: whether the brick has not been asked yet.
+        waits: whether it is queued and not yet sent to the brick.
     """
 
     command: Message
@@ -54,12 +54,12 @@ class BrickCommand:
 
     @property
     def ended(self) -> bool:
-        """Whether the brick has nothing more to say of it."""
+        """Whether the last reply is final."""
         return self.replied is not None and is_last(self.replied)
 
     @property
     def refused(self) -> bool:
-        """Whether the brick did not take it, and so has done nothing."""
+        """Whether the brick rejected it, so that it executed nothing of it."""
         replied = self.replied
         if replied is None or replied.received or replied.executed:
             return False
@@ -67,7 +67,7 @@ class BrickCommand:
 
     @property
     def is_part(self) -> bool:
-        """Whether the executive asked it for a command that it carries out."""
+        """Whether it is a part of a command that the executive carries out."""
         return self.links == (BrickLink.DIRECT,) and self.command.moe_inputs_counter is not None
 
 
@@ -76,9 +76,9 @@ class ExecutiveClaim:
     """A command that the executive carries out.
 
     Attributes:
-        command: what it was asked by the direct link.
-        reported: what it last said of it.
-        wanted: the relay's copy, once that came.
+        command: the command as announced over the direct link.
+        reported: last report of the executive on it.
+        wanted: the relay's copy; None until it is received.
     """
 
     command: Message
@@ -87,16 +87,16 @@ class ExecutiveClaim:
 
     @property
     def ended(self) -> bool:
-        """Whether the executive has nothing more to say of it."""
+        """Whether the executive's last report is final."""
         return self.reported is not None and is_last(self.reported)
 
 
 class BrickRecord(Database):
-    """Commands by source, number and counter, and what the executive has claimed and granted.
+    """Commands by source, number and counter, and the executive's claims and authority.
 
     Args:
-        path: the file; None keeps it in memory.
-        connect: opens it.
+        path: database file; None keeps it in memory.
+        connect: opens the database.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -106,30 +106,30 @@ class BrickRecord(Database):
         super().__init__(path, _SCHEMA, connect=connect)
 
     def asked(self, command: Message) -> BrickCommand | None:
-        """Return what is known under a message's source, number and counter."""
+        """Return the command with a message's source, number and counter, or None."""
         return self._asked("source = ? AND moe_id = ? AND counter = ?", _key(command))
 
     def first_asked(self, command: Message) -> BrickCommand | None:
-        """Return what was first asked under a message's source and number."""
+        """Return the first command with a message's source and number, or None."""
         return self._asked("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
 
     def asked_by_relay(self, command: Message) -> BrickCommand | None:
-        """Return what the relay asked under a message's source and number."""
+        """Return the relay's command with a message's source and number, or None."""
         where = f"source = ? AND moe_id = ? AND links LIKE '%{BrickLink.RELAY.value}%' LIMIT 1"
         return self._asked(where, _name(command))
 
     def latest(self, count: int) -> Sequence[BrickCommand]:
-        """Return what was asked last, oldest first."""
+        """Return the latest commands, in order."""
         rows = self.rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
         return [_asked(row) for row in reversed(rows)]
 
     def unanswered(self) -> Sequence[BrickCommand]:
-        """Return what the brick still owes a last reply for, oldest first."""
+        """Return the commands without a final reply of the brick, in order."""
         rows = self.rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
         return [_asked(row) for row in rows]
 
     def waiting(self) -> Sequence[BrickCommand]:
-        """Return what the brick has not been asked yet, oldest first."""
+        """Return the queued commands that were not sent to the brick, in order."""
         rows = self.rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
         return [_asked(row) for row in rows]
 
@@ -138,7 +138,7 @@ class BrickRecord(Database):
 
         Args:
             asked: the command.
-            instead: what is deleted with it, both or neither.
+            instead: a command deleted in the same transaction.
         """
         self._keep(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
@@ -162,14 +162,14 @@ class BrickRecord(Database):
         self.rows(_FORGET, _key(asked.command))
 
     def claim(self, command: Message) -> ExecutiveClaim | None:
-        """Return the executive's claim on a message's source and number."""
+        """Return the executive's claim on a message's source and number, or None."""
         where = "source = ? AND moe_id = ?"
         query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
         rows = self.rows(query, _name(command))
         return _claim(rows[0]) if rows else None
 
     def claims_with_copy(self, count: int) -> Sequence[ExecutiveClaim]:
-        """Return the last claims of which the relay has a copy, oldest first."""
+        """Return the last claims with a copy of the relay, in order."""
         query = (
             "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
             " ORDER BY number DESC LIMIT ?"
@@ -177,13 +177,13 @@ class BrickRecord(Database):
         return [_claim(row) for row in reversed(self.rows(query, (count,)))]
 
     def unended_claims(self) -> Sequence[ExecutiveClaim]:
-        """Return the claims that have not ended."""
+        """Return the claims without a final report."""
         query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
         rows = self.rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
     def save_claim(self, claim: ExecutiveClaim, instead: BrickCommand | None = None) -> None:
-        """Write a claim down, or what has become of it; with `instead` as in `save`."""
+        """Record a claim or its changed state; `instead` as in `save`."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
         self._keep(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
@@ -195,12 +195,12 @@ class BrickRecord(Database):
         )
 
     def authority(self) -> Message | None:
-        """Return what the executive last told of the authority."""
+        """Return the last authority message of the executive, or None."""
         rows = self.rows("SELECT message FROM authority")
         return _read(rows[0][0]) if rows else None
 
     def save_authority(self, told: Message) -> None:
-        """Write down what the executive tells of the authority."""
+        """Record an authority message of the executive."""
         self.rows("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(told),))
 
     def _asked(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:

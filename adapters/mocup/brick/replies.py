@@ -1,4 +1,4 @@
-"""The brick's replies: recorded, then passed on to every link that sent the command."""
+"""The brick's replies: recorded, then forwarded to every link that sent the command."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,9 +14,9 @@ from executive.values.reports import Stage
 
 
 class BrickReplies:
-    """Records replies, and gives them to every link that sent the command.
+    """Records replies and forwards them to every link that sent the command.
 
-    That the head of the camera has been pointed is reported to the relay once telemetry shows it.
+    The relay receives EXECUTED for a camera command once telemetry confirms the angles.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class BrickReplies:
         self._unrecorded: dict[Message, Message] = {}
 
     def take(self, reply: Message) -> None:
-        """Take a reply of the brick; one that answers no command goes to both links."""
+        """Process a reply of the brick; one that answers no command goes to both links."""
         if reply.executed and reply.code == self._stop:
             self.expect(self._stopped)
             self._stopped = ()
@@ -49,14 +49,14 @@ class BrickReplies:
     def _take(self, asked: BrickCommand | None, reply: Message) -> None:
         if asked is None or asked.command.code != reply.code:
             self._out.counts.unasked += 1
-            # A stop of the relay that could not be recorded comes again until it is.
+            # The relay repeats a stop that could not be recorded until it is recorded.
             for link in (BrickLink.DIRECT,) if reply.code == self._stop else BrickLink:
                 self._out.notify(link, reply)
         elif asked.ended and reply.code == self._stop:
-            self._out.counts.replies += 1  # to one that came again
+            self._out.counts.replies += 1  # to a repeated stop
         elif asked.ended or asked.waits:
             when = "after it had ended" if asked.ended else "before it was sent"
-            self._out.refuse(f"the brick says {reply} {when}")
+            self._out.refuse(f"reply {reply} of the brick {when}")
         else:
             self._out.counts.replies += 1
             by_relay = BrickLink.RELAY in asked.links
@@ -68,20 +68,20 @@ class BrickReplies:
             self.answer(asked, reply)
 
     def stopped(self) -> None:
-        """Note what a stop ends that is sent now, or drops on its way to the brick."""
-        with self._out.contained("what a stop ends"):
+        """Record the commands that the present stop ends, or drops before they are sent."""
+        with self._out.contained("commands that a stop ends"):
             self._stopped = [each.command for each in self._record.unanswered()]
 
     def lost(self, why: str) -> bool:
-        """End all that the brick has not answered as failed.
+        """End all unanswered commands as failed.
 
         Returns:
-            Whether there was any, so that the brick may be moving.
+            Whether there were any, so that the brick may be moving.
         """
         self._causes.clear()
         self._record_again()
         owed = True
-        with self._out.contained("what the brick owes"):
+        with self._out.contained("unanswered commands"):
             unanswered = self._record.unanswered()
             owed = not all(self._head.keeps(asked.command) for asked in unanswered)
             for asked in unanswered:
@@ -91,14 +91,14 @@ class BrickReplies:
         return owed
 
     def see(self, telemetry: Message) -> bool:
-        """Take telemetry; return whether it shows that a command is executed."""
+        """Process telemetry; return whether it shows that a command is executed."""
         pointed = self._head.see(telemetry)
         self._end_pointing(pointed)
         return bool(pointed)
 
     def _end_pointing(self, pointed: Sequence[PointingResult]) -> None:
         for each in pointed:
-            with self._out.contained(f"how {each.command} ended"):
+            with self._out.contained(f"end of {each.command}"):
                 asked = self._record.asked(each.command)
                 if asked is None or asked.ended:
                     continue
@@ -108,27 +108,27 @@ class BrickReplies:
                 self.answer(asked, reply)
 
     def because(self, commands: Sequence[BrickCommand], cause: CancelCause) -> None:
-        """Give a cause where the brick reports that commands were cancelled."""
+        """Set the cause to report when the brick reports these commands as cancelled."""
         self._causes |= {asked.command: cause for asked in commands}
 
     def look(self) -> None:
-        """End what the brick did not answer for a look or two although it was expected to."""
+        """Fail the commands whose expected reply is missing after one or two polls."""
         self._record_again()
         overdue, self._overdue, self._expected = self._overdue, self._expected, ()
-        with self._out.contained("what the brick owes"):
+        with self._out.contained("unanswered commands"):
             for asked in [self._record.asked(command) for command in overdue]:
                 kept = asked is not None and self._head.keeps(asked.command)
                 if asked is not None and not asked.ended and not kept:
-                    text = "the brick was stopped and did not say how this ended"
+                    text = "the brick was stopped and sent no final reply"
                     self.answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
         self._end_pointing(self._head.overdue())
 
     def expect(self, commands: Sequence[Message]) -> None:
-        """Expect replies soon, as a stop ends all; they may be lost."""
+        """Expect final replies to these commands soon, as a stop ends all; they may be lost."""
         self._expected = (*self._expected, *commands)
 
     def _record_again(self) -> None:
-        """Answer what could not be recorded."""
+        """Retry the replies that could not be recorded."""
         for command, reply in list(self._unrecorded.items()):
             with self._out.contained(f"a reply to {command}"):
                 asked = self._record.asked(command)
@@ -136,9 +136,9 @@ class BrickReplies:
                     self.answer(asked, reply)
 
     def answer(self, asked: BrickCommand, reply: Message) -> None:
-        """Record a reply and then pass it on, so that an end is never revoked.
+        """Record a reply and then forward it, so that an end is never revoked.
 
-        An end of the relay's that cannot be recorded is passed on once it can be.
+        A final reply to the relay that cannot be recorded is forwarded once it is recorded.
         """
         reply = self._unrecorded.pop(asked.command, reply)
         cause = self._causes.pop(asked.command, None) if is_last(reply) else None

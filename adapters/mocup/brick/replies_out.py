@@ -13,19 +13,19 @@ from executive.values.reports import Stage
 
 
 class RouterPorts(Protocol):
-    """Where messages leave the router. No method may block."""
+    """Output of the router. No method may block."""
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
-        """Send a message to the brick; return False where it cannot take it.
+        """Send a message to the brick; return False if it is refused.
 
         Args:
             octets: a whole message.
-            visit: the time that the brick is there for which it is meant.
+            visit: number of the connection that the message is meant for.
         """
         ...
 
     def stop_brick(self, octets: bytes) -> bool:
-        """Send a stop before all that waits, which is dropped; return False where it cannot be."""
+        """Send a stop ahead of all queued messages, which are dropped; return False if it fails."""
         ...
 
     def notify(self, link: BrickLink, message: Message) -> None:
@@ -33,7 +33,7 @@ class RouterPorts(Protocol):
         ...
 
     def telemetry(self, message: Message) -> None:
-        """Publish what the brick measures."""
+        """Publish the measurements of the brick."""
         ...
 
 
@@ -42,12 +42,12 @@ class RouterCounts:
     """Counters since the start.
 
     Attributes:
-        commands, repeats: from the links; what comes again is not passed on.
+        commands, repeats: from the links; repeats are not forwarded.
         replies, unasked, telemetry: from the brick.
-        refused: messages, and pieces that are none, that went nowhere.
-        dropped_octets, dropped_pieces: what was no message, from the links and the brick.
-        waiting: commands of the relay that wait for the brick now.
-        dead_man: how often the brick was stopped because nobody was left who had moved it.
+        refused: messages, and invalid pieces, that were not forwarded.
+        dropped_octets, dropped_pieces: invalid input from the links and the brick.
+        waiting: commands of the relay that are queued now.
+        dead_man: stops of the brick because every sender of its motions was silent.
     """
 
     commands: int = 0
@@ -63,13 +63,13 @@ class RouterCounts:
 
 
 MOST_UNCONFIRMED: Final = 1000
-"""Replies that are retransmitted at most; the oldest are dropped."""
-ABSENT: Final = "the brick is not there or does not keep up"
+"""Maximum number of replies that are retransmitted; the oldest are dropped."""
+ABSENT: Final = "the brick is not connected or too slow"
 
 
 @dataclass(frozen=True, slots=True)
 class CancelCause:
-    """Why something ends that nobody has cancelled by its number."""
+    """Cause of an end that was not commanded by number."""
 
     text: str
     reason: Reason | None = None
@@ -77,14 +77,14 @@ class CancelCause:
 
 @dataclass(frozen=True, slots=True)
 class ReplyPublisher:
-    """Replies to links in the name of the brick.
+    """Sends replies to links in the name of the brick.
 
     Attributes:
-        name: the brick's, by which messages are for it or from it.
-        ports: where messages leave.
-        tell: called with one line on each message that is not passed on.
-        counts: for diagnostics.
-        unconfirmed: by fingerprint, what `rover-relay` has not confirmed to have on its disk.
+        name: name of the brick, as source or destination of messages.
+        ports: output of the router.
+        tell: called with one line for each message that is not forwarded.
+        counts: counters for diagnostics.
+        unconfirmed: replies that `rover-relay` has not acknowledged as stored, by fingerprint.
     """
 
     name: str
@@ -98,7 +98,7 @@ class ReplyPublisher:
         try:
             encode(message)
         except MopsError as error:
-            self.refuse(f"{link.value} link: there is no reply: {error}")
+            self.refuse(f"{link.value} link: no reply possible: {error}")
         else:
             if link is BrickLink.RELAY:
                 self.unconfirmed[fingerprint(str(message))] = message
@@ -115,13 +115,13 @@ class ReplyPublisher:
             self.notify(link, refusal_of(command, self.name, text, reason))
 
     def refuse(self, line: str) -> None:
-        """Count and log a message that is not passed on."""
+        """Count and log a message that is not forwarded."""
         self.counts.refused += 1
         self.tell(line)
 
     @contextmanager
     def contained(self, what: str) -> Iterator[None]:
-        """Count and log a failure of the record, and go on."""
+        """Count and log a failure of the record, and continue."""
         try:
             yield
         except LedgerError as error:
@@ -130,29 +130,29 @@ class ReplyPublisher:
     def reply(
         self, command: Message, stage: Stage, text: str = "", reason: Reason | None = None
     ) -> Message:
-        """Return a reply as a brick would give it to a command that it has received."""
+        """Return a reply in the form of a brick that has received the command."""
         refusal = refusal_of(command, self.name, text, reason)
         return replace(refusal, outputs=(stage.name, *refusal.outputs[1:]), received=True)
 
     def cancelled(self, command: Message, cause: CancelCause) -> Message:
-        """Return the reply that ends a command that was received and not done."""
+        """Return the reply that cancels a command that was received and not executed."""
         return self.reply(command, Stage.CANCELLED, cause.text, cause.reason)
 
     def is_same(self, link: BrickLink, known: Message, command: Message) -> bool:
-        """Return whether two commands under one number are the same; refuse the second if not."""
+        """Return whether two commands with one number are equal; refuse the second if not."""
         if same(known, command):
             self.counts.repeats += 1
             return True
-        text = f"this number is that of another {known.command}"
+        text = f"this number is used by another {known.command}"
         self.reject((link,), command, text, Reason.DUPLICATE)
         return False
 
 
 def same(one: Message, other: Message) -> bool:
-    """Return whether two messages ask for the same."""
+    """Return whether two messages have the same request."""
     return (one.code, one.inputs) == (other.code, other.inputs)
 
 
 def command_of(reply: Message) -> Message:
-    """Return a message with the source and numbers of the command that a reply is on."""
+    """Return a message with the source and numbers of the command that a reply answers."""
     return replace(reply, source=reply.dest, dest=reply.source)

@@ -1,4 +1,4 @@
-"""Where messages of both links and of the brick go: checked, recorded, passed on or refused."""
+"""Router for messages of both links and the brick: checks, records, forwards or refuses them."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -35,52 +35,52 @@ from executive.record import LedgerError
 from executive.values.clock import Clock
 from executive.values.reasons import Reason
 
-AWAY: Final = "the brick is gone"
-RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
+AWAY: Final = "the brick is disconnected"
+RESTARTED: Final = "rover-nxt was restarted: the result on the brick is unknown"
 TOLD_AGAIN: Final = 50
-"""Commands whose last replies are sent again to a new listener."""
-UNKNOWN: Final = "what it was doing when it was last heard nobody knows"
+"""Number of commands whose last replies are resent to a new subscriber."""
+UNKNOWN: Final = "its motion since the last contact is unknown"
 SOURCE: Final = "NXT"
-"""Who stops the brick of its own accord."""
+"""Source of the stops that this process itself sends to the brick."""
 MOST_AHEAD_S: Final = 10.0
-"""How far ahead of the clock here a command may have been made."""
+"""Maximum lead of a command's creation time over the clock of this host, s."""
 _NO_VISIT: Final = 0
 _LOOKS_TO_BE_TOLD: Final = 3
-"""Within so many looks after a start an executive that lives has told who has the authority."""
+"""Polls after a start within which a running executive has published the authority."""
 _LOG: Final = logging.getLogger(__name__)
 
 
 @unique
 class _Kind(Enum):
-    """What a message of a link is."""
+    """Type of a message from a link."""
 
-    REPORT = "of the executive, on a command that it claimed"
-    CLAIM = "of the executive, which carries a command out in parts"
+    REPORT = "a report of the executive on a claimed command"
+    CLAIM = "a claim of the executive"
     STOP = "a stop"
-    AUTHORITY = "of the executive, on who has the authority"
+    AUTHORITY = "the authority, from the executive"
     COMMAND = "a command"
-    ELSEWHERE = "for another"
-    NO_COMMAND = "nothing that a link may send"
+    ELSEWHERE = "for another destination"
+    NO_COMMAND = "not allowed from a link"
 
 
 class Router:
-    """Checks, records and passes on messages. Used by one thread.
+    """Checks, records and forwards messages. Used by one thread.
 
-    One that comes again gets the last reply again, and from then on its link hears of it too; only
-    a stop is passed on every time, and before it is written down.
+    The sender of a repeated command receives the last reply again and all later ones. Only a stop
+    is forwarded every time, and before it is recorded.
 
     Args:
-        dictionary: which codes are telemetry and a stop, and what commands ask for.
-        name: the brick's, by which messages are for it or from it.
-        ports: where messages leave.
-        tell: called with one line on each message that is not passed on.
-        record: what was asked, claimed and granted.
-        authority: what holds for the relay's commands until the executive has told what does.
-        clock: for their lifetimes.
+        dictionary: decodes requests; gives the codes of telemetry and stop.
+        name: name of the brick, as source or destination of messages.
+        ports: output of the router.
+        tell: called with one line for each message that is not forwarded.
+        record: earlier commands, claims and authority.
+        authority: authority for the relay's commands until the executive has published it.
+        clock: clock of the lifetimes.
 
     Attributes:
-        counts: for diagnostics.
-        unconfirmed: replies to the relay, by fingerprint, that are not confirmed.
+        counts: counters for diagnostics.
+        unconfirmed: replies to the relay that are not acknowledged, by fingerprint.
     """
 
     def __init__(
@@ -125,23 +125,23 @@ class Router:
         self._told = {link: MopsStream(self._out.refuse) for link in BrickLink}
 
     def is_stop(self, text: str) -> bool:
-        """Return whether there is a stop among the messages of a text."""
+        """Return whether the messages of a text include a stop."""
         stops = f"{self._stop_code:03X}|" in text
         return stops and any(map(self._stops, messages_in(text, lambda _: None)))
 
     def command(self, link: BrickLink, text: str, overtaken: bool = False) -> bool:
-        """Take whole messages from a link.
+        """Process whole messages from a link.
 
         Args:
-            link: by which they came.
+            link: link on which they arrived.
             text: the messages.
-            overtaken: whether a stop that came after them was taken first: they move nothing.
+            overtaken: whether a later stop was processed first: they move nothing.
 
         Returns:
-            Whether they were taken. After a start the relay's wait, but for stops, until an
-            executive has told who has the authority now, or is gone. What cannot be recorded is not
-            taken either: what the relay sent, or the executive announced, comes again, and a
-            refusal that is not recorded would be followed by a second end.
+            Whether they were accepted. After a start the relay's messages, except stops, wait until
+            an executive has published the authority, or is silent. Messages that cannot be recorded
+            are not accepted either: the relay and the executive send them again, and a refusal
+            that is not recorded would be followed by a second end.
         """
         if link is BrickLink.RELAY and self._looks_to_wait and not self.is_stop(text):
             return False
@@ -163,10 +163,10 @@ class Router:
         return taken
 
     def heard(self, octets: bytes) -> None:
-        """Take octets from the brick, cut anywhere."""
+        """Process octets from the brick, split at any position."""
         for message in self._said.feed(octets):
             if message.source != self.name:
-                self._out.refuse(f"the brick says {message}, which is from {message.source}")
+                self._out.refuse(f"message {message} of the brick has the source {message.source}")
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
                 self.ports.telemetry(message)
@@ -181,7 +181,7 @@ class Router:
         self._count_dropped()
 
     def found(self, visit: int) -> None:
-        """Take note that the brick is there: for the so many-th time, from 1."""
+        """Record that the brick is connected, with the number of the connection, from 1."""
         self._visit = visit
         if self._may_move:
             self._may_move = False
@@ -189,9 +189,9 @@ class Router:
         self._go_on()
 
     def lost(self, why: str = AWAY) -> None:
-        """End all that the brick has not answered, as it is gone; what it does is unknown.
+        """End all unanswered commands when the brick is disconnected; its motion is unknown.
 
-        Where it was there before, and not only this process away, all that waits for it ends, too.
+        If it was connected before, queued commands end too; not after a restart of this process.
         """
         was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
         self._said.cut()
@@ -202,14 +202,14 @@ class Router:
             self._waiting.end(GONE)
 
     def silent(self, link: BrickLink) -> None:
-        """Stop the brick if all it does was asked by who has fallen silent."""
+        """Stop the brick if every sender of its unanswered commands is silent."""
         self._silent.add(link)
         cause = SILENT[link]
         if link is BrickLink.DIRECT:
             self._ownership.release()
         else:
             self._waiting.end(cause)
-        with self._out.contained("the brick is stopped all the same"):
+        with self._out.contained("the brick is stopped nevertheless"):
             owed = [
                 each
                 for each in self.record.unanswered()
@@ -223,7 +223,7 @@ class Router:
         self._halt(cause.text)
 
     def _halt(self, why: str) -> None:
-        """Stop the brick of one's own accord."""
+        """Stop the brick without a command."""
         _LOG.warning("the brick is stopped: %s", why)
         self.counts.dead_man += 1
         code = self._stop_code
@@ -234,7 +234,7 @@ class Router:
                 self._replies.expect((stop,))
 
     def look(self) -> None:
-        """End what is overdue, and go on with what waits; call about once a second."""
+        """Fail overdue commands and send queued ones; call about once a second."""
         self._replies.look()
         self._looks_to_wait = max(self._looks_to_wait - 1, 0)
         self._go_on()
@@ -243,8 +243,8 @@ class Router:
         self._waiting.go_on(self._visit != _NO_VISIT)
 
     def resend_last(self, link: BrickLink) -> None:
-        """Send a link the last replies to its commands again, for a new listener."""
-        with self._out.contained(f"{link.value} link: nothing is told again"):
+        """Resend the last replies to a link's commands, for a new subscriber."""
+        with self._out.contained(f"{link.value} link: last replies are not resent"):
             for asked in self.record.latest(TOLD_AGAIN):
                 if asked.replied is None:
                     continue
@@ -280,7 +280,7 @@ class Router:
                 self._out.refuse(f"{link.value} link: {message} is no command")
 
     def _kind_of(self, link: BrickLink, message: Message) -> _Kind:
-        """Return what a message of a link is; the first that holds, since a stop may look alike."""
+        """Return the type of a message; the order matters, since a stop may match several."""
         direct = link is BrickLink.DIRECT
         if direct and message.source == self.name and message.outputs:
             return _Kind.REPORT
@@ -298,20 +298,20 @@ class Router:
         return _Kind.COMMAND
 
     def _learn(self, told: Message) -> None:
-        """Take what the executive tells of the authority; it holds until it tells otherwise."""
+        """Apply an authority message of the executive; it is valid until the next one."""
         try:
             self._authority, self._granted = authority_of(told), told
             self._looks_to_wait = 0
         except MopsError as fault:
             self._out.refuse(f"{told}: {fault}")
             return
-        with self._out.contained("who has the authority is forgotten by a restart"):
+        with self._out.contained("the authority is lost at a restart"):
             self.record.save_authority(told)
 
     def _admitted(self, command: Message) -> bool:
-        """Return whether the relay may ask for something, in time; refuse it where it may not.
+        """Return whether a command of the relay has authority and is in time; refuse it if not.
 
-        The executive is told of a command by the orbiter's authority, since that renews the lease.
+        A command under the orbiter's authority is reported to the executive: it renews the lease.
         """
         try:
             conditions = conditions_of(command)
@@ -334,7 +334,7 @@ class Router:
         return True
 
     def _begin(self, link: BrickLink, command: Message) -> None:
-        """Pass a new command on, or have it wait where the brick is busy."""
+        """Forward a new command, or queue it if the brick is busy."""
         if self._overtaken or conditions_of(command).overtaken:
             reply = self._out.cancelled(command, STOPPED)
             if command.moe_inputs_id is not None:
@@ -367,7 +367,7 @@ class Router:
     def _reject(
         self, link: BrickLink, command: Message, text: str, reason: Reason | None = None
     ) -> None:
-        """Refuse a command; the relay's is recorded as ended, since it may come again."""
+        """Refuse a command; the relay's is recorded as ended, since it may be repeated."""
         if link is BrickLink.RELAY and command.moe_inputs_id is not None:
             refusal = refusal_of(command, self.name, text, reason)
             self.record.save(BrickCommand(command, (link,), refusal))
@@ -386,7 +386,7 @@ class Router:
         return message.code == self._stop_code and says_nothing and not message.executed
 
     def _sent_stop(self, stop: Message) -> bool:
-        """Send a stop as plain as it can be, so that no brick's program stumbles over it."""
+        """Send a stop without inputs and outputs: the simplest form for any brick program."""
         sent = self.ports.stop_brick(encode(replace(stop, inputs=(), outputs=(), received=False)))
         self.counts.commands += sent
         if sent:
@@ -396,14 +396,14 @@ class Router:
     def _stop(self, link: BrickLink, stop: Message) -> None:
         sent = self._sent_stop(stop)
         if sent and link is BrickLink.RELAY:
-            with self._out.contained(f"a part may come after {stop}"):
+            with self._out.contained(f"a part may follow {stop}"):
                 self._ownership.stop(stop)
         self._ownership.release()
         self._waiting.end(STOPPED)
         self._record_stop(link, stop, sent)
 
     def _record_stop(self, link: BrickLink, stop: Message, sent: bool) -> None:
-        """Record a stop that was sent, or refuse it; one that has ended keeps its end."""
+        """Record a stop that was sent, or refuse it; one that has ended keeps its last reply."""
         known = self._first(stop)
         if known is not None and not self._out.is_same(link, known.command, stop):
             return
@@ -422,7 +422,7 @@ class Router:
         return self.record.claim(command) or self.record.first_asked(command)
 
     def _known(self, link: BrickLink, command: Message) -> bool:
-        """Answer a command that has come before; return False for a new one."""
+        """Answer a command that was received before; return False for a new one."""
         first, family = self.record.asked_by_relay(command), self.record.first_asked(command)
         claim = self.record.claim(command)
         if link is BrickLink.DIRECT and command.moe_inputs_counter is not None:
@@ -442,7 +442,7 @@ class Router:
         return True
 
     def _repeat(self, link: BrickLink, asked: BrickCommand) -> None:
-        """Send a link the last reply again, and from now on also those that follow."""
+        """Send a link the last reply again, and subscribe it to later replies."""
         if link not in asked.links:
             asked = replace(asked, links=_with(asked.links, link))
             self.record.save(asked)

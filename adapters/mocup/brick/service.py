@@ -1,4 +1,4 @@
-"""What `rover-nxt` does with texts, events of the brick and new listeners. No ROS, no USB."""
+"""Processing of texts, events of the brick and new subscribers in `rover-nxt`. No ROS, no USB."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,10 +13,10 @@ from adapters.mops import fingerprint
 
 @dataclass(frozen=True, slots=True)
 class ReceivedText:
-    """A text that came by a link.
+    """A text received on a link.
 
     Attributes:
-        overtaken: whether a stop that came after it was taken before it.
+        overtaken: whether a later stop was processed first.
     """
 
     link: BrickLink
@@ -28,10 +28,10 @@ MOST_ARRIVED: Final = 1000
 
 
 class StopFirstQueue:
-    """Texts in the order in which they arrived, but stops first.
+    """Texts in order of arrival, except that stops are first.
 
     Args:
-        is_stop: returns whether there is a stop in a text.
+        is_stop: returns whether a text includes a stop.
     """
 
     def __init__(self, is_stop: Callable[[str], bool]) -> None:
@@ -40,7 +40,7 @@ class StopFirstQueue:
         self._others: deque[ReceivedText] = deque()
 
     def put(self, link: BrickLink, text: str) -> bool:
-        """Let a text arrive; return False where too many wait."""
+        """Add a text; return False if the queue is full."""
         is_stop = self._is_stop(text)
         lane = self._stops if is_stop else self._others
         if is_stop:
@@ -51,23 +51,23 @@ class StopFirstQueue:
         return False
 
     def take(self) -> ReceivedText | None:
-        """Return the next text; None where none waits."""
+        """Remove and return the next text; None if the queue is empty."""
         waiting = self._stops or self._others
         return waiting.popleft() if waiting else None
 
 
 class BrickService:
-    """Serves a router. What the brick still owed before is reported as failed.
+    """Serves a router. Commands left unanswered by an earlier run are reported as failed.
 
     Args:
-        router: whose message goes where.
-        confirm: publishes, for a link, the fingerprint of a string that was taken.
-        confirmed: whether `rover-relay` confirms replies; else they are sent once.
+        router: routes the messages.
+        confirm: publishes the fingerprint of an accepted string on a link.
+        confirmed: whether `rover-relay` acknowledges replies; if not, they are sent once.
 
     Attributes:
-        inbox: where texts wait that have arrived.
-        listeners: who subscribes to the notifications of each link, as of the last look.
-        why: why the brick is not there; empty if it is.
+        inbox: received texts that are not processed yet.
+        listeners: subscribers to the notifications of each link, at the last poll.
+        why: reason why the brick is not connected; empty if it is.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class BrickService:
         router.lost(RESTARTED)
 
     def serve(self) -> BrickLink | None:
-        """Take one text, a stop first; return its link, None where none waits."""
+        """Process one text, a stop first; return its link, None if the queue is empty."""
         if (arrived := self.inbox.take()) is None:
             return None
         if self._router.command(arrived.link, arrived.text, arrived.overtaken):
@@ -91,7 +91,7 @@ class BrickService:
         return arrived.link
 
     def drain(self, events: Iterable[SessionEvent]) -> None:
-        """Take events of the brick."""
+        """Process events of the brick."""
         for event in events:
             match event:
                 case OctetsReceived(octets):
@@ -104,11 +104,11 @@ class BrickService:
                     self._router.lost()
 
     def kept(self, mark: int) -> None:
-        """Take a reply for confirmed: `rover-relay` has it on its disk."""
+        """Process the acknowledgement of a reply: `rover-relay` has it on its disk."""
         self._router.unconfirmed.pop(mark, None)
 
     def look(self, listeners: Mapping[BrickLink, frozenset[object]]) -> None:
-        """Do what is due, and resend last replies to new listeners; call once a second."""
+        """Poll the router, and resend last replies to new subscribers; call once a second."""
         self._router.look()
         unconfirmed = self._router.unconfirmed
         if self._confirmed and listeners[BrickLink.RELAY]:

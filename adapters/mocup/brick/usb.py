@@ -1,7 +1,7 @@
-"""The brick on USB (6.2): claimed by libusb through pyusb, and looked for again when it is gone.
+"""The brick on USB (thesis 6.2): claimed by libusb through pyusb, reconnected after a loss.
 
-Two threads, so that a brick that is slow or dead holds up nobody: one looks and listens, and for
-as long as a brick is there another writes.
+There are two threads, so that a slow or dead brick blocks no other thread: one searches and
+reads; while a brick is connected, the other writes.
 """
 
 import errno
@@ -24,24 +24,24 @@ from usb.backend import IBackend
 from adapters.process import StartError
 
 PACKET: Final = 64
-"""Octets of the brick's packets, both ways."""
+"""Size of the brick's packets in octets, in both directions."""
 READ_MS: Final = 100
-"""How long one read waits; who ends the session waits this long for it."""
+"""Timeout of one read in ms; closing the session takes up to this time."""
 WRITE_MS: Final = 200
-"""How long one write waits for the brick to take a packet."""
+"""Timeout of one write in ms, for the brick to accept a packet."""
 
 
 class BrickError(Exception):
-    """The brick cannot be had, or no longer; the text says why in words for people."""
+    """The brick is not available, or no longer; the text gives the cause for operators."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsbAddress:
-    """Where the brick is.
+    """USB address of the brick.
 
     Attributes:
-        vendor_id, product_id: by which it is found.
-        interface: what is claimed of it.
+        vendor_id, product_id: identify it.
+        interface: number of the claimed interface.
         endpoint_out, endpoint_in: addresses of its bulk endpoints.
     """
 
@@ -56,14 +56,14 @@ class UsbAddress:
 
 
 def libusb() -> IBackend:
-    """Return what speaks USB on this machine.
+    """Return the USB backend of this machine.
 
     Raises:
-        StartError: nothing does; the text says how to get it.
+        StartError: there is none; the text gives the package to install.
     """
     backend = usb.backend.libusb1.get_backend()
     if backend is None:
-        raise StartError("libusb 1.0 is not here: apt install libusb-1.0-0")
+        raise StartError("libusb 1.0 is not installed: apt install libusb-1.0-0")
     return backend
 
 
@@ -71,15 +71,15 @@ class Brick:
     """One claimed brick. `read` and `write` may be called by two threads at once.
 
     Args:
-        address: where it is.
-        backend: what speaks USB.
+        address: its USB address.
+        backend: USB backend.
     """
 
     def __init__(self, address: UsbAddress, backend: IBackend) -> None:
         """Find and claim it.
 
         Raises:
-            BrickError: it is not there, or another program has it.
+            BrickError: it is not connected, or another program has claimed it.
         """
         self._address = address
         try:
@@ -87,7 +87,7 @@ class Brick:
                 idVendor=address.vendor_id, idProduct=address.product_id, backend=backend
             )
         except usb.core.USBError as error:
-            raise BrickError(f"USB cannot be looked through: {error.strerror}") from error
+            raise BrickError(f"USB cannot be searched: {error.strerror}") from error
         if found is None:
             raise BrickError(f"no brick {address} is plugged in")
         self._device = found
@@ -98,17 +98,17 @@ class Brick:
             raise
 
     def close(self) -> None:
-        """Release it; also one that is gone."""
+        """Release it; also valid after a disconnect."""
         usb.util.dispose_resources(self._device)
 
     def read(self) -> bytes:
-        """Return what came in one packet, without the zeros that fill it up.
+        """Return the content of one packet, without its padding of zeros.
 
         Returns:
-            Octets; none when no packet came for `READ_MS`.
+            Octets; empty if no packet arrived within `READ_MS`.
 
         Raises:
-            BrickError: the brick is gone.
+            BrickError: the brick is disconnected.
         """
         endpoint = self._address.endpoint_in
         try:
@@ -122,10 +122,10 @@ class Brick:
         """Write one packet of octets.
 
         Returns:
-            How many the brick has taken; 0 when it took none for `WRITE_MS`.
+            Number of octets accepted; 0 if none were within `WRITE_MS`.
 
         Raises:
-            BrickError: the brick is gone.
+            BrickError: the brick is disconnected.
         """
         endpoint = self._address.endpoint_out
         try:
@@ -173,15 +173,15 @@ def _why_not_claimed(error: usb.core.USBError) -> str:
 
 FIRST_WAIT_S: Final = 0.2
 LONGEST_WAIT_S: Final = 2.0
-"""A brick that is plugged in is noticed at the latest after this."""
+"""Maximum pause between two searches for the brick."""
 OUTGOING: Final = 32
 INCOMING: Final = 256
 KEEP_ALIVE_S: Final = 0.1
-"""How often the brick is told that its host lives."""
+"""Period of the heartbeat to the brick."""
 OWNER_SILENT_S: Final = 1.0
-"""A session whose owner was silent for so long no longer keeps the brick alive."""
+"""Timeout of the session's owner; after it the brick receives no heartbeats."""
 MOST_TIMEOUTS: Final = 10
-"""A brick that takes nothing for so many writes in a row is taken for dead."""
+"""Consecutive write timeouts after which the brick is treated as dead."""
 _LOOK_S: Final = 0.1
 _RESYNCHRONISE: Final = b"#"
 _LOG: Final = logging.getLogger(__name__)
@@ -189,21 +189,21 @@ _LOG: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class OctetsReceived:
-    """Octets that the brick said."""
+    """Octets received from the brick."""
 
     octets: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class BrickConnected:
-    """A brick is there, for the so many-th time, from 1."""
+    """The brick is connected; `visit` numbers the connections from 1."""
 
     visit: int
 
 
 @dataclass(frozen=True, slots=True)
 class BrickDisconnected:
-    """The brick is gone, and with it what was on its way there."""
+    """The brick is disconnected; queued messages are dropped."""
 
     why: str
 
@@ -213,12 +213,12 @@ SessionEvent = OctetsReceived | BrickConnected | BrickDisconnected
 
 @dataclass(slots=True)
 class _Connection:
-    """One time that a brick is there.
+    """One connection to the brick.
 
     Attributes:
-        over: set when the brick is to be left, by either thread.
-        why: what ended it, first things first; empty when the session ended.
-        spoke: whether the brick said anything.
+        over: set by either thread to end the connection.
+        why: causes of its end, first one first; empty when the session ended.
+        spoke: whether any octets were received.
     """
 
     brick: Brick
@@ -228,15 +228,15 @@ class _Connection:
 
 
 class BrickSession:
-    """A brick that may come and go.
+    """A session with a brick that may disconnect and reconnect.
 
-    What it says waits for `events` in a bounded queue: when nobody takes it, the brick is no longer
-    read, and USB holds it back.
+    Received octets wait for `events` in a bounded queue. While it is full, the brick is not read,
+    and USB blocks it.
 
     Args:
         claim: finds and claims the brick.
-        wake: called on a thread of the session when an event waits.
-        keep_alive: what the brick is told every `KEEP_ALIVE_S` while the owner lives.
+        wake: called on a thread of the session when an event is queued.
+        keep_alive: heartbeat sent to the brick every `KEEP_ALIVE_S` while the owner is alive.
     """
 
     def __init__(
@@ -257,7 +257,7 @@ class BrickSession:
         self._thread = Thread(target=self._run, name="nxt-read")
 
     def start(self) -> None:
-        """Begin to look for the brick."""
+        """Start to search for the brick."""
         self._thread.start()
 
     def close(self) -> None:
@@ -267,22 +267,22 @@ class BrickSession:
 
     @property
     def connected(self) -> bool:
-        """Whether a brick is there."""
+        """Whether a brick is connected."""
         return self._connected
 
     def alive(self) -> None:
-        """Take note that the owner lives; call it more often than every `OWNER_SILENT_S`."""
+        """Reset the owner's watchdog; call it more often than every `OWNER_SILENT_S`."""
         self._alive_until_s = monotonic() + OWNER_SILENT_S
 
     def send(self, octets: bytes, visit: int) -> bool:
-        """Have a message written after what waits. Never blocks.
+        """Queue a message for the brick. Never blocks.
 
         Args:
-            octets: what is for the brick.
-            visit: the time that it is there for which they are meant.
+            octets: the message.
+            visit: number of the connection that it is meant for.
 
         Returns:
-            False where no brick is, or not as meant, or too much waits.
+            False if no brick is connected, the connection is another one, or the queue is full.
         """
         with self._changed:
             there = self._connected and visit == self._visits
@@ -293,12 +293,12 @@ class BrickSession:
         return False
 
     def stop(self, octets: bytes) -> bool:
-        """Have a stop written at once, and nothing that waits. Never blocks.
+        """Send a stop at once and drop all queued messages. Never blocks.
 
         A message that is being written is cut off.
 
         Returns:
-            False where no brick is, or too many stops wait.
+            False if no brick is connected, or too many stops are queued.
         """
         with self._changed:
             if not self._connected or len(self._stops) >= OUTGOING:
@@ -309,7 +309,7 @@ class BrickSession:
             return True
 
     def events(self) -> list[SessionEvent]:
-        """Take what happened since. Never blocks."""
+        """Remove and return the events since the last call. Never blocks."""
         taken: list[SessionEvent] = []
         while len(taken) < INCOMING:
             try:
@@ -331,15 +331,15 @@ class BrickSession:
             except BrickError as error:
                 if str(error) != said:
                     said = str(error)
-                    _LOG.warning("%s; it is looked for again", said)
+                    _LOG.warning("%s; searching for it again", said)
             except Exception as error:
-                _LOG.error("looking for the brick raised %r", error, exc_info=error)
+                _LOG.error("searching for the brick raised %r", error, exc_info=error)
             self._closing.wait(wait_s)
             wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
     def _serve(self, visit: _Connection) -> None:
         writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
-        _LOG.info("the brick is there")
+        _LOG.info("brick connected")
         with self._changed:
             self._visits += 1
         self._put(BrickConnected(self._visits))
@@ -349,12 +349,12 @@ class BrickSession:
         self._until_over(visit, self._read)
         with self._changed:
             self._connected = False
-            # Come back, the brick is not to obey old commands.
+            # After a reconnect the brick must not execute old commands.
             self._stops.clear()
             self._outgoing.clear()
         writer.join()
         if visit.why:
-            _LOG.warning("the brick is gone: %s; it is looked for again", visit.why[0])
+            _LOG.warning("brick disconnected: %s; searching for it again", visit.why[0])
             self._put(BrickDisconnected(visit.why[0]))
 
     def _until_over(self, visit: _Connection, work: Callable[[_Connection], None]) -> None:
@@ -388,7 +388,7 @@ class BrickSession:
             self._write_whole(visit, octets, stops)
 
     def _write_whole(self, visit: _Connection, octets: bytes, is_stop: bool = False) -> None:
-        """Write a message, unless it is cut off by a stop; the next ends what was cut off."""
+        """Write a message unless a stop cuts it off; the next message then starts with `#`."""
         if not octets:
             return
         if self._cut_short:
@@ -400,7 +400,7 @@ class BrickSession:
             octets = octets[taken:]
             timeouts = 0 if taken else timeouts + 1
             if timeouts >= MOST_TIMEOUTS:
-                raise BrickError("it takes nothing any more")
+                raise BrickError("it accepts no data")
         if not octets:
             self._cut_short = False
 

@@ -223,7 +223,7 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
         (BrickLink.DIRECT, False, True),
     ]
     bench.until(lambda: bench.health[-1].level == DiagnosticStatus.ERROR, "a diagnosis")
-    assert "the brick is not there" in bench.health[-1].message
+    assert "no brick connected" in bench.health[-1].message
     bench.until(lambda: bool(bench.housekeeping), "the ground is told, too")
     figures = housekeeping_of(bench.housekeeping[0], SPELLING.housekeeping).figures
     assert {"NXT_CONNECTED", "NXT_WAITING", "NXT_DEAD_MAN"} <= figures.keys()

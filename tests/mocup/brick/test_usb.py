@@ -135,7 +135,7 @@ def test_without_a_brick_nothing_is_taken_and_one_line_said(
     assert not bench.session.send(b"x", 1)
     bench.bus.plug(True)
     bench.found()
-    assert warnings(caplog) == ["no brick 0694:0002 is plugged in; it is looked for again"]
+    assert warnings(caplog) == ["no brick 0694:0002 is plugged in; searching for it again"]
     assert bench.bus.written == []
 
 
@@ -148,7 +148,7 @@ def test_a_brick_that_another_program_has_is_waited_for_with_one_line(
     bench.bus.refuses = 0
     bench.found()
     (line,) = warnings(caplog)
-    assert line == "brick 0694:0002: another program has claimed it; it is looked for again"
+    assert line == "brick 0694:0002: another program has claimed it; searching for it again"
 
 
 def test_unplugged_and_plugged_in_again_it_goes_on(
@@ -166,8 +166,8 @@ def test_unplugged_and_plugged_in_again_it_goes_on(
     assert bench.session.send(b"hello", 2)
     bench.until(lambda: bench.bus.written == [b"hello"], "a word")
     said = [record.message for record in caplog.records]
-    assert said[0] == said[-1] == "the brick is there"
-    assert said[1] == "the brick is gone: USB: No such device; it is looked for again"
+    assert said[0] == said[-1] == "brick connected"
+    assert said[1] == "brick disconnected: USB: No such device; searching for it again"
     assert len(said) <= 4  # and perhaps that none is plugged in
 
 
@@ -217,7 +217,7 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
     assert OUTGOING <= sent <= OUTGOING + 1
     held.set()
     bench.lost()
-    assert BrickDisconnected("it takes nothing any more") in bench.happened
+    assert BrickDisconnected("it accepts no data") in bench.happened
     bench.found(2)
     assert bench.session.send(b"new", 2)
     bench.until(lambda: bench.bus.written[-1] == b"#new", "a word")

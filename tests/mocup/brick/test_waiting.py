@@ -118,7 +118,7 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.ports.there = False
     bench.router.lost()
     gone = [message.outputs for _, message in bench.ports.notified]
-    assert gone[1:] == [("CANCELLED", "", "the brick went away before it had it")] * 2
+    assert gone[1:] == [("CANCELLED", "", "the brick disconnected before it was sent")] * 2
     ends = [
         (BrickLink.RELAY, 2, "FAILED"),
         (BrickLink.RELAY, 3, "CANCELLED"),
