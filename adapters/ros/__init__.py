@@ -1,4 +1,4 @@
-"""ROS 2: rclpy lives here and in the simulation; the executive's node is beside this face."""
+"""ROS 2: rclpy is used here and in the simulation; `ExecutiveNode` is imported from its module."""
 
 from adapters.ros.context import ros_node as ros_node
 from adapters.ros.context import single_threaded as single_threaded

@@ -1,4 +1,4 @@
-"""A recording as a rosbag2 folder, with the topics that such a rover has on ROS."""
+"""Export of a recording as a rosbag2 folder, with the ROS topics of such a rover."""
 
 import struct
 from collections.abc import Iterable, Iterator
@@ -57,9 +57,9 @@ from trees import TreeSnapshot
 
 NODE_NAME: Final = "executive"
 MAX_UTC_S: Final = 2**63 / 1e9
-"""Stamps of a bag are nanoseconds since 1970, from 0 on."""
+"""Upper bound of stamps: a bag has nanoseconds since 1970 in 63 bits."""
 VERSION: Final = 9
-"""Of the metadata: that of ROS 2 Jazzy."""
+"""Version of the bag's metadata: that of ROS 2 Jazzy."""
 ROSOUT: Final = "/rosout"
 TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
 LEVELS: Final = {
@@ -77,9 +77,9 @@ class BagMessage:
     """A message for a bag.
 
     Attributes:
-        utc_s: when it came or was sent.
-        type: as in nav_msgs/msg/Odometry.
-        cdr: the octets that ROS sends.
+        utc_s: time of reception or publication, s UTC.
+        type: ROS type, such as nav_msgs/msg/Odometry.
+        cdr: serialized message.
     """
 
     utc_s: float
@@ -89,16 +89,16 @@ class BagMessage:
 
 
 def write_bag(recording: Path, folder: Path) -> dict[str, int]:
-    """Write a recording as a rosbag2 folder, and return how many messages each topic has.
+    """Write a recording as a rosbag2 folder, and return the number of messages of each topic.
 
-    Topics are named by the ROS parameters of the asset in `config/`.
+    Topic names are taken from the ROS parameters of the asset in `config/`.
 
     Args:
-        recording: the file.
-        folder: made anew; must not be there.
+        recording: path of the recording.
+        folder: folder to create; must not exist.
 
     Raises:
-        RecordingError: the file cannot be used as a recording.
+        RecordingError: the file is not a valid recording.
         SettingsError: the parameters of the asset lack a topic.
         OSError: the folder cannot be written.
     """
@@ -135,15 +135,15 @@ def _merged(
     try:
         for stamped in merge(items, trees, key=lambda stamped: stamped.utc_s):
             if not 0.0 <= stamped.utc_s < MAX_UTC_S:
-                raise ValueError(f"the time {stamped.utc_s:g} s since 1970")
+                raise ValueError(f"time {stamped.utc_s:g} s since 1970")
             yield stamped
     except (AssertionError, OverflowError, TypeError, ValueError, struct.error) as error:
-        text = f"{recording}: holds what no message of ROS can: {error!r}"
+        text = f"{recording}: has a value that no ROS message can hold: {error!r}"
         raise RecordingError(text) from error
 
 
 def _said_once() -> Any:
-    """Return the quality of service of what who comes late gets, too: the last of it."""
+    """Return the quality of service of latched topics: late subscribers get the last message."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -171,19 +171,19 @@ def _settings_of(recording: Path) -> Settings:
     for timed in read_timed(RunReader(recording), ()):
         if isinstance(timed.item, Life):
             return timed.item.settings
-    raise RecordingError(f"{recording}: begins in the middle, without /life")
+    raise RecordingError(f"{recording}: the start is missing: no record on /life")
 
 
 class _Converter:
-    """Makes of items what is on ROS while such a rover runs.
+    """Converts items of a recording to the ROS messages of such a rover.
 
     Args:
-        node: knows the names of topics.
-        settings: of the run.
-        store: serializes what is in no package of the wheels.
+        node: resolves topic names.
+        settings: settings of the run.
+        store: serializes message types that the PyPI wheels lack.
 
     Attributes:
-        said_once: topics whose last message is kept for those who come late.
+        said_once: latched topics, with the last message for late subscribers.
     """
 
     def __init__(self, node: Node, settings: Settings, store: Any) -> None:
@@ -204,9 +204,9 @@ class _Converter:
         self._store = store
 
     def items(self, recording: Path) -> Iterator[BagMessage]:
-        """Yield a message for each fact, velocity and report, and for the truth; the frames.
+        """Yield a message for each fact, velocity, report and ground truth, and the frames.
 
-        The angles of a camera have no stamp of their own: the last odometry's is on its frames.
+        Camera angles have no stamp: their frames get that of the last odometry.
         """
         stamp_s: float | None = None
         for timed in read_timed(RunReader(recording), {*_FACTS, Drove, Reported, Truth}):
@@ -273,7 +273,7 @@ class _Converter:
     def _frames(
         self, utc_s: float, topic: str, transforms: Iterable[TransformStamped]
     ) -> BagMessage:
-        """Return a message of tf2_msgs, which is in no package of the wheels."""
+        """Return a message of tf2_msgs, a package that the PyPI wheels lack."""
         types = self._store.types
         made = []
         for each in transforms:

@@ -1,7 +1,7 @@
-"""A ROS node of our own for the time of a `with`: set-up, settings and a clean end.
+"""Context managers for a ROS node: set-up, settings and a clean end.
 
-Signals stay with the process: rclpy's own handlers would shut ROS down before a last zero velocity
-could be sent.
+The process keeps its signal handlers: those of rclpy would shut ROS down before a last zero
+velocity could be published.
 """
 
 import os
@@ -45,14 +45,14 @@ def ros_node(
     """Yield a node without parameter services, in a context of its own.
 
     Args:
-        name: its name.
-        namespace: where its relative names lie.
+        name: name of the node.
+        namespace: namespace of its relative names.
         parameters: a ROS parameter file.
-        ros_arguments: what a user put after `--ros-args`; it counts more than the file.
-        domain_id: None takes ROS_DOMAIN_ID.
+        ros_arguments: user arguments after `--ros-args`; they override the file.
+        domain_id: ROS domain; None selects ROS_DOMAIN_ID.
 
     Raises:
-        ParameterError: the parameter file, an argument or a name makes no sense to ROS.
+        ParameterError: ROS refuses the parameter file, an argument or a name.
     """
     _stay_on_loopback()
     arguments = [ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
@@ -78,7 +78,7 @@ def ros_node(
                 start_parameter_services=False,
             )
         except NameValidationException as error:
-            raise ParameterError(f"{namespace!r} is no name for ROS: {error}") from error
+            raise ParameterError(f"{namespace!r} is not a valid ROS name: {error}") from error
         try:
             yield node
         finally:
@@ -89,7 +89,7 @@ def ros_node(
 
 @contextmanager
 def single_threaded(node: Node) -> Iterator[SingleThreadedExecutor]:
-    """Yield an executor that serves the node on the thread that calls it."""
+    """Yield an executor that serves the node on the calling thread."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     try:
@@ -99,7 +99,7 @@ def single_threaded(node: Node) -> Iterator[SingleThreadedExecutor]:
 
 
 class SpunNode:
-    """A node beside another, in its namespace, spun by a thread of its own until it is closed."""
+    """A second node in another one's namespace, spun by a thread of its own until it is closed."""
 
     def __init__(self, name: str, beside: Node) -> None:
         self.node = Node(
@@ -118,7 +118,7 @@ class SpunNode:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread, then the node."""
+        """Stop the thread, then destroy the node."""
         self._closing = True
         self._woken.trigger()  # type: ignore[no-untyped-call]
         self._thread.join()
@@ -131,18 +131,18 @@ class SpunNode:
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> None:
-    """Have a callback called by the steady clock, whatever time a simulation has."""
+    """Call a callback periodically by the steady clock, independent of simulated time."""
     node.create_timer(period_s, callback, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
 
 
 def subscribers_of(node: Node, publisher: Publisher) -> frozenset[bytes]:
-    """Return the identities of those who subscribe to a publisher's topic, as ROS knows them."""
+    """Return the endpoint ids (GID) of the subscribers to a publisher's topic."""
     found = node.get_subscriptions_info_by_topic(publisher.topic_name)
     return frozenset(bytes(each.endpoint_gid) for each in found)
 
 
 def _stay_on_loopback() -> None:
-    """Take the transports of the `rover` launcher, unless the environment names others."""
+    """Use the transports of the `rover` launcher, unless the environment configures others."""
     profile = config_folder() / "fastdds.xml"
     if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)

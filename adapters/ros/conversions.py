@@ -1,4 +1,4 @@
-"""ROS messages to facts and back. What is not a finite number is refused here."""
+"""Conversion between ROS messages and facts. Non-finite numbers are rejected here."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -17,16 +17,16 @@ from executive.values.geometry import Pose, Velocity
 _NORM_TOLERANCE: Final = 0.01
 PERCENT: Final = 100.0
 OVERFULL: Final = 1.1
-"""Charge up to which a gauge that reports ratios may err."""
+"""Maximum reading of a battery gauge that reports ratios: it may err by 0.1."""
 _FORMATS: Final = {"JPG": b"\xff\xd8\xff", "PNG": b"\x89PNG\r\n\x1a\n"}
 
 
 class MessageError(ValueError):
-    """A message says something that cannot be; the text names the field and its value."""
+    """A message has an impossible value; the text names the field and the value."""
 
 
 class IgnoredMessageError(MessageError):
-    """A message as sound sources send them beside those that are used."""
+    """A message to skip that valid publishers also send on the same topic."""
 
 
 def finite(value: float, name: str) -> float:
@@ -41,10 +41,10 @@ def finite(value: float, name: str) -> float:
 
 
 class Precision(IntEnum):
-    """Digits after the point that are kept of a figure in SI units.
+    """Number of decimal digits of stored figures in SI units.
 
-    They are finer than the noise of a rover's sensors, by about ten. What lies below is noise that
-    would fill a recording; it goes before the core decides, so that both have the same figures.
+    They are about ten times finer than the noise of a rover's sensors. Finer digits would only
+    enlarge recordings. Rounding precedes the core, so that it decides on the recorded figures.
     """
 
     TORQUE = 2
@@ -62,7 +62,7 @@ class Precision(IntEnum):
 
 
 def measured(value: float, kept: Precision) -> float:
-    """Return a figure as exactly as it is kept."""
+    """Return a figure rounded to its stored precision."""
     return round(value, kept)
 
 
@@ -77,7 +77,7 @@ def angles(
     """Return roll, pitch and heading in rad (REP 103: about x, y, z, fixed axes).
 
     Raises:
-        MessageError: it is not finite, or not of norm 1.
+        MessageError: the quaternion is not finite, or not of norm 1.
     """
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     norm = x * x + y * y + z * z + w * w
@@ -91,7 +91,7 @@ def angles(
 
 
 def pose_of(message: PoseMessage) -> Pose:
-    """Return place and lean.
+    """Return position (m) and orientation (rad).
 
     Raises:
         MessageError: the orientation is no rotation.
@@ -103,10 +103,10 @@ def pose_of(message: PoseMessage) -> Pose:
 
 
 def odometry_fact(message: OdometryMessage) -> Odometry:
-    """Return pose and velocity of base_link, and how sure the pose is.
+    """Return pose and velocity of base_link, with the standard deviations of the pose.
 
     Raises:
-        MessageError: a figure that is used is not finite, or the orientation is no rotation.
+        MessageError: a used figure is not finite, or the orientation is no rotation.
     """
     twist = message.twist.twist
     fact = Odometry(
@@ -125,11 +125,11 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
 
 
 def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
-    """Return standard deviations of place (m, the greater of x and y) and heading (rad).
+    """Return standard deviations of position (m, maximum of x and y) and heading (rad).
 
     Args:
-        covariance: of x, y, z and the rotations about them, by rows; what is 0, below it or not
-            finite says nothing, and gives 0.
+        covariance: 6 × 6 of x, y, z and the rotations about them, row by row; entries that are
+            zero, negative or not finite mean unknown and give 0.
     """
     x_m2, y_m2, heading_rad2 = (
         float(covariance[at]) if isfinite(covariance[at]) else 0.0 for at in (0, 7, 35)
@@ -141,11 +141,11 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
 
 
 class BatteryReader:
-    """Makes facts of battery messages, and learns what the driver's percentage means.
+    """Converts battery messages to facts, and detects the unit of the driver's percentage.
 
     Attributes:
-        percent: whether it counts to 100, for good once it was above 1; else it is a ratio.
-        on_percent: called when that is found out.
+        percent: whether it is in percent; set for good by the first value above 1.1; else a ratio.
+        on_percent: called when that is detected.
     """
 
     def __init__(self, on_percent: Callable[[str], None]) -> None:
@@ -153,15 +153,15 @@ class BatteryReader:
         self._on_percent = on_percent
 
     def fact(self, message: BatteryState) -> Battery:
-        """Return the voltage, NaN where it is not measured, and the charge, if it is known.
+        """Return the voltage in V, NaN if not measured, and the charge ratio, if known.
 
-        0 is an empty battery where a charge was reported before, or the battery is there with a
-        voltage: drivers that measure no charge leave both out.
+        A charge of 0 means an empty battery if a charge was reported before, or if the battery is
+        present with a voltage: drivers that measure no charge set neither.
         """
         charge, voltage_v = message.percentage, measured(message.voltage, Precision.VOLTAGE)
         if OVERFULL < charge <= PERCENT and not self.percent:
             self.percent = True
-            self._on_percent(f"the battery reports its charge as {charge:g}: it counts to 100")
+            self._on_percent(f"the battery reports its charge as {charge:g}: taken as percent")
         if self.percent:
             charge /= PERCENT
         elif 1.0 < charge <= OVERFULL:
@@ -175,7 +175,7 @@ def frame_fact(message: CompressedImage) -> Frame:
     """Return the picture.
 
     Raises:
-        MessageError: the octets are not of a picture in a known format.
+        MessageError: the octets are not a picture in a known format.
     """
     data = bytes(message.data)
     for name, magic in _FORMATS.items():
@@ -192,7 +192,7 @@ def time_message(time_s: float) -> Time:
     """Return seconds as a stamp.
 
     Raises:
-        OverflowError: they do not fit; rclpy would write another time, or fail without a reason.
+        OverflowError: out of range; rclpy would write another time or fail without a cause.
     """
     seconds, nanoseconds = divmod(round(time_s * 1e9), 10**9)
     if not -(2**31) <= seconds < 2**31:
@@ -201,13 +201,13 @@ def time_message(time_s: float) -> Time:
 
 
 def quaternion(pose: Pose) -> Quaternion:
-    """Return roll, pitch and heading as a rotation."""
+    """Return roll, pitch and heading as a quaternion."""
     x, y, z, w = pose.quaternion
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def odometry_message(fact: Odometry) -> OdometryMessage:
-    """Return pose and velocity of base_link in the odometry frame, and how sure the pose is."""
+    """Return pose and velocity of base_link in the odometry frame, with the pose covariance."""
     message = OdometryMessage()
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = ODOM
@@ -223,7 +223,7 @@ def odometry_message(fact: Odometry) -> OdometryMessage:
 
 
 def pose_covariance(position_sd_m: float, heading_sd_rad: float) -> list[float]:
-    """Return that of a pose, by rows, with the same figure for each axis."""
+    """Return the covariance of a pose, row by row, with equal variances for all axes."""
     covariance = [0.0] * 36
     covariance[0] = covariance[7] = covariance[14] = position_sd_m * position_sd_m
     covariance[21] = covariance[28] = covariance[35] = heading_sd_rad * heading_sd_rad
@@ -231,7 +231,7 @@ def pose_covariance(position_sd_m: float, heading_sd_rad: float) -> list[float]:
 
 
 def battery_message(fact: Battery, time_s: float) -> BatteryState:
-    """Return voltage and charge; what is not measured is NaN, as the message type asks."""
+    """Return voltage and charge; unmeasured fields are NaN, as the message type requires."""
     unknown = float("nan")
     message = BatteryState(
         voltage=fact.voltage_v,

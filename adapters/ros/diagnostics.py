@@ -1,4 +1,4 @@
-"""Health as a DiagnosticArray: of any node, and of the executive with how regularly it ticks."""
+"""Health as a DiagnosticArray: of any node, and of the executive with its tick statistics."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class TickStatistics:
-    """The ticks since the last diagnosis.
+    """Statistics of the ticks since the last diagnosis.
 
     Attributes:
-        periods, elapsed_s: how many times there were from one tick to the next, and their sum.
-        overruns: ticks since the start that came late by half a period or took a whole one.
+        periods, elapsed_s: number of intervals between ticks, and their sum.
+        overruns: ticks since the start that were late by half a period or lasted more than one.
     """
 
     ticks: int = 0
@@ -35,7 +35,7 @@ class TickStatistics:
 
     @property
     def period_s(self) -> float | None:
-        """Mean time from one tick to the next; None with fewer than two."""
+        """Mean time between ticks, s; None with fewer than two."""
         return self.elapsed_s / self.periods if self.periods else None
 
 
@@ -43,10 +43,10 @@ class TickMonitor:
     """Measures ticks in real time.
 
     Args:
-        period_s: what the period should be, in real time.
+        period_s: nominal period in real time.
 
     Attributes:
-        statistics: since the last that was taken.
+        statistics: statistics since the last call of `take`.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -74,7 +74,7 @@ class TickMonitor:
             now.overruns += late or took_s > self._period_s
 
     def take(self) -> TickStatistics:
-        """Return what was measured since the last call."""
+        """Return the statistics since the last call."""
         taken, self.statistics = self.statistics, TickStatistics(overruns=self.statistics.overruns)
         return taken
 
@@ -87,18 +87,18 @@ def diagnose(
     name: str,
     stamp: Time,
 ) -> DiagnosticArray:
-    """Return three statuses: of the executive, of its tree and of the faults that are not over.
+    """Return three statuses: of the executive, its tree and its active faults.
 
-    The first is ERROR when SAFE, WARN for late ticks, no odometry or bad messages, the last is WARN
-    if there is a fault. The tree's has the nodes that were ticked last.
+    The first is ERROR in SAFE, WARN for late ticks, missing odometry or bad messages. The second
+    has the nodes of the last tick. The third is WARN if a fault is active.
 
     Args:
-        executive: who is diagnosed.
-        snapshot: of its tree.
-        ticks: those since the last diagnosis.
-        rejected: messages refused since the last diagnosis.
-        name: the node's full name.
-        stamp: when, on the node's clock.
+        executive: the diagnosed executive.
+        snapshot: snapshot of its tree.
+        ticks: statistics since the last diagnosis.
+        rejected: number of messages rejected since the last diagnosis.
+        name: full name of the node.
+        stamp: time on the node's clock.
     """
     status = executive.status
     late = ticks.ticks == 0 or ticks.longest_tick_s > executive.settings.tick_s
@@ -152,15 +152,15 @@ def diagnose(
 def diagnostic_array(
     name: str, hardware_id: str, level: bytes, text: str, values: Mapping[str, object], stamp: Time
 ) -> DiagnosticArray:
-    """Return one status as it goes to /diagnostics.
+    """Return one status as a message for /diagnostics.
 
     Args:
-        name: the node's full name, and what of it the status is of.
-        hardware_id: the asset or device.
-        level: of `DiagnosticStatus`.
-        text: why.
-        values: what else is known.
-        stamp: when, on the node's clock.
+        name: full name of the node, and the subject of the status.
+        hardware_id: name of the asset or device.
+        level: constant of `DiagnosticStatus`.
+        text: summary.
+        values: further figures.
+        stamp: time on the node's clock.
     """
     message = DiagnosticArray()
     message.header.stamp = stamp

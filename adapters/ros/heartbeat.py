@@ -1,8 +1,8 @@
-"""Heartbeats on ROS: who commands says that it lives, and who obeys notices when it falls silent.
+"""Heartbeats on ROS: a commander publishes them, and the receiver of commands supervises them.
 
-A commander publishes on a topic beside that of its commands, from the thread that does its work,
-so that a process that is killed, stopped or hangs falls silent alike. What is published is a number
-of the process: another number is another process, and the one before is gone.
+A commander publishes on a topic next to that of its commands, from the thread that does its work.
+A process that is killed, stopped or hangs then becomes silent in the same manner. The message is a
+number of the process: a different number means a different process, whose predecessor has ended.
 """
 
 import time
@@ -20,21 +20,21 @@ HEARTBEAT_S: Final = 0.1
 
 
 def publish_heartbeat(node: Node, commands: Topic) -> None:
-    """Say every `HEARTBEAT_S`, while the node is served, that the sender of commands lives."""
+    """Publish a heartbeat for the sender of commands every `HEARTBEAT_S`, while the node spins."""
     publisher = node.create_publisher(UInt64, _topic(commands), _qos())
     alive = UInt64(data=time.time_ns())
     steady_timer(node, HEARTBEAT_S, lambda: publisher.publish(alive))
 
 
 class HeartbeatMonitor:
-    """Notices that a commander has fallen silent.
+    """Detects that a commander is silent.
 
-    Looks are counted, not time: where this process itself gets no time, no look is taken, and
-    nobody is taken for gone on that account.
+    It counts polls, not time: while this process itself is not scheduled, it polls nothing, and no
+    commander times out.
 
     Args:
-        silent_s: a commander that was not heard for so long is gone.
-        silent: called once each time that the commander falls silent, or another takes its place.
+        silent_s: timeout of the commander, s.
+        silent: called once each time that the commander times out, or another one replaces it.
     """
 
     def __init__(self, silent_s: float, silent: Callable[[], None]) -> None:
@@ -45,29 +45,29 @@ class HeartbeatMonitor:
 
     @property
     def alive(self) -> bool:
-        """Whether the commander was heard of late."""
+        """Whether the commander is within its timeout."""
         return self._misses < self._most
 
     def heartbeat(self, sender: int) -> None:
-        """Take a heartbeat of a process."""
+        """Record a heartbeat of a process."""
         if self._sender not in (None, sender) and self.alive:
             self._silent()
         self._sender = sender
         self._misses = 0
 
     def command(self) -> None:
-        """Take a command for a sign of life."""
+        """Record a command, which counts as a heartbeat."""
         self._misses = 0
 
     def look(self) -> None:
-        """Count a look in which nothing was heard; call every `HEARTBEAT_S`."""
+        """Count a poll without a message; call every `HEARTBEAT_S`."""
         self._misses += 1
         if self._misses == self._most:
             self._silent()
 
 
 def watch(node: Node, commands: Topic, monitor: HeartbeatMonitor) -> None:
-    """Have a monitor hear the heartbeats of who commands, and look every `HEARTBEAT_S`."""
+    """Subscribe a monitor to the heartbeats of a commander, and poll it every `HEARTBEAT_S`."""
 
     def hear(heartbeat: UInt64) -> None:
         monitor.heartbeat(heartbeat.data)
@@ -75,7 +75,7 @@ def watch(node: Node, commands: Topic, monitor: HeartbeatMonitor) -> None:
     subscription = node.create_subscription(UInt64, _topic(commands), hear, _qos())
 
     def look() -> None:
-        # rclpy serves timers first: a heartbeat that waits is no silence.
+        # rclpy serves timers first: a queued heartbeat must not count as silence.
         waiting = subscription.handle
         with waiting:
             while (taken := waiting.take_message(UInt64, False)) is not None:

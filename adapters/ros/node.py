@@ -1,4 +1,4 @@
-"""Wires an executive to ROS: messages become facts, timers become ticks, all on one thread."""
+"""Connects an executive to ROS: messages become facts, timers become ticks, all on one thread."""
 
 import logging
 import time
@@ -47,7 +47,7 @@ from trees import snapshot_of
 HEALTH_S: Final = 1.0
 STOP_SOURCE: Final = "ROS"
 STOP_LINK: Final = "ros"
-"""Of stops by the service `~/e_stop`."""
+"""Link of stops by the service `~/e_stop`."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -64,12 +64,12 @@ def clock_of(node: Node) -> Clock:
 class ExecutiveNode:
     """Serves one executive with ROS, on the thread that spins the node, which is the core's.
 
-    A message that cannot be used is rejected, counted, and reported to the core with the reason:
-    the fact is then missing, and the core stands when it needs it. A callback that raises is a
-    fault: the rover stands, SAFE, and the process goes on.
+    An invalid message is rejected, counted, and reported to the core with the reason: its fact is
+    then missing, and the core stops the rover if it needs it. A callback that raises is a fault:
+    the rover stops, SAFE, and the process continues.
 
     Attributes:
-        on_ticks: is told each second how regular the ticks were.
+        on_ticks: called each second with the tick statistics.
     """
 
     def __init__(
@@ -135,13 +135,13 @@ class ExecutiveNode:
         self._executive.wake = lambda: None
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Have what takes messages called, contained."""
+        """Subscribe a callback to a topic; exceptions are contained."""
         self._node.create_subscription(kind, topic.name, self.contained(callback), topic.qos)
 
     def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Have what takes messages called on a thread of its own, whatever the core is at.
+        """Subscribe a callback on a thread of its own, independent of the core's load.
 
-        What it raises is contained on the core's thread.
+        Its exceptions are contained on the core's thread.
         """
 
         def call(message: Any) -> None:
@@ -154,13 +154,13 @@ class ExecutiveNode:
         self._node_apart(name).create_subscription(kind, name, call, topic.qos)
 
     def _node_apart(self, served: str) -> Node:
-        """Return a node spun by a thread of its own, whatever the core is at, for a name on ROS."""
+        """Return a node spun by its own thread, independent of the core's load, for a topic."""
         spun = SpunNode(f"{self._node.get_name()}_{served.rsplit('/', 1)[-1]}", self._node)
         self._apart.append(spun)
         return spun.node
 
     def _serve_stop(self) -> None:
-        """Serve `~/e_stop`: a stop like any other, until resumed, whatever the core is at."""
+        """Serve `~/e_stop`: an ordinary stop, until resumed, independent of the core's load."""
         numbers = count(round(time.time() * 1e6))
         name = self._node.resolve_service_name("~/e_stop")
 
@@ -174,7 +174,7 @@ class ExecutiveNode:
         self._node_apart(name).create_service(Trigger, name, stop)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback that raises nothing: what it raises is rejected, or makes SAFE."""
+        """Return a callback without exceptions: they reject the message, or make SAFE."""
 
         def call(*arguments: Any) -> None:
             try:
@@ -190,7 +190,7 @@ class ExecutiveNode:
         fact_of: Callable[[Any], Any],
         observe: Callable[[Any], None] | None = None,
     ) -> Callable[[Any], None]:
-        """Return what takes the messages of a source, contained, and observes their facts."""
+        """Return a contained callback that observes the facts of a source's messages."""
         return self.contained(self._data.receiving(source, fact_of, observe or self._observe))
 
     def _on_odometry(self, fact: OdometryFact) -> None:
@@ -199,9 +199,9 @@ class ExecutiveNode:
         self._observe(fact)
 
     def _observe(self, fact: Fact) -> None:
-        """Take in a fact, unless nothing can be dated: simulated time is 0 until it is heard."""
+        """Observe a fact if it can be dated: simulated time is 0 until /clock is received."""
         if self._clock.now_s() <= 0.0:
-            raise IgnoredMessageError("simulated time is 0: nobody publishes /clock")
+            raise IgnoredMessageError("simulated time is 0: no publisher of /clock")
         self._executive.observe(fact)
 
     def _on_pan(self, message: Float64) -> None:
@@ -225,7 +225,7 @@ class ExecutiveNode:
         self._observe(frame)
 
     def _catch_up(self) -> None:
-        """Take odometry that waits, which is not old because rclpy serves timers first; sensors."""
+        """Process queued odometry, since rclpy serves timers first; then poll the sensors."""
         waiting = self._odometry.handle
         with waiting:
             while (taken := waiting.take_message(Odometry, False)) is not None:
@@ -293,12 +293,12 @@ class ExecutiveNode:
 class RosClock:
     """Simulated time for deadlines and ages; UTC of this machine for stamps and lifetimes.
 
-    A command's lifetime is counted in the UTC of the ground, whatever a simulation does with time,
-    so that `utc_s` is never simulated.
+    A command's lifetime is counted in the UTC of the ground, independent of simulated time, so
+    `utc_s` is never simulated.
 
     Args:
-        clock: the node's clock, with `use_sim_time` set. When it jumps back, because the simulation
-            started anew, time stands still here for that moment and then goes on.
+        clock: the node's clock, with `use_sim_time` set. When it jumps back, because the
+            simulation restarted, this clock pauses for that moment and then continues.
     """
 
     def __init__(self, clock: NodeClock) -> None:

@@ -18,12 +18,12 @@ _RELIABILITY = {
 
 
 class ParameterError(SettingsError):
-    """A ROS parameter is missing or wrong; the text names it and says what it should be."""
+    """A ROS parameter is missing or invalid; the text names it and its valid values."""
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic and how it is spoken."""
+    """A topic with its quality of service."""
 
     name: str
     qos: QoSProfile
@@ -40,17 +40,17 @@ class Topics:
     camera_compressed: Annotated[Topic, "sensor_msgs/CompressedImage of the camera"]
     camera_image: Annotated[Topic, "sensor_msgs/Image of the camera"]
     cmd_vel: Annotated[Topic, "geometry_msgs/Twist that moves the rover"]
-    camera_pan: Annotated[Topic, "std_msgs/Float64, wanted pan, rad"]
-    camera_tilt: Annotated[Topic, "std_msgs/Float64, wanted tilt, rad"]
-    camera_speed: Annotated[Topic, "std_msgs/Float64, greatest speed of pan and tilt, rad/s"]
-    ground_truth: Annotated[Topic, "nav_msgs/Odometry, where a simulated rover really is"]
+    camera_pan: Annotated[Topic, "std_msgs/Float64, commanded pan, rad"]
+    camera_tilt: Annotated[Topic, "std_msgs/Float64, commanded tilt, rad"]
+    camera_speed: Annotated[Topic, "std_msgs/Float64, maximum speed of pan and tilt, rad/s"]
+    ground_truth: Annotated[Topic, "nav_msgs/Odometry, true pose of a simulated rover"]
 
 
 def declare_topics(node: Node) -> Topics:
     """Declare and read the parameters of every topic.
 
     Raises:
-        ParameterError: one is missing or wrong.
+        ParameterError: one is missing or invalid.
     """
     hints = get_type_hints(Topics, include_extras=True)
     return Topics(
@@ -62,7 +62,7 @@ def declare_rate(node: Node, name: str, meaning: str) -> float:
     """Declare and read a rate in Hz, above 0.
 
     Raises:
-        ParameterError: it is missing or wrong.
+        ParameterError: it is missing or invalid.
     """
     rate_hz = float(declare_value(node, name, Parameter.Type.DOUBLE, f"{meaning}, Hz"))
     if not 0.0 < rate_hz <= 1000.0:
@@ -71,10 +71,10 @@ def declare_rate(node: Node, name: str, meaning: str) -> float:
 
 
 def declare_flag(node: Node, name: str, meaning: str) -> bool:
-    """Declare and read whether something is wanted; it is not where the parameter is missing.
+    """Declare and read a flag; a missing parameter means False.
 
     Raises:
-        ParameterError: it is wrong.
+        ParameterError: it is not a Boolean.
     """
     return bool(_declared(node, name, Parameter.Type.BOOL, meaning))
 
@@ -83,17 +83,17 @@ def declare_topic(node: Node, key: str, meaning: str) -> Topic:
     """Declare and read the parameters of one topic.
 
     Raises:
-        ParameterError: one is missing or wrong.
+        ParameterError: one is missing or invalid.
     """
     name = declare_value(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
     return Topic(name, _declare_qos(node, key, meaning))
 
 
 def declare_optional_topic(node: Node, key: str, meaning: str) -> Topic | None:
-    """Declare and read the parameters of a topic that an asset need not have: it may be empty.
+    """Declare and read the parameters of an optional topic; return None if its name is empty.
 
     Raises:
-        ParameterError: it has one, and a parameter is missing or wrong.
+        ParameterError: it has a name, and another parameter is missing or invalid.
     """
     name = _declared(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
     return Topic(name, _declare_qos(node, key, meaning)) if name else None
@@ -117,7 +117,7 @@ def declare_value(node: Node, name: str, kind: Parameter.Type, description: str)
     """Declare and read one parameter.
 
     Raises:
-        ParameterError: it is missing, or of another kind.
+        ParameterError: it is missing, or of another type.
     """
     value = _declared(node, name, kind, description)
     if value is None:

@@ -1,4 +1,4 @@
-"""What becomes of the messages of each source, and why some reach nobody."""
+"""Statistics of the messages of each source, and the reasons for their rejection."""
 
 import logging
 import time
@@ -15,12 +15,12 @@ from executive.values.facts import RejectedData, Source
 from executive.values.reports import printable, without_figures
 
 IGNORED_IN_A_ROW: Final = 8
-"""Ignored messages after which none that is used is expected: other joints are published a few
-times as often as the wheels, and a sound source repeats a stamp once or twice."""
+"""Consecutive ignored messages after which a source is rejected: other joints are published a few
+times as often as the wheels, and a valid source repeats a stamp once or twice."""
 MAX_REASON_LENGTH: Final = 300
-"""Characters of what messages say of themselves: names of joints, formats of pictures."""
+"""Maximum length of a reason, which quotes messages: names of joints, formats of pictures."""
 _STAMPED: Final = frozenset(Source) - {Source.BATTERY, Source.CAMERA}
-"""Sources whose stamps are judged here; a picture's is compared with the request for it."""
+"""Sources whose stamps are checked here; that of a picture is compared with its request."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -39,12 +39,12 @@ class _Tally:
 
 
 class ReceivedData:
-    """Counts the messages of each source, and reports those rejected: at once, then each second.
+    """Counts the messages of each source, and reports rejected ones: at once, then each second.
 
     Args:
-        node: knows the graph.
-        topics: message type and topic of each source; of `Source.VELOCITY` it is published.
-        report: takes the rejections.
+        node: gives access to the ROS graph.
+        topics: message type and topic of each source; `Source.VELOCITY` is published.
+        report: called with the rejections.
     """
 
     def __init__(
@@ -59,13 +59,13 @@ class ReceivedData:
 
     @property
     def rejected(self) -> int:
-        """Messages rejected since the last report."""
+        """Number of messages rejected since the last report."""
         return sum(each.rejected for each in self._tallies.values() if each.reason)
 
     def receiving(
         self, source: Source, fact_of: Callable[[Any], Any], observe: Callable[[Any], None]
     ) -> Callable[[Any], None]:
-        """Return what takes the messages of a source, and hands on their facts."""
+        """Return a callback for the messages of a source, which passes on their facts."""
         tally = self._tallies[source]
 
         def receive(message: Any) -> None:
@@ -97,7 +97,7 @@ class ReceivedData:
             _LOG.warning("%s is rejected: %s", source.value, tally.reason)
 
     def report(self) -> None:
-        """Report what was rejected since the last call, and what is sent and not received."""
+        """Report messages rejected since the last call, and topics sent but not received."""
         before_s, self._since_s = self._since_s, time.monotonic()
         period_s = max(self._since_s - before_s, 1e-3)
         for source, tally in self._tallies.items():
@@ -110,11 +110,11 @@ class ReceivedData:
             tally.received, tally.rejected, tally.reason = 0, 0, ""
 
     def _mismatch(self, source: Source) -> str | None:
-        """Return why no other end of a topic fits this node's; None where one does, or none is."""
+        """Return why no peer of a topic matches this node; None if one does or there is no peer."""
         (kind, topic), node = self._topics[source], self._node
         name, sent = node.resolve_topic_name(topic.name), source is Source.VELOCITY
         if sent and all(each.topic_name != name for each in node.publishers):
-            return None  # a rover that moves by itself
+            return None  # a rover that executes whole motions
         find = node.get_subscriptions_info_by_topic if sent else node.get_publishers_info_by_topic
         others = [each for each in find(name) if each.node_name != node.get_name()]
         wanted = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
@@ -122,7 +122,7 @@ class ReceivedData:
         if others and not fitting:
             types = ", ".join(sorted({each.topic_type.rpartition("/")[2] for each in others}))
             if sent:
-                who = f"nobody subscribes to {topic.name} as {kind.__name__}"
+                who = f"no subscriber to {topic.name} as {kind.__name__}"
                 return f"{who}, the base subscribes as {types}"
             return f"{topic.name} is published as {types}, and subscribed to as {kind.__name__}"
         ends = [(topic.qos, each) if sent else (each, topic.qos) for each in fitting]

@@ -1,11 +1,11 @@
-"""What tools of ROS draw a rover by: its frames, and a small URDF made of its settings.
+"""Robot model for ROS tools: the rover's frames, and a small URDF made from its settings.
 
-On a robot its own robot_state_publisher tells them; here the simulation does, bags do, and the
-executive where the parameter `robot_model` asks for it.
+On a robot its own robot_state_publisher publishes them. Here the simulation and bags do, and the
+executive if the parameter `robot_model` is set.
 
     odom ─ base_link ─ camera_pan_link ─ camera_link ─ camera_optical
 
-The settings do not say where on the rover its camera is: its frames lie at base_link's origin.
+The settings do not have the camera's position on the rover: its frames are at base_link's origin.
 """
 
 import logging
@@ -27,30 +27,30 @@ from executive.values.geometry import Pose
 CAMERA_PAN: Final = "camera_pan_link"
 CAMERA_LINK: Final = "camera_link"
 CAMERA_OPTICAL: Final = "camera_optical"
-"""Of pictures: z ahead, x to the right (REP 103)."""
+"""Frame of pictures: z forward, x to the right (REP 103)."""
 ROBOT_DESCRIPTION: Final = "robot_description"
 TF: Final = "/tf"
 TF_STATIC: Final = "/tf_static"
 _OPTICAL: Final = Pose(roll_rad=-pi / 2, heading_rad=-pi / 2)
 _BODY_M: Final = 0.15
-"""Height of what is drawn of the body; the settings say its length and width."""
+"""Height of the drawn body; its length and width are in the settings. Chosen, not measured."""
 _CAMERA_M: Final = 0.06
 _WHEEL_M: Final = 0.04
 _LOG: Final = logging.getLogger(__name__)
 
 
 def kept_for_late_joiners(depth: int = 1) -> QoSProfile:
-    """Return the quality of service of what is said once."""
+    """Return the quality of service of latched topics."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # type: ignore[no-untyped-call]
 
 
 def base_transform(fact: Odometry) -> TransformStamped:
-    """Return where base_link is in the odometry frame."""
+    """Return the transform of base_link in the odometry frame."""
     return _transform(fact.stamp_s, ODOM, BASE_LINK, fact.pose)
 
 
 def camera_transforms(fact: CameraAngles, time_s: float) -> list[TransformStamped]:
-    """Return how the camera is turned on the rover."""
+    """Return the transforms of the camera's pan and tilt on the rover."""
     pan, tilt = Pose(heading_rad=fact.pan_rad), Pose(pitch_rad=-fact.tilt_rad)
     return [
         _transform(time_s, BASE_LINK, CAMERA_PAN, pan),
@@ -59,7 +59,7 @@ def camera_transforms(fact: CameraAngles, time_s: float) -> list[TransformStampe
 
 
 def static_transforms(time_s: float) -> list[TransformStamped]:
-    """Return what does not move."""
+    """Return the static transforms."""
     return [_transform(time_s, CAMERA_LINK, CAMERA_OPTICAL, _OPTICAL)]
 
 
@@ -74,7 +74,7 @@ def _transform(time_s: float, parent: str, child: str, pose: Pose) -> TransformS
 
 
 def urdf(settings: Settings) -> str:
-    """Return a URDF: the footprint as a box, wheels where their radius is known, the camera."""
+    """Return a URDF: the footprint as a box, wheels if their radius is known, the camera."""
     robot = Xml.Element("robot", name=settings.asset)
     base = Xml.SubElement(robot, "link", name=BASE_LINK)
     joints, footprint = settings.sensors.joints, settings.footprint
@@ -131,9 +131,9 @@ def _turning(
 
 
 class RobotModelPublisher:
-    """Publishes `robot_description`, and the frames where ROS has tf2_msgs.
+    """Publishes `robot_description`, and the frames if ROS has tf2_msgs.
 
-    The wheels of PyPI have none; then that is logged, and `/tf` is silent.
+    The wheels of PyPI have none; that is logged, and nothing is published on `/tf`.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:

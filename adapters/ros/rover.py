@@ -1,6 +1,6 @@
-"""What the node needs of a rover, and the rover that takes velocities on `cmd_vel`.
+"""The node's interface to a rover, and the rover that receives velocities on `cmd_vel`.
 
-The latter has the lock and the other inputs of the mux before it. docs/add-a-rover.md shows others.
+The latter includes the lock and the other inputs of its mux. docs/add-a-rover.md shows others.
 """
 
 from collections import deque
@@ -25,59 +25,59 @@ from executive.values.geometry import STANDING, Velocity
 from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
 
 GUARD_NAME: Final = "executive_guard"
-"""The node of the process that has the rover stand when the executive is gone."""
+"""Node name of the process that stops the rover when the executive has ended."""
 LOCK_QOS: Final = 10
-"""Depth; reliable, as twist_mux listens."""
+"""Queue depth of the lock; reliable, as twist_mux subscribes."""
 SENT: Final = 100
-"""Velocities of this process that are known when they come back: five seconds."""
+"""Number of own velocities recognised when they are received again: five seconds."""
 NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
-"""What ROS says of a publisher whose node discovery has not told yet."""
+"""Node name that ROS gives for a publisher before its discovery is complete."""
 LOOK_UP_S: Final = 1.0
-"""After so long a silence it is looked up anew who publishes."""
+"""Silence of a topic after which its publishers are looked up again."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
-"""Subscribes: a message type, a topic, and what takes the messages."""
+"""Subscribes a callback: message type, topic, callback for the messages."""
 
 
 class RosAsset(Protocol):
-    """A rover on ROS. Used on the executor's thread, but for `emergency_stop`.
+    """A rover on ROS. Used on the executor's thread, except `emergency_stop`.
 
     Attributes:
-        on_frame: gets each compressed image while a frame is wanted; set before the first request.
+        on_frame: called with each image while a frame is requested; set before the first request.
     """
 
     on_frame: Callable[[CompressedImage], None]
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Subscribe to what this kind of rover alone tells."""
+        """Subscribe to the topics that only this kind of rover has."""
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
-        """Return what of this kind of rover is to hear reports."""
+        """Return the downlinks of this kind of rover that receive reports."""
 
     def frame_taken(self) -> None:
-        """Stop listening to the camera."""
+        """Unsubscribe from the camera."""
 
     def stand(self) -> None:
-        """Make the rover stand, if the executive moves it."""
+        """Stop the rover, if the executive moves it."""
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last command has been received; return whether it was."""
 
 
 class RosVelocityRover(RosAsset, VelocityRover, Protocol):
-    """A rover on ROS that takes velocities."""
+    """A rover on ROS that receives velocities."""
 
 
 class RosMotionRover(RosAsset, DelegatedMotionRover, Protocol):
-    """A rover on ROS that carries out whole motions by itself."""
+    """A rover on ROS that executes whole motions by itself."""
 
 
 class RosFrames:
-    """A camera that costs nothing while no frame is wanted.
+    """A camera that uses no bandwidth while no frame is requested.
 
-    The subscription is made for a request, and ends with the frame that answers it.
+    The subscription starts with a request and ends with the frame that answers it.
 
     Attributes:
-        on_frame: gets each compressed image while a frame is wanted; set before the first request.
+        on_frame: called with each image while a frame is requested; set before the first request.
     """
 
     on_frame: Callable[[CompressedImage], None]
@@ -92,24 +92,24 @@ class RosFrames:
         return ()
 
     def request_frame(self) -> None:
-        """Listen to the camera until `frame_taken`."""
+        """Subscribe to the camera until `frame_taken`."""
         if self._frames is None:
             self._frames = self._node.create_subscription(
                 CompressedImage, self._image.name, self.on_frame, self._image.qos
             )
 
     def lock(self, held: bool) -> None:
-        """Do nothing: no mux is before this rover."""
+        """Ignore the lock: this rover has no mux."""
 
     def frame_taken(self) -> None:
-        """Stop listening to the camera."""
+        """Unsubscribe from the camera."""
         if self._frames is not None:
             self._node.destroy_subscription(self._frames)
             self._frames = None
 
 
 class RosCamera(RosFrames):
-    """Publishes where the camera is to point, and takes frames on request."""
+    """Publishes the camera's set point, and receives frames on request."""
 
     def __init__(self, node: Node, topics: Topics) -> None:
         super().__init__(node, topics.camera_compressed)
@@ -119,26 +119,26 @@ class RosCamera(RosFrames):
         self._speed = node.create_publisher(Float64, speed.name, speed.qos)
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Publish the camera's greatest speed and its angles."""
+        """Publish the camera's maximum speed and its angles."""
         self._speed.publish(Float64(data=wanted.speed_radps))
         self._pan.publish(Float64(data=wanted.pan_rad))
         self._tilt.publish(Float64(data=wanted.tilt_rad))
 
 
 class RosMux:
-    """The executive's side of a mux before the base: holds its lock, hears its other inputs.
+    """The executive's side of a mux in front of the base: holds its lock, monitors other inputs.
 
     While the lock is held, zero is published on the input for stops, if the mux has one: a base
-    that hears nothing would go on until its own timeout is over.
+    that receives nothing would move on until its own timeout.
 
     Args:
-        node: where topics are made.
-        velocity: the topic on which the executive publishes.
-        settings: of the mux.
-        clock: the core's.
+        node: creates the topics.
+        velocity: the executive's velocity topic.
+        settings: settings of the mux.
+        clock: the core's clock.
 
     Raises:
-        ParameterError: the executive would publish on another topic than its input of the mux.
+        ParameterError: the executive's velocity topic differs from its input of the mux.
     """
 
     def __init__(self, node: Node, velocity: Topic, settings: MuxSettings, clock: Clock) -> None:
@@ -146,8 +146,8 @@ class RosMux:
         if node.resolve_topic_name(own.topic) != node.resolve_topic_name(velocity.name):
             raise ParameterError(
                 f"parameter cmd_vel.topic is {velocity.name}, but the executive's input of the mux,"
-                f" {settings.input}, is heard at {own.topic}: make them the same, or leave the"
-                " section mux out of the asset's settings where there is no mux"
+                f" {settings.input}, has the topic {own.topic}: make them the same, or leave the"
+                " section mux out of the asset's settings if there is no mux"
             )
         self._node, self._settings, self._clock = node, settings, clock
         self._qos = velocity.qos
@@ -156,7 +156,7 @@ class RosMux:
         self._stop = None if stop is None else node.create_publisher(Twist, stop, velocity.qos)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Tell the core of velocities on other inputs."""
+        """Report velocities on other inputs to the core."""
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
             if name not in (self._settings.input, self._settings.stop):
@@ -165,13 +165,13 @@ class RosMux:
                 subscribe(Twist, Topic(entry.topic, self._qos), tell)
 
     def hold(self, held: bool) -> None:
-        """Publish the lock, held or not: the guard of an executive before may have taken it."""
+        """Publish the lock, held or not: the guard of an earlier executive may have locked it."""
         self._lock.publish(Bool(data=held))
         if held:
             self._zero()
 
     def take(self) -> None:
-        """Take the lock, from any thread; nothing here is changed by it."""
+        """Lock the mux, from any thread; changes no state here."""
         self._zero()
         self._lock.publish(Bool(data=True))
 
@@ -180,12 +180,12 @@ class RosMux:
             self._stop.publish(Twist())
 
     def flush(self, timeout_s: float) -> bool:
-        """Wait until what was published last has been received; return whether it was."""
+        """Wait until the last lock has been received; return whether it was."""
         return self._lock.wait_for_all_acked(Duration(seconds=timeout_s))
 
 
 class _Publishers:
-    """Who publishes a topic, looked up in the graph when it is heard after a silence."""
+    """Publishers of a topic, looked up in the graph at its first message after a silence."""
 
     def __init__(self, node: Node, clock: Clock, topic: str) -> None:
         self._node, self._clock, self._topic = node, clock, topic
@@ -207,12 +207,12 @@ def _tell_of(
 
 
 def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish a topic beside this node, sorted.
+    """Return the full names of the nodes that publish a topic besides this node, sorted.
 
-    One publisher of this node's own name is ours; a second one is another process under our name,
-    and counts. All of its guard are: a process that was killed stays in the graph for up to 20 s,
-    beside the one that replaces it. One that has just begun may have no name yet, and is left out
-    until it has.
+    One publisher with this node's own name is its own. A second one is another process under the
+    same name, and counts. All publishers of the guard are its own: a killed process stays in the
+    graph for up to 20 s, next to its successor. A new publisher without a name is left out until
+    its name is known.
     """
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     names = sorted(
@@ -227,13 +227,13 @@ def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
 
 
 class RosRover(RosCamera):
-    """Publishes what the arbiter decides. Used on the executor's thread, but for one method."""
+    """Publishes the arbiter's output. Used on the executor's thread, except `emergency_stop`."""
 
     def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
-        """Make the publishers.
+        """Create the publishers.
 
         Raises:
-            ParameterError: velocities would not go where the mux of the settings hears them.
+            ParameterError: the velocity topic is not the executive's input of the mux.
         """
         super().__init__(node, topics)
         velocity = topics.cmd_vel
@@ -246,7 +246,7 @@ class RosRover(RosCamera):
         self._others = _Publishers(node, clock, velocity.name)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Hear who else drives, on this topic too; zero is nobody's, it does no harm."""
+        """Detect other publishers of velocities, also on this topic; ignores zero."""
 
         def hear(twist: Twist) -> None:
             heard = (twist.linear.x, twist.angular.z)
@@ -269,13 +269,13 @@ class RosRover(RosCamera):
         self.drive(STANDING)
 
     def emergency_stop(self) -> None:
-        """Publish zero and take the lock, from any thread: publishers of rclpy may be shared."""
+        """Publish zero and lock the mux, from any thread: publishers of rclpy may be shared."""
         self._velocity.publish(Twist())
         if self._mux is not None:
             self._mux.take()
 
     def lock(self, held: bool) -> None:
-        """Hold the lock of the mux, or let go of it."""
+        """Hold or release the lock of the mux."""
         if self._mux is not None:
             self._mux.hold(held)
 

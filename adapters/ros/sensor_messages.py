@@ -1,7 +1,7 @@
-"""Messages of the sensors beside the odometry to facts and back.
+"""Conversion between facts and messages of the sensors other than odometry.
 
-Axes are those of REP 103. The frames of an IMU and a laser are taken to be parallel to base_link's,
-and poses of a second odometry to be of base_link (REP 105).
+Axes are those of REP 103. IMU and laser frames are assumed parallel to base_link's, and poses of
+a second odometry to be those of base_link (REP 105).
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from executive.values.geometry import Pose
 
 MOST_RAYS: Final = 20_000
 UNKNOWN: Final = -1.0
-"""First of a covariance, where what it is about is not measured (sensor_msgs/Imu)."""
+"""First element of a covariance whose quantity is not measured (sensor_msgs/Imu)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +45,21 @@ class WheelJoints:
 
 
 def imu_fact(message: ImuMessage) -> Imu:
-    """Return lean, rates and accelerations; a lean of NaN where no orientation is measured.
+    """Return orientation, rates and accelerations; roll and pitch are NaN if not measured.
 
     Raises:
-        MessageError: rates or accelerations are not measured, not finite or, as no gravity is
-            felt, all zero; or the orientation is no rotation.
+        MessageError: rates or accelerations are not measured, not finite or, which gravity
+            excludes, all zero; or the orientation is no rotation.
     """
     for name, covariance in (
         ("rates", message.angular_velocity_covariance),
         ("accelerations", message.linear_acceleration_covariance),
     ):
         if covariance[0] == UNKNOWN:
-            raise MessageError(f"the IMU says that its {name} are not measured (covariance -1)")
+            raise MessageError(f"the IMU reports its {name} as not measured (covariance -1)")
     roll_rad = pitch_rad = nan
     turned = message.orientation
-    filled = any((turned.x, turned.y, turned.z, turned.w))  # drivers leave it zero, too
+    filled = any((turned.x, turned.y, turned.z, turned.w))  # some drivers leave it zero
     if filled and message.orientation_covariance[0] != UNKNOWN:
         roll_rad, pitch_rad, _ = angles(turned, Precision.LEAN)
     rate, force = message.angular_velocity, message.linear_acceleration
@@ -74,11 +74,11 @@ def imu_fact(message: ImuMessage) -> Imu:
 
 
 def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
-    """Return speeds and torques of the wheels. Torques that are not all there are none.
+    """Return speeds and torques of the wheels. Incomplete torques are omitted.
 
     Raises:
-        IgnoredMessageError: it is about other joints.
-        MessageError: some of the wheels are not in it, its arrays differ in length, or a speed is
+        IgnoredMessageError: it has other joints only.
+        MessageError: some of the wheels are missing, its arrays differ in length, or a speed is
             not finite.
     """
     names = list(message.name)
@@ -108,7 +108,7 @@ def _at(values: Sequence[float], places: Sequence[int], kept: Precision) -> tupl
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
-    """Return the pose and how sure it is.
+    """Return the pose with its standard deviations.
 
     Raises:
         MessageError: a figure is not finite, or the orientation is no rotation.
@@ -120,16 +120,16 @@ def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
 
 
 def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserScan:
-    """Return the ranges as REP 117 has them; NaN also where one is 0 or below the least range.
+    """Return the ranges as in REP 117; NaN also for 0 and for less than the minimum range.
 
-    A greatest range that is infinite, as pointcloud_to_laserscan has it, is no bound.
+    An infinite maximum range, as sent by pointcloud_to_laserscan, is no bound.
 
     Args:
         message: the scan.
-        zero_is_free: whether 0 says that nothing reflects, where another ray measured something.
+        zero_is_free: whether 0 means no return, if another ray has a measurement.
 
     Raises:
-        MessageError: it has no rays or too many, or an angle or a bound is none.
+        MessageError: the number of rays is 0 or too large, or an angle or a bound is invalid.
     """
     least_m, most_m = message.range_min, message.range_max
     figures = (message.angle_min, message.angle_increment, least_m, most_m)
@@ -158,7 +158,7 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
 
 
 def imu_message(fact: Imu) -> ImuMessage:
-    """Return lean, if it is known, rates and accelerations; the heading is 0."""
+    """Return orientation if known, rates and accelerations; the heading is 0."""
     message = ImuMessage()
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = BASE_LINK
@@ -174,7 +174,7 @@ def imu_message(fact: Imu) -> ImuMessage:
 
 
 def joints_message(fact: Joints, joints: WheelJoints) -> JointState:
-    """Return speeds and torques; places are not told."""
+    """Return speeds and torques, without positions."""
     message = JointState(
         name=[*joints.left, *joints.right],
         velocity=[*fact.left_radps, *fact.right_radps],
@@ -185,7 +185,7 @@ def joints_message(fact: Joints, joints: WheelJoints) -> JointState:
 
 
 def second_odometry_message(fact: SecondOdometry, frame: str) -> OdometryMessage:
-    """Return the pose in its own frame, with the variances of place and heading."""
+    """Return the pose in its own frame, with the variances of position and heading."""
     message = OdometryMessage()
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = frame
@@ -198,7 +198,7 @@ def second_odometry_message(fact: SecondOdometry, frame: str) -> OdometryMessage
 
 
 def laser_message(fact: LaserScan) -> LaserScanMessage:
-    """Return the ranges, all measured at once."""
+    """Return the ranges, all measured at the same time."""
     message = LaserScanMessage(
         angle_min=fact.angle_min_rad,
         angle_max=fact.angle_min_rad + (len(fact.ranges_m) - 1) * fact.angle_increment_rad,

@@ -1,4 +1,4 @@
-"""Which topics tell what an asset senses with beside its odometry, and how they are heard."""
+"""Topics and subscriptions of an asset's sensors other than its odometry."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -42,8 +42,8 @@ class SensorTopics:
     """The topics of the sensors that an asset has.
 
     Attributes:
-        topics: of each; what has none is not there.
-        joints: names of the wheels' joints; none where the asset has no such sensor.
+        topics: topic of each sensor; sensors without one are absent.
+        joints: names of the wheels' joints; empty if the asset has no such sensor.
         zero_is_free: as in the settings of the laser.
     """
 
@@ -59,10 +59,10 @@ class SensorTopics:
 
 
 def declare_sensor_topics(node: Node, sensors: Sensors) -> SensorTopics:
-    """Declare and read the parameters of the sensors that the settings name.
+    """Declare and read the parameters of the sensors in the settings.
 
     Raises:
-        ParameterError: one is missing or wrong.
+        ParameterError: one is missing or invalid.
     """
     topics: dict[Sensor, Topic] = {}
     for sensor in sorted(sensors.present, key=list(Sensor).index):
@@ -86,13 +86,13 @@ def _names(node: Node, side: str) -> tuple[str, ...]:
 
 
 class PolledSensors:
-    """Takes what sensors have said when it is asked to.
+    """Receives the messages of sensors when it is polled.
 
-    Nothing wakes the executor for them: at a hundred messages a second that would cost more than
-    the messages.
+    They do not wake the executor: at a hundred messages per second that would cost more than the
+    messages themselves.
 
     Args:
-        receiving: returns what takes the messages of a source, of what makes facts of them.
+        receiving: returns the callback for the messages of a source, given its conversion.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class PolledSensors:
         ]
 
     def poll(self) -> None:
-        """Observe what has come since the last call."""
+        """Observe the messages received since the last call."""
         for kind, most, subscription in self._polled:
             waiting = subscription.handle
             with waiting:
@@ -138,15 +138,15 @@ class PolledSensors:
 
 
 class _Unwaited(CallbackGroup):
-    """Of what no executor waits for."""
+    """Callback group of subscriptions that no executor waits for."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return false."""
+        """Return False."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return false."""
+        """Return False."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing: none begins."""
+        """Ignore the call: no execution begins."""

@@ -1,4 +1,4 @@
-"""The behaviour tree on a topic: snapshots as JSON, sent only where somebody listens."""
+"""The behaviour tree on a topic: snapshots as JSON, published only if there are subscribers."""
 
 import json
 from dataclasses import replace
@@ -20,8 +20,8 @@ _CONVERTER = make_converter()
 def tree_qos(durability: DurabilityPolicy) -> QoSProfile:
     """Return the quality of service of the tree.
 
-    The executive keeps the last snapshot (TRANSIENT_LOCAL), which is as old as its last listener.
-    Who wants none but the present, which comes within a second, listens VOLATILE.
+    The executive retains the last snapshot (TRANSIENT_LOCAL), as old as its last subscriber.
+    Subscribers that need the present one only, which is sent within a second, use VOLATILE.
     """
     return QoSProfile(  # type: ignore[no-untyped-call]
         depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability
@@ -34,10 +34,10 @@ def to_json(snapshot: TreeSnapshot) -> str:
 
 
 def from_json(text: str) -> TreeSnapshot:
-    """Return the snapshot that a text holds.
+    """Return the snapshot in a text.
 
     Raises:
-        ValueError: the text is not of a snapshot.
+        ValueError: the text is not a snapshot.
     """
     try:
         return _CONVERTER.structure(json.loads(text), TreeSnapshot)
@@ -46,7 +46,7 @@ def from_json(text: str) -> TreeSnapshot:
 
 
 class TreePublisher:
-    """Sends a snapshot when the tree, the mode or the reason changed, and once a second."""
+    """Publishes a snapshot when the tree, the mode or the reason changed, and once a second."""
 
     def __init__(self, node: Node, executive: Executive) -> None:
         self._executive = executive
@@ -56,7 +56,7 @@ class TreePublisher:
         self._sent: TreeSnapshot | None = None
 
     def update(self, utc_s: float) -> None:
-        """Send what is due."""
+        """Publish a snapshot if it is due."""
         if self._publisher.get_subscription_count() == 0:
             self._sent = None
             return

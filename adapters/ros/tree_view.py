@@ -1,4 +1,4 @@
-"""Hears the snapshots of an executive's tree and shows them."""
+"""Subscribes to the snapshots of an executive's tree and displays them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,16 +16,16 @@ from trees.screen import Screen, show_once
 
 PATIENCE_S: Final = 5.0
 LOOK_S: Final = 0.2
-"""How long a Ctrl-C may wait."""
+"""Maximum delay of a Ctrl-C."""
 
 
 class TreeSubscriber:
-    """Hears the tree of one executive.
+    """Subscribes to the tree of one executive.
 
     Args:
         executor: serves the node; spun here.
-        whose: how the executive is called, for people.
-        start: what to do where none is heard.
+        whose: name of the executive for display.
+        start: advice to the operator if no snapshot is received.
     """
 
     def __init__(self, executor: SingleThreadedExecutor, whose: str, start: str) -> None:
@@ -35,20 +35,20 @@ class TreeSubscriber:
         self._newest: TreeSnapshot | None = None
 
     def hear(self, message: String) -> None:
-        """Take in a message."""
+        """Process a message."""
         self._newest = from_json(message.data)
 
     def next(self) -> TreeSnapshot:
         """Wait for the next snapshot.
 
         Raises:
-            ConnectionError: none came in time.
+            ConnectionError: none was received in time.
         """
         deadline_s = monotonic() + PATIENCE_S
         while self._newest is None:
             left_s = deadline_s - monotonic()
             if left_s <= 0:
-                raise ConnectionError(f"{self._whose} is not heard. {self._start}")
+                raise ConnectionError(f"no message from {self._whose}. {self._start}")
             self._executor.spin_once(timeout_sec=min(left_s, LOOK_S))
         snapshot, self._newest = self._newest, None
         return snapshot
@@ -58,17 +58,17 @@ def show_one(asset: str, domain_id: int) -> None:
     """Print one snapshot.
 
     Raises:
-        ConnectionError: no executive is heard.
+        ConnectionError: no snapshot is received.
     """
     with _listening(asset, domain_id) as listener:
         show_once(asset, listener.next())
 
 
 def show_live(asset: str, domain_id: int) -> None:
-    """Draw each snapshot over the last, until KeyboardInterrupt; into a pipe, one after the other.
+    """Draw each snapshot over the last, until KeyboardInterrupt; in a pipe, one after the other.
 
     Raises:
-        ConnectionError: no executive is heard, or none any more.
+        ConnectionError: no snapshot is received, or no further one.
     """
     with _listening(asset, domain_id) as listener:
         first = listener.next()

@@ -1,7 +1,7 @@
-"""Forwards the camera's stream: what any source sends to a UDP port goes on to the ground.
+"""Forwards the camera's stream: datagrams received on a UDP port are sent to the ground.
 
-While it is on (VIDEO ON), each datagram of up to 64 KiB is sent on at once, unchanged and in its
-order (thesis 5.1.3), by a thread of its own. One that the destination refuses, or to which there is
+While it is on (VIDEO ON), each datagram of up to 64 KiB is forwarded at once, unchanged and in
+order (thesis 5.1.3), by a thread of its own. A datagram that the destination refuses, or that has
 no route, is lost and counted.
 """
 
@@ -20,7 +20,7 @@ _DATAGRAM: Final = socket.SOCK_DGRAM
 
 
 class Destination:
-    """A host and a UDP port. A name is looked up on a thread of its own; IPv4 is preferred."""
+    """A host and a UDP port. A name is resolved on a thread of its own; IPv4 is preferred."""
 
     def __init__(self, host: str, port: int) -> None:
         self.host, self.port = host, port
@@ -35,19 +35,19 @@ class Destination:
         return f"{host}:{self.port}"
 
     def address(self) -> tuple[socket.AddressFamily, SocketAddress]:
-        """Return the address with its family. Never waits: where none is known, it looks again.
+        """Return the address with its family. Never waits: if it is unknown, resolves it again.
 
         Raises:
-            OSError: there is no such host, or it is still being looked up.
+            OSError: the host is unknown, or is being resolved.
         """
         if self._found is not None:
             return self._found
         if self._search is not None and self._search.is_alive():
-            raise OSError(errno.EAGAIN, f"{self.host} is being looked up: try again in a moment")
+            raise OSError(errno.EAGAIN, f"{self.host} is being resolved: try again in a moment")
         self._begin()
         raise OSError(
             errno.EHOSTUNREACH,
-            f"there is no host {self.host} ({self._fault}); it is looked up anew",
+            f"unknown host {self.host} ({self._fault}); resolving it again",
         )
 
     def _begin(self) -> None:
@@ -66,15 +66,15 @@ class Destination:
 
 
 LONGEST: Final = 1 << 16
-"""Octets that the longest datagram has room in."""
+"""Maximum size of a datagram in octets."""
 _LOG: Final = logging.getLogger(__name__)
 
 
 class ForwardingThread:
-    """Sends every datagram on as it came, in its order, until it is closed.
+    """Forwards every datagram in order until it is closed.
 
     Attributes:
-        datagrams, octets: what was sent on.
+        datagrams, octets: totals forwarded.
         lost: datagrams that could not be sent.
     """
 
@@ -97,7 +97,7 @@ class ForwardingThread:
         return self._thread.is_alive()
 
     def close(self) -> None:
-        """End; it waits for the datagram under way and no other."""
+        """Stop; waits for the datagram being forwarded and no other."""
         self._wanted = False
         self._wake_sender.close()
         self._thread.join()
@@ -115,7 +115,7 @@ class ForwardingThread:
                 _LOG.exception("video is no longer forwarded")
 
     def _drain(self, buffer: memoryview) -> None:
-        """Send on what has arrived."""
+        """Forward the datagrams that have arrived."""
         while self._wanted:
             try:
                 length = self._source.recv_into(buffer)
@@ -126,9 +126,9 @@ class ForwardingThread:
     def _send(self, datagram: memoryview) -> None:
         try:
             self._sink.sendto(datagram, self._destination)
-        except OSError as error:  # no way there now, or it is too long: the next may get through
+        except OSError as error:  # no route now, or too long: the next one may succeed
             if not self.lost:
-                _LOG.warning("video does not get through to %s: %s", self._destination[0], error)
+                _LOG.warning("video cannot be sent to %s: %s", self._destination[0], error)
             self.lost += 1
         else:
             self.datagrams += 1
@@ -136,9 +136,9 @@ class ForwardingThread:
 
 
 class VideoForwarder:
-    """Implements `executive.values.ports.Video`: while it is on, its port is open, else it is not.
+    """Implements `executive.values.ports.Video`: its port is open while it is on.
 
-    It looks into no datagram, so any stream over UDP will do.
+    It does not inspect datagrams, so any stream over UDP is possible.
     """
 
     def __init__(self, settings: VideoSettings) -> None:
@@ -152,10 +152,10 @@ class VideoForwarder:
         return self._relay is not None and self._relay.runs
 
     def switch(self, on: bool) -> None:
-        """Forward from now on, or no more; returns at once.
+        """Switch the forwarding on or off; returns at once.
 
         Raises:
-            OSError: the port is taken, there is no such host, or it would forward to itself.
+            OSError: the port is in use, the host is unknown, or it would forward to itself.
         """
         if on and self.on:
             return
@@ -164,7 +164,7 @@ class VideoForwarder:
             self._start()
 
     def close(self) -> None:
-        """Be off."""
+        """Switch the forwarding off."""
         relay, self._relay = self._relay, None
         if relay is not None:
             relay.close()
@@ -207,11 +207,11 @@ def _refuse_loop(source: socket.socket, destination: SocketAddress) -> None:
     if destination[1] == port and (
         destination[0] == host or (host in ("0.0.0.0", "::") and _is_here(source, destination[0]))
     ):
-        raise OSError(errno.ELOOP, f"{destination[0]}:{port} is where it listens: a loop")
+        raise OSError(errno.ELOOP, f"{destination[0]}:{port} is its own port: a loop")
 
 
 def _is_here(source: socket.socket, host: str) -> bool:
-    """Whether what is sent to a host arrives on this computer; broadcasts do."""
+    """Return whether datagrams to a host arrive on this computer; broadcasts do."""
     with socket.socket(source.family, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((host, 0))
@@ -221,10 +221,10 @@ def _is_here(source: socket.socket, host: str) -> bool:
 
 
 def parse_address(text: str) -> tuple[str, int]:
-    """Return host and port of `HOST:PORT`; an IPv6 address stands in brackets.
+    """Return host and port of `HOST:PORT`; an IPv6 address is in brackets.
 
     Raises:
-        ValueError: it is not that.
+        ValueError: the text does not have this form.
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) <= HIGHEST_PORT:

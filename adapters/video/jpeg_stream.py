@@ -1,4 +1,4 @@
-"""JPEG pictures out of RTP packets (RFC 3550, RFC 2435), whatever their order.
+"""Reassembly of JPEG pictures from RTP packets (RFC 3550, RFC 2435) in any order.
 
 The Huffman tables, which RTP leaves out, are those of ITU-T T.81, annex K.3.
 """
@@ -8,7 +8,7 @@ from typing import Final
 
 VERSION: Final = 2
 FIXED: Final = 12
-"""Octets of the header without lists and extension."""
+"""Length of the fixed header in octets, without lists and extension (RFC 3550, 5.1)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,8 +17,8 @@ class RtpPacket:
 
     Attributes:
         marker: whether it ends a frame.
-        timestamp: when the frame was taken, in ticks of the format's clock.
-        source: which stream it belongs to (SSRC).
+        timestamp: time of the frame, in ticks of the format's clock.
+        source: stream that it belongs to (SSRC).
     """
 
     marker: bool
@@ -30,7 +30,7 @@ class RtpPacket:
 
 
 def read_packet(octets: bytes) -> RtpPacket | None:
-    """Return the packet that a datagram holds, or None if it holds none."""
+    """Return the packet in a datagram, or None if it is none."""
     if len(octets) < FIXED or octets[0] >> 6 != VERSION:
         return None
     start = FIXED + 4 * (octets[0] & 0x0F)
@@ -50,22 +50,22 @@ def read_packet(octets: bytes) -> RtpPacket | None:
 
 
 KIND: Final = 26
-"""JPEG among RTP's payload types (RFC 3551)."""
+"""Payload type of JPEG in RTP (RFC 3551)."""
 CLOCK_HZ: Final = 90_000
 SAMPLING: Final = {0: 0x21, 1: 0x22}
-"""Of luminance, by RFC 2435's type: 4:2:2 and 4:2:0."""
+"""Sampling of luminance by RFC 2435's type: 4:2:2 and 4:2:0."""
 _RESTARTS: Final = 64
 _TABLES_FOLLOW: Final = 128
 
 
 class JpegStream:
-    """Puts pictures together.
+    """Reassembles pictures.
 
     It reads streams that carry their quantization tables, as GStreamer, FFmpeg and rover-sim send
-    them; pictures whose tables go by a formula (Q below 128) count as lost.
+    them; pictures with tables computed from Q (below 128) count as lost.
 
     Attributes:
-        lost: pictures of which something was missing or made no sense.
+        lost: pictures with a missing or invalid part.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class JpegStream:
         self._tables: dict[int, tuple[bytes, bytes]] = {}
 
     def add(self, datagram: bytes) -> bytes | None:
-        """Take a datagram; return the JPEG file that it completes, if it does."""
+        """Add a datagram; return the JPEG file that it completes, or None."""
         packet = read_packet(datagram)
         if packet is None or packet.kind != KIND:
             return None
@@ -93,7 +93,7 @@ class JpegStream:
 
 
 class _Picture:
-    """A picture that is not complete yet."""
+    """An incomplete picture."""
 
     def __init__(self, packet: RtpPacket) -> None:
         self.name = (packet.source, packet.timestamp)
@@ -147,7 +147,7 @@ def _tables(precision: int, octets: bytes) -> tuple[bytes, bytes]:
 
 
 TABLE: Final = 64
-"""Octets of a quantization table."""
+"""Length of a quantization table in octets."""
 END: Final = b"\xff\xd9"
 _HUFFMAN: Final = (
     "0000010501010101010100000000000000000102030405060708090a0b",
@@ -166,12 +166,12 @@ _HUFFMAN: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What is needed besides the scan.
+    """Data of a picture besides the scan.
 
     Attributes:
-        sampling: how densely luminance is sampled, as in the frame header (T.81, B.2.2).
+        sampling: sampling factors of luminance, as in the frame header (T.81, B.2.2).
         tables: the quantization tables of luminance and chrominance, in zigzag order.
-        restart: units between two restart markers, 0 where there are none.
+        restart: units between two restart markers, 0 if there are none.
     """
 
     width: int
@@ -182,7 +182,7 @@ class Layout:
 
 
 def jpeg_file(layout: Layout, scan: bytes) -> bytes:
-    """Return a file that any program shows."""
+    """Return a complete JPEG file."""
     components = bytes((1, layout.sampling, 0, 2, 0x11, 1, 3, 0x11, 1))
     size = layout.height.to_bytes(2) + layout.width.to_bytes(2)
     return b"".join(

@@ -1,4 +1,4 @@
-"""`rover video`: see whether pictures arrive on the ground, without a player."""
+"""`rover video`: check whether pictures arrive on the ground, without a player."""
 
 from pathlib import Path
 from typing import Final
@@ -9,8 +9,8 @@ ADDRESS: Final = "127.0.0.1:5006"
 QUIET_S: Final = 5.0
 TELL_S: Final = 1.0
 HINT: Final = (
-    "nothing arrives at {}: has the rover been told `rover command action VIDEO ON`,"
-    " and is this where it forwards to?"
+    "no datagrams at {}: send `rover command action VIDEO ON`,"
+    " and check that the rover forwards to this address"
 )
 SDP: Final = """\
 v=0
@@ -29,21 +29,21 @@ a=rtpmap:26 JPEG/90000
     default=ADDRESS,
     show_default=True,
     metavar="HOST:PORT",
-    help="Where the stream arrives: the rover's --video-to.",
+    help="Address that receives the stream: the rover's --video-to.",
 )
 @click.option(
     "--save",
     type=click.Path(dir_okay=False, path_type=Path),
     default="video.jpg",
     show_default=True,
-    help="The file that always holds the last picture.",
+    help="The file for the last picture.",
 )
 @click.option(
-    "--pictures", type=click.IntRange(1), metavar="N", help="End after so many; Ctrl-C otherwise."
+    "--pictures", type=click.IntRange(1), metavar="N", help="End after N; Ctrl-C otherwise."
 )
-@click.option("--sdp", is_flag=True, help="Print what a player needs to know, and end.")
+@click.option("--sdp", is_flag=True, help="Print the session description (SDP), and end.")
 def video(at: str, save: Path, pictures: int | None, sdp: bool) -> None:
-    """Receive the rover's video (RTP/JPEG over UDP) and keep the last picture in a file.
+    """Receive the rover's video (RTP/JPEG over UDP) and write the last picture to a file.
 
     \b
     Examples:
@@ -99,7 +99,7 @@ def _receive(host: str, port: int, save: Path, most: int | None) -> None:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Write a file that is whole at every moment."""
+    """Replace a file atomically, so that readers always see a complete one."""
     fresh = path.with_name(f".{path.name}.new")
     fresh.write_bytes(content)
     fresh.replace(path)

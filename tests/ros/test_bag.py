@@ -27,7 +27,7 @@ class OneMessage:
 @pytest.mark.parametrize("utc_s", [-1.0, nan, inf, 1e10])
 def test_a_time_that_a_bag_cannot_hold_is_an_error_of_the_recording(utc_s: float) -> None:
     converter = cast(Any, OneMessage(utc_s))
-    with pytest.raises(RecordingError, match="holds what no message of ROS can"):
+    with pytest.raises(RecordingError, match="has a value that no ROS message can hold"):
         list(_merged(converter, Path("run.mcap"), cast(Any, None)))
 
 

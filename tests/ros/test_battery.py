@@ -61,4 +61,4 @@ def test_an_executive_that_learns_that_a_battery_counts_to_100_says_so(
         assert bench.executive.status.battery is not None
         assert bench.executive.status.battery.charge_ratio == 0.55
         texts = [each.text for each in bench.executive.reports()]
-        assert "the battery reports its charge as 55: it counts to 100" in texts
+        assert "the battery reports its charge as 55: taken as percent" in texts

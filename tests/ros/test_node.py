@@ -222,7 +222,7 @@ def test_velocities_that_the_mux_does_not_hear_are_refused(ros_domain: int, tmp_
     assert ros_domain > 0
     elsewhere = ("-p", "cmd_vel.topic:=cmd_vel")
     with (
-        pytest.raises(ParameterError, match=r"executive, is heard at executive_vel"),
+        pytest.raises(ParameterError, match=r"executive, has the topic executive_vel"),
         started(tmp_path, 0.05, *elsewhere),
     ):
         pass

@@ -153,7 +153,7 @@ def test_a_base_that_subscribes_to_another_type_is_said(ros_domain: int, tmp_pat
         bench.rover.create_subscription(TwistStamped, topic.name, lambda _: None, topic.qos)
         bench.until(lambda: bool(why(bench, Source.VELOCITY)), "a mismatch")
         assert why(bench, Source.VELOCITY) == (
-            f"velocity command is not received: nobody subscribes to {topic.name} as Twist,"
+            f"velocity command is not received: no subscriber to {topic.name} as Twist,"
             " the base subscribes as TwistStamped"
         )
 

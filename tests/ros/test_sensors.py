@@ -139,8 +139,8 @@ def unmeasured(part: str) -> ImuMessage:
 @pytest.mark.parametrize(
     ("message", "says"),
     [
-        (unmeasured("angular_velocity"), "rates are not measured"),
-        (unmeasured("linear_acceleration"), "accelerations are not measured"),
+        (unmeasured("angular_velocity"), "rates as not measured"),
+        (unmeasured("linear_acceleration"), "accelerations as not measured"),
         (imu(lambda m: setattr(m.angular_velocity, "y", nan)), "nan"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", inf)), "inf"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", 0.0)), "all zero"),

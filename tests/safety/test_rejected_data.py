@@ -49,8 +49,8 @@ def events(bench: Bench, reason: Reason) -> list[Report]:
             "laser scan arrives and is rejected: no rays",
         ),
         (
-            RejectedData(Source.VELOCITY, "nobody subscribes to cmd_vel as Twist"),
-            "velocity command is not received: nobody subscribes to cmd_vel as Twist",
+            RejectedData(Source.VELOCITY, "no subscriber to cmd_vel as Twist"),
+            "velocity command is not received: no subscriber to cmd_vel as Twist",
         ),
     ],
 )
@@ -93,7 +93,7 @@ def test_a_motion_that_odometry_leaves_says_why_it_was_not_used(bench: Bench) ->
 def test_a_base_that_receives_nothing_is_why_it_does_not_go(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    why = "nobody subscribes to cmd_vel as Twist, the base subscribes as TwistStamped"
+    why = "no subscriber to cmd_vel as Twist, the base subscribes as TwistStamped"
     for name in ("advance", "drive"):
         monkeypatch.setattr(bench.rover, name, lambda _: None)
     rejecting(bench, RejectedData(Source.VELOCITY, why), 2.0)
