@@ -1,1 +1,1 @@
-"""Everything that connects the core to the world: ROS, links, people."""
+"""Connections of the core: ROS, links, operators."""

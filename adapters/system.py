@@ -1,7 +1,7 @@
-"""What a process uses of the computer that it runs on: time, randomness, disk and sockets.
+"""Interface of a process to its computer: time, randomness, disk and sockets.
 
-Everything else that a process waits for comes by its event loop. With another system and another
-loop the same code runs in simulated time.
+All other events of a process arrive through its event loop. With another system and another loop
+the same code runs in simulated time.
 """
 
 import os
@@ -16,11 +16,11 @@ _BACKLOG: Final = 128
 Socket = socket.socket
 SocketAddress = tuple[str, int]
 BindAddress = tuple[str | int | bytes, ...]
-"""As `getaddrinfo` returns it."""
+"""As returned by `getaddrinfo`."""
 
 
 class System(Protocol):
-    """The computer of a process. It serves as the `executive.values.clock.Clock` of one, too."""
+    """The computer of a process. It also implements `executive.values.clock.Clock`."""
 
     def now_s(self) -> float:
         """Return seconds that never step back."""
@@ -31,7 +31,7 @@ class System(Protocol):
         ...
 
     def random_octets(self, count: int) -> bytes:
-        """Return octets that nobody can guess."""
+        """Return cryptographically secure random octets."""
         ...
 
     def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
@@ -42,19 +42,19 @@ class System(Protocol):
         ...
 
     def replace(self, path: Path, content: bytes) -> None:
-        """Write a file anew, durably, whole or not at all; raises OSError."""
+        """Replace a file durably and atomically; raises OSError."""
         ...
 
     def free_octets(self, folder: Path) -> int:
-        """Return what a disk has left for this process; raises OSError."""
+        """Return the free space for this process on a disk; raises OSError."""
         ...
 
     def cpu_s(self) -> float:
-        """Return the processor time that this process has taken."""
+        """Return the processor time of this process, s."""
         ...
 
     def memory_octets(self) -> int | None:
-        """Return the resident memory of this process; None where that is not known."""
+        """Return the resident memory of this process; None if unknown."""
         ...
 
     def listen(self, address: SocketAddress, family: socket.AddressFamily) -> Socket:
@@ -74,7 +74,7 @@ def utc_ns(system: System) -> int:
 
 
 class OperatingSystem:
-    """The real one."""
+    """The operating system of this process."""
 
     now_s = staticmethod(time.monotonic)
     utc_s = staticmethod(time.time)
@@ -86,7 +86,7 @@ class OperatingSystem:
         return sqlite3.connect(database, isolation_level=None, check_same_thread=not any_thread)
 
     def replace(self, path: Path, content: bytes) -> None:
-        """Write a file anew, durably, whole or not at all."""
+        """Replace a file durably and atomically."""
         new = path.with_name(f"{path.name}.new")
         with new.open("wb") as file:
             file.write(content)
@@ -95,12 +95,12 @@ class OperatingSystem:
         new.replace(path)
 
     def free_octets(self, folder: Path) -> int:
-        """Return what the disk of a folder has left for this process."""
+        """Return the free space for this process on the disk of a folder."""
         disk = os.statvfs(folder)
         return disk.f_bavail * disk.f_frsize
 
     def memory_octets(self) -> int | None:
-        """Return the resident memory of this process; None where there is no /proc."""
+        """Return the resident memory of this process; None without /proc."""
         try:
             pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
             return int(pages) * os.sysconf("SC_PAGE_SIZE")

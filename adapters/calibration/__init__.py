@@ -1,8 +1,8 @@
-"""How a rover answers to commands, fitted to a recording of a drive.
+"""Calibration of a rover's response to commands, fitted to a recorded drive.
 
     settings ─> pattern ─> a plan, driven and recorded ─> drive_log ─> fit ─> asset_file ─> YAML
 
-The laws are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (the extra `sim`).
+The models are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (the extra `sim`).
 docs/controllers.md shows its use.
 """
 

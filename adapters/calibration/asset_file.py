@@ -1,4 +1,4 @@
-"""New figures in the YAML of an asset, whose comments and layout stay."""
+"""Update of figures in the YAML file of an asset; its comments and layout are unchanged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ Tree = dict[str, "float | Tree"]
 
 @dataclass(frozen=True, slots=True)
 class _Edit:
-    """A piece of the text that is to be another."""
+    """A section of the text and its replacement."""
 
     begin: int
     end: int
@@ -20,14 +20,14 @@ class _Edit:
 
 
 def with_figures(text: str, figures: Mapping[str, float]) -> str:
-    """Return the text of a YAML file with other figures; those that it lacks are added.
+    """Return the text of a YAML file with new figures; missing ones are added.
 
     Args:
-        text: of the file.
-        figures: by their dotted keys.
+        text: content of the file.
+        figures: new figures, by dotted key.
 
     Raises:
-        SettingsError: it is no YAML of an asset, or has something else in the place of a figure.
+        SettingsError: it is not the YAML of an asset, or a key of a figure has another content.
     """
     parse_yaml(text, "the asset's file")
     root = yaml.compose(text)
@@ -66,7 +66,7 @@ def _edits(text: str, node: yaml.MappingNode, wanted: Tree) -> list[_Edit]:
                 begin, end = scalar.start_mark.index, scalar.end_mark.index
                 edits.append(_Edit(begin, end, _flow(value)))
             case _:
-                raise SettingsError(f"has something else at {name} than its figures")
+                raise SettingsError(f"has no figures at {name}")
     if added:
         edits.append(_addition(text, node, added))
     return edits

@@ -1,4 +1,4 @@
-"""What a recording tells of a drive: commands, odometry, and where the rover truly was."""
+"""A drive read from a recording: commands, odometry, and the rover's true pose."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ Series = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CommandSeries:
-    """Velocities, each from when it was commanded on."""
+    """Commanded velocities, each with the time of its command."""
 
     time_s: Series
     travel_mps: Series
@@ -37,7 +37,7 @@ class PoseSeries:
 
 @dataclass(frozen=True, slots=True)
 class WheelSeries:
-    """How fast the wheels of each side turn, on average."""
+    """Mean rotation rate of the wheels of each side."""
 
     time_s: Series
     left_radps: Series
@@ -49,10 +49,10 @@ class DriveLog:
     """A drive, on the clock of the executive.
 
     Attributes:
-        odometry: by when it was measured; the velocities beside it.
-        reference: where the rover truly was: of a simulation, else by its second odometry; None
-            where nothing tells.
-        wheels: None where the rover does not tell of them.
+        odometry: poses by time of measurement; the velocities next to it have the same times.
+        reference: true poses: ground truth of a simulation, else the second odometry; None
+            without either.
+        wheels: None if the rover does not measure them.
     """
 
     settings: Settings
@@ -65,10 +65,10 @@ class DriveLog:
 
 
 def read_drive(path: Path) -> DriveLog:
-    """Return the drive in a recording; of several starts of the executive the last.
+    """Return the drive in a recording; with several starts of the executive, the last one.
 
     Raises:
-        RecordingError: the file cannot be used, or holds no drive of a rover by velocities.
+        RecordingError: the file is invalid, or has no drive of a velocity-controlled rover.
     """
     recording, drive = RunReader(path), _DriveLogReader()
     for message in recording.messages():
@@ -118,10 +118,10 @@ class _DriveLogReader:
 
     def log(self, path: Path) -> DriveLog:
         if self._settings is None or not self._drove or len(self._odometry) < 2:
-            raise RecordingError(f"{path}: holds no drive of a rover that takes velocities")
+            raise RecordingError(f"{path}: has no drive of a velocity-controlled rover")
         stamps_s = np.array([fact.stamp_s for _, fact in self._odometry])
         arrived_s = np.array([now_s for now_s, _ in self._odometry])
-        # What came fastest took as long as the settings say.
+        # The fastest message is assumed to have the latency in the settings.
         apart_s = float(np.min(arrived_s - stamps_s)) - self._settings.mpc.odometry_age_s
         measured = [(fact.stamp_s + apart_s, fact.pose) for _, fact in self._odometry]
         second = [(stamp_s + apart_s, pose) for stamp_s, pose in self._second]

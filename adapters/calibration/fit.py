@@ -1,8 +1,8 @@
-"""Fits what `mpc` and `sensors.joints` of an asset's settings say to a drive of the rover.
+"""Fits `mpc` and `sensors.joints` of an asset's settings to a drive of the rover.
 
-Least squares throughout: latency and turn by the commands, slip by the true path, track by the
-wheels in spins. What the drive does not tell stays as it was: a weak pull towards the settings
-decides where nothing else does.
+Least squares throughout: latency and rotation from the commands, slip from the true path, track
+from the wheels in spins. Figures that the drive does not determine stay near the settings, by a
+weak regularisation.
 """
 
 from collections.abc import Mapping
@@ -15,29 +15,29 @@ from adapters.calibration.drive_log import CommandSeries, DriveLog, PoseSeries, 
 from executive.settings import SlipSettings, YawResponse
 
 GRID_S: Final = 0.01
-"""Of the time over which the model is integrated."""
+"""Time step of the model's integration."""
 FEWEST_TURNED_RAD: Final = 6.0
 FEWEST_DRIVEN_M: Final = 5.0
-"""Less tells too little."""
+"""Minimum rotation and distance of a usable drive. Chosen, not measured."""
 PULL: Final = 0.01
-"""How much the settings count beside the drive, in parts of a deviation."""
+"""Weight of the settings relative to the drive, as a fraction of a standard deviation."""
 _SETTLED: Final = ("offset_m", "gain_m")
-"""What odometry that allows for slip takes it for."""
+"""Terms of the slip model that odometry with slip compensation uses."""
 LONGEST_LAG_S: Final = 0.3
 TURNING_RADPS: Final = 0.2
 SPINNING_MPS: Final = 0.05
 WINDOW_S: Final = 0.5
-"""Over which wheels are compared with the turn."""
+"""Window of the comparison between wheels and rotation."""
 DIGITS: Final = 3
 
 
 class CalibrationError(Exception):
-    """A drive tells too little; the text says of what."""
+    """A drive is too short; the text gives its distance and rotation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A figure of the settings.
+    """A fitted figure of the settings.
 
     Attributes:
         key: dotted, as in the asset's YAML.
@@ -50,7 +50,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """How far the drive is from what the settings say, root mean square."""
+    """Root mean square difference between the drive and the model of the settings."""
 
     name: str
     unit: str
@@ -60,10 +60,10 @@ class Residual:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What a drive tells of a rover.
+    """Result of a calibration.
 
     Attributes:
-        travel_scale: true way over that of the odometry; None where nothing tells the true one.
+        travel_scale: true distance over that of the odometry; None without a true path.
     """
 
     figures: tuple[Fitted, ...]
@@ -77,13 +77,13 @@ class Calibration:
 
 
 def calibrate(log: DriveLog) -> Calibration:
-    """Return what a drive tells of the figures in the settings that it was driven with.
+    """Return the figures of the settings, fitted to a drive under these settings.
 
-    The slip of the rover is found only where something tells where it truly was; what its odometry
-    takes that for is found in any case.
+    The slip of the rover is fitted only with a true path; the slip model of its odometry is
+    always fitted.
 
     Raises:
-        CalibrationError: it is too short.
+        CalibrationError: the drive is too short.
     """
     turned_rad = float(np.sum(np.abs(np.diff(log.odometry.heading_rad))))
     driven_m = float(np.sum(np.hypot(np.diff(log.odometry.x_m), np.diff(log.odometry.y_m))))
@@ -91,7 +91,7 @@ def calibrate(log: DriveLog) -> Calibration:
         raise CalibrationError(
             f"the rover drove {driven_m:.1f} m and turned by {turned_rad:.1f} rad:"
             f" {FEWEST_DRIVEN_M:g} m and {FEWEST_TURNED_RAD:g} rad are needed at least;"
-            " `rover calibrate --plan` has a pattern"
+            " `rover calibrate --plan` prints a pattern"
         )
     mpc = log.settings.mpc
     figures, residuals = _answer(log)
@@ -101,7 +101,7 @@ def calibrate(log: DriveLog) -> Calibration:
     parts: list[tuple[str, SlipSettings | None, SlipSettings]] = [
         ("odometry_slip", mpc.odometry_slip, known)
     ]
-    residuals.append(replace(known_residual, name="slip as odometry takes it"))
+    residuals.append(replace(known_residual, name="odometry's own slip model"))
     scale = None
     if log.reference is not None:
         slip, residual, scale = _slip(log, log.reference, mpc.slip)
@@ -140,7 +140,7 @@ def _rms(residuals: Series) -> float:
 
 
 def _ramps(commands: CommandSeries, tick_s: float) -> tuple[Series, Series, Series]:
-    """Return times, travel and rotation that are commanded, in ramps as long as a tick."""
+    """Return times, commanded travel and rotation, in ramps of one tick."""
     times_s = np.column_stack((commands.time_s - tick_s, commands.time_s)).ravel()
 
     def knots(values: Series) -> Series:
@@ -150,7 +150,7 @@ def _ramps(commands: CommandSeries, tick_s: float) -> tuple[Series, Series, Seri
 
 
 def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
-    """Return what follows a signal with a time constant."""
+    """Return a signal after a first-order lag with a time constant."""
     from scipy.signal import lfilter  # slow to import, as is scipy.optimize
 
     if lag_s <= 0.0:
@@ -161,7 +161,7 @@ def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
 
 
 def _true_rotation(yaw: YawResponse, travel: Series, rotate: Series) -> Series:
-    """Return how fast the rover turns by `YawResponse`, on the grid."""
+    """Return the rotation rate of the rover by `YawResponse`, on the grid."""
     travel_mps2 = np.gradient(travel, GRID_S)
     of_turning = (
         yaw.travel * travel
@@ -178,11 +178,11 @@ def _true_rotation(yaw: YawResponse, travel: Series, rotate: Series) -> Series:
 _FITTED: Final = tuple(each.name for each in fields(YawResponse) if each.name != "drag_at_radps")
 _DELAY_SCALE_S: Final = 0.02
 _SCALE: Final = 0.1
-"""By how much figures of the turn may differ from one rover to another."""
+"""Scale of the differences between rovers in the figures of rotation. Chosen, not measured."""
 
 
 def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
-    """Return when and how the rover answers to velocities."""
+    """Return latency and response to velocities."""
     settings, odometry = log.settings, log.odometry
     grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
     times_s, travel_mps, rotate_radps = _ramps(log.commands, settings.tick_s)
@@ -193,7 +193,7 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     before = settings.mpc
 
     def mean(rate: Series) -> Series:
-        """Return the mean of a rate between one odometry and the next."""
+        """Return the mean of a rate between successive odometry poses."""
         way = np.cumsum(rate) * GRID_S
         means: Series = np.diff(np.interp(odometry.time_s, grid_s + GRID_S / 2, way)) / passed_s
         return means
@@ -244,9 +244,9 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
 def _slip(
     log: DriveLog, reference: PoseSeries, before: SlipSettings, settled: bool = False
 ) -> tuple[SlipSettings, Residual, float]:
-    """Return how a rover slips by a reference, and how many metres each of its odometry is.
+    """Return the slip of a rover by a reference, and the true metres per metre of odometry.
 
-    A reference is settled that follows a law without acceleration and lag.
+    With `settled`, the model has no acceleration and lag terms.
     """
     columns = _Columns(log, reference)
     old = np.array([1.0, before.offset_m, before.gain_m, before.acceleration_s2, before.creep_s2])
@@ -289,7 +289,7 @@ def _slip(
 
 
 class _Columns:
-    """How far each term of a law of slip leads between two poses of a reference, ahead and left."""
+    """Displacement by each term of a slip model between two reference poses, forward and left."""
 
     def __init__(self, log: DriveLog, reference: PoseSeries) -> None:
         times_s = log.odometry.time_s
@@ -312,7 +312,7 @@ class _Columns:
         self.passed_s = np.tile(np.diff(self._at_s), 2)
 
     def at(self, lag_s: float) -> tuple[Series, Series]:
-        """Return the columns, a lag given, and the way that was moved: rows ahead, then left."""
+        """Return the columns for a lag, and the displacement: forward rows, then left ones."""
         step_s = float(np.median(self._steps_s[1:]))
         travel, rotate, gained = self._travel, self._rotate, self._gained
         none = np.zeros_like(travel)
@@ -328,7 +328,7 @@ class _Columns:
         return np.array(columns).T, np.concatenate(self._in_body(*self._moved))
 
     def _led(self, ahead_mps: Series, left_mps: Series) -> tuple[Series, Series]:
-        """Return where velocities of the body lead between two poses."""
+        """Return the displacement by body velocities between two poses."""
         before = np.roll(self._heading, 1)
         before[0] = self._heading[0]
         midway = (before + self._heading) / 2
@@ -346,7 +346,7 @@ class _Columns:
 
 
 def _track(log: DriveLog) -> list[Fitted]:
-    """Return the effective track of skid steering, by wheels and odometry in spins."""
+    """Return the effective track of skid steering, from wheels and odometry in spins."""
     joints, wheels = log.settings.sensors.joints, log.wheels
     if joints is None or wheels is None:
         return []
@@ -364,7 +364,7 @@ def _track(log: DriveLog) -> list[Fitted]:
 
 
 def _summed(log: DriveLog) -> Series:
-    """Return the way driven so far, by the speed of the odometry, without sign."""
+    """Return the distance driven so far, from the speed of the odometry, without sign."""
     steps_s = np.diff(log.odometry.time_s, prepend=log.odometry.time_s[0])
     ways: Series = np.cumsum(np.abs(log.travel_mps) * steps_s)
     return ways

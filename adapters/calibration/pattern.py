@@ -1,4 +1,4 @@
-"""What a rover drives to be calibrated: a plan of velocities that are held, one after the other."""
+"""Calibration drive: a plan of velocities that are held one after the other."""
 
 from typing import Final
 from xml.etree import ElementTree
@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 from executive.settings import DriveLimits
 
 PATTERN: Final = (
-    # Spins, straight lines, and arcs both ways at several speeds, as (travel, rotate, seconds).
+    # Spins, lines, and arcs in both directions at several speeds, as (travel, rotate, seconds).
     *((0.0, rotate, 2.5) for rotate in (0.3, -0.7, 1.0, -1.0)),
     *((travel, 0.0, 2.0) for travel in (0.5, -0.5, 1.0, -1.0)),
     *(
@@ -18,15 +18,15 @@ PATTERN: Final = (
         for direction in (1.0, -1.0)
     ),
 )
-"""Velocities as shares of the asset's limits, and for how long each is held."""
+"""Velocities as fractions of the asset's limits, with the duration of each."""
 DEADLINE_S: Final = 15.0
 
 
 def plan_xml(drive: DriveLimits) -> str:
     """Return the pattern as a plan for a rover with these limits.
 
-    A drive that ends elsewhere than it should, as those of a rover may that is not calibrated yet,
-    tells no less: the plan goes on.
+    A drive that ends off target, as on a rover not yet calibrated, is also usable: the plan
+    continues.
     """
     root = ElementTree.Element("root", BTCPP_format="4", main_tree_to_execute="Calibration")
     tree = ElementTree.SubElement(root, "BehaviorTree", ID="Calibration")

@@ -1,1 +1,1 @@
-"""The executive's process: puts the core, its tree, ROS and the links together."""
+"""The executive's process: assembles the core, its tree, ROS and the links."""

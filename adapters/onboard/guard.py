@@ -1,7 +1,7 @@
-"""A process beside the executive that has the rover stand when the executive is gone.
+"""A separate process that stops the rover when the executive has ended.
 
-A base stops by itself when no velocity comes, the Jackal's after 0.25 s. Nothing in a process can
-act after kill -9 on it; but the kernel closes the end of a pipe at once, and who reads the other
+A base stops by itself without velocities, the Jackal's after 0.25 s. A process cannot act after
+kill -9 on itself; but the kernel closes its end of a pipe at once, and the process at the other
 end publishes zero.
 """
 
@@ -21,29 +21,29 @@ from adapters.ros.node import clock_of
 from executive.settings import LocomotionKind, Settings
 
 PAUSE_S: Final = 0.05
-"""Zero is published so often."""
+"""Period in which zero is published."""
 ZERO_S: Final = 0.3
-"""And so long, until the base's own time-out has passed."""
+"""Duration for which zero is published, until the base's own timeout has passed."""
 RESTART_S: Final = 0.5
-"""Delay of a restart, so that a guard that always crashes does not take the processor."""
+"""Delay of a restart, so that a guard that always crashes does not occupy the processor."""
 DISCOVERY_S: Final = 20.0
-"""A mux that this node has not discovered by then is taken for gone."""
+"""Discovery timeout of the mux; after it the mux counts as absent."""
 RUNS: Final = "the guard runs"
 _ARM, _WELL = b"+", b"."
 _LOG: Final = logging.getLogger(__name__)
 
 
 class Guard:
-    """A process that makes a rover stand if the process that made it ends before `close`.
+    """A process that stops a rover if the process that created it ends before `close`.
 
-    Make it before there is a thread, a ROS context or a lock: a supervisor is forked, which has
-    none of these either, and forks the guard again when that is killed.
+    Create it before any thread, ROS context or lock: the supervisor is forked, must not inherit
+    them, and forks the guard again after it was killed.
 
     Args:
         arguments: settings of the asset, ROS parameter file, ROS arguments, class of the rover.
 
     Attributes:
-        state: of the guard, for `/diagnostics`.
+        state: state of the guard, for `/diagnostics`.
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -57,17 +57,17 @@ class Guard:
                 os.close(self._deaths)
                 _supervise(reading, telling, *arguments)
             finally:
-                os._exit(1)  # whatever it raised is not for the code of the executive
+                os._exit(1)  # the executive's code must not continue in the child
         os.close(reading)
         os.close(telling)
         os.set_blocking(self._deaths, False)
 
     def arm(self) -> None:
-        """Have it act from now on."""
+        """Activate the guard."""
         _write(self._writing, _ARM)
 
     def take_event(self) -> str | None:
-        """Return what happened to the guard since the last call; None if nothing did."""
+        """Return the event of the guard since the last call, or None."""
         with suppress(BlockingIOError):
             octet = os.read(self._deaths, 1)
             if octet:
@@ -81,7 +81,7 @@ class Guard:
         return None
 
     def close(self) -> None:
-        """End it without a stop of the rover."""
+        """End the guard without a stop of the rover."""
         _write(self._writing, _WELL)
         os.close(self._writing)
         os.close(self._deaths)
@@ -91,11 +91,11 @@ class Guard:
 
 @contextmanager
 def guarded(settings: Settings, *arguments: Any) -> Iterator[Guard | None]:
-    """Yield a guard of a rover; None for one that carries out whole motions: it stops by itself.
+    """Yield a guard of a rover; None for one that executes whole motions: it stops by itself.
 
     Args:
-        settings: of the asset.
-        arguments: of `Guard`, but for the settings.
+        settings: settings of the asset.
+        arguments: arguments of `Guard` after the settings.
     """
     by_velocity = settings.locomotion is LocomotionKind.VELOCITY
     with closing(Guard(settings, *arguments)) if by_velocity else nullcontext() as guard:
@@ -103,7 +103,7 @@ def guarded(settings: Settings, *arguments: Any) -> Iterator[Guard | None]:
 
 
 def _supervise(reading: int, telling: int, *arguments: Any) -> None:
-    """Fork guards until one exits by itself; write the signal of each that was killed."""
+    """Fork guards until one exits by itself; write the signal that killed each one."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     first = True
@@ -127,7 +127,7 @@ def _supervise(reading: int, telling: int, *arguments: Any) -> None:
 
 
 def _write(writing: int, octets: bytes) -> None:
-    with suppress(BrokenPipeError):  # who reads it was killed
+    with suppress(BrokenPipeError):  # the reader was killed
         os.write(writing, octets)
 
 
@@ -138,12 +138,12 @@ def _guard(
     ros_arguments: tuple[str, ...],
     rover_kind: Callable[..., RosVelocityRover | RosMotionRover],
 ) -> None:
-    """Wait for the end of the process that holds the other end, and stop the rover if need be."""
+    """Wait for the end of the process at the other end of the pipe, then stop the rover."""
     asset = settings.asset
     with ros_node(GUARD_NAME, asset, parameters=parameters, ros_arguments=ros_arguments) as node:
         rover = rover_kind(node, declare_topics(node), clock_of(node), settings)
         while (octet := os.read(reading, 1)) == _ARM:
-            pass  # the one of before a restart
+            pass  # sent before a restart
         if octet == _WELL:
             return
         until_s, heard = time.monotonic() + DISCOVERY_S, False
@@ -152,12 +152,12 @@ def _guard(
                 until_s, heard = time.monotonic() + ZERO_S, True
             rover.emergency_stop()
             time.sleep(PAUSE_S)
-        by = "" if heard else "; no mux was there to hear its lock"
-        _LOG.error("the executive is gone: zero was published in its place%s", by)
+        by = "" if heard else "; no mux was subscribed to its lock"
+        _LOG.error("the executive has ended: zero was published in its place%s", by)
 
 
 def _is_heard(node: Node, settings: Settings) -> bool:
-    """Return whether the mux hears its lock; without a mux the base stands by its own time-out."""
+    """Return whether the mux is subscribed to its lock; True without a mux."""
     mux = settings.mux
     if mux is None:
         return True

@@ -1,4 +1,4 @@
-"""How the executive's process is doing, as housekeeping parameters."""
+"""Housekeeping parameters of the executive's process."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,25 +18,25 @@ from executive.core.runner import Executive
 
 @runtime_checkable
 class HousekeepingProvider(Protocol):
-    """What speaks with a rover, and hears how the process between is doing."""
+    """A rover class that also provides the health figures of the process that it uses."""
 
     def housekeeping(self) -> Mapping[str, float | None]:
-        """Return what it heard last, by the names of `NXT_HOUSEKEEPING`."""
+        """Return the last received figures, by the names of `NXT_HOUSEKEEPING`."""
 
 
 _LEDGER_FILES: Final = ("ledger.sqlite", "ledger.sqlite-wal")
 
 
 class ExecutiveHousekeeping:
-    """Measures what the core does not know of itself; on the core's thread.
+    """Measures figures that the core does not have; on the core's thread.
 
     Args:
-        data: the folder of its ledger.
-        parameters: what is measured.
+        data: folder of the ledger.
+        parameters: the measured parameters.
 
     Attributes:
-        tell: is told the figures, too.
-        rover: what speaks with the rover, if that tells of itself.
+        tell: called with the figures.
+        rover: the rover class, if it provides figures.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ExecutiveHousekeeping:
         self._ticks: list[TickStatistics] = []
 
     def note(self, ticks: TickStatistics) -> None:
-        """Take in what was measured of the ticks since the last time."""
+        """Add the statistics of the ticks since the last call."""
         self._ticks.append(ticks)
 
     def measure(self, executive: Executive) -> dict[str, float | None]:

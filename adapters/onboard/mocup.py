@@ -1,4 +1,4 @@
-"""MOCUP on ROS: its MOPS strings on two topics, its camera as any rover's."""
+"""MOCUP on ROS: its MOPS messages on two topics, its camera like that of any rover."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -35,25 +35,25 @@ from executive.values.ports import CameraIntent, Downlink, WholeMotion
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
 SILENT_S: Final = 15.0
-"""After so long what `rover-nxt` said of itself is not known any more: it tells every 5 s."""
+"""Timeout of the housekeeping of `rover-nxt`, which is sent every 5 s."""
 TOLD_AGAIN: Final = 200
-"""Reports that are looked through for what `rover-nxt` has to know when it comes back."""
+"""Number of reports searched for those that `rover-nxt` needs after a reconnect."""
 
 
 class MocupOnRos(RosFrames):
-    """Publishes commands for the brick, and hears its replies. Used on the executor's thread."""
+    """Publishes commands for the brick, and processes its replies, on the executor's thread."""
 
     def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
-        """Make the publisher.
+        """Create the publisher.
 
         Args:
-            node: where topics are declared and made.
-            topics: those of every rover.
-            clock: the core's.
-            settings: of the asset, by whose name the brick is addressed.
+            node: declares and creates topics.
+            topics: topics of every rover.
+            clock: the core's clock.
+            settings: settings of the asset, which give the name of the brick.
 
         Raises:
-            executive.settings.SettingsError: the MOPS dictionary does not fit.
+            executive.settings.SettingsError: the MOPS dictionary is invalid.
             adapters.ros.parameters.ParameterError: a topic is missing.
         """
         super().__init__(node, topics.camera_compressed)
@@ -62,7 +62,7 @@ class MocupOnRos(RosFrames):
             node, "mops_notification", "std_msgs/String, MOPS replies of the brick"
         )
         self._taken = declare_topic(
-            node, "mops_taken", "std_msgs/UInt64, fingerprint of a string that rover-nxt took"
+            node, "mops_taken", "std_msgs/UInt64, fingerprint of a string accepted by rover-nxt"
         )
         self._commands = node.create_publisher(String, command.name, command.qos)
         publish_heartbeat(node, command)
@@ -85,9 +85,9 @@ class MocupOnRos(RosFrames):
         subscribe(UInt64, self._taken, self._on_taken)
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
-        """Tell `rover-nxt` what is carried out, what is reported on it, and who may command.
+        """Return the downlink that sends `rover-nxt` commands, their reports and the authority.
 
-        What it missed, because it or this process was not there, it is told when it is.
+        Messages missed during an absence of either process are sent again when both are connected.
         """
         grants = AuthorityRecord(ledger)
         claims = ClaimAnnouncer(
@@ -100,30 +100,30 @@ class MocupOnRos(RosFrames):
         )
 
         def again() -> None:
-            with suppress(LedgerError):  # the core sees that too, and says so
+            with suppress(LedgerError):  # the core detects and reports that too
                 claims.again(ledger.reports(ledger.last_sequence - TOLD_AGAIN + 1))
 
         self._claims, self._claim_again = claims, again
         return (claims,)
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Have a motion carried out."""
+        """Have the brick execute a motion."""
         self._rover.carry_out(motion)
 
     def halt(self) -> None:
-        """Have the brick stop."""
+        """Stop the brick."""
         self._rover.halt()
 
     def emergency_stop(self) -> None:
-        """Have the brick stop, from any thread."""
+        """Stop the brick, from any thread."""
         self._rover.emergency_stop()
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Have the camera pointed."""
+        """Point the camera."""
         self._rover.point_camera(wanted)
 
     def stand(self) -> None:
-        """Have the brick stop what it does for the executive; what the relay asked goes on."""
+        """Stop the brick's motion for the executive; a motion for the relay continues."""
         if self._rover.moving:
             self.halt()
 
@@ -132,7 +132,7 @@ class MocupOnRos(RosFrames):
         return self._commands.wait_for_all_acked(Duration(seconds=timeout_s))
 
     def housekeeping(self) -> Mapping[str, float | None]:
-        """Return how `rover-nxt` said that it is doing; nothing once it is silent."""
+        """Return the last housekeeping of `rover-nxt`; empty after a timeout."""
         told = self._told
         return {} if told is None or time.time() - told.utc_s > SILENT_S else told.figures
 

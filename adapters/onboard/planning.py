@@ -1,4 +1,4 @@
-"""Plans beside the thread of the core, for model predictive control at real time."""
+"""Trajectory planning on a separate thread, for model predictive control in real time."""
 
 import logging
 from collections.abc import Iterator
@@ -12,13 +12,13 @@ _LOG = logging.getLogger(__name__)
 
 
 class BackgroundSolver:
-    """Solves problems on a thread of its own, one at a time; an answer is for the tick after.
+    """Solves problems on a thread of its own, one at a time; the result is for the next tick.
 
-    casadi lets other threads of Python run while it solves.
+    casadi releases Python's interpreter lock while it solves.
 
     Args:
-        solver: answers in the call that asks.
-        thread: where it solves; one of its own unless given.
+        solver: a synchronous solver.
+        thread: executes it; a new one unless given.
     """
 
     lead_ticks = 1
@@ -30,26 +30,26 @@ class BackgroundSolver:
 
     @property
     def busy(self) -> bool:
-        """Whether it is at a problem still, and takes no other."""
+        """Whether it is solving a problem, and accepts no other."""
         return self._answer is not None and not self._answer.done()
 
     def ask(self, problem: TrajectoryProblem) -> None:
-        """Have a problem solved; an answer before it that nobody took is forgotten."""
+        """Start to solve a problem; an earlier result that was not read is dropped."""
         self._answer = self._thread.submit(self._solve, problem)
 
     def answer(self) -> Trajectory | None:
-        """Return the answer to the last problem, once; None where there is none, or none yet."""
+        """Return the result of the last problem, once; None if there is none, or none yet."""
         if self._answer is None or self.busy:
             return None
         answer, self._answer = self._answer, None
         return answer.result()
 
     def beside(self, apart: bool = False) -> "BackgroundSolver":
-        """Return another that solves on the same thread, in turn with this one."""
+        """Return a second solver on the same thread, in turn with this one."""
         return BackgroundSolver(self._solver.beside(apart), self._thread)
 
     def close(self) -> None:
-        """End the thread, after the problem that it is at."""
+        """End the thread, after the present problem."""
         self._thread.shutdown()
 
     def _solve(self, problem: TrajectoryProblem) -> Trajectory | None:
@@ -63,7 +63,7 @@ class BackgroundSolver:
 
 @contextmanager
 def planning(settings: Settings) -> Iterator[SharedSolver | None]:
-    """Yield what plans for an asset at real time; None where it needs no plans.
+    """Yield the real-time solver of an asset; None if it needs no plans.
 
     Raises:
         SettingsError: casadi is not installed.

@@ -1,4 +1,4 @@
-"""`rover-executive`: the process aboard that takes commands and moves the rover."""
+"""`rover-executive`: the onboard process that receives commands and moves the rover."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -49,18 +49,18 @@ def _udp_address(_: click.Context, __: click.Parameter, text: str | None) -> Add
     "--video-from",
     callback=_udp_address,
     metavar="HOST:PORT",
-    help="Where sources send the video stream, by UDP.  [default: section video of the asset]",
+    help="UDP address that receives the video stream.  [default: section video of the asset]",
 )
 @click.option(
     "--video-to",
     callback=_udp_address,
     metavar="HOST:PORT",
-    help="Where the video stream goes on to, by UDP.  [default: section video of the asset]",
+    help="UDP address to forward the video stream to.  [default: section video of the asset]",
 )
 @click.option(
     "--service-layer",
     metavar="URI",
-    help="MRS link of another rover, to register at: each then hears the other.  [default: none]",
+    help="MRS link of another rover, to register at: both then connect.  [default: none]",
 )
 @click.option(
     "--relay",
@@ -91,8 +91,8 @@ def main(
 ) -> None:
     """Run the executive of an asset until SIGINT or SIGTERM.
 
-    It prints the address of its MRS link, then logs one line an event. On the way out the rover
-    stands, and what was under way ends CANCELLED. What follows --ros-args goes to ROS.
+    It prints the address of its MRS link, then logs one line per event. At the end the rover
+    stops, and active commands end CANCELLED. Arguments after --ros-args are passed to ROS.
 
     \b
     Examples:
@@ -107,8 +107,8 @@ def main(
     \b
     Exit status:
       0  ended by a signal, the rover standing
-      1  cannot start; the text says why
-      2  the command line or a settings file makes no sense
+      1  cannot start; the text gives the cause
+      2  the command line or a settings file is invalid
     """
     from adapters.mrs.ground import parse_address as parse_mrs_address
     from adapters.onboard.service import ExecutiveOptions, serve
@@ -140,7 +140,7 @@ def main(
 def _with_video(
     settings: "Settings", listen: Address | None, destination: Address | None
 ) -> "Settings":
-    """Return the settings with the addresses of the video stream that the command line gives."""
+    """Return the settings with the video addresses of the command line."""
     if listen is None and destination is None:
         return settings
     video = settings.video

@@ -1,4 +1,4 @@
-"""Puts an executive together, serves it until a signal, and takes it apart in the right order."""
+"""Assembles an executive, serves it until a signal, and closes it in the right order."""
 
 import gc
 import logging
@@ -59,9 +59,9 @@ NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
 LAST_STOPS: Final = 4
 MOST_REMEMBERED: Final = 1000
-"""Commands, reports, modes and runs of leaves that can be asked for."""
+"""Maximum number of commands, reports, modes and leaf executions in the history."""
 BEATS: Final = 2
-"""Of the core's thread within the watchdog's bound, where nothing else wakes it."""
+"""Heartbeats of the core's thread within the watchdog's bound, if nothing else wakes it."""
 GUARD_CHECK_S: Final = 1.0
 """Period in which the state of the guard is read and published."""
 _LOG = logging.getLogger(__name__)
@@ -69,15 +69,15 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class ExecutiveOptions:
-    """What the command line says.
+    """Options of the command line.
 
     Attributes:
         data: folder of ledger and files.
-        parameters: the ROS parameter file.
-        ros_arguments: what goes to ROS as it is.
-        clear_text: whether the MRS may be served in clear text where others can reach it.
-        terms: the encoding and the certificates of the MRS link.
-        service_layer: where another service layer is, to be registered at; None for nowhere.
+        parameters: ROS parameter file.
+        ros_arguments: arguments passed to ROS unchanged.
+        clear_text: whether the MRS may be served in clear text on an address other hosts reach.
+        terms: encoding and certificates of the MRS link.
+        service_layer: address of another service layer to register at; None for none.
     """
 
     settings: Settings
@@ -98,13 +98,13 @@ def serve(
     """Serve until SIGINT or SIGTERM.
 
     Args:
-        options: what the command line says.
-        build_tree: makes the tree.
+        options: options of the command line.
+        build_tree: creates the tree.
 
     Raises:
         StartError: it cannot start.
-        ParameterError: a ROS parameter or argument makes no sense.
-        SettingsError: the class that speaks with the rover is not there, or does not fit.
+        ParameterError: a ROS parameter or argument is invalid.
+        SettingsError: the class of the rover is missing or does not fit.
     """
     settings = options.settings
     history = HistoryBuilder(leaf_paths, MOST_REMEMBERED)
@@ -161,7 +161,7 @@ def serve(
             while not asked.requested:
                 executor.spin_once()
                 watchdog.beat()
-            _LOG.info("asked to end: the rover stands, goals are cancelled")
+            _LOG.info("termination requested: the rover stops, goals are cancelled")
     except LedgerError as error:
         raise StartError(str(error)) from error
 
@@ -181,22 +181,21 @@ def executive_on(
     history: HistoryBuilder | None = None,
     housekeeping: ExecutiveHousekeeping | None = None,
 ) -> Iterator[Executive]:
-    """Yield an executive that a ROS node serves; at the end the rover stands.
+    """Yield an executive that a ROS node serves; the rover is stopped at the end.
 
     Args:
         node: serves it.
-        settings: of the asset.
+        settings: settings of the asset.
         ledger: its record.
         files: its folder of files.
-        downlinks: the ways out beside the rover's own.
-        build_tree: makes the tree.
+        downlinks: downlinks in addition to the rover's own.
+        build_tree: creates the tree.
         video: forwards its video stream.
         relayed: whether the relay link is served, too.
-        solver: plans for mpc.
-        recordings: the folder that its recordings are kept in, if the settings want any; None for
-            none.
-        history: takes what can be asked for of the recent past; None if nobody will ask.
-        housekeeping: takes how regular the ticks are; None if nobody will ask.
+        solver: solver for mpc.
+        recordings: folder of its recordings, if the settings enable them; None for none.
+        history: collects the recent past for queries; None without queries.
+        housekeeping: receives the tick statistics; None without queries.
     """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
@@ -246,11 +245,11 @@ def executive_on(
 
 @contextmanager
 def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundRecorder | None]:
-    """Yield what takes the recording of an executive; None where there is to be none, or cannot be.
+    """Yield the recorder of an executive; None if it is disabled or the folder cannot be used.
 
     Args:
-        settings: of the asset.
-        folder: of its recordings.
+        settings: settings of the asset.
+        folder: folder of its recordings.
     """
     tape = None
     if folder is not None and settings.recording.enabled:
@@ -268,13 +267,13 @@ def _tell_of_recording(executive: Executive, text: str) -> None:
 
 @contextmanager
 def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Iterator[Watchdog]:
-    """Yield a watchdog over the thread that spins a node; it shows its alarms in /diagnostics.
+    """Yield a watchdog over the thread that spins a node; publishes its alarms in /diagnostics.
 
-    The beat does not come with the tick, which stands still with simulated time. The death of a
-    guard is reported, and shown there, too.
+    The heartbeat is independent of the tick, which pauses with simulated time. The death of a
+    guard is reported and published there, too.
     """
     bound_s = executive.settings.safety.watchdog_s
-    quiet = PublisherEventCallbacks(use_default_callbacks=False)  # each costs in every turn
+    quiet = PublisherEventCallbacks(use_default_callbacks=False)  # each costs time in every spin
     diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1, event_callbacks=quiet)
 
     def publish(what: str, level: bytes, text: str, values: Mapping[str, object]) -> None:
@@ -300,7 +299,7 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
 
 
 def _stop_until_acknowledged(rover: RosAsset) -> bool:
-    """Stop the rover until it confirms: after this process ends, a lost stop is not repeated."""
+    """Stop the rover until it acknowledges: after this process a lost stop is not repeated."""
     for _ in range(LAST_STOPS):
         rover.stand()
         if rover.flush(LAST_STOP_S):
@@ -317,17 +316,17 @@ def _listen(link: MrsLink, executive: Executive, options: ExecutiveOptions) -> M
 
 
 RosRoverKind = Callable[[Node, Topics, Clock, Settings], RosVelocityRover | RosMotionRover]
-"""Makes what speaks with a rover: of the node, the topics of every asset, the core's clock."""
+"""Creates the rover class from the node, the topics of every asset and the core's clock."""
 
 FORM: Final = "module:Class, such as adapters.onboard.mocup:MocupOnRos"
 
 
 def rover_kind(settings: Settings) -> RosRoverKind:
-    """Return the class for an asset: the one that it names, or that of rovers on `cmd_vel`.
+    """Return the class for an asset: the one in its settings, or that of rovers on `cmd_vel`.
 
     Raises:
-        SettingsError: there is none of that name, or the rover cannot be moved by it in the way
-            that `locomotion` says; the text says which there are, or what it lacks.
+        SettingsError: no such class exists, or it lacks methods for this `locomotion`; the text
+            lists the existing classes, or the missing methods.
     """
     port = _port(settings.locomotion)
     if settings.rover is None:
@@ -342,7 +341,7 @@ def rover_kind(settings: Settings) -> RosRoverKind:
     if missing:
         raise SettingsError(
             f"{settings.asset}: rover {settings.rover} lacks {', '.join(missing)}: with"
-            f" locomotion {settings.locomotion.value} it has to be a {port.__module__}."
+            f" locomotion {settings.locomotion.value} it must be a {port.__module__}."
             f"{port.__name__}"
         )
     return kind
@@ -368,18 +367,18 @@ def _named(name: str, port: type) -> type:
         module = import_module(place)
     except ImportError as error:
         raise SettingsError(
-            f"rover {name}: {error}; the module has to be installed beside rover-executive, or to"
-            " lie in a folder of PYTHONPATH"
+            f"rover {name}: {error}; the module must be installed with rover-executive, or"
+            " be in a folder of PYTHONPATH"
         ) from error
     found = getattr(module, kind, None)
     if not isinstance(found, type):
-        there = ", ".join(_fitting(module, port)) or "none that could be it"
+        there = ", ".join(_fitting(module, port)) or "none that fits"
         raise SettingsError(f"rover {name}: {place} has no class {kind!r}; there are: {there}")
     return found
 
 
 def _fitting(module: ModuleType, port: type) -> list[str]:
-    """Return the names of a module's own classes that have all that a port asks for."""
+    """Return the names of a module's own classes that have all methods of a port."""
     return sorted(
         name
         for name, found in vars(module).items()
@@ -391,7 +390,7 @@ def _fitting(module: ModuleType, port: type) -> list[str]:
 
 
 def _missing(kind: type, port: type) -> list[str]:
-    """Return the methods of a port that a class does not have."""
+    """Return the methods of a port that a class lacks."""
     wanted = {
         name
         for base in port.__mro__

@@ -1,4 +1,4 @@
-"""A watchdog over the core's thread: a tick that hangs is noticed from outside it."""
+"""Watchdog over the core's thread: detects a tick that hangs, from a separate thread."""
 
 import logging
 import threading
@@ -12,23 +12,22 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Severity
 
 LOOKS: Final = 10
-"""Looks in a row without a beat that make an alarm."""
+"""Consecutive polls without a heartbeat that raise an alarm."""
 _LOG = logging.getLogger(__name__)
 
 
 class Watchdog:
-    """Makes the rover stand, from a thread of its own, while the core's thread does not beat.
+    """Stops the rover, from a thread of its own, while the core's thread sends no heartbeat.
 
-    What counts are its own looks between which there was no beat, not seconds on a clock: a process
-    that was starved or suspended as a whole, and this thread with it, raises no alarm here, but by
-    its late tick. A process that is gone as a whole is not seen from inside; there the rover's own
-    time-out has to act.
+    It counts its own polls without a heartbeat, not seconds on a clock. A process that is starved
+    or suspended as a whole suspends this thread too, and raises no alarm here; its late tick does.
+    A process that has ended as a whole cannot act; then the rover's own timeout must.
 
     Args:
-        executive: whose thread is watched; told of the alarm, and made SAFE if the rover moved,
-            once its thread goes on.
-        bound_s: seconds without a beat after which it acts.
-        tell: gets one line at each alarm, on the watchdog's thread.
+        executive: supervised executive; receives the alarm, and is made SAFE if the rover moved,
+            once its thread continues.
+        bound_s: seconds without a heartbeat after which it acts.
+        tell: called with one line at each alarm, on the watchdog's thread.
     """
 
     def __init__(self, executive: Executive, bound_s: float, tell: Callable[[str], None]) -> None:
@@ -50,7 +49,7 @@ class Watchdog:
         self._thread.join()
 
     def beat(self) -> None:
-        """Say that the core's thread goes on; call it there, several times within the bound."""
+        """Record a heartbeat of the core's thread; called there several times within the bound."""
         self._beats += 1
 
     def _watch(self) -> None:
@@ -60,7 +59,7 @@ class Watchdog:
             seen = self._beats
             if looks >= LOOKS:
                 self._silent_s = looks * self._look_s
-                with suppress(Exception):  # nothing may end the watch
+                with suppress(Exception):  # no error may end the watchdog
                     self._act(first=looks == LOOKS)
 
     def _act(self, first: bool) -> None:
@@ -70,16 +69,16 @@ class Watchdog:
             self._executive.emergency_stop()
         if first:
             text = f"the core has not ticked for {self._silent_s:.1f} s"
-            _LOG.error("%s%s", text, "; the rover is made to stand" if moving else "")
+            _LOG.error("%s%s", text, "; the rover is stopped" if moving else "")
             self._executive.ask(self._report)
             self._tell(text)
 
     def _report(self) -> None:
-        """Tell the core, once it goes on."""
+        """Report to the core, once its thread continues."""
         text = f"the core did not tick for {self._silent_s:.1f} s"
         figures = (Figure("silent", self._silent_s, "s"),)
         if self._stopped:
-            text = f"{text}; the watchdog made the rover stand"
+            text = f"{text}; the watchdog stopped the rover"
             self._executive.make_safe(Refusal(Reason.CORE_HUNG, text, figures))
         else:
             self._executive.event(Severity.WARNING, text, figures)

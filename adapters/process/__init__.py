@@ -1,6 +1,6 @@
-"""One way to be a process, for all that serve: command line, folder, log, signals, exit status.
+"""Common code of all server processes: command line, folder, log, signals, exit status.
 
-It knows no links and no rovers.
+It depends on no link and no rover.
 """
 
 from adapters.process.command import EXISTING_FILE as EXISTING_FILE

@@ -1,4 +1,4 @@
-"""A process's folder, which it has to itself."""
+"""Exclusive folder of a process."""
 
 import fcntl
 import os
@@ -10,20 +10,20 @@ from adapters.process.command import StartError
 
 
 def default_folder(name: str) -> Path:
-    """Return where a process keeps its files unless told otherwise."""
+    """Return the default folder of a process's files."""
     base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(base) / "rover" / name
 
 
 @contextmanager
 def exclusive(folder: Path, lock: str) -> Iterator[None]:
-    """Make a folder and lock it; the kernel releases the lock however this process ends.
+    """Create a folder and lock it; the kernel releases the lock however this process ends.
 
-    The file `lock` in it holds this process's id while it runs, and nothing afterwards (unless
+    The file `lock` in it has this process's id while it runs, and is empty after it (unless
     killed).
 
     Raises:
-        StartError: another process holds it, or it cannot be made.
+        StartError: another process holds the lock, or the folder cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -37,7 +37,7 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
         except BlockingIOError as error:
             held.seek(0)
             raise StartError(
-                f"another process ({held.read().strip() or 'unknown'}) works in {folder}: stop it,"
+                f"another process ({held.read().strip() or 'unknown'}) uses {folder}: stop it,"
                 " or give this one a folder of its own with --data"
             ) from error
         try:
@@ -45,7 +45,7 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
             os.write(held.fileno(), f"{os.getpid()}\n".encode())
         except OSError as error:
             raise StartError(
-                f"{folder} cannot be written: {error.strerror}; make room there, or name another"
+                f"{folder} cannot be written: {error.strerror}; free some space, or name another"
                 " folder with --data"
             ) from error
         try:

@@ -1,4 +1,4 @@
-"""The log of a process: one line an event on standard error, whatever is in the texts."""
+"""The log of a process: one line per event on standard error, regardless of the texts' content."""
 
 import logging
 import time
@@ -7,8 +7,8 @@ import time
 class OneLineFormatter(logging.Formatter):
     """UTC, level and text on one line; control characters and line ends are escaped.
 
-    Texts come from peers, too: none may look like a line of its own, or command a terminal. The
-    lines of a traceback follow, each set in.
+    Texts also contain input of peers: none may imitate a line of the log, or control a terminal.
+    The lines of a traceback follow, each indented.
     """
 
     converter = staticmethod(time.gmtime)
@@ -16,7 +16,7 @@ class OneLineFormatter(logging.Formatter):
     default_msec_format = "%s.%03dZ"
 
     def __init__(self) -> None:
-        from executive.values.reports import printable  # `rover --help` imports no room
+        from executive.values.reports import printable  # `rover --help` imports no package
 
         self._printable = printable
         super().__init__("%(asctime)s %(levelname)-7s %(message)s")
@@ -33,8 +33,8 @@ class OneLineFormatter(logging.Formatter):
 
 
 def log_to_stderr(level: str) -> None:
-    """Log what is at least of a level."""
+    """Log to standard error from a level upwards."""
     handler = logging.StreamHandler()
     handler.setFormatter(OneLineFormatter())
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
-    logging.getLogger("transitions").setLevel(logging.WARNING)  # tells every step of a life
+    logging.getLogger("transitions").setLevel(logging.WARNING)  # logs every stage of a life cycle

@@ -1,4 +1,4 @@
-"""Standard output of a program: nobody reads it, the disk is full, the terminal has no UTF-8."""
+"""Standard output of a program: closed pipe, full disk, terminal without UTF-8."""
 
 import codecs
 import errno
@@ -10,23 +10,23 @@ from threading import current_thread, main_thread
 from typing import Any, Final
 
 UNREAD: Final = 141
-"""Exit status where nobody reads the output any more: what a shell reports for SIGPIPE."""
+"""Exit status if the output is closed: the value that a shell reports for SIGPIPE."""
 
 _PLAIN: Final = "rover.plain"
 _SPELLED: Final = str.maketrans(
     "×−–²µ·“”→⇉◆◇▸●✓✕↓↑←│├└─", "x--2u.''>=#o>*+xv^<||`-"
 ) | str.maketrans({"±": "+-", "…": "...", "°": "deg"})
-"""Signs of the product where a terminal has no UTF-8; other letters become a question mark."""
+"""ASCII for signs of the product on a terminal without UTF-8; other letters become `?`."""
 
 
 def guard_output() -> None:
-    """Have standard output end the program by an exit status, and never by a traceback.
+    """End the program with an exit status, not a traceback, if standard output fails.
 
-    Whatever prints, by click, rich or itself, gets SystemExit where its output cannot be written.
-    Signs that the terminal's encoding lacks are spelled in ASCII.
+    Every writer, such as click or rich, gets SystemExit if the output cannot be written.
+    Signs that the terminal's encoding lacks are replaced by ASCII.
     """
     stdout = sys.stdout
-    if stdout is None:  # closed by whoever started it
+    if stdout is None:  # closed by the parent process
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     elif stdout is sys.__stdout__ and isinstance(stdout, io.TextIOWrapper):
         raw = io.BufferedWriter(_Output(stdout.fileno(), "w", closefd=False))
@@ -35,7 +35,7 @@ def guard_output() -> None:
 
 
 class _Output(io.FileIO):
-    """Standard output; it fails once, and in the main thread, whose exit ends the program."""
+    """Standard output; fails once, and in the main thread, whose exit ends the program."""
 
     _lost = False
 
@@ -54,7 +54,7 @@ class _Output(io.FileIO):
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:
-    """Return ASCII for signs that an encoding lacks, as `codecs` asks for it."""
+    """Return ASCII for signs that an encoding lacks; an error handler of `codecs`."""
     assert isinstance(error, UnicodeEncodeError)
     spelled = error.object[error.start : error.end].translate(_SPELLED)
     return spelled.encode("ascii", "replace").decode(), error.end

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as a wish that a process looks at when it is ready to."""
+"""SIGINT and SIGTERM as a request that a process polls when it is ready."""
 
 import asyncio
 import signal
@@ -9,11 +9,11 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 class Termination:
-    """Whether this process was asked to end.
+    """Whether the termination of this process is requested.
 
-    The first signal counts; from then on to the end of the process they are ignored, so that an
-    impatient second one does not cut short the way to standing. Only for the main thread, which is
-    to look again and again.
+    After the first signal all further ones are ignored to the end of the process, so that a
+    second one does not interrupt the stop of the rover. Only for the main thread, which must poll
+    it.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Termination:
 
 
 def termination_event() -> asyncio.Event:
-    """Return what SIGINT and SIGTERM set from now on, on the running loop."""
+    """Return an event that SIGINT and SIGTERM set from now on, on the running loop."""
     asked, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in _SIGNALS:
         loop.add_signal_handler(number, asked.set)

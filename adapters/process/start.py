@@ -1,8 +1,8 @@
-"""The console scripts of the processes: what they stand on is checked before it is imported.
+"""The console scripts of the processes: dependencies are checked before the import.
 
 Other projects on PyPI use our package names. A process ends with an error at start if Python finds
-one of our packages elsewhere, and warns if another distribution has installed files into one. A
-package that is missing is named with the extra that installs it.
+one of our packages at another path, and warns if another distribution has installed files into one.
+A missing package is named with the extra that installs it.
 """
 
 import re
@@ -35,7 +35,7 @@ EXTRAS: Final = {
     "psycopg": "postgresql",
     "scipy": "campaign",
 }
-"""Optional packages that are imported, and the extra of this distribution that brings them."""
+"""Optional packages, and the extra of this distribution that installs each."""
 _NO_ROS: Final = (
     "ROS 2 is not installed here. On Linux x86_64 `./rover` brings it along; elsewhere install"
     " ROS 2 Jazzy and source its setup.sh first."
@@ -43,11 +43,11 @@ _NO_ROS: Final = (
 
 
 class ForeignPackageError(ImportError):
-    """One of the project's packages is somebody else's; the text says whose and what to do."""
+    """One of the packages is another distribution's; the text names that and the remedy."""
 
 
 def require(package: str) -> None:
-    """Do nothing where a package can be imported.
+    """Raise ModuleNotFoundError unless a package can be imported.
 
     Raises:
         ModuleNotFoundError: it cannot; `missing_package` has a text for it.
@@ -57,7 +57,7 @@ def require(package: str) -> None:
 
 
 def missing_package(error: ImportError) -> str | None:
-    """Return how to get the optional package that an import did not find; None if it is another."""
+    """Return how to install the optional package that an import lacks; None for other errors."""
     if isinstance(error, ForeignPackageError):
         return str(error)
     package = (error.name or "").partition(".")[0]
@@ -75,7 +75,7 @@ def check_own_packages() -> Iterator[str]:
     """Yield a warning for each other distribution with files in a package of this one.
 
     Raises:
-        ForeignPackageError: Python takes one of the packages from another place than this module.
+        ForeignPackageError: Python finds one of the packages at another path than this module.
     """
     for package in OWN_PACKAGES:
         spec = find_spec(package)
@@ -83,7 +83,7 @@ def check_own_packages() -> Iterator[str]:
         if place != ROOT / package:
             raise ForeignPackageError(
                 f"Python finds package {package} at {place}, and not at {ROOT / package}: uninstall"
-                f" what it belongs to, or take it off PYTHONPATH; {DISTRIBUTION} wants an"
+                f" its distribution, or remove it from PYTHONPATH; {DISTRIBUTION} needs an"
                 " environment of its own"
             )
     files = re.compile(rf"^({'|'.join(OWN_PACKAGES)})/", re.MULTILINE)
@@ -91,7 +91,7 @@ def check_own_packages() -> Iterator[str]:
         found = files.search(distribution.read_text("RECORD") or "")
         if found and distribution.name.replace("_", "-").lower() != DISTRIBUTION:
             yield (
-                f"{distribution.name} {distribution.version} has put files of its own into"
+                f"{distribution.name} {distribution.version} has installed files into"
                 f" {ROOT / found[1]}, a package of {DISTRIBUTION}: install them into two"
                 " environments, for either may have overwritten the other"
             )

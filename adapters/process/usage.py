@@ -1,4 +1,4 @@
-"""What a process takes of the machine that it runs on."""
+"""Resource usage of a process."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ from typing import Final
 from adapters.system import OPERATING_SYSTEM, System
 
 _LEAST_S: Final = 1.0
-"""Over which the processor's time is averaged, at least."""
+"""Minimum window of the average processor load."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResourceUsage:
-    """What a process takes at a moment; None for what this system does not tell.
+    """Resource usage of a process; None for figures that this system does not provide.
 
     Attributes:
-        memory_octets: resident.
-        cpu_ratio: processor time of the last seconds, as a part of one core's; None at first.
-        disk_free_octets: what is left for it on the disk of its data.
-        uptime_s: since it began to look.
+        memory_octets: resident memory.
+        cpu_ratio: processor time of the last seconds, as a fraction of one core's; None at first.
+        disk_free_octets: free space for it on the disk of its data.
+        uptime_s: time since the monitor was created, s.
     """
 
     memory_octets: int | None
@@ -29,7 +29,7 @@ class ResourceUsage:
 
 
 class ResourceMonitor:
-    """Looks at what this process takes, of the disk with the folder `data`, too."""
+    """Measures the resource usage of this process, including the disk with the folder `data`."""
 
     def __init__(self, data: Path, system: System = OPERATING_SYSTEM) -> None:
         self._data, self._system = data, system
@@ -38,7 +38,7 @@ class ResourceMonitor:
         self._cpu_ratio: float | None = None
 
     def look(self) -> ResourceUsage:
-        """Return what it takes now; on one thread."""
+        """Return the present usage; call it on one thread."""
         now_s = self._system.now_s()
         if (passed_s := now_s - self._looked_s) >= _LEAST_S:
             cpu_s = self._system.cpu_s()

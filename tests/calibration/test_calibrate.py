@@ -51,7 +51,7 @@ def test_less_is_left_over_than_before(found: Calibration) -> None:
     left = {each.name: each.after / each.before for each in found.residuals}
     assert left["rate of turn"] < 0.35
     assert left["slip"] < 0.25
-    assert left["slip as odometry takes it"] < 0.05
+    assert left["odometry's own slip model"] < 0.05
 
 
 def test_the_command_writes_what_it_found(recording: Path, tmp_path: Path) -> None:

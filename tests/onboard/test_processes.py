@@ -125,7 +125,7 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
     probe.driven()
     probe.moving()
     process.send(signal.SIGTERM)
-    process.said("asked to end")
+    process.said("termination requested")
     process.send(signal.SIGINT)  # from somebody impatient
     assert process.ended() == 0
     assert "Traceback" not in process.text

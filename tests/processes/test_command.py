@@ -151,4 +151,4 @@ def test_files_of_another_distribution_are_warned_of(
         lambda name: type("Spec", (), {"origin": str(tmp_path / name / "__init__.py")}),
     )
     (warning,) = check_own_packages()
-    assert warning.startswith("adapters 1.2 has put files of its own into")
+    assert warning.startswith("adapters 1.2 has installed files into")

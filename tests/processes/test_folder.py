@@ -58,5 +58,5 @@ def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
         text=True,
         check=True,
     )
-    why = f"{tmp_path} cannot be written: {os.strerror(errno.EFBIG)}; make room there, or name"
+    why = f"{tmp_path} cannot be written: {os.strerror(errno.EFBIG)}; free some space, or name"
     assert asked.stdout.startswith(why)

@@ -32,7 +32,7 @@ def test_a_core_that_hangs_while_it_drives_is_made_to_stand_and_safe(bench: Benc
     assert "has not ticked for" in told[0]
     bench.step()
     assert bench.executive.mode is Mode.SAFE
-    assert "the watchdog made the rover stand" in bench.executive.why
+    assert "the watchdog stopped the rover" in bench.executive.why
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.CORE_HUNG
     assert bench.rover.velocity == STANDING
