@@ -1,7 +1,7 @@
-"""What happened to a rover and its commands, and why, in words: from recordings and by the MRS.
+"""Explanations of events and commands as text, from recordings and over the MRS.
 
-All of it is pure. One value goes in, a `RunHistory`: of a recording, of an executive that runs, or
-from `MrsClient.get_history`. An `Explanation` or the entries of a log come out.
+All functions are pure. The input is a `RunHistory`: of a recording, of a running executive, or
+from `MrsClient.get_history`. The output is an `Explanation` or the entries of a log.
 """
 
 from adapters.explanation.explain import Explanation as Explanation

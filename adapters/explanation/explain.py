@@ -1,7 +1,7 @@
-"""Why: the causal chain of a command, and of what the rover does at the end of a time.
+"""Causal chain of a command, and of the rover's state at the end of a history.
 
-Pure functions of a `RunHistory`, so that a recording and a rover on the MRS are explained in
-the same words. What a history does not know is left out.
+Pure functions of a `RunHistory`, so that a recording and a rover on the MRS have the same
+explanations. Facts missing in the history are left out.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ from executive.values.reasons import PREDICTED, Figure, Reason
 from executive.values.reports import Identity, Report, ReportKind, Stage
 
 MOMENT_S: Final = 0.1
-"""A shorter wait is none."""
+"""Minimum wait that is mentioned."""
 _FAMILIES: Final = {each.name: each.family for each in declared()}
 _BRANCHES: Final = {
     Family.MOTION: "/motion/",
@@ -25,12 +25,12 @@ _BRANCHES: Final = {
     Family.INSTANT: "/instant commands/",
     Family.STOP: "/priority stop/",
 }
-"""Where in the tree the commands of a family are worked on."""
+"""Branch of the tree that executes the commands of a family."""
 _HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
 _BY_REASON: Final = {each.reason: each for each in DECLARED.values()}
 _UNCERTAINTY: Final = {each.name for each in Uncertainty().figures}
 _WAY_OUT: Final = (
-    "until then motions to places and headings are refused: correct the pose by"
+    "until then motions to positions and headings are refused: correct the pose by"
     " setPositionCompensation, or confirm it by confirmPose"
 )
 _ENDED: Final = {
@@ -43,15 +43,15 @@ _ENDED: Final = {
 
 
 class UnknownCommandError(LookupError):
-    """Nothing is known of a command, or more than one is meant; the text says which there are."""
+    """A command is unknown or ambiguous; the text lists the known ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExplanationStep:
-    """A link of the chain.
+    """A step of the causal chain.
 
     Attributes:
-        utc_s: when, by the clock aboard; None for what belongs to no moment.
+        utc_s: onboard time, s UTC; None for a step without a time.
     """
 
     utc_s: float | None
@@ -60,13 +60,13 @@ class ExplanationStep:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why something is as it is.
+    """Explanation of a command or state.
 
     Attributes:
-        headline: the answer in one sentence.
-        reason: the numbered reason behind it; None where there is none, as of what was executed.
-        steps: what led there, in the order of time.
-        evidence: the figures that showed it.
+        headline: the result in one sentence.
+        reason: numbered reason; None if there is none, as for an executed command.
+        steps: causes in the order of time.
+        evidence: figures that support it.
     """
 
     headline: str
@@ -76,14 +76,14 @@ class Explanation:
 
 
 def explain_command(history: RunHistory, command: str) -> Explanation:
-    """Return what became of a command, and why.
+    """Return the result of a command and its causes.
 
     Args:
-        history: of the time in which it lived.
+        history: history that covers the command.
         command: its number, or `SOURCE:NUMBER`.
 
     Raises:
-        UnknownCommandError: no command is called so, or several are.
+        UnknownCommandError: no command or several match.
     """
     lives = history.lives()
     found = [each for identity, each in lives.items() if names(command, identity)]
@@ -104,26 +104,22 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
         last = declined[-1]
         reason = last.refusal.reason
         return Explanation(
-            f"{last.identity} was not taken: {last.refusal.text}",
+            f"{last.identity} was not accepted: {last.refusal.text}",
             reason,
-            (
-                ExplanationStep(
-                    last.utc_s, f"refused before it had a life: {reason.name} {reason.value}"
-                ),
-            ),
+            (ExplanationStep(last.utc_s, f"refused at reception: {reason.name} {reason.value}"),),
             last.refusal.figures,
         )
     known = [str(identity) for identity in lives][-5:]
-    which = f"the last that are known: {', '.join(known)}" if known else "none is known"
-    raise UnknownCommandError(f"no command is called {command}; {which}")
+    which = f"the latest known: {', '.join(known)}" if known else "none is known"
+    raise UnknownCommandError(f"no command {command}; {which}")
 
 
 def explain_now(history: RunHistory) -> Explanation:
-    """Return why the rover stands, or what moves it, at the end of a history."""
+    """Return why the rover is stationary, or what moves it, at the end of a history."""
     lives = history.lives()
     now = history.situations[-1] if history.situations else None
     if now is None:
-        return Explanation("nothing is known of what the rover is about", None, ())
+        return Explanation("the state of the rover is unknown", None, ())
     headline = f"{now.mode.name}: {now.why}"
     if now.active is not None and now.active in lives and now.mode not in _HOLDING:
         life = _CommandExplainer(history, lives, lives[now.active]).explain()
@@ -146,7 +142,7 @@ def explain_now(history: RunHistory) -> Explanation:
         ]
     elif (last := last_ended(lives.values())) is not None and last.end is not None:
         reason = last.end.reason
-        steps.append(ExplanationStep(last.end.utc_s, f"the last that ended: {_ending(last)}"))
+        steps.append(ExplanationStep(last.end.utc_s, f"the last command to end: {_ending(last)}"))
     shown = {each.text for each in steps}
     steps += [each for each in _conditions(history) if each.text not in shown]
     return Explanation(headline, reason, tuple(steps), evidence)
@@ -199,7 +195,7 @@ class _CommandExplainer:
 
     @property
     def _started_s(self) -> float | None:
-        """When it began, by its report or, where its sender wanted none, by what was under way."""
+        """Start time by its report or, without one, by the active command."""
         started = self._life.at(Stage.STARTED)
         if started is not None:
             return started.utc_s
@@ -237,7 +233,7 @@ class _CommandExplainer:
         yield ExplanationStep(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
 
     def _in_front(self, other: CommandHistory, began_s: float) -> bool:
-        """Whether another command of the same queue was there before, and under way meanwhile."""
+        """Return whether another command of the same queue was earlier and active in the wait."""
         if _FAMILIES.get(other.request) is not self._family:
             return False
         accepted, mine = other.at(Stage.ACCEPTED), self._life.at(Stage.ACCEPTED)
@@ -276,7 +272,7 @@ class _CommandExplainer:
                 )
 
     def _met(self) -> Iterator[ExplanationStep]:
-        """Yield the events that came meanwhile, but for what the end says again."""
+        """Yield the events during the command, except those that the end repeats."""
         end = self._life.end
         said = "" if end is None else end.text
         for report in self._history.reports:
@@ -306,7 +302,7 @@ class _CommandExplainer:
             causes.append(f"{setting.name} of {setting.identity}")
         if fastest is not None and fastest.travel_mps > 0.0:
             text = (
-                f"went at most {fastest.travel_mps:.2f} m/s, of {fastest.allowed_mps:.2f} m/s"
+                f"maximum speed {fastest.travel_mps:.2f} m/s, of {fastest.allowed_mps:.2f} m/s"
                 " that the asset allows"
             )
             yield ExplanationStep(None, f"{text}: {'; '.join(causes)}" if causes else text)
@@ -314,7 +310,7 @@ class _CommandExplainer:
             yield ExplanationStep(None, f"its speed was limited: {'; '.join(causes)}")
 
     def _behind(self, end: Report) -> Iterator[ExplanationStep]:
-        """Yield what is behind the end: the command that it names, or what held the rover then."""
+        """Yield the cause of the end: the command that it names, or the mode of the rover."""
         for other in self._lives.values():
             if other is not self._life and mentions(end.text, other.identity):
                 yield from _asked(other)
@@ -328,7 +324,7 @@ class _CommandExplainer:
 def last_speed_setting(
     lives: Iterable[CommandHistory], until_utc_s: float
 ) -> CommandHistory | None:
-    """Return the command that set the greatest speed that holds at a time; None if none did."""
+    """Return the command that set the speed limit in force at a time; None without one."""
     settings = [
         each
         for each in lives
@@ -346,7 +342,7 @@ def last_ended(lives: Iterable[CommandHistory]) -> CommandHistory | None:
 
 
 def end_s(life: CommandHistory, history: RunHistory) -> float:
-    """Return when a command ended, or the history if it has not."""
+    """Return the time of a command's end, or of the history's if it has not ended."""
     return history.until_utc_s if life.end is None else life.end.utc_s
 
 
@@ -380,7 +376,7 @@ def _asked(life: CommandHistory) -> Iterator[ExplanationStep]:
     )
     yield ExplanationStep(
         first.utc_s if asked is None else asked.utc_s,
-        f"{life.identity.source} asked for {life.name}{over}, as number"
+        f"{life.identity.source} requested {life.name}{over}, as number"
         f" {life.identity.command_id}{wait}",
     )
     accepted, end = life.at(Stage.ACCEPTED), life.end
@@ -392,7 +388,7 @@ def _asked(life: CommandHistory) -> Iterator[ExplanationStep]:
 
 
 def in_brackets(reason: Reason | None) -> str:
-    """Return the name and number of a reason as they follow a text; nothing for none."""
+    """Return name and number of a reason in brackets after a text; empty for None."""
     return "" if reason is None else f" ({reason.name} {reason.value})"
 
 
@@ -406,26 +402,26 @@ def _said(run: LeafRun) -> str:
 
 
 def _shown(figures: tuple[Figure, ...]) -> tuple[Figure, ...]:
-    """Return figures but for those that were predicted, and what became of these."""
+    """Return figures except predictions and the figures measured for them."""
     predicted = {each.name for each in figures if each.name.startswith(PREDICTED)}
     hidden = predicted | {each.removeprefix(PREDICTED) for each in predicted}
     return tuple(each for each in figures if each.name not in hidden)
 
 
 def mentions(text: str, identity: Identity) -> bool:
-    """Whether a text names a command, and not one whose number goes on."""
+    """Return whether a text names a command, not as a part of a longer number."""
     before, found, after = text.partition(str(identity))
     return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
 
 
 def spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
-    """Yield each situation with the time at which the next began, or the history ended."""
+    """Yield each situation with the start of the next one, or the end of the history."""
     following = (*(each.utc_s for each in history.situations[1:]), history.until_utc_s)
     yield from zip(history.situations, following, strict=False)
 
 
 def cause_of(history: RunHistory, now: Situation) -> Report | CommandHistory | None:
-    """Return what put the rover into a situation in which it is held; None where nothing did."""
+    """Return the cause of a situation that holds the rover; None without one."""
     events = [
         each
         for each in history.reports
@@ -444,7 +440,7 @@ def cause_of(history: RunHistory, now: Situation) -> Report | CommandHistory | N
 def _active_faults(
     history: RunHistory, at_utc_s: float, since_utc_s: float | None = None
 ) -> list[Report]:
-    """Return the events of the faults that had begun and were not over at a time, or since one."""
+    """Return the events of the faults active at a time, or at any time since another one."""
     active: dict[str, Report] = {}
     for report in history.reports:
         if report.utc_s > at_utc_s or report.kind is not ReportKind.EVENT or report.reason is None:
@@ -460,9 +456,9 @@ def _active_faults(
 
 
 def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[ExplanationStep]:
-    """Return since what the pose is uncertain at a time, and how that ends; nothing if it is not.
+    """Return the events that made the pose uncertain, and the remedy; empty if it is not.
 
-    That is the first event of it and the last, each with the fault that it names.
+    These are the first such event and the last one, each with the fault that it names.
     """
     begun: list[list[Report]] = []
     faults: list[Report] = []
@@ -490,12 +486,12 @@ def _is_named(fault: Report, text: str) -> bool:
 
 
 def says_who_moves(report: Report) -> bool:
-    """Whether a report is of others that may move the rover, or that there are none any more."""
+    """Return whether a report is on other velocity publishers, or on their absence."""
     return "move the rover" in report.text or "nobody else moves" in report.text
 
 
 def _conditions(history: RunHistory) -> list[ExplanationStep]:
-    """Return the faults that are not over, and who else may move the rover."""
+    """Return the active faults and other velocity publishers."""
     steps = [_event(each) for each in _active_faults(history, history.until_utc_s)]
     steps += _uncertain_since(history, history.until_utc_s)
     foreign = [each for each in history.reports if says_who_moves(each)]

@@ -1,4 +1,4 @@
-"""The log of a rover: the life of each command, and each event, by what is asked for."""
+"""Log of a rover: the life cycle of each command, and each event, with a filter."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from executive.values.reports import Identity, Report, Severity
 
 @dataclass(frozen=True, slots=True)
 class LogFilter:
-    """What of a log is wanted; None and empty for all.
+    """Filter of a log; None and empty accept all.
 
     Attributes:
         command: the number of a command, of any source, or `SOURCE:NUMBER`.
-        severity: the least.
-        since_utc_s, until_utc_s: by the clock aboard, both included.
-        mode: in which the rover was; nothing has a mode where situations are not known.
+        severity: minimum severity.
+        since_utc_s, until_utc_s: onboard time, both inclusive.
+        mode: mode of the rover; no entry matches if situations are unknown.
     """
 
     command: str | None = None
@@ -27,7 +27,7 @@ class LogFilter:
     mode: Mode | None = None
 
     def has(self, report: Report) -> bool:
-        """Whether a report is wanted, the mode apart."""
+        """Return whether a report passes the filter, apart from the mode."""
         identity = report.identity
         return (
             (self.command is None or (identity is not None and names(self.command, identity)))
@@ -39,7 +39,7 @@ class LogFilter:
 
 
 def names(command: str, identity: Identity) -> bool:
-    """Whether a text is the number of a command, or its source and number."""
+    """Return whether a text is the number of a command, or its source and number."""
     return command in {str(identity), str(identity.command_id)}
 
 
@@ -47,9 +47,9 @@ Entry = CommandHistory | Report
 
 
 def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Iterator[Entry]:
-    """Yield the lives of commands and the events that are wanted, in the order of their beginning.
+    """Yield the commands and events that pass a filter, in the order of their start.
 
-    A life is wanted if one of its reports is; unfolded, these are yielded in its place.
+    A command passes if one of its reports does; with `unfold`, its reports are yielded instead.
     """
     lives = history.lives()
     chosen = [
@@ -70,6 +70,6 @@ def _in_mode(report: Report, history: RunHistory, wanted: LogFilter) -> bool:
 
 
 def situation_at(history: RunHistory, utc_s: float) -> Situation | None:
-    """Return what the rover was about at a time; None before the first that is known."""
+    """Return the situation at a time; None before the first known one."""
     then = [each for each in history.situations if each.utc_s <= utc_s]
     return then[-1] if then else None

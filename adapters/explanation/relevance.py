@@ -1,4 +1,4 @@
-"""What of a history an explanation needs, so that no more has to be sent than that."""
+"""Selection of the part of a history that an explanation needs; only that is sent."""
 
 from dataclasses import replace
 from typing import Final
@@ -17,11 +17,11 @@ from executive.history import CommandHistory, RunHistory
 from executive.values.reports import Report, ReportKind
 
 LAST_KNOWN: Final = 5
-"""Commands that are named where one is asked for that is not known."""
+"""Number of commands that are listed if the requested one is unknown."""
 
 
 def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
-    """Return a history that explains a command, or what the rover does at its end, as well."""
+    """Return the part of a history that gives the same explanation of a command or of its end."""
     lives = list(history.lives().values())
     meant = [each for each in lives if command is not None and names(command, each.identity)]
     if command is None:
@@ -76,7 +76,7 @@ def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
 
 
 def _since_of_now(history: RunHistory, lives: list[CommandHistory]) -> float:
-    """Return when that began which explains what the rover does at the end."""
+    """Return the start of the events that explain the rover's state at the end."""
     now = history.situations[-1] if history.situations else None
     if now is None:
         return history.until_utc_s
@@ -91,5 +91,5 @@ def _since_of_now(history: RunHistory, lives: list[CommandHistory]) -> float:
 
 
 def _lasts(report: Report) -> bool:
-    """Whether an event may matter long after: a fault that begins or ends, another who moves."""
+    """Return whether an event has a lasting effect: a fault starts or ends, a publisher appears."""
     return report.reason is not None or says_who_moves(report)

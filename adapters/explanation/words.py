@@ -1,4 +1,4 @@
-"""Explanations and the log as lines for people."""
+"""Explanations and the log as lines of text for display."""
 
 from collections.abc import Callable
 
@@ -9,11 +9,11 @@ from executive.values.reasons import PREDICTED
 from executive.values.reports import Report, Stage, printable
 
 When = Callable[[float], str]
-"""Returns a time aboard, seconds since 1970-01-01 UTC, in words."""
+"""Formats an onboard time, seconds since 1970-01-01 UTC."""
 
 
 def explanation_lines(explanation: Explanation, when: When) -> list[str]:
-    """Return an explanation: the answer, then what led there, each with its time."""
+    """Return an explanation: the headline, then the steps, each with its time."""
     lines = [explanation.headline]
     if explanation.reason is not None:
         lines.append(f"  reason    {explanation.reason.name} {explanation.reason.value}")
@@ -27,7 +27,7 @@ def explanation_lines(explanation: Explanation, when: When) -> list[str]:
 
 
 def entry_line(entry: Entry, when: When) -> str:
-    """Return a life or a report on one line."""
+    """Return a command or a report on one line."""
     line = _life(entry, when) if isinstance(entry, CommandHistory) else _report(entry)
     return printable(f"{when(entry.utc_s)}  {line}")
 
@@ -41,7 +41,7 @@ def _life(life: CommandHistory, when: When) -> str:
     ]
     end = life.end
     if end is None or end.stage is None:
-        stages.append("goes on")
+        stages.append("active")
         return f"{life.identity} {life.name}{link}: {', '.join(stages)}"
     stages.append(f"{end.stage.name} {when(end.utc_s).strip()}")
     outcome = f": {life.outcome}" if life.outcome else ""

@@ -78,7 +78,7 @@ PLANS: Final = (
     Case("step suspended", _runs(AHEAD, SuspendPlan("survey")), STEP, Reason.PLAN_SUSPENDED),
     Case("step aborted", _runs(AHEAD, AbortPlan("survey")), STEP, Reason.PLAN_ABORTED),
     Case("step that is not waited for", _goes_on, STEP, Reason.PLAN_WENT_ON),
-    Case("step stopped", _runs(AHEAD, Stop()), STEP, Reason.STOPPED, "MOE asked for stop"),
+    Case("step stopped", _runs(AHEAD, Stop()), STEP, Reason.STOPPED, "MOE requested stop"),
     Case(
         "refused while a plan runs",
         _runs(AHEAD, MoveForward(1.0)),

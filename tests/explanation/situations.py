@@ -392,7 +392,7 @@ CASES: Final = (
         _confirmed_in_part,
         "MOE:1",
         Reason.POSE_UNCERTAIN,
-        "MOE asked for confirmPose",
+        "MOE requested confirmPose",
     ),
     Case("refused BATTERY_SHORT", _short, "MOE:1", Reason.BATTERY_SHORT),
     Case(
@@ -400,10 +400,10 @@ CASES: Final = (
         _stopped_by,
         "MOE:1",
         Reason.STOPPED,
-        "LAB asked for stop over the relay link",
+        "LAB requested stop over the relay link",
     ),
     Case(
-        "replaced", _replaced, "MOE:1", Reason.REPLACED, "MOE asked for moveForward distance -1 m"
+        "replaced", _replaced, "MOE:1", Reason.REPLACED, "MOE requested moveForward distance -1 m"
     ),
     Case("expired waiting", _expired_waiting, "MOE:1", Reason.EXPIRED, "for MOE:2 moveForward"),
     Case("crashed", _crashed, "MOE:1", Reason.INTERRUPTED, "restarted"),
@@ -443,7 +443,7 @@ CASES: Final = (
     Case("limited by a setting", _slow, "MOE:1", None, "0.30 m/s"),
     Case("slowed by a fault", _low_battery, "MOE:1", None, "slowed down", _SLOWED),
     Case("under way", _under_way, "MOE:1", None, "leaf drive ran for 1.00 s"),
-    Case("now: stopped", _stopped, None, Reason.STOPPED, "MOE asked for stop"),
+    Case("now: stopped", _stopped, None, Reason.STOPPED, "MOE requested stop"),
     Case("now: odometry lost", _lose_odometry, None, Reason.ODOMETRY_STALE),
     Case("now: tilted", _tilted, None, Reason.TILTED),
     Case("now: jumped", _jumped, None, Reason.ODOMETRY_JUMPED),

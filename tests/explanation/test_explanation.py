@@ -178,7 +178,7 @@ def test_log_and_why_are_told_as_json(run: Path) -> None:
     assert lives[0]["reports"][-1]["reason"] == "STOPPED"
     told = json.loads(typed(why, "MOE:1", "--file", run, "--json").output)
     assert told["reason"] == "STOPPED"
-    assert told["steps"][0]["text"].startswith("MOE asked for moveForward distance 5 m")
+    assert told["steps"][0]["text"].startswith("MOE requested moveForward distance 5 m")
 
 
 def test_why_is_told_as_of_a_time(run: Path) -> None:
@@ -189,7 +189,7 @@ def test_why_is_told_as_of_a_time(run: Path) -> None:
 
 def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
     for command, arguments, told in (
-        (why, ("MOE:9", "--file", run), "the last that are known: MOE:1, MOE:2, MOE:3, LAB:3"),
+        (why, ("MOE:9", "--file", run), "the latest known: MOE:1, MOE:2, MOE:3, LAB:3"),
         (why, ("3", "--file", run), "name one of MOE:3, LAB:3"),
         (why, ("--file", tmp_path / "none.mcap"), "cannot be read"),
         (log, ("--file", tmp_path / "none.mcap"), "cannot be read"),

@@ -74,7 +74,7 @@ def test_the_log_is_filtered(bench: LiveBench, options: tuple[str, ...], lines: 
 def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
     told = typed(bench, "why", "MOE:1").output
     assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-    assert "MOE asked for stop over the direct link, as number 2" in told
+    assert "MOE requested stop over the direct link, as number 2" in told
     assert typed(bench, "why").output.startswith("IDLE: standing: no motion goal")
     assert json.loads(typed(bench, "why", "MOE:1", "--json").output)["reason"] == "STOPPED"
 
@@ -82,7 +82,7 @@ def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("why", "MOE:9"), "the last that are known: MOE:1, MOE:2, MOE:3, LAB:3"),
+        (("why", "MOE:9"), "the latest known: MOE:1, MOE:2, MOE:3, LAB:3"),
         (("why", "3"), "name one of MOE:3, LAB:3"),
         (("why", "MOE"), "neither NUMBER nor SOURCE:NUMBER"),
         (("why", "9" * 40), "neither NUMBER nor SOURCE:NUMBER"),
@@ -135,7 +135,7 @@ def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None
     bench.crash()
     told = typed(bench, "why", "MOE:1").output
     assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-    assert "MOE asked for stop over the direct link" in told
+    assert "MOE requested stop over the direct link" in told
     assert "over the direct link" in told
     assert len(typed(bench, "log", "--severity", "warning").output.splitlines()) >= 2
 
@@ -150,7 +150,7 @@ def test_what_is_older_than_its_memory_is_told_of_the_ledger(tmp_path: Path) -> 
         assert len(typed(bench, "log", "--since", "60").output.splitlines()) == 3
         told = typed(bench, "why", "MOE:1").output
         assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-        assert "MOE asked for stop over the direct link" in told
+        assert "MOE requested stop over the direct link" in told
 
 
 def test_where_no_history_is_served_reports_are_told(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_where_no_history_is_served_reports_are_told(tmp_path: Path) -> None:
         for arguments, said in (
             (["log"], "MOE:1 moveForward: REJECTED"),
             (["why", "MOE:1"], "MOE:1 moveForward was refused: "),
-            (["why", "MOE:2"], "no command is called MOE:2"),
+            (["why", "MOE:2"], "no command MOE:2"),
         ):
             assert said in rover(*arguments, "--to", aboard.uri).output
     finally:

@@ -51,7 +51,11 @@ def refusals(bench: Bench) -> list[str]:
             by(7, forward(1, "MOE-2")),
             "MOE-2 is not MOE, who gave it: MOPS holds it",
         ),
-        (RelayAuthority(False), by(7, forward(1)), "the relay does not hold authority 7: no operator"),
+        (
+            RelayAuthority(False),
+            by(7, forward(1)),
+            "the relay does not hold authority 7: no operator",
+        ),
     ],
 )
 def test_without_the_orbiter_s_authority_the_relay_moves_no_brick(
