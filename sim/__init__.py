@@ -1,1 +1,1 @@
-"""Simulated rovers in simulated worlds, and what is shown and measured with them."""
+"""Simulated rovers in simulated worlds, with their display and measurement."""

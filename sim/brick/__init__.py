@@ -1,4 +1,4 @@
-"""An emulated LEGO NXT brick, and the USB cable on which rover-nxt finds it."""
+"""An emulated LEGO NXT brick, and its emulated USB cable to rover-nxt."""
 
 from sim.brick.firmware import Firmware as Firmware
 from sim.brick.firmware import Readings as Readings

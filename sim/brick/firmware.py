@@ -1,7 +1,7 @@
-"""The brick's program: octets, measurements and time go in; octets and set points come out.
+"""The brick's program: octets, measurements and time in; octets and set points out.
 
-A deterministic state machine that knows no clock, no socket and no physics. It carries out one
-command at a time; only a stop comes between.
+A deterministic state machine without clock, socket or physics. It executes one command at a time;
+only a stop interrupts it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from sim.brick.settings import BrickSettings
 _WORK: Final = get_args(Work)
 
 Readings = Mapping[Parameter, float]
-"""What telemetry tells; a parameter that is not in it is told as unknown."""
+"""Values of telemetry; a missing parameter is sent as unknown."""
 
 
 @dataclass(slots=True)
@@ -37,13 +37,13 @@ class Firmware:
     """One brick.
 
     Args:
-        random: latencies, and by how much it misjudges its track.
+        random: source of latencies and of the error of its track.
 
     Attributes:
-        machine: its wheels and its camera's head.
-        distort: makes of what it is about to tell what it does tell; None for no telemetry.
-        mute: whether what it says is lost.
-        ignored: messages that were no commands for it, and octets that were no message.
+        machine: its wheels and its camera head.
+        distort: changes telemetry before it is sent; None suppresses it.
+        mute: whether its output is lost.
+        ignored: number of messages that were no commands for it, and of invalid pieces.
     """
 
     def __init__(
@@ -67,13 +67,13 @@ class Firmware:
         self._telemetry_number = 1
 
     def take(self, octets: bytes, now_s: float) -> None:
-        """Hear octets, cut anywhere."""
+        """Process octets, split at any position."""
         self._heard_s = now_s
         for message in self._heard.feed(octets):
             self._hear(message, now_s)
 
     def give(self) -> bytes:
-        """Return what it has said since the last call."""
+        """Return the output since the last call."""
         said = b"" if self.mute else bytes(self._said)
         self._said.clear()
         return said
@@ -84,7 +84,7 @@ class Firmware:
         machine.sense(now_s, senses)
         if self._task is not None and now_s - self._heard_s > self._silence_s:
             machine.brake()
-            text = f"the host has been silent for {self._silence_s:g} s"
+            text = f"no message of the host for {self._silence_s:g} s"
             self._end(Stage.CANCELLED, Reason.INTERRUPTED, text)
         task = self._task
         if task is not None and not task.begun and now_s >= task.due_s:
@@ -142,7 +142,7 @@ class Firmware:
             self._task = _Task(message, request, due_s)
 
     def _keep_alive(self, message: Message) -> None:
-        """Stand by itself from now on when nothing is heard for as long as the host says."""
+        """Enable the host timeout: stop after a silence as long as the message gives."""
         try:
             (silence_s,) = map(float, message.inputs)
         except ValueError:
@@ -152,7 +152,7 @@ class Firmware:
             self._silence_s = silence_s * self._settings.host_rate
 
     def _end(self, stage: Stage, reason: Reason | None = None, text: str = "") -> None:
-        """End the task, if there is one; where it has led to is told before."""
+        """End the task, if there is one; telemetry with its final pose is sent first."""
         task, self._task = self._task, None
         if task is None:
             return
@@ -178,7 +178,7 @@ class Firmware:
         self._said += encode(reply)
 
     def _measure(self) -> None:
-        """Say where it is and how fast."""
+        """Send telemetry with pose and speed."""
         spelling, machine = self._dictionary.spelling.telemetry, self.machine
         pose, velocity, senses = machine.odometry.pose, machine.odometry.velocity, machine.senses
         measured = {

@@ -1,4 +1,4 @@
-"""The wheels and the camera's head under the brick's control: what it can do, and how far it is."""
+"""The wheels and the camera head under the brick's control: commands, limits and progress."""
 
 from dataclasses import dataclass
 from typing import assert_never
@@ -35,7 +35,7 @@ Work = (
     | MoveCameraAngles
     | SetCameraRotateSpeed
 )
-"""What this brick can be told beside a stop."""
+"""Commands that this brick executes, except stop."""
 
 _SLOWEST = 0.01
 _FARTHEST_M = 100.0
@@ -45,7 +45,7 @@ _STILL: Rims = (0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SensorReadings:
-    """What the brick measures in a period: counts of wheels, volts, angles of the head."""
+    """Measurements of a period: wheel counts, voltage, angles of the head."""
 
     left_deg: int
     right_deg: int
@@ -56,7 +56,7 @@ class SensorReadings:
 
 @dataclass(frozen=True, slots=True)
 class SetPoints:
-    """What the motors are given for a period."""
+    """Set points of the motors for a period."""
 
     left_radps: float
     right_radps: float
@@ -65,14 +65,14 @@ class SetPoints:
 
 
 class Machine:
-    """One rover's mechanics, as its brick sees them.
+    """The mechanics of one rover, from the view of its brick.
 
     Attributes:
-        odometry: where it believes to be.
-        senses: the last ones.
-        track_m: what it takes the distance of its wheels for.
-        travel_mps, rotate_radps, camera_radps: how fast it is told to be.
-        moving: whether a motion is under way.
+        odometry: its estimated pose.
+        senses: the last measurements.
+        track_m: its assumed distance between the wheels.
+        travel_mps, rotate_radps, camera_radps: speed set points.
+        moving: whether a motion is active.
     """
 
     def __init__(self, settings: BrickSettings, track_m: float, start: Pose) -> None:
@@ -88,16 +88,16 @@ class Machine:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is under way."""
+        """Whether a motion is active."""
         return self._course is not None
 
     def sense(self, now_s: float, senses: SensorReadings) -> None:
-        """Take what was measured in a period."""
+        """Process the measurements of a period."""
         self.senses = senses
         self.odometry.advance(now_s, senses.left_deg, senses.right_deg)
 
     def objection(self, work: Work) -> str:
-        """Return why something is not taken on; nothing where it is."""
+        """Return the reason to reject a command; empty to accept it."""
         fastest = self._settings
         match work:
             case SetTravelSpeed(speed_mps):
@@ -129,7 +129,7 @@ class Machine:
                 assert_never(work)
 
     def begin(self, work: Work) -> None:
-        """Do what takes no time, or begin a motion."""
+        """Execute a setting, or start a motion."""
         match work:
             case SetTravelSpeed(speed_mps):
                 self.travel_mps = speed_mps
@@ -156,14 +156,14 @@ class Machine:
                 assert_never(work)
 
     def brake(self) -> None:
-        """Give up the motion under way: the wheels are held from now on."""
+        """Abort the active motion: the wheels are held from now on."""
         self._course = None
 
     def set_points(self, period_s: float) -> SetPoints:
-        """Return what the motors are given for the next period; the motion may end by this.
+        """Return the set points of the motors for the next period; the motion may end here.
 
         Raises:
-            sim.brick.motion.StuckError: a wheel does not turn; the motion is given up.
+            sim.brick.motion.StuckError: a wheel does not turn; the motion is aborted.
         """
         rims_mps: Rims | None = None
         course, self._course = self._course, None

@@ -1,6 +1,6 @@
-"""One motion that the brick carries out: segments one after the other, by its own odometry.
+"""One motion of the brick: consecutive segments, controlled by its own odometry.
 
-A segment is a line, a turn on the spot, or a velocity held, from standing to standing.
+A segment is a line, a turn on the spot, or a held velocity, from standstill to standstill.
 """
 
 from collections import deque
@@ -15,31 +15,31 @@ from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings
 
 _SYNC_PER_S = 4.0
-"""How hard the wheel that is ahead of the other is held back."""
+"""Gain that slows down the wheel that leads. Chosen, not measured."""
 _SYNC_MOST = 0.3
 
 
 class Segment(Protocol):
-    """From standing to standing."""
+    """A motion from standstill to standstill."""
 
     def rims_mps(self, rims_m: Rims, period_s: float) -> Rims | None:
         """Return the speeds of the rims for the next period; None at the end.
 
         Args:
-            rims_m: how far the rims have rolled since the start of the segment.
-            period_s: how long the speeds hold.
+            rims_m: distance that the rims have rolled since the start of the segment, m.
+            period_s: duration of the speeds, s.
         """
         ...
 
 
 @dataclass(slots=True)
 class RollSegment:
-    """Both wheels as far, ahead or against each other, at a trapezoid of speed.
+    """Both wheels over the same distance, in equal or opposite directions, at a trapezoidal speed.
 
     Attributes:
-        left, right: +1.0 or -1.0, which way each turns.
-        length_m: how far.
-        speed_mps: at most how fast.
+        left, right: direction of each wheel, +1.0 or -1.0.
+        length_m: distance of each rim.
+        speed_mps: maximum speed.
     """
 
     left: float
@@ -50,7 +50,7 @@ class RollSegment:
     _now_mps: float = 0.0
 
     def rims_mps(self, rims_m: Rims, period_s: float) -> Rims | None:
-        """Return the speeds; a wheel that is ahead of the other is held back."""
+        """Return the speeds; the wheel that leads is slowed down."""
         left_m, right_m = self.left * rims_m[0], self.right * rims_m[1]
         rest_m = self.length_m - (left_m + right_m) / 2
         if rest_m <= self._now_mps * period_s / 2:
@@ -65,7 +65,7 @@ class RollSegment:
 
 @dataclass(slots=True)
 class HoldSegment:
-    """A velocity held for a time, ramps included."""
+    """A velocity held for a time, including ramps."""
 
     left_mps: float
     right_mps: float
@@ -94,20 +94,20 @@ def _toward(now: float, to: float, step: float) -> float:
 
 Motion = MoveTo | MoveForward | RotateTo | RotateBy | DriveFor
 PlannedSegment = Callable[[Pose], Segment]
-"""A segment, made when its turn comes, from the pose that the one before has led to."""
+"""Creates a segment at its start, from the pose at the end of the previous one."""
 
 _STILL: Rims = (0.0, 0.0)
 _SHOULD_TURN_MPS = 0.005
 _NEAR_M = 0.005
-"""A place that is nearer needs no driving."""
+"""Distance to a target below which no line is driven."""
 
 
 class StuckError(Exception):
-    """A wheel shall turn and does not; the text says which."""
+    """A driven wheel does not turn; the text names it."""
 
 
 class SegmentSequence:
-    """The segments of one motion, each begun when the rover stands."""
+    """The segments of one motion, each started at standstill."""
 
     def __init__(
         self, segments: Sequence[PlannedSegment], odometry: CountOdometry, settings: BrickSettings
@@ -121,7 +121,7 @@ class SegmentSequence:
         self._rolling_mps = _STILL
 
     def rims_mps(self, period_s: float) -> Rims | None:
-        """Return the speeds of the rims for the next period; None when all is done and it stands.
+        """Return the rim speeds for the next period; None at standstill after the last segment.
 
         Raises:
             StuckError: a wheel does not turn.
@@ -159,7 +159,7 @@ def course(
     odometry: CountOdometry,
     settings: BrickSettings,
 ) -> SegmentSequence:
-    """Return the course of a motion: turn, line, turn where it leads to a place."""
+    """Return the segments of a motion: turn, line, turn for a position target."""
 
     def line(distance_m: float) -> Segment:
         sign = copysign(1.0, distance_m)

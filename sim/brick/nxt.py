@@ -53,18 +53,18 @@ _ENDPOINT: Final = {
 
 
 class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
-    """USB on which the brick of a socket is plugged in while the socket is there."""
+    """A USB bus with the brick of a socket, connected while the socket exists."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def enumerate_devices(self) -> Iterator[Path]:
-        """Yield the brick, where it is plugged in."""
+        """Yield the brick, if it is connected."""
         if self._path.exists():
             yield self._path
 
     def get_device_descriptor(self, dev: Path) -> SimpleNamespace:
-        """Return LEGO's NXT."""
+        """Return the descriptor of LEGO's NXT."""
         return SimpleNamespace(**_DEVICE)
 
     def get_configuration_descriptor(self, dev: Path, config: int) -> SimpleNamespace:
@@ -97,7 +97,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
         return host
 
     def close_device(self, dev_handle: socket.socket) -> None:
-        """Hang up."""
+        """Disconnect."""
         dev_handle.close()
 
     def get_configuration(self, dev_handle: socket.socket) -> int:
@@ -105,7 +105,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
         return 1
 
     def claim_interface(self, dev_handle: socket.socket, intf: int) -> None:
-        """Wait until the brick says that it is ours."""
+        """Wait until the brick confirms the claim."""
         _only(intf)
         try:
             claimed = _receive(dev_handle, CLAIM_MS) == CLAIMED
@@ -115,7 +115,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
             raise _fault(errno.EIO)
 
     def release_interface(self, dev_handle: socket.socket, intf: int) -> None:
-        """Do nothing: closing says it."""
+        """Ignore the call: closing the device releases it."""
 
     def bulk_write(
         self, dev_handle: socket.socket, ep: int, intf: int, data: "array[int]", timeout: int
@@ -136,7 +136,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
         return len(packet)
 
     def clear_halt(self, dev_handle: socket.socket, ep: int) -> None:
-        """Do nothing: nothing stalls here."""
+        """Ignore the call: this bus does not stall."""
 
 
 def _receive(host: socket.socket, timeout_ms: int) -> bytes:
@@ -172,7 +172,7 @@ def _only(*indices: int) -> None:
     type=click.Path(path_type=Path),
     required=True,
     metavar="PATH",
-    help="Where the brick is plugged in.",
+    help="Socket of the brick.",
 )
 @brick_options
 def main(ros_arguments: tuple[str, ...], usb_socket: Path, **options: Any) -> None:

@@ -1,4 +1,4 @@
-"""Where the brick believes it is: dead reckoning by the counts of two wheels, a degree each."""
+"""Pose estimate of the brick: dead reckoning by the counts of two wheels, one degree each."""
 
 from collections import deque
 from dataclasses import replace
@@ -8,17 +8,17 @@ from typing import Final
 from executive.values.geometry import Pose, Velocity, wrap_rad
 
 WINDOW: Final = 5
-"""Periods over which speed is measured, and after which a rover that has not moved stands."""
+"""Window of the speed measurement in periods; without a count in it the rover is stationary."""
 
 Rims = tuple[float, float]
 """Figures of the left and of the right wheel's rim."""
 
 
 class CountOdometry:
-    """Pose, speed and rims by counts.
+    """Pose, speed and rim distances from counts.
 
     Attributes:
-        rims_m: how far each rim has rolled since the start.
+        rims_m: distance that each rim has rolled since the start, m.
     """
 
     def __init__(self, radius_m: float, track_m: float, start: Pose) -> None:
@@ -30,7 +30,7 @@ class CountOdometry:
 
     @property
     def velocity(self) -> Velocity:
-        """The mean velocity over the window."""
+        """Mean velocity over the window."""
         (then_s, (left0_m, right0_m)), (now_s, (left_m, right_m)) = (
             self._recent[0],
             self._recent[-1],
@@ -47,7 +47,7 @@ class CountOdometry:
         return all(rims_m == self.rims_m for _, rims_m in self._recent)
 
     def advance(self, now_s: float, left_deg: int, right_deg: int) -> None:
-        """Take the counts of a period."""
+        """Process the counts of a period."""
         rims_m = (left_deg * self._count_m, right_deg * self._count_m)
         left_m, right_m = rims_m[0] - self.rims_m[0], rims_m[1] - self.rims_m[1]
         turn_rad = (right_m - left_m) / self._track_m

@@ -8,19 +8,19 @@ from typing import Final
 
 PACKET: Final = 64
 CLAIMED: Final = b"\x01"
-"""What a host receives once it has claimed the brick; a second host gets the end of the stream."""
+"""Sent to a host that has claimed the brick; a second host receives the end of the stream."""
 MOST_WAITING: Final = 1024
-"""Packets that wait for a host that does not read; more are lost, the newest first."""
+"""Maximum number of packets queued for a host that does not read; further ones are lost."""
 
 
 class UsbPlug:
-    """Where a brick is plugged in. It never blocks; call `receive` again and again."""
+    """The brick's connection to a host. It never blocks; call `receive` periodically."""
 
     def __init__(self, path: Path) -> None:
         """Plug in.
 
         Raises:
-            OSError: the socket cannot be made.
+            OSError: the socket cannot be created.
         """
         self._path = path
         self._host: socket.socket | None = None
@@ -37,7 +37,7 @@ class UsbPlug:
         return self._host is not None
 
     def receive(self) -> bytes:
-        """Return what the host has written since."""
+        """Return the octets that the host has written since the last call."""
         self._accept()
         octets = b""
         while self._host is not None:
@@ -54,7 +54,7 @@ class UsbPlug:
         return octets
 
     def send(self, octets: bytes) -> None:
-        """Say octets to the host, if there is one, in packets filled up with zeros."""
+        """Send octets to the host, if there is one, in packets padded with zeros."""
         if self._host is None:
             return
         for start in range(0, len(octets), PACKET):

@@ -1,4 +1,4 @@
-"""How the emulated brick is built, and how good it is."""
+"""Construction and accuracy of the emulated brick."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ class BrickSettings:
     """One brick.
 
     Attributes:
-        name: under which it is commanded, and speaks.
-        wheel_radius_m, track_m: what its program was told of the rover.
-        track_error: bounds of how much the track is misjudged, as a ratio; the sign is drawn too.
+        name: its name in messages.
+        wheel_radius_m, track_m: dimensions of the rover in its program.
+        track_error: bounds of the relative error of its track; the sign is drawn too.
         latency_s: bounds of the time from the last octet of a command to its reply.
-        telemetry_s: between two messages of telemetry.
-        travel_mps, rotate_radps: the fastest it can be told to move.
-        first_travel_mps, first_rotate_radps: how fast it moves until it is told.
-        rim_mps2: how fast the speed of a wheel's rim is changed, but at a stop.
-        creep_mps: how slowly it goes the last millimetres.
-        stuck_s: after this a wheel that shall turn and does not is taken for stuck.
-        hold_s: the longest time that it holds a velocity.
-        host_rate: seconds of its own time for each second of its host's.
+        telemetry_s: period of telemetry.
+        travel_mps, rotate_radps: maximum speeds that can be set.
+        first_travel_mps, first_rotate_radps: speeds until they are set.
+        rim_mps2: acceleration of a wheel's rim, except at a stop.
+        creep_mps: speed over the last millimetres.
+        stuck_s: time after which a driven wheel that does not turn counts as stuck.
+        hold_s: maximum duration of a held velocity.
+        host_rate: seconds of its own clock per second of its host's.
     """
 
     name: str = "MOCUP"

@@ -1,1 +1,1 @@
-"""`rover calibrate`: what `adapters.calibration` finds of a simulated drive, or of a recording."""
+"""`rover calibrate`: applies `adapters.calibration` to a simulated drive, or to a recording."""

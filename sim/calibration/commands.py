@@ -1,4 +1,4 @@
-"""The command `rover calibrate`: how a rover answers to velocities, and how it slips."""
+"""The command `rover calibrate`: a rover's response to velocities, and its slip."""
 
 import json
 import tempfile
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("recording", required=False, metavar="[RUN.mcap]", type=click.Path(path_type=Path))
-@asset_option("Which rover, or the path of its YAML file.")
+@asset_option("Name of the rover, or path of its YAML file.")
 @click.option(
-    "--cargo", "cargo_kg", type=click.FloatRange(0.0), default=0.0, help="In simulation: kg aboard."
+    "--cargo", "cargo_kg", type=click.FloatRange(0.0), default=0.0, help="Simulated cargo in kg."
 )
-@click.option("--seed", type=click.IntRange(0), default=1, help="Of the simulated sensors' noise.")
+@click.option("--seed", type=click.IntRange(0), default=1, help="Seed of the simulated noise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="A YAML to write.")
 @click.option("--write", is_flag=True, help="Write the new figures into the asset's own YAML.")
-@click.option("--plan", is_flag=True, help="Print the pattern as a plan for the rover, only that.")
+@click.option("--plan", is_flag=True, help="Only print the pattern as a plan for the rover.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
 def calibrate(
     recording: Path | None,
@@ -36,12 +36,12 @@ def calibrate(
     plan: bool,
     as_json: bool,
 ) -> None:
-    """Fit what the settings say of how a rover moves to a drive of it.
+    """Fit the motion parameters of the settings to a drive of the rover.
 
     Without a recording the rover is simulated, and drives a pattern of spins, lines and arcs. A
-    real one drives the same as a plan (--plan), recorded. Found are the latency, how it turns, how
-    it slips beside what its odometry takes that for, and the effective track, with what is left
-    over before and after. Nothing is written without --out or --write; comments in the YAML stay.
+    real one drives the same as a plan (--plan), recorded. Fitted are the latency, the rotation, the
+    slip that its odometry does not compensate, and the effective track; the residuals before and
+    after are shown. Without --out or --write no file is written; comments in the YAML are kept.
 
     \b
     Examples:
@@ -53,8 +53,8 @@ def calibrate(
     \b
     Exit status:
       0  done
-      1  the drive tells too little
-      2  something asked for makes no sense
+      1  the drive is too short
+      2  an argument or file is invalid
     """
     from adapters.calibration import plan_xml
     from executive.settings import LocomotionKind, SettingsError, load_settings
@@ -65,7 +65,7 @@ def calibrate(
         raise click.UsageError(str(error)) from error
     if settings.locomotion is not LocomotionKind.VELOCITY:
         raise click.UsageError(
-            f"{settings.asset} takes no velocities: there is nothing to calibrate"
+            f"{settings.asset} is not driven by velocities: there is nothing to calibrate"
         )
     if plan:
         click.echo(plan_xml(settings.drive), nl=False)
@@ -79,7 +79,7 @@ def calibrate(
         return
     _show(found)
     click.echo(
-        "nothing is written: --out FILE or --write does"
+        "no file is written: use --out FILE or --write"
         if target is None
         else f"{target} has the new figures"
     )
@@ -108,7 +108,7 @@ def _found(
 
 
 def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> Path | None:
-    """Write the asset's YAML with the new figures, and return where; None if it is not wanted."""
+    """Write the asset's YAML with the new figures, and return its path; None if not requested."""
     from adapters.calibration import with_figures
     from executive.settings import SettingsError, config_folder
 
@@ -137,7 +137,7 @@ def _show(found: "Calibration") -> None:
         figures.add_row(each.key, before, f"{each.after:g}")
     console.print(figures)
     left = Table(
-        "left over (rms)", "before", "after", "", box=None, pad_edge=False, header_style="dim"
+        "residual (rms)", "before", "after", "", box=None, pad_edge=False, header_style="dim"
     )
     for rest in found.residuals:
         left.add_row(rest.name, f"{rest.before:.4f}", f"{rest.after:.4f}", rest.unit)
@@ -145,9 +145,8 @@ def _show(found: "Calibration") -> None:
     console.print(left)
     if found.travel_scale is None:
         console.print(
-            "\nslip is not found: neither the simulation nor a second odometry told where the"
-            " rover truly was"
+            "\nslip is not fitted: neither simulation nor second odometry gives the true pose"
         )
     else:
-        console.print(f"\ntrue way over that of the odometry: {found.travel_scale:.4f}")
+        console.print(f"\ntrue distance over that of the odometry: {found.travel_scale:.4f}")
     console.print()

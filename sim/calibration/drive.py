@@ -1,4 +1,4 @@
-"""Has a simulated rover drive the pattern of a calibration in lock step, recorded."""
+"""Drives the calibration pattern with a simulated rover in lock step, recorded."""
 
 import tempfile
 from contextlib import closing
@@ -20,10 +20,10 @@ LIMIT_S: Final = 300.0
 
 
 def drive_pattern(settings: Settings, recording: Path, cargo_kg: float, seed: int) -> None:
-    """Drive on flat ground, and leave the recording.
+    """Drive on flat ground, and write the recording.
 
     Raises:
-        RuntimeError: the plan did not come to its end; the text says why.
+        RuntimeError: the plan did not complete; the text gives the cause.
     """
     definition = PlanDefinition(PLAN, PLAN, FORMAT, plan_xml(settings.drive).encode())
     with (

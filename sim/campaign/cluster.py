@@ -1,7 +1,7 @@
-"""Where the runs of a campaign are played: Dask, embedded on all cores, or a cluster of its own.
+"""Execution of the runs of a campaign: Dask, embedded on all cores, or a separate cluster.
 
-Scheduling, retries after a lost worker and transport are Dask's. At most `IN_FLIGHT` runs are known
-to the scheduler at once, so that neither it nor the client grows with the campaign.
+Scheduling, retries after a lost worker and transport are Dask's. The scheduler has at most
+`IN_FLIGHT` runs at once, so that neither it nor the client grows with the campaign.
 """
 
 import logging
@@ -28,12 +28,12 @@ IN_FLIGHT: Final = 1000
 CONNECT_S: Final = 15.0
 LOCAL: Final[dict[str, Any]] = {
     # Each kill of a worker counts against all runs that it had; only a run that kills its worker
-    # every time must not go on forever.
+    # every time must not be retried forever.
     "distributed.scheduler.allowed-failures": 5,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.admin.tick.limit": "1h",
-    # What a worker spends beside its runs. Dask would have it give memory back after each, too.
+    # Overhead of a worker. By default Dask would also release memory after each run.
     "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
@@ -42,17 +42,17 @@ LOCAL: Final[dict[str, Any]] = {
 
 
 class ClusterError(Exception):
-    """The cluster cannot be used, or is lost; the text says why, and what to do."""
+    """The cluster cannot be used, or is lost; the text gives the cause and the remedy."""
 
 
 @contextmanager
 def local_cluster(jobs: int) -> Iterator[Client]:
-    """Give a client of workers on this computer, each a process with one thread.
+    """Yield a client of workers on this computer, each a process with one thread.
 
-    All ports are on loopback; nothing is left behind.
+    All ports are on loopback; no file or process remains.
 
     Raises:
-        KeyboardInterrupt: by Ctrl-C, once all is there: a half-started one cannot be closed.
+        KeyboardInterrupt: by Ctrl-C, after the start: a half-started cluster cannot be closed.
     """
     with ExitStack() as stack:
         with _interrupted_later():
@@ -84,10 +84,10 @@ def _started(jobs: int) -> Iterator[Client]:
 
 @contextmanager
 def cluster_at(address: str) -> Iterator[Client]:
-    """Give a client of the cluster whose scheduler is at an address, tcp:// or tls://.
+    """Yield a client of the cluster with a scheduler at an address, tcp:// or tls://.
 
     Raises:
-        ClusterError: nobody answers there, or a worker there has other software than this process.
+        ClusterError: no scheduler answers, or a worker's software differs from this process's.
     """
     if not address.startswith(("tcp://", "tls://")):
         raise ClusterError(f"{address!r} is no address of a scheduler, as tcp://HOST:8786")
@@ -105,10 +105,10 @@ def cluster_at(address: str) -> Iterator[Client]:
 def results(
     client: Client, play: Callable[[J], R], jobs: Iterable[J], in_flight: int = IN_FLIGHT
 ) -> Iterator[R]:
-    """Play jobs and yield what comes of each, in the order in which they end.
+    """Execute jobs and yield their results, in the order in which they end.
 
     Raises:
-        ClusterError: a job failed, or killed all workers it was given, or the scheduler is lost.
+        ClusterError: a job failed, or killed each of its workers, or the scheduler is lost.
     """
     waiting = iter(jobs)
     given: dict[Any, J] = {}
@@ -134,25 +134,25 @@ def results(
 
 
 def _failure(future: Any, job: object, result: Any) -> Exception:
-    """Return what to raise for a job that has no result."""
+    """Return the exception for a job without a result."""
     if future.status in ("cancelled", "lost"):
         return ClusterError("the scheduler is lost")
     error = result[1] if isinstance(result, tuple) else result
     if isinstance(error, KilledWorker):
-        return ClusterError(f"every worker died that was given {job}")
+        return ClusterError(f"{job} killed each of its workers")
     return ClusterError(f"{job} failed: {error!r}")
 
 
 def _check_workers(client: Client) -> None:
-    """Hold all workers to the software of this process; those that come later, each job does.
+    """Check that all workers have the software of this process; each job checks later ones.
 
     Raises:
-        ClusterError: one has none, or another.
+        ClusterError: one has none, or another version.
     """
     ours = software()
     found = client.run(software, on_error="return")
     if not found:
-        click.echo("no worker is there yet; waiting for one", err=True)
+        click.echo("no worker connected yet; waiting for one", err=True)
     for worker, theirs in found.items():
         if not isinstance(theirs, Software):
             raise ClusterError(
@@ -165,9 +165,9 @@ def _check_workers(client: Client) -> None:
 
 @contextmanager
 def _interrupted_later() -> Iterator[None]:
-    """Hold Ctrl-C back, also from processes and threads that are started meanwhile."""
+    """Hold Ctrl-C back, also from processes and threads that are started inside."""
     told: list[int] = []
-    resource_tracker.ensure_running()  # it would let the signal through to those
+    resource_tracker.ensure_running()  # it would pass the signal on to them
     before = signal.signal(signal.SIGINT, lambda number, _: told.append(number))
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
@@ -181,7 +181,7 @@ def _interrupted_later() -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the log of Dask, which tells of each lost worker, from the terminal."""
+    """Suppress the log of Dask on the terminal, which reports each lost worker."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "asyncio")]
     before = [logger.level for logger in loggers]
     for logger in loggers:
@@ -194,5 +194,5 @@ def _quiet() -> Iterator[None]:
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))

@@ -28,33 +28,33 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     from executive.settings import config_folder, names_in
 
     names = [name for name in names_in(config_folder() / "campaigns") if name.startswith(begun)]
-    # In this order: bash forgets the names that stand before the word for files.
+    # In this order: bash drops names before the entry for files.
     return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
 
 
 @click.command()
 @click.argument("file", required=False, shell_complete=_complete)
-@click.option("--list", "listed", is_flag=True, help="List the campaigns that have a name.")
-@click.option("--runs", type=click.IntRange(1), help="How many.  [default: what the file says]")
+@click.option("--list", "listed", is_flag=True, help="List the named campaigns.")
+@click.option("--runs", type=click.IntRange(1), help="Number of runs.  [default: as in the file]")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of what is written, new or empty.  [default: runs/campaign-NAME]",
+    help="Output folder, new or empty.  [default: runs/campaign-NAME]",
 )
-@click.option("--resume", is_flag=True, help="Keep the runs in that folder, and play the others.")
+@click.option("--resume", is_flag=True, help="Reuse the runs in that folder, execute the others.")
 @click.option(
     "--jobs",
     type=click.IntRange(1),
-    help="How many runs at once on this computer.  [default: one on each core]",
+    help="Number of parallel runs on this computer.  [default: one on each core]",
 )
 @click.option(
     "--keep",
     type=click.IntRange(0),
     default=100,
     show_default=True,
-    help="Of how many failed runs all is kept that they leave.",
+    help="Number of failed runs with all their files saved.",
 )
-@click.option("--on", metavar="ADDRESS", help="Play on the Dask cluster whose scheduler is there.")
+@click.option("--on", metavar="ADDRESS", help="Address of the scheduler of a Dask cluster.")
 def campaign(
     file: str | None,
     listed: bool,
@@ -65,13 +65,13 @@ def campaign(
     keep: int,
     on: str | None,
 ) -> None:
-    """Play scenarios thousands of times with drawn values, and judge them all together.
+    """Execute scenarios thousands of times with drawn values, and judge them all together.
 
-    FILE is YAML, or the name of a campaign in config/campaigns. It names scenarios, what varies in
-    them, how many runs there are, and what must hold over all of them: success rates and quantiles,
-    each with its confidence. docs/campaigns.md tells how to write one.
+    FILE is YAML, or the name of a campaign in config/campaigns. It names scenarios, their varied
+    quantities, the number of runs, and the criteria over all of them: success rates and quantiles,
+    each with its confidence. docs/campaigns.md explains how to write one.
 
-    Ctrl-C keeps the runs that are done; --resume goes on. The folder gets a report as an HTML
+    Completed runs survive Ctrl-C; --resume continues. The folder gets a report as an HTML
     page, JUnit XML, and a Parquet data set of all runs, each with the command that repeats it.
 
     \b
@@ -84,10 +84,10 @@ def campaign(
 
     \b
     Exit status:
-      0    all holds that must
-      1    something does not, or too few runs say whether it does
-      2    the file cannot be used, a condition of it is about no run, or the cluster is lost
-      130  interrupted by Ctrl-C; what was done is kept
+      0    all criteria hold
+      1    a criterion fails, or too few runs decide it
+      2    the file cannot be used, a condition matches no run, or the cluster is lost
+      130  interrupted by Ctrl-C; completed runs are saved
     """
     from adapters.process import require
     from executive.settings import SettingsError
@@ -100,7 +100,7 @@ def campaign(
         if listed:
             _list()
         elif file is None:
-            raise click.UsageError("name a FILE; rover campaign --list shows those at hand")
+            raise click.UsageError("name a FILE; rover campaign --list lists the named ones")
         else:
             from sim.campaign.output import sole_writer
 
@@ -126,7 +126,7 @@ def _default_folder(file: str) -> Path:
 
 
 def _again(file: str, out: Path, **options: object) -> str:
-    """Return the command that goes on with a campaign, from the same folder."""
+    """Return the command that resumes a campaign, from the same folder."""
     given = [(f"--{name}", str(value)) for name, value in options.items() if value is not None]
     words = [word for option in given for word in option]
     return shlex.join(["rover", "campaign", file, "--out", str(out), "--resume", *words])
@@ -141,7 +141,7 @@ def _play(
     cluster: "AbstractContextManager[Client]",
     again: str,
 ) -> int:
-    """Play a campaign to its verdict and return the exit status."""
+    """Execute a campaign to its verdict and return the exit status."""
     from functools import partial
 
     from rich.console import Console
@@ -159,7 +159,7 @@ def _play(
     data = open_output(out, loaded, campaign_path(file), resume=resume)
     if isinstance(loaded.runs, int) and loaded.runs % loaded.combinations:
         text = (
-            f"{loaded.runs} runs play some of the {loaded.combinations} combinations of scenarios"
+            f"{loaded.runs} runs cover some of the {loaded.combinations} combinations of scenarios"
         )
         click.echo(f"Warning: {text} and grids more often than others", err=True)
     try:
@@ -169,7 +169,7 @@ def _play(
                 loaded, data, partial(results, client, play_and_keep), out, keep, bar
             )
         for run in unlike:
-            click.echo(f"Warning: run {run}, played once more, was not alike bit for bit", err=True)
+            click.echo(f"Warning: run {run}, repeated, was not identical bit for bit", err=True)
         verdict = judge(loaded, data)
         show(console, verdict)
         _report(console, loaded, data, verdict, out)
@@ -180,7 +180,7 @@ def _play(
         click.echo(f"Interrupted. {_kept(len(data.numbers()), out, again)}", err=True)
         return INTERRUPTED
     if verdict.empty:
-        click.echo("Error: a hold is about no run", err=True)
+        click.echo("Error: a criterion matches no run", err=True)
         return NOT_USABLE
     return 0 if verdict.holds else 1
 
@@ -188,13 +188,13 @@ def _play(
 def _report(
     console: "Console", loaded: "Campaign", data: "RunTable", verdict: "CampaignVerdict", out: Path
 ) -> None:
-    """Write verdict, report and JUnit, and say where all is."""
+    """Write verdict, report and JUnit, and print the folder."""
     from executive.settings import SettingsError
     from sim.campaign.report import write_campaign_junit, write_report
 
     try:
         verdict.write(out)
-        with console.status("playing the worst runs once more, for the report"):
+        with console.status("repeating the worst runs for the report"):
             page = write_report(out, loaded, data, verdict)
         junit = write_campaign_junit(out, loaded, data, verdict)
     except OSError as error:
@@ -209,4 +209,4 @@ def _cluster(on: str | None, jobs: int | None) -> "AbstractContextManager[Client
 
 
 def _kept(runs: int, out: Path, again: str) -> str:
-    return f"{runs} runs are kept in {out}; go on with: {again}"
+    return f"{runs} runs are saved in {out}; resume with: {again}"

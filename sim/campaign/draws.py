@@ -1,7 +1,7 @@
-"""What each run of a campaign is given: scenario and drawn values, by campaign seed and run alone.
+"""Scenario and drawn values of each run, determined by campaign seed and run number alone.
 
-Neither the order of the runs, nor where they are played, nor what else varies changes a draw: each
-key of each run has random numbers of its own.
+Neither the order of the runs, nor their host, nor other varied quantities change a draw: each key
+of each run has random numbers of its own.
 """
 
 import shlex
@@ -41,7 +41,7 @@ INJECT: Final = "inject"
 
 @unique
 class ValueKind(Enum):
-    """What the values of a varied quantity are."""
+    """Type of a varied quantity's values."""
 
     NUMBER = "number"
     WHOLE = "whole number"
@@ -62,11 +62,11 @@ class VariedQuantity:
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What one run is given.
+    """Scenario and drawn values of one run.
 
     Attributes:
-        values: of each varied quantity, in the order of `quantities`; None where a fault has no
-            such parameter.
+        values: value of each varied quantity, in the order of `quantities`; None if a fault has
+            no such parameter.
     """
 
     run: int
@@ -76,7 +76,7 @@ class Draw:
 
     @property
     def command(self) -> str:
-        """The command that repeats the run bit for bit, from whatever folder."""
+        """The command that repeats the run bit for bit, from any folder."""
         file = self.scenario.endswith(SUFFIXES)
         words = ["rover", "scenario", str(Path(self.scenario).resolve()) if file else self.scenario]
         for change in self.changes:
@@ -88,12 +88,12 @@ class Draw:
 
 
 def quantities(campaign: Campaign) -> tuple[VariedQuantity, ...]:
-    """Return what varies in a campaign."""
+    """Return the varied quantities of a campaign."""
     return tuple(found for variation in campaign.vary for found in _quantities(variation))
 
 
 def draw(campaign: Campaign, run: int) -> Draw:
-    """Return what a run is given, of any number from 0 on."""
+    """Return the draw of a run, with any number from 0 on."""
     place, turn = divmod(run, len(campaign.scenarios))
     scenario = campaign.scenarios[turn]
     chosen: dict[str, int] = {}
@@ -124,7 +124,7 @@ def as_yaml(value: Scalar) -> str:
 
 
 def written(value: Scalar | Named) -> str:
-    """Return what a key is set to."""
+    """Return the text that a key is set to."""
     return as_yaml(value.value if isinstance(value, Named) else value)
 
 
@@ -150,7 +150,7 @@ def _quantities(variation: Variation) -> Iterator[VariedQuantity]:
 
 
 def parameters(variation: Variation) -> list[str]:
-    """Return the parameters that any of the faults of a variation has."""
+    """Return the names of the parameters that any fault of a variation has."""
     faults = alternatives(variation.distribution)
     return sorted(
         {name for each in faults if isinstance(each, FaultDraw) for name, _ in each.parameters}
@@ -158,7 +158,7 @@ def parameters(variation: Variation) -> list[str]:
 
 
 def alternatives(distribution: Distribution) -> Sequence[Alternative]:
-    """Return the values that a distribution names one by one, if it does."""
+    """Return the values that a distribution lists, if it does."""
     match distribution:
         case Choice(choice=values) | Grid(grid=values):
             return values
@@ -167,7 +167,7 @@ def alternatives(distribution: Distribution) -> Sequence[Alternative]:
 
 
 def _kind(given: Sequence[Distribution | Scalar]) -> ValueKind:
-    """Return what all of several distributions and constants give."""
+    """Return the common type of the values of several distributions and constants."""
     found = set()
     for each in given:
         match each:
@@ -218,7 +218,7 @@ def _drawn(
 
 
 def number(distribution: Number, random: np.random.Generator) -> float | int:
-    """Return a number of a distribution."""
+    """Return a number drawn from a distribution."""
     match distribution:
         case Uniform(Interval(low, high)):
             return float(random.uniform(low, high))

@@ -1,4 +1,4 @@
-"""What a campaign file says: scenarios, what varies, how many runs, and what must hold over all.
+"""Content of a campaign file: scenarios, varied quantities, number of runs, and criteria.
 
 Names follow the file, as those of `sim.scenario.model` do.
 """
@@ -18,26 +18,26 @@ Scalar = str | int | float | bool
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """From one number to another, which is greater."""
+    """An interval from a lower to a higher number."""
 
     low: float
     high: float
 
     def __post_init__(self) -> None:
         if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"[{self.low:g}, {self.high:g}] is not from a smaller to a greater")
+            raise ValueError(f"[{self.low:g}, {self.high:g}] is no interval: LOW is not below HIGH")
 
 
 @dataclass(frozen=True, slots=True)
 class Uniform:
-    """Any number of an interval, each as likely as the other."""
+    """Uniform distribution over an interval."""
 
     uniform: Interval
 
 
 @dataclass(frozen=True, slots=True)
 class LogUniform:
-    """Any number of an interval above 0, each order of magnitude as likely as the other."""
+    """Distribution over a positive interval, uniform in the logarithm."""
 
     log_uniform: Interval
 
@@ -48,11 +48,11 @@ class LogUniform:
 
 @dataclass(frozen=True, slots=True)
 class Normal:
-    """A normal distribution, drawn again where it leaves an interval.
+    """A normal distribution, drawn again outside an interval.
 
     Attributes:
         normal: its mean and standard deviation.
-        within: which values are taken; None for all.
+        within: accepted values; None for all.
     """
 
     normal: tuple[float, ...]
@@ -69,13 +69,13 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class Integers:
-    """Any whole number from the first to the last."""
+    """Uniform distribution over the integers from the first to the last."""
 
     integers: tuple[int, ...]
 
     def __post_init__(self) -> None:
         if len(self.integers) != 2 or not self.integers[0] < self.integers[1] < 2**63:
-            raise ValueError("integers: expected [FIRST, LAST], from a smaller to a greater")
+            raise ValueError("integers: expected [FIRST, LAST], from a lower to a higher number")
 
 
 Number = Uniform | LogUniform | Normal | Integers
@@ -86,8 +86,8 @@ class FaultDraw:
     """A fault to inject, with parameters that may be drawn.
 
     Attributes:
-        name: as a scenario has it.
-        parameters: name and value of each that is given.
+        name: name as in a scenario.
+        parameters: name and value of each given parameter.
     """
 
     name: str
@@ -96,7 +96,7 @@ class FaultDraw:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A value under a name, by which conditions and reports call it."""
+    """A value with a name, which conditions and reports use."""
 
     name: str
     value: Scalar
@@ -107,11 +107,11 @@ Alternative = Scalar | Named | FaultDraw
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of several values, by chance.
+    """One of several values, at random.
 
     Attributes:
         choice: the values.
-        weights: how likely each is, beside the others; None for alike.
+        weights: relative probability of each value; None for equal ones.
     """
 
     choice: tuple[Alternative, ...]
@@ -119,7 +119,7 @@ class Choice:
 
     def __post_init__(self) -> None:
         if len(self.choice) < 1:
-            raise ValueError("choice: there is none")
+            raise ValueError("choice: it is empty")
         weights = self.weights
         if weights is not None and (
             len(weights) != len(self.choice) or min(weights) < 0 or sum(weights) <= 0
@@ -129,13 +129,13 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Each of several values, as often as the other, with each of every other grid."""
+    """Each of several values, with equal frequency and with each value of every other grid."""
 
     grid: tuple[Alternative, ...]
 
     def __post_init__(self) -> None:
         if len(self.grid) < 1:
-            raise ValueError("grid: there is none")
+            raise ValueError("grid: it is empty")
 
 
 Distribution = Number | Choice | Grid
@@ -146,10 +146,10 @@ class Variation:
     """A key of the scenarios that varies.
 
     Attributes:
-        key: as `rover scenario --set` takes it.
-        distribution: which values it takes.
-        at: of `inject`, when the fault begins, in simulated seconds; 0 for all other keys.
-        lasts: of `inject`, after how many seconds the fault ends; None: it stays.
+        key: as in `rover scenario --set`.
+        distribution: distribution of its values.
+        at: for `inject`, start of the fault in simulated seconds; 0 for all other keys.
+        lasts: for `inject`, duration of the fault in seconds; None if it does not end.
     """
 
     key: str
@@ -159,7 +159,7 @@ class Variation:
 
     @property
     def grids(self) -> tuple[tuple[str, Grid], ...]:
-        """Column and grid, where there is one."""
+        """Column and grid of each part that is one."""
         parts = (
             (self.key, self.distribution),
             (f"{self.key}.at", self.at),
@@ -170,12 +170,12 @@ class Variation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Success:
-    """So great a share of runs meets all that its scenario expects.
+    """A required share of runs meets all expectations of their scenario.
 
     Attributes:
-        success: the share, at least.
-        confidence: with which the true share is not below it.
-        where: over which runs.
+        success: minimum share.
+        confidence: confidence that the true share is not below it.
+        where: filter of the runs.
     """
 
     success: float = figure(most=1.0)
@@ -184,11 +184,11 @@ class Success:
 
     def __post_init__(self) -> None:
         if self.success == 0:
-            raise ValueError("success: 0 holds of any runs; give a share above 0")
+            raise ValueError("success: 0 holds for any runs; give a share above 0")
 
     @property
     def bound(self) -> float:
-        """The least share."""
+        """The minimum share."""
         return self.success
 
     wanted = bound
@@ -202,11 +202,11 @@ class Quantile:
     """A quantile of a figure is below, or above, a bound.
 
     Attributes:
-        quantile: which share of the runs has no greater value.
-        of: which figure.
+        quantile: share of the runs whose value is not greater.
+        of: name of the figure.
         below, above: the bound; one of them.
-        confidence: with which the true quantile keeps the bound.
-        where: over which runs. A run that has no such figure keeps no bound.
+        confidence: confidence that the true quantile meets the bound.
+        where: filter of the runs. A run without the figure does not meet the bound.
     """
 
     quantile: float = figure(most=1.0)
@@ -221,18 +221,18 @@ class Quantile:
             raise ValueError("one of below, above is needed")
         if self.wanted == 0:
             side = "above 0" if self.above is None else "below 1"
-            raise ValueError(f"quantile: {self.quantile:g} holds of any runs; give one {side}")
+            raise ValueError(f"quantile: {self.quantile:g} holds for any runs; give one {side}")
 
     @property
     def bound(self) -> float:
-        """The one that is given."""
+        """The given bound."""
         found = self.above if self.below is None else self.below
         assert found is not None
         return found
 
     @property
     def wanted(self) -> float:
-        """Which share of the runs has to keep the bound."""
+        """Share of the runs that must meet the bound."""
         return self.quantile if self.above is None else 1 - self.quantile
 
     def __str__(self) -> str:
@@ -248,11 +248,11 @@ Hold = Success | Quantile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Until:
-    """Runs go on until it is known well enough how many succeed.
+    """Runs continue until the success rate is known well enough.
 
     Attributes:
-        until: greatest width of the confidence interval of the success rate.
-        confidence: of the interval.
+        until: maximum width of the confidence interval of the success rate.
+        confidence: confidence of the interval.
         at_least, most: bounds of the number of runs.
     """
 
@@ -268,14 +268,14 @@ class Until:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """One file.
+    """One campaign file.
 
     Attributes:
-        scenarios: each a path, or the name of a file in config/scenarios; each gets as many runs.
-        runs: how many; of a campaign with grids, each combination once where the file says none.
-        seed: of all draws.
-        vary: what varies; a world stands before what varies in it.
-        hold: what must hold over all runs.
+        scenarios: paths, or names of files in config/scenarios; all have the same number of runs.
+        runs: number of runs; by default each combination of the grids once.
+        seed: seed of all draws.
+        vary: varied quantities; a world precedes the quantities of the world.
+        hold: criteria over all runs.
     """
 
     title: str
@@ -293,11 +293,11 @@ class Campaign:
 
     @property
     def combinations(self) -> int:
-        """In how many ways the scenarios and the grids can be combined."""
+        """Number of combinations of scenarios and grids."""
         return combinations(self.scenarios, self.vary)
 
 
 def combinations(scenarios: tuple[str, ...], vary: tuple[Variation, ...]) -> int:
-    """Return in how many ways scenarios and grids can be combined."""
+    """Return the number of combinations of scenarios and grids."""
     grids = (grid for variation in vary for _, grid in variation.grids)
     return prod(len(grid.grid) for grid in grids) * len(scenarios)

@@ -1,4 +1,4 @@
-"""The folder of a campaign: what it is of, its data set, its verdict; and whether it may go on."""
+"""The folder of a campaign: fingerprint, data set, verdict; and the check for a resumption."""
 
 import json
 import shutil
@@ -23,13 +23,13 @@ LOCK: Final = "lock"
 
 @dataclass(frozen=True, slots=True)
 class CampaignFingerprint:
-    """What decides over the bits of all runs.
+    """Inputs that determine the bits of all runs.
 
     Attributes:
-        title: of the campaign.
-        drawn: digest of its scenarios' names, its seed and what varies.
-        scenarios: digest of what is in those.
-        software: that began the campaign.
+        title: title of the campaign.
+        drawn: digest of its scenarios' names, its seed and its varied quantities.
+        scenarios: digest of the scenarios' contents.
+        software: software that began the campaign.
     """
 
     title: str
@@ -39,17 +39,17 @@ class CampaignFingerprint:
 
     @classmethod
     def of(cls, campaign: Campaign) -> "CampaignFingerprint":
-        """Return that of a campaign, here and now."""
+        """Return the fingerprint of a campaign with the present files and software."""
         drawn = repr((campaign.scenarios, campaign.seed, campaign.vary))
         prints = "".join(map(fingerprint, campaign.scenarios))
         return cls(campaign.title, _digest(drawn), _digest(prints), software())
 
     def obstacle(self, other: "CampaignFingerprint") -> str:
-        """Return why another campaign's runs do not go with those of this one; empty if they do."""
+        """Return why another campaign's runs do not fit this one's; empty if they do."""
         if self.software != other.software:
             return f"the software has changed: {self.software.differences(other.software)}"
         if self.drawn != other.drawn:
-            return "the scenarios, the seed or what varies has changed"
+            return "the scenarios, the seed or the varied quantities have changed"
         if self.scenarios != other.scenarios:
             return "a scenario has changed, or an asset or a world that it names"
         return ""
@@ -57,12 +57,12 @@ class CampaignFingerprint:
 
 @contextmanager
 def sole_writer(folder: Path) -> Iterator[None]:
-    """Keep other campaigns out of a folder, which is made if it is not there.
+    """Lock a folder against other campaigns; it is created if missing.
 
-    A folder that is something else is left alone: `open_output` refuses it.
+    A folder with other content is not changed: `open_output` refuses it.
 
     Raises:
-        SettingsError: another campaign writes there, or it cannot be written.
+        SettingsError: another campaign writes to it, or it cannot be written.
     """
     with ExitStack() as held:
         if (folder / FILE).is_file() or _usable(folder):
@@ -78,18 +78,18 @@ def sole_writer(folder: Path) -> Iterator[None]:
 
 
 def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -> RunTable:
-    """Return the data set in the folder of a campaign, a new one or one to go on with.
+    """Return the data set in the folder of a campaign, a new one or one to resume.
 
-    Whoever writes to it is its `sole_writer`.
+    The writer must hold `sole_writer`.
 
     Args:
-        folder: new or empty, if the campaign is not resumed.
-        campaign: as its file says it.
-        file: that file, of which a copy is kept.
-        resume: whether runs that are there are kept.
+        folder: new or empty, unless the campaign is resumed.
+        campaign: content of its file.
+        file: the file, which is copied.
+        resume: whether existing runs are reused.
 
     Raises:
-        SettingsError: the folder cannot be used; the text says why, and what to do.
+        SettingsError: the folder cannot be used; the text gives the cause and the remedy.
     """
     identity = CampaignFingerprint.of(campaign)
     begun = (folder / FILE).is_file()
@@ -98,7 +98,7 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
         if obstacle:
             raise SettingsError(f"{folder} cannot be resumed: {obstacle}; choose another --out")
     elif not _usable(folder):
-        way = "--resume goes on with it" if begun else "it holds no campaign"
+        way = "--resume continues it" if begun else "it has no campaign"
         raise SettingsError(f"{folder} is not empty: {way}, or choose another --out")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -123,7 +123,7 @@ def _read(path: Path) -> CampaignFingerprint:
         said = json.loads(path.read_text(encoding="utf-8"))
         return CampaignFingerprint(**{**said, "software": Software(**said["software"])})
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise SettingsError(f"{path}: is not that of a campaign ({error})") from error
+        raise SettingsError(f"{path}: is not a campaign's file ({error})") from error
 
 
 def _digest(text: str) -> str:

@@ -1,4 +1,4 @@
-"""How a campaign goes, on the terminal: a bar while it runs, then its verdict."""
+"""Progress of a campaign on the terminal: a bar while it runs, then its verdict."""
 
 from typing import Final
 
@@ -30,13 +30,13 @@ _MARKS: Final = {
 
 
 class _Rate(ProgressColumn):
-    """How many of the runs so far succeed, and between which bounds.
+    """Success rate of the completed runs, with its interval.
 
-    That takes SciPy 2 ms: it is done when the bar is drawn, and not with each run.
+    SciPy needs 2 ms for it: it is computed when the bar is drawn, and not for each run.
     """
 
     def render(self, task: Task) -> Text:
-        """Return it as text; empty beside failed runs that are kept."""
+        """Return it as text; empty for the bar of saved failed runs."""
         runs, succeeded = int(task.completed), task.fields.get("succeeded")
         if succeeded is None or not runs:
             return Text("" if succeeded is None else "none yet")
@@ -46,7 +46,7 @@ class _Rate(ProgressColumn):
 
 
 class ProgressBar(Progress):
-    """Shows how many runs there are, how many of them succeed, and how long it still takes."""
+    """Shows the number of runs, their success rate, and the remaining time."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(
@@ -64,12 +64,12 @@ class ProgressBar(Progress):
         self._succeeded = self._failed = 0
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
-        """Show how many runs there are to be."""
+        """Show the planned number of runs."""
         self._succeeded = succeeded
         self.update(self._runs, total=total, completed=done, succeeded=succeeded)
 
     def played(self, run: CampaignRun) -> None:
-        """Show one more run; the first that fail by name, with why."""
+        """Show one more run; the first failed ones with their number and cause."""
         self._succeeded += run.holds
         if not run.holds:
             self._failed += 1
@@ -77,12 +77,12 @@ class ProgressBar(Progress):
         self.update(self._runs, advance=1, succeeded=self._succeeded)
 
     def keep(self, total: int) -> None:
-        """Show how many failed runs are to be kept."""
+        """Show the number of failed runs to save."""
         if total:
-            self._kept = self.add_task("failed runs kept", total=total)
+            self._kept = self.add_task("failed runs saved", total=total)
 
     def kept(self) -> None:
-        """Show that one more is."""
+        """Show that one more is saved."""
         self.advance(self._kept)
 
     def _tell_of(self, run: CampaignRun) -> None:
@@ -97,7 +97,7 @@ def show(console: Console, verdict: CampaignVerdict) -> None:
     """Print a verdict."""
     console.print(f"[bold]{escape(verdict.title)}[/]")
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for column in ("", "must hold", "seen"):
+    for column in ("", "criterion", "seen"):
         table.add_column(column, overflow="fold")
     for each in verdict.judged:
         table.add_row(_MARKS[each.judgement], escape(each.hold), escape(each.text))

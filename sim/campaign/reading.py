@@ -1,6 +1,6 @@
-"""A campaign file into a `Campaign`, or one error that names the file and the key.
+"""Reads a campaign file into a `Campaign`, or raises one error that names the file and the key.
 
-What a key can be set to, its scenarios say: each end of what varies is tried on each of them.
+The scenarios define the valid values of a key: each end of a varied quantity is tried on each.
 """
 
 import re
@@ -53,20 +53,20 @@ from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 MOST_COMBINATIONS: Final = 1_000_000
 _NAME: Final = re.compile(r"[A-Za-z_][\w-]*")
 FARTHEST: Final = 6.0
-"""Standard deviations from its mean that a normal distribution is tried at; one draw in 500 million
-is beyond."""
+"""Standard deviations from its mean at which a normal distribution is tried; one draw in 500
+million is beyond."""
 
 
 def campaign_folder() -> Path:
-    """Return where the campaigns lie that have a name."""
+    """Return the folder of the named campaigns."""
     return config_folder() / "campaigns"
 
 
 def campaign_path(name: str) -> Path:
-    """Return the file of a campaign, which is a path or the name of one in config/campaigns.
+    """Return the file of a campaign, given by its path or by its name in config/campaigns.
 
     Raises:
-        SettingsError: there is none of that name.
+        SettingsError: no campaign has this name.
     """
     return path_of("campaign", name, campaign_folder())
 
@@ -76,11 +76,11 @@ def load_campaign(name: str, runs: int | None = None) -> Campaign:
 
     Args:
         name: a path, or the name of a file in config/campaigns.
-        runs: how many, in place of what the file says.
+        runs: number of runs; replaces that of the file.
 
     Raises:
-        SettingsError: there is no such campaign, or it says what no campaign can say, or what one
-            of its scenarios cannot.
+        SettingsError: the campaign is unknown or invalid, or a value is invalid in one of its
+            scenarios.
     """
     path = campaign_path(name)
     raw = load_yaml(path)
@@ -106,7 +106,7 @@ def _campaign(raw: object, folder: Path) -> Campaign:
     if "runs" not in raw and any(variation.grids for variation in vary):
         filled["runs"] = many
     if not raw.get("hold"):
-        raise FormatError("hold", "nothing has to hold")
+        raise FormatError("hold", "no criterion is given")
     campaign = _reader().read(filled, Campaign)
     if isinstance(campaign.runs, Until) and campaign.runs.most < many:
         said = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
@@ -131,7 +131,7 @@ def _reader(*, faults: bool = False) -> StrictReader:
 
 
 def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
-    """Return the scenarios; a file is beside that of the campaign."""
+    """Return the scenarios; a relative path starts at the campaign's folder."""
     if ("scenario" in raw) == ("scenarios" in raw):
         raise FormatError("", "one of scenario, scenarios is needed")
     named = [raw["scenario"]] if "scenario" in raw else raw["scenarios"]
@@ -142,7 +142,7 @@ def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
         if not isinstance(name, str) or not name.isprintable():
             raise FormatError(key, f"{name!r} is no name")
     if len(set(named)) != len(named):
-        raise FormatError(key, "one is there twice")
+        raise FormatError(key, "duplicate name")
     return tuple(str(folder / name) if name.endswith(SUFFIXES) else name for name in named)
 
 
@@ -162,7 +162,7 @@ def _interval(raw: object) -> Interval:
 
 
 def _scalar(raw: object) -> Scalar:
-    """Return one value; what is none, such as a list, as YAML. An angle in degrees is a number."""
+    """Return one value; a non-scalar, such as a list, as YAML. An angle in degrees is a number."""
     if isinstance(raw, float) or (isinstance(raw, str) and raw.strip().endswith("deg")):
         return angle_of(raw)
     if isinstance(raw, str | bool | int):
@@ -208,7 +208,7 @@ def _parameter(raw: object, path: str) -> Scalar | Number:
 
 
 def _vary(raw: object) -> tuple[Variation, ...]:
-    """Return what varies; sorted, so that a world stands before its friction."""
+    """Return the varied quantities, sorted, so that a world precedes its friction."""
     if not isinstance(raw, dict):
         raise FormatError("vary", f"expected keys and values, got {shown(raw)}")
     found = []
@@ -225,9 +225,9 @@ def _vary(raw: object) -> tuple[Variation, ...]:
 
 
 def _injected(raw: object, path: str) -> Variation:
-    """Return how faults vary: as other values do, with `at` and, if they end, `for`."""
+    """Return the variation of faults: like other values, with `at` and, if they end, `for`."""
     if not isinstance(raw, dict) or "at" not in raw:
-        raise FormatError(path, "expected choice or grid of faults, and at: when they begin")
+        raise FormatError(path, "expected choice or grid of faults, and at: their start")
     said = {key: value for key, value in raw.items() if key not in ("at", "for")}
     distribution: Distribution = _reader(faults=True).read(said, Distribution, path)
     if not isinstance(distribution, Choice | Grid):
@@ -256,7 +256,7 @@ def _seconds(raw: object, path: str) -> float:
 
 
 def _check_hold(campaign: Campaign) -> None:
-    """Refuse what no run has."""
+    """Raise FormatError if a criterion uses an unknown key."""
     known = runs.keys_of(campaign)
     for index, hold in enumerate(campaign.hold):
         path = f"hold[{index}]"
@@ -272,7 +272,7 @@ def _check_hold(campaign: Campaign) -> None:
 
 
 def _check_scenarios(campaign: Campaign) -> None:
-    """Try the ends of what varies, one after the other, on each scenario.
+    """Try the ends of each varied quantity, one after the other, on each scenario.
 
     Asset, world and settings are set before a fault, which may need a sensor that these add.
     """
@@ -305,7 +305,7 @@ def _try(scenario: str, changes: tuple[Override, ...], path: str) -> None:
 
 
 def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
-    """Yield the least and the greatest that a key is set to, or all, each with its path."""
+    """Yield the minimum and maximum of a key, or all its values, each with its path."""
     path = f"vary.{variation.key}"
     values = list(_ends_of(variation.distribution))
     if variation.key != INJECT:
@@ -332,7 +332,7 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
 
 
 def _boundless(variation: Variation) -> bool:
-    """Return whether anything in it is drawn from a normal distribution without bounds."""
+    """Return whether a value is drawn from a normal distribution without bounds."""
     alternatives = [variation.distribution, variation.at, variation.lasts]
     for each in draws.alternatives(variation.distribution):
         if isinstance(each, FaultDraw):

@@ -1,7 +1,7 @@
 """The data set of a campaign: a row for each run, as Parquet, with typed access.
 
-Rows are added in parts, each of which is there as a whole or not at all. A run is in the data set
-once: a part is written by the campaign alone, never by those who play the runs.
+Rows are added in parts, each of which is written atomically. A run is in the data set once: parts
+are written by the campaign alone, never by its workers.
 """
 
 import os
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 FOLDER: Final = "runs"
 VARY: Final = "vary."
-"""What the columns of varied quantities begin with."""
+"""Prefix of the columns of varied quantities."""
 _ARROW: Final = {
     ValueKind.NUMBER: pa.float64(),
     ValueKind.WHOLE: pa.int64(),
@@ -49,9 +49,9 @@ class CampaignRun(JobResult):
     """One run.
 
     Attributes:
-        scenario: as the campaign names it.
-        varied: value of each varied quantity; None where its fault has no such parameter.
-        command: what repeats it.
+        scenario: name as in the campaign.
+        varied: value of each varied quantity; None if its fault has no such parameter.
+        command: command that repeats it.
     """
 
     scenario: str
@@ -60,7 +60,7 @@ class CampaignRun(JobResult):
 
 
 def keys_of(campaign: Campaign) -> dict[str, bool]:
-    """Return all that conditions and quantiles can go by, and whether it is a number."""
+    """Return the keys for conditions and quantiles, with whether each is a number."""
     figures = {name: True for name, kind in _FIGURES.items() if kind != tuple[Reason, ...]}
     varied = {each.name: each.kind is not ValueKind.TEXT for each in quantities(campaign)}
     return {"scenario": False, **figures, **varied}
@@ -70,8 +70,8 @@ class RunTable:
     """The data set in a folder.
 
     Args:
-        folder: of the campaign; the data set is its folder `runs`.
-        varied: what varies.
+        folder: folder of the campaign; the data set is its folder `runs`.
+        varied: varied quantities.
     """
 
     def __init__(self, folder: Path, varied: Sequence[VariedQuantity]) -> None:
@@ -83,7 +83,7 @@ class RunTable:
             rest.unlink()
 
     def add(self, runs: Sequence[CampaignRun]) -> None:
-        """Write runs as one more part, durably; those of a part once more change nothing.
+        """Write runs as one more part, durably; the same part again changes nothing.
 
         Raises:
             SettingsError: they cannot be written.
@@ -103,37 +103,37 @@ class RunTable:
         except OSError as error:
             raise SettingsError(
                 f"{self._folder}: runs cannot be written ({error.strerror or error}); once they"
-                " can be, --resume plays what is missing"
+                " can be, --resume executes the missing ones"
             ) from error
 
     @property
     def parts(self) -> list[Path]:
-        """The files that there are."""
+        """The files of the data set."""
         return sorted(self._folder.glob("*.parquet"))
 
     def numbers(self) -> list[int]:
-        """Return the numbers of the runs that are there.
+        """Return the numbers of the existing runs.
 
         Raises:
-            SettingsError: one is there twice, or the data set cannot be read.
+            SettingsError: a number is duplicate, or the data set cannot be read.
         """
         found = self.frame().index
         if found.has_duplicates:
             twice = found[found.duplicated()][0]
-            raise SettingsError(f"{self._folder}: run {twice} is there twice; begin in a new --out")
+            raise SettingsError(f"{self._folder}: run {twice} is duplicate; begin in a new --out")
         return list(found)
 
     def frame(self, *keys: str, where: RunFilter = EVERYWHERE) -> "DataFrame":
-        """Return columns of the runs, by their numbers; NA is what a run does not have.
+        """Return columns of the runs, indexed by run number; missing values are NA.
 
         Args:
-            keys: of `keys_of`, or other fields of `CampaignRun`.
-            where: of which runs.
+            keys: keys of `keys_of`, or other fields of `CampaignRun`.
+            where: filter of the runs.
 
         Raises:
             SettingsError: the data set cannot be read.
         """
-        from pandas import ArrowDtype  # whoever reads a campaign's file only, does without
+        from pandas import ArrowDtype  # not needed to read a campaign's file
 
         names = {self._column(key): key for key in (*keys, *(each.key for each in where.terms))}
         table = self._table(["run", *names]).to_pandas(types_mapper=ArrowDtype)
@@ -143,14 +143,14 @@ class RunTable:
         """Yield runs by number.
 
         Args:
-            where: which.
+            where: filter of the runs.
             failed: only those that do not hold.
         """
         holds = self.frame("holds", where=where)["holds"]
         yield from self.at(holds.index[~holds] if failed else holds.index)
 
     def at(self, numbers: Iterable[int]) -> Iterator[CampaignRun]:
-        """Yield the runs of these numbers, by number."""
+        """Yield the runs with these numbers, by number."""
         table = self._table(None, ds.field("run").isin(list(numbers))).sort_by("run")
         for batch in table.to_batches(max_chunksize=1000):
             yield from map(self._run, batch.to_pylist())
@@ -197,7 +197,7 @@ def _row(run: CampaignRun) -> dict[str, Any]:
 
 @cache
 def _converter() -> Converter:
-    """Return the converter between runs and rows, which have reasons by their names."""
+    """Return the converter between runs and rows, in which reasons are given by name."""
     converter = Converter()
     converter.register_unstructure_hook(Reason, lambda reason: reason.name)
     converter.register_structure_hook(Reason, lambda name, _: Reason[name])

@@ -1,7 +1,7 @@
-"""Plays the runs of a campaign that are missing, then keeps what failed ones leave.
+"""Executes the missing runs of a campaign, then saves the files of failed ones.
 
-A run costs less than what it would leave; so it is told by its row, until it fails. Failed runs are
-played once more, where the others were, and all is kept.
+The files of a run cost more than the run itself, so at first only its row is stored. Failed runs
+are repeated on the same cluster, and all their files are saved.
 """
 
 import io
@@ -25,40 +25,40 @@ from sim.scenario.reading import SUFFIXES
 
 WRITE_EVERY_S: Final = 10.0
 WRITE_EVERY: Final = 1000
-"""Runs are written after so many seconds or runs, whichever comes first."""
+"""Runs are written after this time or number of runs, whichever is first."""
 GROWTH: Final = 1.25
-"""By how much a campaign without a fixed number of runs grows at a time, at least."""
+"""Minimum growth factor of a campaign without a fixed number of runs."""
 FOLDER: Final = "failed"
-"""Below the folder of a campaign: a folder for each of its failed runs."""
+"""Subfolder of a campaign with a folder for each saved failed run."""
 DIGEST: Final = "digest.txt"
-"""In such a folder: the digest of the run that left it."""
+"""File in such a folder with the digest of its run."""
 
 Play = Callable[[Iterable[Job]], Iterator[JobResult | JobFailed]]
-"""Plays jobs, in whatever order."""
+"""Executes jobs, in any order."""
 
 
 class ProgressListener(Protocol):
-    """Who hears how a campaign goes."""
+    """Receives the progress of a campaign."""
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
-        """Hear how many runs there are to be, and how many there are."""
+        """Called with the planned number of runs, and the existing ones."""
 
     def played(self, run: CampaignRun) -> None:
-        """Hear of one more run."""
+        """Called with each further run."""
 
 
 class ArtifactListener(Protocol):
-    """Who hears how the keeping of failed runs goes."""
+    """Receives the progress of saving failed runs."""
 
     def keep(self, total: int) -> None:
-        """Hear how many failed runs there are to be kept."""
+        """Called with the number of failed runs to save."""
 
     def kept(self) -> None:
-        """Hear that one more is."""
+        """Called for each saved one."""
 
 
 def job_of(drawn: Draw) -> Job:
-    """Return what a worker is given to play a run."""
+    """Return the job of a run for a worker."""
     scenario = drawn.scenario
     if scenario.endswith(SUFFIXES):
         scenario = str(Path(scenario).resolve())  # workers may be started elsewhere
@@ -69,11 +69,11 @@ class CampaignSession:
     """One campaign and its data set.
 
     Args:
-        campaign: what is played.
-        runs: where it is written, with what is there already.
-        play: plays jobs.
-        watcher: hears how it goes.
-        clock: seconds from anywhere, for how often runs are written.
+        campaign: the campaign.
+        runs: its data set, with the existing runs.
+        play: executes jobs.
+        watcher: receives the progress.
+        clock: monotonic seconds, for the interval of writing.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class CampaignSession:
     ) -> None:
         self._campaign, self._runs = campaign, runs
         self._play, self._watcher, self._clock = play, watcher, clock
-        runs.numbers()  # refuses a run that is there twice
+        runs.numbers()  # refuses a duplicate run
         self._holds: dict[int, bool] = runs.frame("holds")["holds"].to_dict()
 
     def to_the_end(self) -> None:
-        """Play all runs that are missing.
+        """Execute all missing runs.
 
         Raises:
-            SettingsError: a run cannot be played with what was drawn for it.
+            SettingsError: a run cannot be executed with its drawn values.
         """
         wanted = self._campaign.runs
         if isinstance(wanted, int):
@@ -105,10 +105,10 @@ class CampaignSession:
             self._play_up_to(total)
 
     def _next(self, until: Until, total: int) -> int:
-        """Return up to how many runs to go on; 0 if it is known well enough.
+        """Return the next total number of runs; 0 if the rate is known well enough.
 
-        It depends on how the runs before end, and on nothing else: a campaign has the same runs
-        wherever and however often it was interrupted.
+        It depends only on the results of the earlier runs: a campaign has the same runs on any host
+        and after any interruption.
         """
         kept = sum(self._holds[run] for run in range(total))
         interval = clopper_pearson(kept, total, until.confidence)
@@ -117,7 +117,7 @@ class CampaignSession:
         return 0 if known or following <= total else following
 
     def _whole(self, total: int, until: Until) -> int:
-        """Return a number of runs, up to the most, that has all combinations as often."""
+        """Return a number of runs, up to the maximum, with equal numbers of all combinations."""
         each = self._campaign.combinations
         return min(ceil(total / each), until.most // each) * each
 
@@ -149,7 +149,7 @@ class CampaignSession:
     def _run(self, result: JobResult | JobFailed, drawn: Draw) -> CampaignRun:
         if isinstance(result, JobFailed):
             raise SettingsError(
-                f"run {result.run} ({drawn.command}) cannot be played: {result.why}"
+                f"run {result.run} ({drawn.command}) cannot be executed: {result.why}"
             )
         names = [each.name for each in quantities(self._campaign)]
         return CampaignRun(
@@ -160,7 +160,7 @@ class CampaignSession:
         )
 
     def _write(self, fresh: list[CampaignRun]) -> None:
-        """Write what is not written yet; where that fails, or Ctrl-C cuts it short, it stays."""
+        """Write the new runs; they stay listed if that fails or is interrupted by Ctrl-C."""
         self._runs.add(fresh)
         fresh.clear()
 
@@ -173,21 +173,21 @@ def keep_failed(
     most: int,
     watcher: ArtifactListener,
 ) -> list[int]:
-    """Keep what failed runs leave, of those that are not kept yet.
+    """Save the files of failed runs that are not saved yet.
 
     Args:
-        campaign: that they are of.
-        runs: all of it.
-        play: plays jobs, in whatever order.
-        folder: of the campaign.
-        most: how many are kept, the first.
-        watcher: hears how it goes.
+        campaign: campaign of the runs.
+        runs: its complete data set.
+        play: executes jobs, in any order.
+        folder: folder of the campaign.
+        most: maximum number of saved runs, the first ones.
+        watcher: receives the progress.
 
     Returns:
-        The runs that were not alike bit for bit when they were played once more.
+        The runs whose repetition was not identical bit for bit.
 
     Raises:
-        SettingsError: a run cannot be played any more, or not be written.
+        SettingsError: a run cannot be repeated, or not be written.
     """
     digests = {run.run: run.digest for run in islice(runs.read(failed=True), most)}
     missing = [run for run in digests if not folder_of(folder, run).exists()]
@@ -195,7 +195,7 @@ def keep_failed(
     unlike = []
     for result in play(job_of(draw(campaign, run)) for run in missing):
         if isinstance(result, JobFailed):
-            raise SettingsError(f"run {result.run} cannot be played once more: {result.why}")
+            raise SettingsError(f"run {result.run} cannot be repeated: {result.why}")
         if result.digest != digests[result.run]:
             unlike.append(result.run)
         _unpack(result, folder_of(folder, result.run))
@@ -204,18 +204,18 @@ def keep_failed(
 
 
 def folder_of(folder: Path, run: int) -> Path:
-    """Return where a failed run is kept, below the folder of its campaign."""
+    """Return the folder of a saved failed run, below the folder of its campaign."""
     return folder / FOLDER / f"run-{run:06d}"
 
 
 def is_kept(folder: Path, run: CampaignRun) -> bool:
-    """Return whether what a failed run left is kept, alike bit for bit."""
+    """Return whether the files of a failed run are saved, identical bit for bit."""
     digest = folder_of(folder, run.run) / DIGEST
     return digest.exists() and digest.read_text(encoding="utf-8") == run.digest
 
 
 def _unpack(kept: RunArtifacts, place: Path) -> None:
-    """Write what a run left into a folder, which is there as a whole or not at all."""
+    """Write the files of a run into a folder, atomically."""
     unfinished = place.with_suffix(".unfinished")
     rmtree(unfinished, ignore_errors=True)
     try:

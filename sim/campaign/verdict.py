@@ -1,8 +1,8 @@
-"""From the runs of a campaign to its verdict, with confidence.
+"""Verdict on the runs of a campaign, with confidence.
 
-Success rates are judged by exact (Clopper-Pearson) bounds. So are quantiles: that the q quantile is
-below a bound says that a share q of all runs is, and how great the true share is at least follows
-from how many of the runs were.
+Success rates are judged by exact (Clopper-Pearson) bounds. So are quantiles: "the q quantile is
+below a bound" means that a share q of all runs is below it. The lower bound of that true share
+follows from the number of such runs.
 """
 
 import json
@@ -23,38 +23,38 @@ if TYPE_CHECKING:
 
 FILE: Final = "verdict.json"
 INTERVAL_CONFIDENCE: Final = 0.95
-"""Of the interval that is shown beside each share."""
+"""Confidence of the interval displayed with each share."""
 
 
 @unique
 class CriterionStatus(Enum):
-    """What the runs say of something that must hold."""
+    """Judgement on a criterion."""
 
     HOLDS = "holds"
     FAILS = "fails"
     UNDECIDED = "undecided"
-    """Neither is known with the confidence that is wanted."""
+    """Neither is established with the required confidence."""
     EMPTY = "empty"
-    """It is about no run, which is a mistake in the file."""
+    """It matches no run, which is an error in the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CriterionResult:
-    """One thing that must hold, and what came of it; without runs it is about none.
+    """One criterion and its result; without runs it is EMPTY.
 
     Attributes:
-        hold: in words.
-        judgement: what the runs say.
-        figure: the share that succeeded, or the quantile seen; None where too many runs have no
-            such figure, or there are no runs.
-        bound: which the figure has to keep.
-        share: of the runs, which keep the bound: for success rates, the figure itself.
-        wanted: the share that has to.
-        low, high: bounds of the true share, each with the confidence that is wanted.
-        confidence: which is wanted.
-        kept, runs: how many runs keep the bound, of how many it is about.
-        missing: in how many of those there is no such figure.
-        text: the outcome in words.
+        hold: the criterion as text.
+        judgement: its judgement.
+        figure: observed success rate or quantile; None if too many runs lack the figure, or there
+            are no runs.
+        bound: bound of the figure.
+        share: share of the runs that meet the bound: for success rates, the figure itself.
+        wanted: required share.
+        low, high: bounds of the true share, each with the required confidence.
+        confidence: required confidence.
+        kept, runs: number of runs that meet the bound, and of all matching runs.
+        missing: number of matching runs without the figure.
+        text: the result as text.
     """
 
     hold: str
@@ -69,19 +69,19 @@ class CriterionResult:
     kept: int = 0
     runs: int = 0
     missing: int = 0
-    text: str = "there is no such run"
+    text: str = "no run matches"
 
 
 @dataclass(frozen=True, slots=True)
 class CampaignVerdict:
-    """What came of a campaign.
+    """Result of a campaign.
 
     Attributes:
-        runs, succeeded: how many, and how many of them met all that their scenarios expect.
-        low, high: of the true success rate, with confidence 0.95.
-        judged: each thing that must hold, in the order of the file. A share of 1 says no more than
-            that all runs there are keep the bound: no number of runs shows it of all that could be.
-        notes: what is not as it was asked for, though it is no failure.
+        runs, succeeded: number of runs, and of those that met all expectations of their scenario.
+        low, high: bounds of the true success rate, with confidence 0.95.
+        judged: result of each criterion, in the order of the file. A share of 1 only means that
+            all existing runs meet the bound: no number of runs proves it for all possible ones.
+        notes: deviations from the request that are no failures.
     """
 
     title: str
@@ -94,12 +94,12 @@ class CampaignVerdict:
 
     @property
     def holds(self) -> bool:
-        """Whether all holds that must."""
+        """Whether all criteria hold."""
         return all(each.judgement is CriterionStatus.HOLDS for each in self.judged)
 
     @property
     def empty(self) -> bool:
-        """Whether something is about no run."""
+        """Whether a criterion matches no run."""
         return any(each.judgement is CriterionStatus.EMPTY for each in self.judged)
 
     def write(self, folder: Path) -> None:
@@ -112,22 +112,22 @@ class CampaignVerdict:
 
 
 def clopper_pearson(kept: int, runs: int, confidence: float = INTERVAL_CONFIDENCE) -> Interval:
-    """Return the exact interval of a share, from how many of how many runs keep it.
+    """Return the exact interval of a share, from the number of runs that meet it.
 
-    Each end is passed with half of what is missing to the confidence.
+    The true share is beyond each end with half of the complement of the confidence.
     """
     found = binomtest(kept, runs).proportion_ci(confidence, method="exact")
     return Interval(float(found.low), float(found.high))
 
 
 def quantile(values: Iterable[float], share: float) -> float:
-    """Return the least value that this share of the values does not exceed."""
+    """Return the minimum value that this share of the values does not exceed."""
     ordered = sorted(values)
     return ordered[max(ceil(share * len(ordered) - 1e-9), 1) - 1]
 
 
 def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
-    """Return what came of a campaign with these runs, one at least."""
+    """Return the result of a campaign with these runs, at least one."""
     holds = runs.frame("holds")["holds"]
     many, succeeded = len(holds), int(holds.sum())
     interval = clopper_pearson(succeeded, many)
@@ -139,10 +139,10 @@ def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
 
 
 def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
-    """Yield how the runs are not those that were asked for."""
+    """Yield the differences between the runs and the request."""
     most = wanted if isinstance(wanted, int) else wanted.most
     if runs > most:
-        yield f"all {runs} runs that are there are judged, more than the {most} asked for"
+        yield f"all {runs} existing runs are judged, more than the {most} requested"
     if isinstance(wanted, Until):
         interval = clopper_pearson(succeeded, runs, wanted.confidence)
         width = interval.high - interval.low
@@ -154,7 +154,7 @@ def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
 
 
 def _judged(hold: Hold, runs: RunTable) -> CriterionResult:
-    """Judge by how many runs keep a bound; one that has no such figure does not."""
+    """Judge by the number of runs that meet a bound; one without the figure does not."""
     key = hold.of if isinstance(hold, Quantile) else "holds"
     seen = runs.frame(key, where=hold.where)[key]
     judged = CriterionResult(
@@ -164,15 +164,15 @@ def _judged(hold: Hold, runs: RunTable) -> CriterionResult:
         return judged
     which, figure = _kept(hold, seen)
     kept, many, missing = int(which.sum()), len(seen), int(seen.isna().sum())
-    # Each end alone has the confidence that is wanted, so that both have less.
+    # Each end alone has the required confidence, so that both together have less.
     interval = clopper_pearson(kept, many, 2 * hold.confidence - 1)
     judgement = _judgement(hold.wanted, interval, all_keep=kept == many)
     text = f"{figure:.4g}" if isfinite(figure) else f"no {key} in {missing} runs"
-    text += f"; {kept} of {many} runs keep it"
+    text += f"; {kept} of {many} runs meet it"
     text += f", a share of {interval.low:.4g} .. {interval.high:.4g}"
     if judgement is CriterionStatus.UNDECIDED and kept == many:
         needed = ceil(log(1 - hold.confidence) / log(hold.wanted))
-        text += f"; it takes {needed} runs of which all do"
+        text += f"; {needed} runs are needed if all meet it"
     return replace(
         judged,
         judgement=judgement,
@@ -188,7 +188,7 @@ def _judged(hold: Hold, runs: RunTable) -> CriterionResult:
 
 
 def _kept(hold: Hold, seen: "Series") -> tuple["Series", float]:
-    """Return which runs keep a bound, and the figure: infinite where too many have none."""
+    """Return the runs that meet a bound, and the figure: infinite if too many have none."""
     match hold:
         case Success():
             return seen, float(seen.mean())

@@ -1,4 +1,4 @@
-"""Over which runs something must hold: `inject != none and world.friction < 0.5`."""
+"""Filter of the runs of a criterion: `inject != none and world.friction < 0.5`."""
 
 import operator
 import re
@@ -15,7 +15,7 @@ _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*
 _AND: Final = re.compile(r"\s+and\s+")
 _ORDER: Final = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 ALIKE: Final = 5e-6
-"""By which part numbers may differ that are not whole and are the same: reports show six digits."""
+"""Relative tolerance for equal non-integers: reports show six digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +24,9 @@ class Term:
 
     Attributes:
         key: a varied key, `scenario`, or a figure of the runs.
-        comparison: `==`, `!=`, `<`, `<=`, `>` or `>=`; the latter four of numbers only.
-        value: with what is compared, a number where it reads as one; angles in radians.
-        written: the value as the file has it.
+        comparison: `==`, `!=`, `<`, `<=`, `>` or `>=`; the latter four for numbers only.
+        value: value to compare with, a number if it reads as one; angles in radians.
+        written: the value as in the file.
     """
 
     key: str
@@ -38,7 +38,7 @@ class Term:
         return f"{self.key} {self.comparison} {self.written}"
 
     def of(self, column: "Series") -> "Series":
-        """Return for each value of a column whether it holds; NA where there is none."""
+        """Return whether it holds for each value of a column; NA for missing ones."""
         value = self.value
         if not isinstance(value, str) and column.dtype == "string[pyarrow]":
             value = f"{value:g}"
@@ -54,7 +54,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class RunFilter:
-    """Several comparisons, all of which hold. What is missing in a run compares with nothing."""
+    """Conjunction of comparisons. A missing value satisfies no comparison."""
 
     terms: tuple[Term, ...]
 
@@ -63,7 +63,7 @@ class RunFilter:
         """Read comparisons joined by `and`.
 
         Raises:
-            ValueError: they are none.
+            ValueError: the text is no comparison.
         """
         terms = []
         for part in _AND.split(text.strip()):
@@ -86,13 +86,13 @@ class RunFilter:
         return runs
 
     def check(self, numeric: Mapping[str, bool]) -> None:
-        """Do nothing where all keys exist and are compared with what they can be.
+        """Raise ValueError unless all keys exist and have a type that fits their comparison.
 
         Args:
-            numeric: all keys there are, and whether they are numbers.
+            numeric: all existing keys, and whether they are numbers.
 
         Raises:
-            ValueError: one is not.
+            ValueError: a key is unknown or has another type.
         """
         for term in self.terms:
             require_key(term.key, list(numeric))
@@ -103,18 +103,18 @@ class RunFilter:
 
 
 EVERYWHERE: Final = RunFilter(())
-"""Each run."""
+"""All runs."""
 
 
 def require_key(key: str, known: Sequence[str]) -> None:
-    """Do nothing where a key is known.
+    """Raise ValueError unless a key is known.
 
     Raises:
-        ValueError: it is not; the text names near misses and all there are.
+        ValueError: it is unknown; the text gives similar keys and all existing ones.
     """
     if key not in known:
         near = hint(key, known)
-        raise ValueError(f"no {key!r} is known of a run{near}; known are {', '.join(known)}")
+        raise ValueError(f"a run has no {key!r}{near}; it has {', '.join(known)}")
 
 
 def _value(text: str) -> str | float:

@@ -1,4 +1,4 @@
-"""Plays one run, wherever: in a worker of the cluster, or here. Imports no Dask before it must."""
+"""Executes one run, in a worker of the cluster or here. Imports Dask only when it is needed."""
 
 import hashlib
 import platform
@@ -23,19 +23,19 @@ from sim.scenario.reading import load_scenario
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
 ERROR: Final = "error.txt"
-"""What a run leaves that raised an error: the traceback."""
+"""File of a run that raised an error, with the traceback."""
 NO_FIGURES: Final = RunMetrics(None, None, None, 0.0, None, None, None, None, 0, 0, 0, ())
 _OF_THIS_MACHINE: Final = (SettingsError, OSError, MemoryError)
-"""Errors that another machine, or this one later, may not have: they say nothing of the run."""
+"""Errors that may not recur on another machine or later: they are no result of the run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run to play.
+    """One run to execute.
 
     Attributes:
         scenario: a path, or the name of one in config/scenarios.
-        fingerprint: of the scenario and the software, as the campaign has them.
+        fingerprint: fingerprint of the scenario and the software at the campaign's start.
     """
 
     run: int
@@ -50,16 +50,16 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What came of a run.
+    """Result of a run.
 
     Attributes:
         run: its number.
-        seed: of the noise of its sensors.
-        figures: of the run.
-        holds: whether all is so as its scenario expects.
-        failed_findings: what is not, in words.
-        digest: of all that happened; equal for runs that are alike bit for bit.
-        seconds: how long it took.
+        seed: seed of its sensors' noise.
+        figures: metrics of the run.
+        holds: whether all expectations of its scenario are met.
+        failed_findings: failed expectations as text.
+        digest: digest of all events; equal for runs that are identical bit for bit.
+        seconds: duration of its execution.
     """
 
     run: int
@@ -73,7 +73,7 @@ class JobResult:
 
 @dataclass(frozen=True, slots=True)
 class JobFailed:
-    """A run that cannot be played, and why."""
+    """A run that cannot be executed, and the cause."""
 
     run: int
     why: str
@@ -81,11 +81,11 @@ class JobFailed:
 
 @dataclass(frozen=True, slots=True)
 class RunArtifacts:
-    """What a run leaves that was played once more.
+    """Files of a repeated run.
 
     Attributes:
-        digest: of all that happened.
-        archive: map, timeline, reports, recording, ledger and files aboard, as a zip file.
+        digest: digest of all events.
+        archive: map, timeline, reports, recording, ledger and onboard files, as a zip file.
     """
 
     run: int
@@ -94,7 +94,7 @@ class RunArtifacts:
 
 
 def play_job(job: Job) -> JobResult | JobFailed:
-    """Play a run and return what came of it; one that raises an error has failed."""
+    """Execute a run and return its result; one that raises an error has failed."""
     began_s = time.perf_counter()
     try:
         scenario = _scenario(job)
@@ -117,9 +117,9 @@ def play_job(job: Job) -> JobResult | JobFailed:
 
 
 def play_and_keep(job: Job) -> RunArtifacts | JobFailed:
-    """Play a run and return all that it leaves, as `rover scenario --out` does.
+    """Execute a run and return all its files, as `rover scenario --out` writes them.
 
-    One that raises an error leaves `error.txt`, and what it had written aboard.
+    One that raises an error has `error.txt`, and the onboard files written before.
     """
     from sim.scenario.pictures import write_run
 
@@ -146,13 +146,13 @@ def play_and_keep(job: Job) -> RunArtifacts | JobFailed:
 
 
 def _scenario(job: Job) -> Scenario:
-    """Return what is played for a job.
+    """Return the scenario of a job.
 
     Raises:
-        SettingsError: it cannot be played here, as it is meant.
+        SettingsError: it cannot be executed here, or differs from the campaign's.
     """
     scenario = load_scenario(job.scenario, RunMode.LOCK_STEP, job.changes)
-    # Read after what is played: an edit before, between or since is told apart.
+    # Read after the scenario was loaded: an edit before, during or since is detected.
     if _fingerprint(job.scenario) != job.fingerprint:
         raise SettingsError(
             f"another version of scenario {job.scenario}, of an asset or world that it names, or of"
@@ -167,7 +167,7 @@ def _why(error: Exception) -> str:
 
 
 def _finding(error: Exception) -> str:
-    """Return an error of a run as what was expected of it, and seen."""
+    """Return an error of a run in the form of a finding: expected and seen."""
     place = traceback.extract_tb(error.__traceback__)[-1]
     said = printable(" ".join(str(error).split()))
     kind = type(error).__name__
@@ -180,7 +180,7 @@ def _digest(error: Exception) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Software:
-    """What decides over the bits of a run, beside its scenario.
+    """Software that determines the bits of a run, together with its scenario.
 
     Attributes:
         rover_executive: its version.
@@ -201,7 +201,7 @@ class Software:
         )
 
     def differences(self, other: "Software") -> str:
-        """Return in words what another one has otherwise; empty if nothing."""
+        """Return the differences of another software as text; empty without one."""
         return ", ".join(
             f"{each.name.replace('_', '-')} {getattr(other, each.name)} instead of"
             f" {getattr(self, each.name)}"
@@ -212,7 +212,7 @@ class Software:
 
 @cache
 def software() -> Software:
-    """Return what plays runs in this process."""
+    """Return the software that executes runs in this process."""
     root = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for package in OWN_PACKAGES:
@@ -227,18 +227,18 @@ def software() -> Software:
 
 @cache
 def fingerprint(scenario: str) -> str:
-    """Return a digest of what a scenario is played from: all that it names, and the software.
+    """Return a digest of a scenario's inputs: all files that it names, and the software.
 
-    It is that of when this process first asked, which is what a campaign began with.
+    It is the digest at the first call of this process, with which a campaign began.
 
     Raises:
-        SettingsError: there is no such scenario here.
+        SettingsError: the scenario does not exist here.
     """
     return _fingerprint(scenario)
 
 
 def _fingerprint(scenario: str) -> str:
-    """Return that digest of the files as they are now."""
+    """Return that digest of the present files."""
     said = repr((load_scenario(scenario), astuple(software())))
     return hashlib.sha256(said.encode()).hexdigest()
 
@@ -256,7 +256,7 @@ def _version(distribution: str) -> str:
 
 
 def _scratch() -> str | None:
-    """Return the folder of the Dask worker, which goes with it however it ends; None for /tmp."""
+    """Return the folder of the Dask worker, which is deleted with it; None for /tmp."""
     from distributed import get_worker
 
     try:

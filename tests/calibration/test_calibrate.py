@@ -73,7 +73,7 @@ def test_the_command_writes_what_it_found(recording: Path, tmp_path: Path) -> No
     ("arguments", "status", "said"),
     [
         (["nowhere.mcap"], 2, "cannot be read"),
-        (["--asset", "mocup"], 2, "takes no velocities"),
+        (["--asset", "mocup"], 2, "not driven by velocities"),
         (["--asset", "nobody"], 2, "nobody"),
         (["--write", "--out", "x.yaml"], 2, "choose one"),
         (["--cargo", "900"], 2, "900 kg"),

@@ -97,7 +97,7 @@ def test_a_run_that_never_ends_well_is_named(monkeypatch: pytest.MonkeyPatch) ->
     with local_cluster(1) as client:
         with pytest.raises(ClusterError, match=r"^0 failed: ZeroDivisionError\("):
             list(results(client, partial(divmod, 1), [0]))
-        with pytest.raises(ClusterError, match=r"every worker died that was given 7$"):
+        with pytest.raises(ClusterError, match=r"7 killed each of its workers$"):
             list(results(client, os._exit, [7]))
 
 
@@ -119,7 +119,7 @@ def test_ctrl_c_waits_until_the_cluster_can_be_closed(
     monkeypatch.setattr("sim.campaign.cluster._started", started)
     status, said = rover_campaign("--jobs", "1")
     assert (status, happened) == (130, ["started", "closed"]), said
-    assert "Interrupted. 0 runs are kept in out; go on with: rover campaign mine.yaml" in said
+    assert "Interrupted. 0 runs are saved in out; resume with: rover campaign mine.yaml" in said
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,13 +243,13 @@ def test_no_worker_is_told_and_one_of_other_software_refused(
         patch.setattr(CampaignSession, "to_the_end", interrupt)
         status, said = rover_campaign("--on", far.address)
         assert status == 130
-        assert "no worker is there yet; waiting for one" in said
+        assert "no worker connected yet; waiting for one" in said
     with worker(far, "other", other):
         status, said = rover_campaign("--on", far.address, "--resume")
         assert status == 2
         assert "Error: worker tcp://127.0.0.1:" in said
         assert " has code " in said
-        assert "0 runs are kept in out" in said
+        assert "0 runs are saved in out" in said
         with worker(far, "ours"), pytest.raises(ClusterError, match="has code"):
             cluster_at(far.address).__enter__()
 

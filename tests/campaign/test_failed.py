@@ -162,5 +162,5 @@ def test_a_run_that_cannot_be_played_any_more_is_one_error(
     def refuse(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
         return (JobFailed(job.run, "no such world") for job in jobs)
 
-    with pytest.raises(SettingsError, match="cannot be played once more: no such world"):
+    with pytest.raises(SettingsError, match="cannot be repeated: no such world"):
         keep_failed(campaign, runs, refuse, OUT, 1, Keeper())

@@ -145,7 +145,7 @@ def test_the_verdict_comes_first_then_each_hold_with_figure_and_confidence(
     reported: Reported,
 ) -> None:
     said = Reader(reported.page).said
-    assert said.index("The campaign does not hold.") < said.index("What must hold")
+    assert said.index("The campaign does not hold.") < said.index("Criteria")
     succeeded = f"{reported.verdict.succeeded} of 14 runs succeed"
     assert any(words.startswith(succeeded) for words in said)
     for judged in reported.verdict.judged:
@@ -196,7 +196,7 @@ def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them
     shown = choose(reported.runs, groups, MOST_WORST)
     assert [run.run for run, _ in shown][: len(groups)] == [g.example.run for g in groups]
     extremes = {why for _, why in shown[len(groups) :]}
-    assert "the greatest true error" in extremes
+    assert "the maximum true error" in extremes
     reader = Reader(reported.page)
     assert reader.elements.count("img") == 2 * len(shown)
     for run, why in shown:
@@ -205,7 +205,7 @@ def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them
         kept = reported.folder / "worst" / f"run-{run.run:06d}"
         assert (kept / "reports.jsonl").is_file()
         assert (kept / "data" / "ledger.sqlite").is_file()
-    assert "not alike bit for bit" not in reported.page
+    assert "not identical bit for bit" not in reported.page
 
 
 def test_no_more_runs_are_shown_than_asked_for(reported: Reported) -> None:
@@ -220,7 +220,7 @@ def test_a_run_that_is_not_alike_when_it_is_repeated_is_told(
     runs = RunTable(tmp_path, quantities(campaign))
     first = next(reported.runs.read())
     runs.add([replace(first, digest="0" * 64)])
-    assert "not alike bit for bit" in report(tmp_path, campaign, runs).page
+    assert "not identical bit for bit" in report(tmp_path, campaign, runs).page
 
 
 def alike(run: CampaignRun, number: int) -> CampaignRun:
@@ -241,9 +241,9 @@ def test_what_there_is_none_of_is_said_in_words(
     steady = report(tmp_path, replace(campaign, runs=39), runs)
     said = Reader(steady.page).said
     assert "The campaign holds." in said
-    assert any("more than the 39 asked for" in words for words in said)
+    assert any("more than the 39 requested" in words for words in said)
     assert "No run failed." in said
-    assert "Nothing varies but the seed." in said
+    assert "Nothing varies except the seed." in said
     assert said.count("No run has this figure.") == 7
     assert any(words.startswith("It is ") for words in said), "the distance, alike in all runs"
     assert any(words.startswith("No run failed, and no run has a figure") for words in said)
@@ -345,7 +345,7 @@ def test_figures_that_differ_by_the_last_bit_are_alike(
 @pytest.mark.parametrize(
     ("trouble", "status", "said"),
     [
-        (KeyboardInterrupt(), 130, "1 runs are kept in out 1; go on with: " + AGAIN),
+        (KeyboardInterrupt(), 130, "1 runs are saved in out 1; resume with: " + AGAIN),
         (OSError(28, "No space left on device"), 2, "cannot be written (No space left on device)"),
     ],
 )

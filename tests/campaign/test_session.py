@@ -138,11 +138,11 @@ def test_runs_are_written_as_they_come(campaign: Campaign) -> None:
 
 def test_a_folder_that_holds_something_is_not_written_to(campaign: Campaign) -> None:
     play(campaign, Player())
-    with pytest.raises(SettingsError, match="out is not empty: --resume goes on with it"):
+    with pytest.raises(SettingsError, match="out is not empty: --resume continues it"):
         play(campaign, Player())
     Path("out", FILE).unlink()
     for resume in (False, True):
-        with pytest.raises(SettingsError, match="out is not empty: it holds no campaign"):
+        with pytest.raises(SettingsError, match="out is not empty: it has no campaign"):
             play(campaign, Player(), resume=resume)
 
 
@@ -194,7 +194,7 @@ def test_a_folder_has_one_writer(campaign: Campaign) -> None:
         play(campaign, Player(most=0), resume=True)
     Path("other").mkdir()
     Path("other", "file").touch()
-    with sole_writer(Path("other")), pytest.raises(SettingsError, match="it holds no campaign"):
+    with sole_writer(Path("other")), pytest.raises(SettingsError, match="it has no campaign"):
         open_output(Path("other"), campaign, campaign_path("mine.yaml"), resume=True)
     assert [each.name for each in Path("other").iterdir()] == ["file"]
 
@@ -202,18 +202,18 @@ def test_a_folder_has_one_writer(campaign: Campaign) -> None:
 def test_a_run_that_is_there_twice_is_refused(campaign: Campaign) -> None:
     runs, _ = play(campaign, Player())
     runs.add(list(runs.read())[3:5])  # as another process did
-    with pytest.raises(SettingsError, match="run 3 is there twice; begin in a new --out"):
+    with pytest.raises(SettingsError, match="run 3 is duplicate; begin in a new --out"):
         play(campaign, Player(), resume=True)
 
 
 @pytest.mark.parametrize(
     ("file", "old", "new", "why"),
     [
-        ("mine.yaml", "seed: 3", "seed: 4", "what varies has changed"),
-        ("mine.yaml", "[0.45, 0.75]", "[0.45, 0.7]", "what varies has changed"),
+        ("mine.yaml", "seed: 3", "seed: 4", "the varied quantities have changed"),
+        ("mine.yaml", "[0.45, 0.75]", "[0.45, 0.7]", "the varied quantities have changed"),
         ("short.yaml", "distance: 0.4", "distance: 0.3", "a scenario has changed"),
         ("out/campaign.json", '"code": "', '"code": "f', "the software has changed: code"),
-        ("out/campaign.json", "{", "", "campaign.json: is not that of a campaign"),
+        ("out/campaign.json", "{", "", "campaign.json: is not a campaign's file"),
     ],
 )
 def test_what_is_another_campaign_does_not_go_on(

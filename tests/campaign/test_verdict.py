@@ -112,7 +112,7 @@ def test_success_is_judged_with_confidence(
 
 def test_it_is_told_how_many_runs_it_takes(tmp_path: Path) -> None:
     found = judged(tmp_path, Success(success=0.99), *outcomes(20, 0))
-    assert "it takes 299 runs of which all do" in found.text
+    assert "299 runs are needed if all meet it" in found.text
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
     ("asked", "held", "failed", "notes"),
     [
         (8, 8, 0, ()),
-        (6, 7, 1, ("all 8 runs that are there are judged, more than the 6 asked for",)),
+        (6, 7, 1, ("all 8 existing runs are judged, more than the 6 requested",)),
         (Until(until=0.5, most=100), 50, 50, ()),
         (
             Until(until=0.1, confidence=0.9, most=100),

@@ -235,7 +235,7 @@ def test_a_brick_whose_host_is_silent_stands_and_says_why() -> None:
     rig.run(0.3)
     assert not rig.turning
     told = rig.answers(asked)[-1].message
-    assert told.outputs == ("CANCELLED", "INTERRUPTED", "the host has been silent for 0.5 s")
+    assert told.outputs == ("CANCELLED", "INTERRUPTED", "no message of the host for 0.5 s")
 
 
 @pytest.mark.parametrize("bound", ["0.5,0.5", "soon", "0", "-1", "nan", "inf"])

@@ -19,24 +19,24 @@ from sim.drawing import DONE, FAINT, GRID, INK, MOTION, POINT, WRONG, line, mark
 
 WIDTH_PX: Final = 460
 MOST_VALUES: Final = 12
-"""A quantity of more values is drawn in bins, as is one that has hardly a run for each."""
+"""Maximum number of distinct values without bins; bins are also used for few runs per value."""
 FEW: Final = 5
 BINS: Final = 10
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 18, 16, 48
 _HEIGHT, _ROW = 270, 26
 _LONGEST: Final = 26
 _STEPS: Final = (0.01, 0.02, 0.05, 0.1, 0.25)
-"""Between marks of an axis of shares."""
+"""Steps between the ticks of an axis of shares."""
 _BAND: Final = "#bcd7ea"
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """How many of some runs succeed.
+    """Success rate of some runs.
 
     Attributes:
-        name: of which runs.
-        low, high: of the quantity, from where to where; alike for a single value.
+        name: description of the runs.
+        low, high: interval of the quantity; equal for a single value.
     """
 
     name: str
@@ -47,23 +47,23 @@ class Share:
 
     @property
     def share(self) -> float:
-        """The share seen."""
+        """The observed share."""
         return self.kept / self.runs
 
     @property
     def interval(self) -> Interval:
-        """Where the true share is, with a confidence of 95 %."""
+        """Interval of the true share with a confidence of 95 %."""
         return clopper_pearson(self.kept, self.runs)
 
 
 def by_value(values: Series, holds: Series) -> list[Share]:
-    """Return the share of each value, least first; runs without a value are left out."""
+    """Return the share of each value in ascending order; runs without a value are left out."""
     counted = _counted(values.dropna().astype(str), holds)
     return sorted(starmap(Share, counted), key=lambda each: (each.share, each.name))
 
 
 def by_number(values: Series, holds: Series) -> list[Share]:
-    """Return the share of each number, or in each of bins of as many runs; NA is left out."""
+    """Return the share of each number, or in bins with equal numbers of runs; NA is left out."""
     numbers = values.dropna().astype(float)
     distinct = np.unique(numbers)
     if len(distinct) <= max(1, min(MOST_VALUES, len(numbers) / FEW)):
@@ -83,13 +83,13 @@ def by_number(values: Series, holds: Series) -> list[Share]:
 
 
 def _counted(groups: Series, holds: Series) -> Iterator[tuple[Any, int, int]]:
-    """Yield each group in order, how many of its runs hold, and how many there are."""
+    """Yield each group in order, with its number of successful runs and of all runs."""
     for group, held in holds[groups.index].groupby(groups):
         yield group, int(held.sum()), len(held)
 
 
 def draw_against_number(name: str, shares: Sequence[Share], wanted: float | None) -> Figure:
-    """Return success against a number: share, and the band of its interval."""
+    """Return success over a number: share, and the band of its interval."""
     with _chart(_HEIGHT) as (figure, axes):
         lows = [each.low for each in shares]
         apart = float(np.diff(lows).min()) if len(lows) > 1 else max(1.0, abs(lows[0]))
@@ -113,7 +113,7 @@ def draw_against_number(name: str, shares: Sequence[Share], wanted: float | None
 
 
 def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
-    """Return a row for each share: its interval, and how many runs it is of."""
+    """Return a row for each share: its interval, and its number of runs."""
     widest = max(len(each.name) for each in shares)
     left = min(220, 24 + ceil(7.5 * widest))
     with _chart(_TOP + _BOTTOM + _ROW * len(shares), left, 84) as (figure, axes):
@@ -146,13 +146,13 @@ def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
 def draw_distribution(
     name: str, held: Sequence[float], failed: Sequence[float], bounds: Sequence[float]
 ) -> Figure:
-    """Return how often a figure has which value, in runs that succeed and in those that do not.
+    """Return the histogram of a figure, in successful and in failed runs.
 
     Args:
-        name: of the figure, with its unit.
-        held: the values in runs that succeed.
-        failed: the values in the others; together they are two different ones at least.
-        bounds: which quantiles of it have to keep; one far away is left out.
+        name: name of the figure, with its unit.
+        held: the values in successful runs.
+        failed: the values in failed runs; together they have at least two different ones.
+        bounds: bounds of its quantiles; distant ones are left out.
     """
     with _chart(_HEIGHT) as (figure, axes):
         edges = np.histogram_bin_edges([*held, *failed], bins=30)
@@ -165,7 +165,7 @@ def draw_distribution(
 
 
 def bounds_near(low: float, high: float, bounds: Sequence[float]) -> list[float]:
-    """Return the bounds that are no further from a span than it is long."""
+    """Return the bounds whose distance from a span is at most its length."""
     return [each for each in bounds if 2 * low - high <= each <= 2 * high - low]
 
 

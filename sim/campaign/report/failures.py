@@ -1,4 +1,4 @@
-"""Which runs failed alike, and which runs of a campaign are worth a look, played once more."""
+"""Groups of equal failures, and the repetition of selected runs of a campaign."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,22 +18,22 @@ from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
 
 FOLDER: Final = "worst"
-"""Below the folder of a campaign: a folder for each run that the report shows."""
+"""Subfolder of a campaign with a folder for each run that the report shows."""
 _EXTREMES: Final = {
-    "true_error_m": "the greatest true error",
+    "true_error_m": "the maximum true error",
     "detection_s": "the slowest detection of a fault",
-    "duration_s": "the longest duration",
+    "duration_s": "the maximum duration",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class FailureGroup:
-    """Runs that failed alike.
+    """Runs with the same failure.
 
     Attributes:
-        expected: the first expectation that did not hold.
-        reasons: of commands that did not end EXECUTED, each once.
-        runs: how many there are.
+        expected: the first failed expectation.
+        reasons: distinct reasons of commands that did not end EXECUTED.
+        runs: number of runs.
         example: the first of them.
     """
 
@@ -49,10 +49,10 @@ class WorstRun:
     """A run that the report shows.
 
     Attributes:
-        why: it is shown.
+        why: reason for its selection.
         folder: its map, timeline, reports and ledger, below the folder of the campaign.
         drawn: whether map, timeline and reports are in that folder.
-        trouble: what was not as in the campaign, in words; else empty.
+        trouble: difference from the campaign as text; else empty.
     """
 
     run: CampaignRun
@@ -63,7 +63,7 @@ class WorstRun:
 
 
 def failure_groups(runs: RunTable) -> list[FailureGroup]:
-    """Return the runs that failed, grouped, the most frequent first."""
+    """Return the groups of failed runs, in descending order of size."""
     all_runs = runs.frame("holds", "scenario", "failed_findings", "reasons")
     failed = all_runs[~all_runs["holds"]].astype(object)
     first = failed["failed_findings"].map(_expected)
@@ -84,13 +84,13 @@ def _expected(failed_findings: Sequence[str]) -> str:
 def choose(
     runs: RunTable, groups: Sequence[FailureGroup], most: int
 ) -> list[tuple[CampaignRun, str]]:
-    """Return runs to show, and why: one of each kind of failure, then the extremes."""
+    """Return the runs to show with the reason: one of each kind of failure, then the extremes."""
     chosen = {
         group.example.run: (
             group.example,
-            "the only run that failed so"
+            "the only run with this failure"
             if group.runs == 1
-            else f"the first of {group.runs} runs that failed so",
+            else f"the first of {group.runs} runs with this failure",
         )
         for group in groups[:most]
     }
@@ -105,14 +105,14 @@ def choose(
 def replay(
     campaign: Campaign, chosen: Sequence[tuple[CampaignRun, str]], folder: Path
 ) -> Iterator[WorstRun]:
-    """Play runs once more, bit for bit as in the campaign, and keep what they leave.
+    """Repeat runs, bit for bit as in the campaign, and save their files.
 
-    What a failed run left that is kept already is copied.
+    Saved files of a failed run are copied.
 
     Args:
-        campaign: that they are of.
-        chosen: the runs, and why.
-        folder: of the campaign.
+        campaign: campaign of the runs.
+        chosen: the runs, each with the reason.
+        folder: folder of the campaign.
     """
     for run, why in chosen:
         place = folder / FOLDER / f"run-{run.run:06d}"
@@ -127,12 +127,12 @@ def replay(
             (place / DATA).mkdir(parents=True)
             outcome = play_recorded(given.scenario, scenario, place)
         except SettingsError as error:
-            yield WorstRun(run, why, place, False, f"It cannot be played here: {error}")
+            yield WorstRun(run, why, place, False, f"It cannot be executed here: {error}")
             continue
         except Exception as error:
             yield WorstRun(run, why, place, False, f"It ended with {error!r}.")
             continue
         write_run(place, scenario, outcome.record)
         alike = outcome.digest == run.digest
-        trouble = "" if alike else "Played once more here, it was not alike bit for bit."
+        trouble = "" if alike else "Its repetition here was not identical bit for bit."
         yield WorstRun(run, why, place, True, trouble)

@@ -1,7 +1,7 @@
-"""A campaign as JUnit XML: a case for each scenario and each thing that must hold, and failed runs.
+"""A campaign as JUnit XML: a case for each scenario and criterion, and for failed runs.
 
-There is a failure in the file if and only if the campaign does not hold: what fails in a campaign
-that holds all the same is skipped, with its message.
+The file has a failure if and only if the campaign does not hold: a failed part of a campaign that
+holds is skipped, with its message.
 """
 
 from collections.abc import Iterator
@@ -18,13 +18,13 @@ from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
 
 NAME: Final = "junit.xml"
 MOST_RUNS: Final = 100
-"""Failed runs of each scenario that become cases; the others are counted."""
+"""Maximum number of failed runs of a scenario that become cases; the others are counted."""
 
 
 def write_campaign_junit(
     folder: Path, campaign: Campaign, runs: RunTable, verdict: CampaignVerdict
 ) -> Path:
-    """Write `junit.xml` and return it.
+    """Write `junit.xml` and return its path.
 
     Raises:
         SettingsError: the data set cannot be read.
@@ -41,10 +41,10 @@ def write_campaign_junit(
 def _suite(
     campaign: Campaign, scenario: str, runs: RunTable, verdict: CampaignVerdict, trouble: CaseStatus
 ) -> JunitSuite:
-    """Return the cases of one scenario: what must hold over its runs alone, and failed runs.
+    """Return the cases of one scenario: the criteria over its runs alone, and failed runs.
 
-    What is about none of its runs has no case. What its runs are too few to decide is skipped where
-    all runs decide it.
+    A criterion that matches none of its runs has no case. One that its runs are too few to decide
+    is skipped if all runs decide it.
     """
     term = Term("scenario", "==", scenario, scenario)
     took_s = float(runs.frame("seconds", where=RunFilter((term,)))["seconds"].sum())

@@ -1,4 +1,4 @@
-"""The report of a campaign: one HTML page that needs nothing beside it, and no network."""
+"""The report of a campaign: one self-contained HTML page, without network access."""
 
 import json
 import shutil
@@ -38,18 +38,18 @@ from sim.scenario.pictures import REPORTS
 
 NAME: Final = "report.html"
 ALIKE: Final = 1e-9
-"""Figures that differ by so little, beside the greatest, are alike."""
+"""Relative difference below which figures count as equal."""
 MOST_WORST: Final = 8
 MOST_GROUPS: Final = 25
 BAD: Final = [Stage.FAILED.name, Stage.REJECTED.name, Stage.EXPIRED.name, Stage.CANCELLED.name]
 MOST_ROWS: Final = 30
-"""Rows of a chart of shares, the worst of them."""
+"""Maximum number of rows of a chart of shares, lowest shares first."""
 _UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
 
 
 @dataclass(frozen=True, slots=True)
 class CriterionRow:
-    """Something that must hold, for people."""
+    """A criterion, formatted for display."""
 
     judged: CriterionResult
     seen: str
@@ -58,7 +58,7 @@ class CriterionRow:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A drawing with its heading; in place of the drawing, words where there is nothing to draw."""
+    """A drawing with its heading, or a text if there is nothing to draw."""
 
     title: str
     words: str
@@ -67,7 +67,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """How a figure is distributed over all runs that have it, quantiles as text."""
+    """Distribution of a figure over all runs that have it, with quantiles as text."""
 
     chart: Chart
     runs: int
@@ -78,9 +78,9 @@ class Distribution:
 def write_report(
     folder: Path, campaign: Campaign, runs: RunTable, verdict: CampaignVerdict
 ) -> Path:
-    """Write `report.html`, and below `worst` what the runs leave that it shows; return the page.
+    """Write `report.html`, and the files of its displayed runs below `worst`; return the page.
 
-    The runs shown are played once more: one of each kind of failure, and the extremes.
+    The displayed runs are repeated: one of each kind of failure, and the extremes.
 
     Raises:
         SettingsError: the data set cannot be read.
@@ -117,14 +117,14 @@ def write_report(
 
 
 def judgement_of(verdict: CampaignVerdict) -> CriterionStatus:
-    """Return the judgement on a campaign as a whole: the worst of all."""
+    """Return the judgement on a whole campaign: the worst of its criteria."""
     order = (CriterionStatus.EMPTY, CriterionStatus.FAILS, CriterionStatus.UNDECIDED)
     found = {each.judgement for each in verdict.judged}
     return next((worst for worst in order if worst in found), CriterionStatus.HOLDS)
 
 
 def _hold_row(hold: Hold, judged: CriterionResult) -> CriterionRow:
-    """Return what the page says of something that must hold."""
+    """Return the row of a criterion on the page."""
     if judged.judgement is CriterionStatus.EMPTY:
         return CriterionRow(judged, judged.text, "")
     seen = f"none in {judged.missing} runs" if judged.figure is None else f"{judged.figure:.4g}"
@@ -137,27 +137,27 @@ def _hold_row(hold: Hold, judged: CriterionResult) -> CriterionRow:
 
 
 def _percent(share: float) -> str:
-    """Return a share in percent, with digits enough to tell it from all and from none."""
+    """Return a share in percent, with enough digits to distinguish it from 0 and 100 %."""
     text = f"{100 * share:.4g}"
     near = share < 1 and text == "100"
     return f"{'> 99.99' if near else text}\N{NO-BREAK SPACE}%"
 
 
 def _false_executed(runs: RunTable) -> tuple[int, int]:
-    """Return how many commands ended EXECUTED though that was not true, and in how many runs."""
+    """Return the number of commands that falsely ended EXECUTED, and of runs with one."""
     seen = runs.frame("false_executed")["false_executed"]
     return int(seen.sum()), int((seen > 0).sum())
 
 
 def _rest(groups: Sequence[FailureGroup]) -> str:
     many = sum(group.runs for group in groups)
-    return f"{many} more runs failed in {len(groups)} other ways." if groups else ""
+    return f"{many} more runs failed, with {len(groups)} other kinds of failure." if groups else ""
 
 
 def _against(campaign: Campaign, runs: RunTable) -> Iterator[Chart]:
-    """Yield success against each scenario, and each varied quantity but the seed.
+    """Yield success over each scenario, and each varied quantity except the seed.
 
-    A parameter has a chart for each fault that has it: it means something else in each.
+    A parameter has a chart for each fault that has it, as its meaning differs.
     """
     everywhere = (h.success for h in campaign.hold if isinstance(h, Success) and not h.where.terms)
     wanted = max(everywhere, default=None)
@@ -182,7 +182,7 @@ def _against(campaign: Campaign, runs: RunTable) -> Iterator[Chart]:
 def _chart(
     name: str, kind: ValueKind, values: Series, holds: Series, wanted: float | None
 ) -> Chart:
-    """Return success against a quantity, in the runs that have a value of it."""
+    """Return success over a quantity, in the runs that have a value of it."""
     having = values.count()
     if not having:
         return Chart(name, "No run has a value of it.")
@@ -192,12 +192,12 @@ def _chart(
         return Chart(name, words, Markup(as_svg(drawn)))
     shares = by_value(values, holds)
     left = len(shares) - MOST_ROWS
-    words += f"The {left} values that succeed most are left out." if left > 0 else ""
+    words += f"The {left} values with the highest success are left out." if left > 0 else ""
     return Chart(name, words, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
 
 
 def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]:
-    """Yield how each figure that has a unit, or that a quantile is of, is distributed."""
+    """Yield the distribution of each figure that has a unit or is used by a quantile."""
     varied = {each.name for each in quantities(campaign)}
     judged = {hold.of for hold in campaign.hold if isinstance(hold, Quantile)}
     for key, number in keys_of(campaign).items():
@@ -227,7 +227,7 @@ def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]
 
 
 def _title(key: str) -> str:
-    """Return the name of a figure for people: `true_error_m` is `true error, m`."""
+    """Return the display name of a figure: `true_error_m` is `true error, m`."""
     name, _, unit = key.rpartition("_")
     if name and unit in _UNITS:
         return f"{name.replace('_', ' ')}, {_UNITS[unit]}"
@@ -243,7 +243,7 @@ def _varied(run: CampaignRun) -> str:
 
 
 def _reports(folder: Path) -> list[Any]:
-    """Return the reports of a run, as their file has them."""
+    """Return the reports of a run, as in their file."""
     return list(map(json.loads, (folder / REPORTS).read_text(encoding="utf-8").splitlines()))
 
 
