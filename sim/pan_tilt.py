@@ -1,4 +1,4 @@
-"""The pan/tilt head of a camera: turns to where it is told at no more than a given speed."""
+"""The pan/tilt head of a camera: turns to its target angles at a limited speed."""
 
 from typing import Final
 
@@ -12,7 +12,7 @@ class HeadController:
     """Set points of the two servos.
 
     Attributes:
-        target_rad: pan and tilt to which it turns.
+        target_rad: target pan and tilt.
     """
 
     def __init__(self) -> None:
@@ -21,14 +21,14 @@ class HeadController:
         self._now = (0.0, 0.0)
 
     def point(self, pan_rad: float, tilt_rad: float) -> None:
-        """Take new angles, cut to what the head can reach."""
+        """Set new target angles, limited to the range of the head."""
         self.target_rad = (
             max(-MAX_PAN_RAD, min(MAX_PAN_RAD, pan_rad)),
             max(MIN_TILT_RAD, min(MAX_TILT_RAD, tilt_rad)),
         )
 
     def set_speed(self, speed_radps: float) -> None:
-        """Take a new greatest speed, cut to what the head can do."""
+        """Set a new maximum speed, limited to that of the head."""
         self._speed_radps = max(0.0, min(MAX_SPEED_RADPS, speed_radps))
 
     def setpoints_rad(self, period_s: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""A simulated rover as processes: started and ended, found, listened to."""
+"""A simulated rover as processes: start, end, address, recording."""
 
 from sim.processes.children import LOOK_S as LOOK_S
 from sim.processes.children import ChildError as ChildError

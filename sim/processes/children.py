@@ -1,6 +1,6 @@
-"""Python modules as processes: each with its log, none of them outliving this one.
+"""Python modules as child processes, each with a log; none outlives this process.
 
-Processes that are watched together tell whoever waits when one ends by itself.
+A group of supervised processes raises an error to its waiters when one ends by itself.
 """
 
 import asyncio
@@ -23,18 +23,18 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class ChildError(Exception):
-    """A process ended by itself; the text names it, how it ended, and the end of its log."""
+    """A process ended by itself; the text has its name, exit status, and the end of its log."""
 
 
 class ChildProcess:
-    """A Python module that runs as a process of its own.
+    """A Python module that runs as a child process.
 
     Must be started by the main thread, before any other thread: the kernel ends the child with
     the thread that started it. A Ctrl-C at the terminal does not reach it.
 
     Args:
-        up: what it writes when it is up. With it, a process that ends by itself after that is
-            started again by `check`; one that was never up would only end again.
+        up: pattern in its log that shows that it is up. With it, `check` restarts a process that
+            ends by itself after that; one that was never up would only end again.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class ChildProcess:
 
     @property
     def pid(self) -> int:
-        """The number of the process."""
+        """Process id."""
         return self._process.pid
 
     def check(self) -> None:
-        """Do nothing while it runs; start it again where it was up.
+        """Raise ChildError unless it runs; restart it instead if it was up.
 
         Raises:
             ChildError: it ended.
@@ -85,19 +85,19 @@ class ChildProcess:
         written = self.log.read_bytes()[self._log_start :].decode(errors="replace")
         how = f"by {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
         if self._up is not None and self._up.search(written):
-            _LOG.warning("the %s process ended %s and is started again", self.name, how)
+            _LOG.warning("the %s process ended %s and is restarted", self.name, how)
             self._process = self._start()
             return
         lines = written.splitlines()[-_TAIL_LINES:]
-        tail = "\n".join(f"  | {line}" for line in lines) or "  | (it said nothing)"
+        tail = "\n".join(f"  | {line}" for line in lines) or "  | (the log is empty)"
         raise ChildError(f"the {self.name} process ended {how}. The end of {self.log}:\n{tail}")
 
     def said(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        """Return the first match in what it has written so far."""
+        """Return the first match in its output so far."""
         return pattern.search(self.log.read_text(encoding="utf-8", errors="replace"))
 
     def end(self) -> None:
-        """Ask it to end, and make it after `PATIENCE_S`; then end what it has left behind."""
+        """Terminate it, kill it after `PATIENCE_S`; then kill the processes that it has left."""
         self._ending = True
         self._process.terminate()
         try:
@@ -109,7 +109,7 @@ class ChildProcess:
             os.killpg(self.pid, signal.SIGKILL)  # the guard of an executive that was killed
 
     def kill(self) -> None:
-        """End it as kill -9 does: at once, without a last word."""
+        """End it as kill -9 does: at once, without a clean-up."""
         self._ending = True
         self._process.kill()
         self._process.wait()
@@ -120,7 +120,7 @@ _PARENT: Final = os.getpid()
 
 
 def _end_with_parent() -> None:
-    """Have the kernel send SIGTERM to this child when its parent is gone, however that ended."""
+    """Have the kernel send SIGTERM to this child when its parent has ended for any reason."""
     _PRCTL(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != _PARENT:
         os._exit(1)
@@ -130,18 +130,18 @@ LOOK_S: Final = 0.1
 
 
 class ProcessGroup:
-    """Some processes that are to run until they are ended."""
+    """Processes that must run until they are ended."""
 
     def __init__(self, *children: ChildProcess) -> None:
         self.children = children
 
     @property
     def logs(self) -> tuple[Path, ...]:
-        """Where the processes log."""
+        """Log files of the processes."""
         return tuple(child.log for child in self.children)
 
     def check(self) -> None:
-        """Do nothing while all run.
+        """Raise ChildError unless all run.
 
         Raises:
             ChildError: a process ended.
@@ -161,7 +161,7 @@ class ProcessGroup:
         return found[1]
 
     async def guard(self) -> None:
-        """Watch for ever.
+        """Supervise the processes until cancelled.
 
         Raises:
             ChildError: a process ended.

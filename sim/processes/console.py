@@ -1,4 +1,4 @@
-"""The operations console beside simulated rovers: `rover-console`, where its extra is installed."""
+"""The operations console of simulated rovers: `rover-console`, if its extra is installed."""
 
 import os
 import re
@@ -16,7 +16,7 @@ SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
 
 
 class OperationsConsole(ProcessGroup):
-    """A console that starts, or runs."""
+    """A console process."""
 
     def __init__(self, console: ChildProcess) -> None:
         super().__init__(console)
@@ -33,9 +33,9 @@ class OperationsConsole(ProcessGroup):
 
 @contextmanager
 def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[OperationsConsole | None]:
-    """Yield a console of rovers that starts, its log and archive in a folder.
+    """Yield a console of rovers, with its log and archive in a folder.
 
-    It is None where its extra is not installed.
+    It is None if its extra is not installed.
     """
     if find_spec("aiohttp") is None:
         yield None

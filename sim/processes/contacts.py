@@ -1,4 +1,4 @@
-"""When there is contact with rovers, as a contact plan in ION's syntax (`adapters.bundle`)."""
+"""Contacts with rovers, as a contact plan in ION's syntax (`adapters.bundle`)."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 LAST_S: Final = 86_400
-"""Nothing here runs for longer."""
+"""End of the plan, longer than any run here."""
 RATE_OCTETS_S: Final = 125_000
 
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """A time without contact, in seconds after a reference; whole ones, as in contact plans."""
+    """A time without contact, in whole seconds after a reference, as in contact plans."""
 
     begin_s: int
     end_s: int
@@ -21,7 +21,7 @@ class Outage:
 def plan_text(
     eclipses: Sequence[Outage], start_utc_s: int, orbiter: int, rovers: Sequence[int]
 ) -> str:
-    """Return a contact plan with contact both ways outside of eclipses."""
+    """Return a contact plan with contact in both directions outside of outages."""
     reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
     lines = [
         f"a contact +{begin_s} +{end_s} {sender} {receiver} {RATE_OCTETS_S}"

@@ -1,4 +1,4 @@
-"""A simulated rover as processes: simulation, executive, and what stands between them."""
+"""A simulated rover as processes: simulation, executive, and the processes between them."""
 
 import re
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
 
 class Deployment(ProcessGroup):
-    """A rover that runs.
+    """A running rover.
 
     Attributes:
-        place: where the processes meet.
-        settings: the asset.
-        aboard: the executive's own folder.
+        place: ROS domain and port of the processes.
+        settings: settings of the asset.
+        aboard: data folder of the executive.
         speed: simulated seconds per second.
     """
 
@@ -42,7 +42,7 @@ class Deployment(ProcessGroup):
         self._executive = executive
 
     async def uri(self) -> str:
-        """Wait until the executive listens and return where.
+        """Wait until the executive listens and return its URI.
 
         Raises:
             ChildError: a process ended.
@@ -60,16 +60,16 @@ def deployed(
     video_to: str | None = None,
     speed: float = 1.0,
 ) -> Iterator[Deployment]:
-    """Yield a rover that starts, in a world; in the end the executive ends before the rover.
+    """Yield a rover in a world; at the end the executive ends before the rover.
 
     Args:
-        place: where its processes are to meet.
-        folder: made if need be; gets their logs, and what the executive keeps.
+        place: ROS domain and port of its processes.
+        folder: created if missing; receives their logs, and the executive's data.
         asset: name of the asset, or its YAML file.
         world: name of the world, or its YAML file.
-        seed: of all sensor noise.
-        video_to: HOST:PORT of the ground's end of the video stream; None as the asset has it.
-        speed: simulated seconds per second, which all of them follow.
+        seed: seed of all sensor noise.
+        video_to: HOST:PORT of the ground's end of the video stream; None as in the asset.
+        speed: simulated seconds per second, for all processes.
     """
     folder.mkdir(parents=True, exist_ok=True)
     aboard = folder / "aboard"
@@ -87,7 +87,7 @@ def deployed(
         if settings.locomotion is LocomotionKind.WHOLE_MOTION:
             bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
             cable = ("--usb-socket", f"{bus}/brick")
-        # Rovers in one domain have a clock each.
+        # Rovers in one domain have separate clocks.
         clock = () if speed == 1.0 else (ROS_ARGS, "-r", f"/clock:=/{settings.asset}/clock")
         simulation = start(
             "simulation",
@@ -98,7 +98,7 @@ def deployed(
             *clock,
         )
         followed = (*clock, "-p", "use_sim_time:=true") if clock else ()
-        brick = (*cable, "--asset", settings.asset, "--data", str(aboard))  # it knows names only
+        brick = (*cable, "--asset", settings.asset, "--data", str(aboard))  # it accepts names only
         between = (start("nxt", "sim.brick.nxt", *brick, *followed),) if cable else ()
         executive = start(
             "executive",

@@ -1,6 +1,6 @@
-"""Where processes meet: a ROS domain and a TCP port that nobody else uses.
+"""Addresses of processes: a ROS domain and a TCP port that no other process uses.
 
-A place where another rover is, is refused.
+An address in use by another rover is refused.
 """
 
 import os
@@ -15,28 +15,28 @@ from adapters.mrs.spec import PORT
 HOST: Final = "127.0.0.1"
 ANY_PORT: Final = 0
 DOMAINS: Final = range(101, 0, -1)
-"""Higher ids overlap the ports that Linux hands out; most people take the lowest."""
+"""Domain ids to try: higher ids overlap the ephemeral ports of Linux; users often take low ones."""
 LAST_DOMAIN: Final = 232
 RESERVATION_PORT: Final = 22119
-"""As ROS's domain_coordinator does it, so that tests and people keep apart."""
+"""Port as in ROS's domain_coordinator, so that tests and users do not collide."""
 
 DISCOVERY_PORT: Final = 7400
 DISCOVERY_PORTS: Final = 250
-"""Of DDS: the first, and how many each domain has (DDSI-RTPS 9.6.1.1)."""
+"""First port of DDS, and number of ports of each domain (DDSI-RTPS 9.6.1.1)."""
 
 
 class AddressError(Exception):
-    """Another rover is there; the text says where and what to do."""
+    """Another rover uses the address; the text gives it and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoverAddress:
-    """Where the processes meet.
+    """Address of the processes.
 
     Attributes:
         domain: ROS domain id.
-        port: TCP port of the MRS link; 0 for a free one, which the executive tells.
-        shared: whether others are in the domain already.
+        port: TCP port of the MRS link; 0 for a free one, which the executive prints.
+        shared: whether the domain has other participants.
     """
 
     domain: int
@@ -44,15 +44,15 @@ class RoverAddress:
     shared: bool
 
     def beside(self, number: int) -> "RoverAddress":
-        """Return the place of one more rover in the same domain, at the port after so many."""
+        """Return the address of a further rover in the same domain, at the port plus a number."""
         return self if self.port == ANY_PORT else replace(self, port=self.port + number)
 
 
 def known_place() -> RoverAddress:
-    """Return where `rover command`, `rover status` and `rover watch` look without options.
+    """Return the default address of `rover command`, `rover status` and `rover watch`.
 
     Raises:
-        PlaceError: something listens there, or ROVER_URI or ROS_DOMAIN_ID does not allow it.
+        AddressError: the port is in use, or ROVER_URI or ROS_DOMAIN_ID exclude it.
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
@@ -60,8 +60,8 @@ def known_place() -> RoverAddress:
     port = _known_port()
     if not is_free(port):
         raise AddressError(
-            f"port {port} of {HOST} is taken, probably by another rover. End that one, or play"
-            " without --stay, which takes a port of its own."
+            f"port {port} of {HOST} is in use, probably by another rover. End that one, or run"
+            " without --stay, which uses a port of its own."
         )
     return RoverAddress(int(domain), port, shared=not _is_empty(int(domain)))
 
@@ -78,18 +78,18 @@ def _known_port() -> int:
         raise AddressError(f"ROVER_URI: {error}") from error
     if uri.host not in (HOST, "localhost"):
         raise AddressError(
-            f"ROVER_URI is {address}: that is where `rover command` looks, and a simulated rover"
-            f" stays on {HOST}. Unset ROVER_URI, or play without --stay."
+            f"ROVER_URI is {address}: `rover command` connects there, and a simulated rover"
+            f" stays on {HOST}. Unset ROVER_URI, or run without --stay."
         )
     return uri.port
 
 
 @contextmanager
 def free_place() -> Iterator[RoverAddress]:
-    """Hold a ROS domain that nobody uses, with any port.
+    """Reserve an unused ROS domain, with any port.
 
     Raises:
-        PlaceError: all domains are in use.
+        AddressError: all domains are in use.
     """
     with ExitStack() as held:
         for domain in DOMAINS:
@@ -105,7 +105,7 @@ def free_place() -> Iterator[RoverAddress]:
 
 
 def is_free(port: int) -> bool:
-    """Return whether nobody listens at a TCP port of this computer."""
+    """Return whether a TCP port of this computer is free."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -116,7 +116,7 @@ def is_free(port: int) -> bool:
 
 
 def free_udp_ports(count: int) -> list[int]:
-    """Return UDP ports that nobody has, for processes that must know each other's beforehand."""
+    """Return free UDP ports, for processes that must know each other's ports in advance."""
     with ExitStack() as held:
         probes = [held.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
         for probe in probes:
@@ -125,7 +125,7 @@ def free_udp_ports(count: int) -> list[int]:
 
 
 def _is_empty(domain: int) -> bool:
-    """Return whether no participant on this machine listens for others of a ROS domain."""
+    """Return whether a ROS domain has no participant on this machine."""
     with socket.socket(type=socket.SOCK_DGRAM) as discovery:
         try:
             discovery.bind(("", DISCOVERY_PORT + DISCOVERY_PORTS * domain))

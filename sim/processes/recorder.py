@@ -1,4 +1,4 @@
-"""Listens to the rover's topics beside the session: where it was, and what its tree did."""
+"""Records the rover's topics during a session: its poses, and the activity of its tree."""
 
 import os
 import threading
@@ -23,18 +23,18 @@ from executive.values.geometry import Pose
 from trees import NodeStatus, TreeSnapshot
 
 _STARTTIME: Final = 19
-"""Field 22 of proc(5)'s stat, counted behind the name of the program."""
+"""Index of field 22 of proc(5)'s stat, counted after the program name."""
 
 
 def since_start_s() -> float:
-    """Return seconds since the kernel made this process, to 10 ms."""
+    """Return the time since the kernel created this process, s, to 10 ms."""
     fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     started_s = int(fields[_STARTTIME]) / os.sysconf("SC_CLK_TCK")
     return time.clock_gettime(time.CLOCK_BOOTTIME) - started_s
 
 
 def told(seconds: float) -> str:
-    """Return a time since the start in words, as the launcher may have installed first."""
+    """Return a time since the start as text, as the launcher may have installed first."""
     installed = " (installation included)" if os.environ.get("ROVER_INSTALLED") else ""
     return f"{seconds:.1f} s{installed}"
 
@@ -44,11 +44,11 @@ _SPIN_S: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class PoseSample:
-    """Where the rover was, and how far its camera was turned.
+    """Pose of the rover, and pan angle of its camera.
 
     Attributes:
-        utc_s: when this was heard.
-        stamp_s: the rover's own time; simulated, if its clock is.
+        utc_s: time of reception, s UTC.
+        stamp_s: time on the rover's clock; simulated, if that clock is.
     """
 
     utc_s: float
@@ -58,13 +58,13 @@ class PoseSample:
 
 
 class RoverRecorder:
-    """Keeps what it hears. Written by the thread that spins the node, read by any.
+    """Collects received messages. Written by the thread that spins the node, read by any.
 
     Attributes:
-        driven: where odometry said that base_link was.
-        true: where it really was.
-        busiest: the last snapshot of the tree among those with most running nodes.
-        moved_after_s: when the rover was first told to move, since this process's start.
+        driven: poses of base_link by odometry.
+        true: true poses of base_link.
+        busiest: the last snapshot of the tree among those with the maximum of running nodes.
+        moved_after_s: time of the first velocity command, since this process's start.
     """
 
     def __init__(self, node: Node, asset: str) -> None:
@@ -88,11 +88,11 @@ class RoverRecorder:
 
     @property
     def ready(self) -> bool:
-        """Whether the rover was seen, and its tree too."""
+        """Whether poses and a tree of the rover were received."""
         return bool(self.driven and self.true and self.busiest)
 
     def simulated_s(self, utc_s: float) -> float:
-        """Return what the rover's clock showed; between two sightings it goes evenly."""
+        """Return the rover's clock at a time, interpolated between two samples."""
         true = self.true
         after = min(bisect(true, utc_s, key=lambda seen: seen.utc_s), len(true) - 1)
         last, following = true[max(0, after - 1)], true[after]
@@ -102,7 +102,7 @@ class RoverRecorder:
         return last.stamp_s + part * (following.stamp_s - last.stamp_s)
 
     def rovers(self) -> int:
-        """Return how many publish the rover's odometry."""
+        """Return the number of publishers of the rover's odometry."""
         return self._node.count_publishers(self._odometry)
 
     def _see(self, sightings: list[PoseSample], message: Odometry) -> None:
@@ -124,7 +124,7 @@ class RoverRecorder:
 
 @contextmanager
 def recorder(asset: str, domain: int, parameters: Path) -> Iterator[RoverRecorder]:
-    """Yield a recorder that listens on a thread of its own."""
+    """Yield a recorder that runs on a thread of its own."""
     with (
         ros_node("demo", asset, parameters=parameters, domain_id=domain) as node,
         single_threaded(node) as executor,

@@ -1,4 +1,4 @@
-"""The relay beside simulated rovers: `rover-relay` for each of them, and one `rover-mops`."""
+"""The relay of simulated rovers: a `rover-relay` for each of them, and one `rover-mops`."""
 
 import re
 import time
@@ -32,7 +32,7 @@ from sim.processes.place import ANY_PORT, HOST, free_udp_ports
 
 SILENT_AFTER_S: Final = 5.0
 HEALTH_INTERVAL_S: Final = 1.0
-"""Nobody watches simulated rovers for hours: both are shorter than in `config/`."""
+"""Shorter than in `config/`, because simulated rovers do not run for hours."""
 
 
 def relay_settings(
@@ -80,7 +80,7 @@ def relay_settings(
 
 
 def _security(*rovers: RelayedRoverSettings) -> SecuritySettings:
-    """Return what signs all bundles from and to each of these with its key."""
+    """Return the settings that sign all bundles from and to each of these with its key."""
     nodes = [(rover.asset, f"{rover.eid.rpartition('.')[0]}.*") for rover in rovers]
     return SecuritySettings(
         keys={asset: KeySettings(file=key_of(asset)) for asset, _ in nodes},
@@ -92,7 +92,7 @@ def _security(*rovers: RelayedRoverSettings) -> SecuritySettings:
 
 
 def key_of(asset: str) -> str:
-    """Return the name of the file that has the key of an asset."""
+    """Return the file name of an asset's key."""
     return f"{asset}.key"
 
 
@@ -106,16 +106,16 @@ def _listen(port: int) -> Listen:
 
 CONTACTS: Final = "contacts.ionrc"
 RELAYS: Final = re.compile("^.* relays for ", re.MULTILINE)
-"""What `rover-relay` says when it is up."""
+"""Pattern of `rover-relay`'s output when it is up."""
 
 
 class Orbiter(ProcessGroup):
     """The relay, with the rovers behind it.
 
     Attributes:
-        start_utc_s: what eclipses count from.
+        start_utc_s: reference time of the outages.
         eclipses: times without contact.
-        data: what `rover-mops` keeps.
+        data: data folder of `rover-mops`.
         relays: the process `rover-relay` of each asset.
     """
 
@@ -137,7 +137,7 @@ class Orbiter(ProcessGroup):
         self._orbiter = orbiter
 
     async def uri(self, asset: str) -> str:
-        """Wait until the MRS is served for an asset behind the relay, and return where.
+        """Wait until the MRS of an asset behind the relay is served, and return its URI.
 
         Raises:
             ChildError: a process ended.
@@ -153,19 +153,19 @@ def relayed(
     eclipses: Sequence[Outage] = (),
     restart: bool = False,
 ) -> Iterator[Orbiter]:
-    """Yield the relay that starts beside rovers; in the end the orbiter ends before their relays.
+    """Yield the relay of rovers; at the end the orbiter ends before their relays.
 
-    Its settings are those of `config/`, but for ports that nobody has. Only where a rover is at a
-    known port (`Place.port`), the orbiter serves its MRS at that of `config/`. Bundles are signed
-    with a new key for each rover.
+    Its settings are those of `config/`, except for free ports. If a rover has a known port
+    (`RoverAddress.port`), the orbiter serves its MRS at that of `config/`. Bundles are signed with
+    a new key for each rover.
 
     Args:
-        folder: gets settings, keys, contact plan, logs, and what the orbiter keeps. What a rover's
-            end keeps is in `Deployment.aboard`.
+        folder: receives settings, keys, contact plan, logs, and the orbiter's data. The data of a
+            rover's end are in `Deployment.aboard`.
         rovers: deployments of different assets.
-        eclipses: times without contact, in seconds after the start of this; without any there is
-            contact always.
-        restart: whether a `rover-relay` that ends by itself is started again; else it is an error.
+        eclipses: times without contact, in seconds after this start; without any, contact is
+            continuous.
+        restart: whether a `rover-relay` that ends by itself is restarted; else it is an error.
 
     Raises:
         SettingsError: an asset has no relay in `config/`.

@@ -1,7 +1,7 @@
-"""The camera of the ROS simulation: renders on a thread of its own, and only where somebody looks.
+"""The camera of the ROS simulation: renders on a thread of its own, and only for subscribers.
 
-Physics hands over a copy of its state and goes on; a picture that is not ready in time is one
-picture less.
+Physics hands over a copy of its state and continues; a picture that is not ready in time is
+skipped.
 """
 
 import array
@@ -39,7 +39,7 @@ def image_message(pixels: Pixels, time_s: float) -> Image:
 
 
 def info_message(width: int, height: int, f_px: float, time_s: float) -> CameraInfo:
-    """Return how the camera projects: a pinhole of this focal length, without distortion."""
+    """Return the projection of the camera: a pinhole of this focal length, without distortion."""
     x_px, y_px = (width - 1) / 2, (height - 1) / 2
     return CameraInfo(
         header=_header(time_s),
@@ -58,12 +58,12 @@ def _header(time_s: float) -> Header:
 
 
 class CameraNode:
-    """Publishes pictures, raw and compressed, each only to who subscribed, and streams them.
+    """Publishes pictures, raw and compressed, if they have subscribers, and streams them.
 
     `offer` and `close` are for the thread that runs physics.
 
     Attributes:
-        backend: how pictures are made.
+        backend: renderer of the pictures.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class CameraNode:
         self._ready.wait()
 
     def offer(self) -> None:
-        """Have what the camera sees rendered, if somebody looks and the last picture is done."""
+        """Request a picture, if it has a receiver and the last one is done."""
         view = self._rover.view
         if view is None or self._offered.is_set() or not self._watched():
             return

@@ -1,4 +1,4 @@
-"""The topic by which a simulated rover is loaded: a mass, in place of the one before. Both ends."""
+"""The topic that loads a simulated rover: a mass that replaces the previous one. Both ends."""
 
 import logging
 import time
@@ -17,17 +17,17 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 def declare_cargo(node: Node) -> Topic | None:
-    """Declare and read the parameters of the topic, which an asset need not have.
+    """Declare and read the parameters of the optional topic.
 
     Raises:
-        adapters.ros.parameters.ParameterError: it has one, and a parameter is missing or wrong.
+        adapters.ros.parameters.ParameterError: named, and a parameter is missing or invalid.
     """
-    meaning = "std_msgs/Float64, what a simulated rover carries, kg"
+    meaning = "std_msgs/Float64, cargo of a simulated rover, kg"
     return declare_optional_topic(node, "cargo", meaning)
 
 
 def serve_cargo(node: Node, rover: SimulatedBody) -> None:
-    """Load the rover as the topic says; a figure that is no mass is logged and ignored."""
+    """Load the rover with received masses; an invalid one is logged and ignored."""
 
     def on_mass(message: Float64) -> None:
         try:
@@ -48,10 +48,10 @@ _GLANCE_S: Final = 0.02
 
 @contextmanager
 def loading(asset: str, domain: int, parameters: Path) -> Iterator[Callable[[float], None]]:
-    """Yield what gives a simulated rover a cargo, in kg, once that listens.
+    """Yield a function that sets the cargo of a simulated rover, kg, once that is subscribed.
 
     Raises:
-        TimeoutError: no simulation listens, or the asset has no topic for cargo.
+        TimeoutError: no simulation is subscribed, or the asset has no topic for cargo.
     """
     with ros_node("cargo", asset, parameters=parameters, domain_id=domain) as node:
         topic = declare_cargo(node)
@@ -61,6 +61,6 @@ def loading(asset: str, domain: int, parameters: Path) -> Iterator[Callable[[flo
         end_s = time.monotonic() + DISCOVERY_S
         while not publisher.get_subscription_count():
             if time.monotonic() > end_s:
-                raise TimeoutError(f"nobody heard of cargo within {DISCOVERY_S:.0f} s")
+                raise TimeoutError(f"no subscriber to cargo within {DISCOVERY_S:.0f} s")
             time.sleep(_GLANCE_S)
         yield lambda mass_kg: publisher.publish(Float64(data=mass_kg))

@@ -1,8 +1,8 @@
-"""The service by which faults of a simulated rover begin and end. Both ends.
+"""The service that injects and clears faults of a simulated rover. Both ends.
 
-It is of a type that every ROS has: each parameter of a request is named like a fault. A text is
-the fault's own parameters in YAML, `{by: 0.5}`; true is the fault with its defaults, false its end.
-All of a request is done, or nothing.
+Its type is one that every ROS has: each parameter of a request is named like a fault. A text has
+the fault's own parameters in YAML, `{by: 0.5}`; true injects it with its defaults, false clears it.
+A request is executed completely or not at all.
 """
 
 import logging
@@ -35,7 +35,7 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 def serve_faults(node: Node, rover: SimulatedBody) -> None:
-    """Have faults begin and end as the service is told."""
+    """Serve requests to inject and clear faults."""
 
     def on_request(request: Any, response: Any) -> Any:
         try:
@@ -59,10 +59,10 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
 
 
 def _read(parameter: Parameter, rover: SimulatedBody) -> SimulatedFault | type[SimulatedFault]:
-    """Return the fault that begins, or the kind of the one that ends.
+    """Return the fault to inject, or the kind of the one to clear.
 
     Raises:
-        ValueError: there is no such fault, its parameters are no YAML, or this rover cannot
+        ValueError: the fault is unknown, its parameters are no YAML, or this rover cannot
             have it.
     """
     kind = read_kind(parameter.name).kind
@@ -84,7 +84,7 @@ def _read(parameter: Parameter, rover: SimulatedBody) -> SimulatedFault | type[S
 
 
 class FaultClient:
-    """Tells a simulation which faults begin and end, and waits until it has done so.
+    """Injects and clears faults of a simulation, and waits for the result.
 
     One thread at a time may call it.
     """
@@ -94,14 +94,14 @@ class FaultClient:
         self._client = node.create_client(SetParametersAtomically, SERVICE)
 
     def connect(self, limit_s: float) -> bool:
-        """Wait until a simulation is there; return whether one is."""
+        """Wait for a simulation; return whether one was found."""
         return bool(self._client.wait_for_service(limit_s))
 
     def inject(self, fault: SimulatedFault) -> None:
-        """Have a fault begin.
+        """Inject a fault.
 
         Raises:
-            ValueError: the rover cannot have it; the text says what it lacks.
+            ValueError: the rover cannot have it; the text names the missing part.
             TimeoutError: the simulation does not answer.
         """
         ((name, given),) = written(fault).items()
@@ -109,7 +109,7 @@ class FaultClient:
         self._set(name, ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=text))
 
     def clear(self, kind: type[SimulatedFault]) -> None:
-        """Have a fault end, if it is there.
+        """Clear a fault, if it is active.
 
         Raises:
             TimeoutError: the simulation does not answer.
@@ -132,7 +132,7 @@ class FaultClient:
 def fault_client(
     asset: str, domain: int | None, parameters: Path, limit_s: float
 ) -> Iterator[FaultClient]:
-    """Yield what speaks to the simulation of an asset; domain None takes ROS_DOMAIN_ID.
+    """Yield a client of an asset's simulation; domain None selects ROS_DOMAIN_ID.
 
     Raises:
         TimeoutError: none is found within the limit.

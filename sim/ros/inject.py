@@ -21,9 +21,9 @@ DISCOVERY_S: Final = 10.0
 
 @click.group()
 def inject() -> None:
-    """Have something go wrong with a running simulation, or clear that.
+    """Inject a fault into a running simulation, or clear it.
 
-    It is that of `rover-sim`, in the ROS domain that ROS_DOMAIN_ID names; `rover demo --stay`
+    The simulation is that of `rover-sim`, in the ROS domain of ROS_DOMAIN_ID; `rover demo --stay`
     starts one, too.
 
     \b
@@ -35,15 +35,15 @@ def inject() -> None:
       rover inject left_stuck --asset mocup
 
     \b
-    Exit status: 0 done, 1 this rover cannot have it, 2 makes no sense, 3 no simulation answers.
+    Exit status: 0 done, 1 this rover cannot have it, 2 invalid arguments, 3 no simulation answers.
     """
 
 
 def _command(declaration: SimulatedFaultDeclaration) -> click.Command:
-    """Return the sub-command that has a fault begin or end."""
+    """Return the sub-command that injects or clears a fault."""
 
     @asset_option()
-    @click.option("--clear", is_flag=True, help="Have it end.")
+    @click.option("--clear", is_flag=True, help="Clear the fault.")
     def begin_or_end(asset: str, clear: bool, **given: str | bool | None) -> None:
         texts = {name: text for name, text in given.items() if text is not None}
         if clear and texts:
@@ -61,7 +61,7 @@ def _command(declaration: SimulatedFaultDeclaration) -> click.Command:
 
 
 def _tell(declaration: SimulatedFaultDeclaration, asset: str, fault: Any) -> None:
-    """Tell the simulation, and say what became of it."""
+    """Send the request to the simulation, and print the result."""
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.ros.faults import fault_client
 
@@ -82,7 +82,7 @@ def _tell(declaration: SimulatedFaultDeclaration, asset: str, fault: Any) -> Non
 
 
 def _plain(text: str | bool) -> object:
-    """Return a number where a text is one."""
+    """Return a number if a text is one."""
     if isinstance(text, bool):
         return text
     try:

@@ -27,13 +27,13 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
     show_default=True,
     help="Name of a world in config/worlds, or its YAML file.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of all sensor noise.")
+@click.option("--seed", default=0, show_default=True, help="Seed of all sensor noise.")
 @click.option(
     "--speed",
     type=click.FloatRange(0.1, 20.0),
     default=1.0,
     show_default=True,
-    help="Simulated seconds per second, as /clock tells them. At another speed than 1 the executive"
+    help="Simulated seconds per second on /clock. At another speed than 1 the executive"
     " needs --ros-args -p use_sim_time:=true.",
 )
 @click.option(
@@ -41,19 +41,19 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
     type=click.Choice(["auto", "egl", "rays", NO_PICTURES]),
     default="auto",
     show_default=True,
-    help="How pictures are made: auto takes EGL where the libraries are, else ray casting.",
+    help="Renderer of the pictures: auto uses EGL if installed, else ray casting.",
 )
 @click.option(
     "--video-to",
     metavar="HOST:PORT",
     callback=_address,
-    help="Stream the camera there by UDP as RTP/JPEG, while somebody listens.  [default: nowhere]",
+    help="Stream the camera by UDP as RTP/JPEG, while a receiver listens.  [default: none]",
 )
 @click.option(
     "--usb-socket",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PATH",
-    help="Where the brick is plugged in, of a rover that has one.  [default: ASSET.usb in /tmp]",
+    help="Socket of the brick, for a rover that has one.  [default: ASSET.usb in /tmp]",
 )
 @click.option(
     "--ros-params",
@@ -73,10 +73,10 @@ def main(
 ) -> None:
     """Simulate a rover on ROS topics until SIGINT or SIGTERM.
 
-    It publishes odometry, battery, camera angles, pictures where somebody subscribed, where the
-    rover really is, and /clock; it obeys cmd_vel and the camera's commands. A rover that carries
-    out whole motions is moved by its brick instead, on an emulated USB cable: python -m
-    sim.brick.nxt is the other end. What follows --ros-args goes to ROS.
+    It publishes odometry, battery, camera angles, pictures if subscribed, the true pose and
+    /clock; it executes cmd_vel and camera commands. A rover that executes whole motions is
+    controlled by its brick instead, on an emulated USB cable: python -m sim.brick.nxt is the
+    other end. Arguments after --ros-args are passed to ROS.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""Puts the simulation's process together, serves it until a signal, and takes it apart."""
+"""Assembles the simulation's process, serves it until a signal, and closes it."""
 
 import logging
 from collections.abc import Iterator
@@ -67,19 +67,19 @@ from sim.rover.mocup import SimulatedMocup
 
 NODE_NAME: Final = "simulation"
 SECOND_FRAME: Final = "visual_odom"
-"""Of the second odometry: its own, where the rover stood at first."""
+"""Frame of the second odometry, with its origin at the rover's start."""
 GREATEST_BURST_PERIODS: Final = 10
-"""Caught up at once at most: no command arrives meanwhile, and a base stops after 0.25 s."""
+"""Maximum burst of periods to catch up: commands wait during it, and a base stops after 0.25 s."""
 GREATEST_LAG_S: Final = 10.0
-"""Caught up little by little at the speed of real time: nodes have clocks of their own there, and
-what is lost looks like a delay of all sensors. At another speed they follow /clock."""
+"""Maximum delay that is caught up gradually in real time: other nodes have their own clocks there,
+and a dropped delay appears as latency of all sensors. At other speeds they use /clock."""
 CAMERA_SPEED_RADPS: Final = 0.5
-"""Of a camera that was told none yet."""
+"""Speed of a camera before its first command."""
 _LOG: Final = logging.getLogger(__name__)
 
 
 class JackalOnRos:
-    """Publishes what the rover measures, and takes its commands."""
+    """Publishes the measurements of the rover, and receives its commands."""
 
     def __init__(
         self,
@@ -119,12 +119,12 @@ class JackalOnRos:
             hear(Float64, topic.name, partial(self._point, part), topic.qos)
 
     def exchange(self) -> None:
-        """Publish what was measured since the last call."""
+        """Publish the measurements since the last call."""
         for fact in self._rover.facts():
             self._publish(fact)
 
     def close(self) -> None:
-        """Leave it to the node."""
+        """Do no clean-up: the node destroys the publishers."""
 
     def _publish(self, fact: Fact) -> None:
         match fact:
@@ -166,13 +166,13 @@ class JackalOnRos:
 
 
 class BrickOnUsb:
-    """Carries octets between a brick and its host, whose end the brick notices by silence only."""
+    """Transfers octets between a brick and its host; the brick detects a lost host by silence."""
 
     def __init__(self, rover: SimulatedMocup, path: Path) -> None:
         """Plug in.
 
         Raises:
-            SettingsError: the socket cannot be made.
+            SettingsError: the socket cannot be created.
         """
         self._rover = rover
         try:
@@ -183,13 +183,13 @@ class BrickOnUsb:
         _LOG.info("the brick is plugged in at %s", path)
 
     def exchange(self) -> None:
-        """Carry what waits, both ways. Never blocks; called once a period."""
+        """Transfer the queued octets in both directions. Never blocks; called once a period."""
         octets = self._plug.receive()
         if octets:
             self._rover.hear(octets)
         if self._connected != self._plug.connected:
             self._connected = self._plug.connected
-            _LOG.info("the brick is %s", "claimed" if self._connected else "let go")
+            _LOG.info("the brick is %s", "claimed" if self._connected else "released")
         self._plug.send(self._rover.brick.give())
 
     def close(self) -> None:
@@ -198,11 +198,11 @@ class BrickOnUsb:
 
 
 Exchange = JackalOnRos | BrickOnUsb
-"""How a rover is commanded, and says what it measures: once a period, until it is closed."""
+"""Exchange of commands and measurements of a rover: once a period, until it is closed."""
 
 
 class SimulationNode:
-    """Advances the rover with time, has it exchange, and says what only a simulation knows."""
+    """Advances the rover with time, exchanges its messages, and publishes the ground truth."""
 
     def __init__(
         self,
@@ -234,7 +234,7 @@ class SimulationNode:
     def _on_time(self) -> None:
         behind_s = monotonic() - self._started_s - self._periods * self._period_s
         if behind_s > self._greatest_lag_s:
-            _LOG.warning("slower than the speed asked for: %.2f s were lost", behind_s)
+            _LOG.warning("slower than the requested speed: %.2f s dropped", behind_s)
             self._started_s += behind_s
             behind_s = self._period_s
         for _ in range(min(round(behind_s / self._period_s), GREATEST_BURST_PERIODS)):
@@ -256,15 +256,15 @@ class SimulationNode:
 
 @dataclass(frozen=True, slots=True)
 class SimulationOptions:
-    """What the command line says.
+    """Options of the command line.
 
     Attributes:
-        parameters: the ROS parameter file.
-        ros_arguments: what goes to ROS as it is.
-        usb: where the brick of a rover that has one is plugged in.
+        parameters: ROS parameter file.
+        ros_arguments: arguments passed to ROS unchanged.
+        usb: socket of the brick of a rover that has one.
         speed: simulated seconds per second.
         camera: auto, egl, rays or off.
-        video_to: host and port that the camera streams to; None for no stream.
+        video_to: host and port of the camera's stream; None for no stream.
     """
 
     settings: Settings
@@ -282,8 +282,8 @@ def serve(options: SimulationOptions) -> None:
     """Simulate until SIGINT or SIGTERM.
 
     Raises:
-        adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
-        SettingsError: the camera cannot be streamed, or the brick plugged in, as asked.
+        adapters.ros.parameters.ParameterError: a ROS parameter is missing or invalid.
+        SettingsError: the camera cannot be streamed, or the brick plugged in, as requested.
     """
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
     asked = Termination()
@@ -314,7 +314,7 @@ def serve(options: SimulationOptions) -> None:
 def _rover(
     node: Node, topics: Topics, options: SimulationOptions
 ) -> tuple[SimulatedBody, Exchange]:
-    """Return the rover of an asset, and how it is spoken to: its settings choose both."""
+    """Return the rover of an asset and its exchange, both by its settings."""
     world, seed, settings = options.world, options.seed, options.settings
     match settings.locomotion:
         case LocomotionKind.VELOCITY:

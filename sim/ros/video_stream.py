@@ -1,6 +1,6 @@
-"""The camera of the simulated rover as RTP/JPEG (RFC 2435) over UDP, as a camera server sends it.
+"""The camera of the simulated rover as RTP/JPEG (RFC 2435) over UDP, like a camera server's.
 
-Pictures are sent only where somebody listens.
+Pictures are sent only while a receiver listens.
 """
 
 import secrets
@@ -13,13 +13,13 @@ from typing import Final
 from executive.settings import SettingsError
 
 MOST_SCAN: Final = 1200
-"""Octets of the picture in a packet, so that it passes any network whole."""
+"""Maximum payload of a packet in octets, to avoid fragmentation in any network."""
 KIND: Final = 26
 CLOCK_HZ: Final = 90_000
 LARGEST: Final = 2040
-"""Pixels of the longer side that the header has room for."""
+"""Maximum side of a picture in pixels, by the 8-bit header fields (RFC 2435, 3.1)."""
 TABLE: Final = 64
-"""Octets of a quantization table."""
+"""Length of a quantization table in octets."""
 _TABLES_IN_STREAM: Final = 255
 _MARKER: Final = 0x80
 _TYPES: Final = {0x21: 0, 0x22: 1}
@@ -28,10 +28,10 @@ _QUANTIZATION, _FRAME, _SCAN = 0xDB, 0xC0, 0xDA
 
 @dataclass(frozen=True, slots=True)
 class Jpeg:
-    """The parts of a JPEG file that RTP carries.
+    """Parts of a JPEG file that RTP transports.
 
     Attributes:
-        sampling: how densely luminance is sampled, as in the frame header.
+        sampling: sampling factors of luminance, as in the frame header.
         tables: the quantization tables, one after the other.
     """
 
@@ -43,7 +43,7 @@ class Jpeg:
 
 
 class RtpJpegSender:
-    """Cuts pictures into packets of one stream."""
+    """Splits pictures into the packets of one stream."""
 
     def __init__(self, source: int) -> None:
         self._source = source.to_bytes(4)
@@ -53,7 +53,7 @@ class RtpJpegSender:
         """Yield the packets of a picture.
 
         Raises:
-            ValueError: RTP cannot carry such a picture.
+            ValueError: RTP cannot transport such a picture.
         """
         picture = read_jpeg(jpeg)
         time = (round(time_s * CLOCK_HZ) % (1 << 32)).to_bytes(4)
@@ -74,15 +74,15 @@ class RtpJpegSender:
 
 
 def carries(width: int, height: int) -> bool:
-    """Whether RTP carries pictures of a size, in pixels."""
+    """Return whether RTP transports pictures of a size, in pixels."""
     return all(0 < side <= LARGEST and side % 8 == 0 for side in (width, height))
 
 
 def read_jpeg(octets: bytes) -> Jpeg:
-    """Take a file apart.
+    """Parse a JPEG file.
 
     Raises:
-        ValueError: it is not the kind of JPEG that RTP carries.
+        ValueError: RTP cannot transport this kind of JPEG.
     """
     tables, at = b"", 2
     width = height = sampling = 0
@@ -115,19 +115,19 @@ def _header(picture: Jpeg, offset: int) -> bytes:
 class VideoStream:
     """Sends pictures to one address.
 
-    A computer where nobody listens refuses datagrams. While that is so, one empty datagram for each
-    picture asks whether it still is, and no picture needs to be rendered.
+    A computer without a receiver refuses datagrams. While it does, one empty datagram is sent for
+    each picture as a probe, and no picture is rendered.
     """
 
     def __init__(self, host: str, port: int, width: int, height: int) -> None:
-        """Begin; the first question whether somebody listens comes with the first picture.
+        """Open the stream; the first probe for a receiver is sent with the first picture.
 
         Raises:
-            SettingsError: there is no such host, or RTP carries no pictures of this size.
+            SettingsError: the host is unknown, or RTP transports no pictures of this size.
         """
         if not carries(width, height):
             raise SettingsError(
-                f"RTP carries no JPEG of {width} x {height}: multiples of 8 up to {LARGEST} it does"
+                f"RTP carries no JPEG of {width} x {height}: only multiples of 8 up to {LARGEST}"
             )
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
@@ -143,7 +143,7 @@ class VideoStream:
 
     @property
     def watched(self) -> bool:
-        """Whether the next picture would be heard, as far as is known."""
+        """Whether a receiver listens, by the last probe."""
         error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         refused, self._refused = self._refused or error != 0, False
         if refused:
@@ -152,7 +152,7 @@ class VideoStream:
         return not refused
 
     def send(self, jpeg: bytes, time_s: float) -> None:
-        """Send a picture; what cannot be sent is lost."""
+        """Send a picture; packets that cannot be sent are lost."""
         try:
             for packet in self._sender.packets(jpeg, time_s):
                 self._socket.send(packet)
@@ -160,5 +160,5 @@ class VideoStream:
             self._refused = True
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket."""
         self._socket.close()

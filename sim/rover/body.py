@@ -1,4 +1,4 @@
-"""The body of a simulated rover: physics in steps, what is true of it, its battery, its pictures.
+"""The body of a simulated rover: stepped physics, ground truth, battery, pictures.
 
 Physics runs in steps of 5 ms; every 20 ms the rover's own controllers act, its sensors are read.
 """
@@ -25,21 +25,21 @@ F = TypeVar("F", bound=SimulatedFault)
 
 
 _CELL_CURVE: Final = ((0.0, 3.00), (0.05, 3.35), (0.2, 3.55), (0.5, 3.70), (0.8, 3.97), (1.0, 4.16))
-"""Open-circuit voltage of a lithium-ion cell over its charge."""
+"""Open-circuit voltage of a lithium-ion cell over its charge ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryPack:
-    """A pack of lithium-ion cells, and what hangs on it. A Jackal's has seven in series, 270 Wh.
+    """A pack of lithium-ion cells, and its load. A Jackal's has seven in series, 270 Wh.
 
     Attributes:
-        cells: in series.
+        cells: number in series.
         capacity_j: energy when full.
-        resistance_ohm: of cells, fuse and leads.
-        idle_w: what computer, radio and camera draw.
-        efficiency: mechanical power out of the motors by electrical power into them.
-        heat_w_per_nm2: power that a wheel's motor turns into heat at a torque of 1 N m.
-        fault_v: what a voltmeter shows at the fault `BatteryLow`.
+        resistance_ohm: resistance of cells, fuse and leads.
+        idle_w: power of computer, radio and camera.
+        efficiency: mechanical power of the motors per electrical power.
+        heat_w_per_nm2: heat of a wheel's motor at a torque of 1 N m.
+        fault_v: measured voltage under the fault `BatteryLow`.
     """
 
     cells: int = 7
@@ -52,7 +52,7 @@ class BatteryPack:
 
 
 class BatteryModel:
-    """Charge that goes down with the load, and the voltage that is left."""
+    """Charge that decreases with the load, and the resulting voltage."""
 
     def __init__(self, pack: BatteryPack, charge_ratio: float) -> None:
         self._pack = pack
@@ -62,7 +62,7 @@ class BatteryModel:
         self.used_j = 0.0
 
     def draw(self, mechanical_j: float, period_s: float) -> None:
-        """Take what a period costs: the motors' work and the idle load."""
+        """Consume the energy of a period: the motors' work and the idle load."""
         pack = self._pack
         energy_j = mechanical_j / pack.efficiency + pack.idle_w * period_s
         self.used_j += energy_j
@@ -71,12 +71,12 @@ class BatteryModel:
         self._load_s += period_s
 
     def drain(self, charge_ratio: float) -> None:
-        """Lose what is above a charge, 0 to 1 of the whole."""
+        """Reduce the charge to a ratio of 0 to 1, if it is above."""
         self._left_j = min(self._left_j, self._pack.capacity_j * charge_ratio)
 
     @property
     def charge_ratio(self) -> float:
-        """Charge left, of the whole."""
+        """Remaining charge as a ratio of the capacity."""
         return self._left_j / self._pack.capacity_j
 
     def voltage_v(self) -> float:
@@ -107,24 +107,24 @@ PERIOD_S: Final = 0.02
 STEP_S: Final = 0.005
 STEPS_PER_PERIOD: Final = 4
 SOON_S: Final = STEP_S / 2
-"""Times are sums of steps; what is due within half a step is due."""
+"""Tolerance of due times: they are sums of steps."""
 _SETTLING_S: Final = 0.5
 _FREE: Final = 7
-"""Figures of the free joint: the joints of the wheels and of the head follow."""
+"""Number of position values of the free joint; the joints of wheels and head follow."""
 
 
 CUT_OCTETS: Final = 200
-"""What `CameraCut` leaves of a JPEG."""
+"""Octets of a JPEG that `CameraCut` leaves."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraView:
-    """What the camera looks at.
+    """State that the camera renders.
 
     Attributes:
-        data: the state that it sees.
-        time_s: when that was.
-        octets: how much of a JPEG arrives; None for all.
+        data: the state.
+        time_s: its time.
+        octets: number of octets of the JPEG that arrive; None for all.
     """
 
     data: mujoco.MjData
@@ -133,7 +133,7 @@ class CameraView:
 
 
 def moved_left(pose: Pose, distance_m: float) -> Pose:
-    """Return a pose that is so far to the left, with the same heading."""
+    """Return a pose moved by a distance to the left, with the same heading."""
     x_m, y_m = -distance_m * sin(pose.heading_rad), distance_m * cos(pose.heading_rad)
     return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
 
@@ -152,7 +152,7 @@ def _pose(qpos: list[float]) -> Pose:
 
 
 def _obstacles(model: mujoco.MjModel) -> frozenset[int]:
-    """Return the geoms of rocks, walls and steps that can be touched."""
+    """Return the geoms of rocks, walls and steps that collide."""
     return frozenset(
         geom
         for geom in range(model.ngeom)
@@ -162,13 +162,13 @@ def _obstacles(model: mujoco.MjModel) -> frozenset[int]:
 
 
 class SimulatedBody(ABC):
-    """A rover in a world. What it senses and how it is moved is for its kind.
+    """A rover in a world. Subclasses define sensors and actuators.
 
     Attributes:
-        parts: what it has that faults can act on.
-        world: where it drives.
+        parts: parts that faults can act on.
+        world: its world.
         model, data: of MuJoCo.
-        contacts: how often it began to touch a rock, a wall or a step.
+        contacts: number of contacts with a rock, a wall or a step that have begun.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class SimulatedBody(ABC):
         picture: PictureSettings | None,
         parts: frozenset[FaultTarget],
     ) -> None:
-        """Put the rover on the ground at the world's start and let it settle."""
+        """Place the rover on the ground at the world's start and let it settle."""
         self.world = world
         self.parts = parts
         self.model = build_model(world, STEP_S, chassis)
@@ -209,7 +209,7 @@ class SimulatedBody(ABC):
         self._due: list[Fact] = []
 
     def request_frame(self) -> None:
-        """Ask for a picture; the next `facts` takes it."""
+        """Request a picture; the next call of `facts` takes it."""
         self._frame_wanted = True
 
     def advance(self, duration_s: float) -> None:
@@ -226,9 +226,9 @@ class SimulatedBody(ABC):
                 self._end_period()
 
     def facts(self) -> list[Fact]:
-        """Return what the sensors have published since the last call, oldest first.
+        """Return the facts published since the last call, in order.
 
-        A picture that was asked for is taken here, of the present state.
+        A requested picture is taken here, of the present state.
         """
         due, self._due = self._due, []
         if self._frame_wanted:
@@ -241,14 +241,14 @@ class SimulatedBody(ABC):
 
     @property
     def view(self) -> CameraView | None:
-        """What the camera looks at, as its faults let it; None if it is dead."""
+        """State that the camera renders under its faults; None if it is dead."""
         if faults.CameraDead in self._faults:
             return None
         view = self._stale or CameraView(self.data, self.time_s)
         return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
 
     def load(self, mass_kg: float) -> None:
-        """Carry so much from now on, spread evenly, in place of what was carried; 0 is nothing.
+        """Set the cargo, evenly distributed; it replaces the previous one, 0 is none.
 
         Raises:
             ValueError: it is no mass, or more than 50 kg.
@@ -263,10 +263,10 @@ class SimulatedBody(ABC):
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def inject(self, fault: SimulatedFault) -> None:
-        """Have a fault begin; one of its kind that is there already is replaced.
+        """Inject a fault; it replaces an active one of its kind.
 
         Raises:
-            ValueError: this rover cannot have it; the text says what it lacks.
+            ValueError: this rover cannot have it; the text names the missing part.
         """
         why = faults.lacking(type(fault), self.parts)
         if why is not None:
@@ -289,7 +289,7 @@ class SimulatedBody(ABC):
                 self._disturb()
 
     def clear(self, kind: type[SimulatedFault]) -> None:
-        """Have a fault end, if it is there."""
+        """Clear a fault, if it is active."""
         if self._faults.pop(kind, None) is None:
             return
         if kind is faults.CameraStale:
@@ -308,25 +308,25 @@ class SimulatedBody(ABC):
 
     @property
     def true_pose(self) -> Pose:
-        """Where base_link really is, in the world's frame."""
+        """True pose of base_link, in the world's frame."""
         return _pose(self._qpos[:_FREE].tolist())
 
     @property
     def true_velocity(self) -> Velocity:
-        """How fast base_link really moves ahead, and turns."""
+        """True forward velocity and rotation rate of base_link."""
         heading_rad = self.true_pose.heading_rad
         x_mps, y_mps = self._qvel[:2].tolist()
         return Velocity(x_mps * cos(heading_rad) + y_mps * sin(heading_rad), float(self._qvel[5]))
 
     @property
     def camera_angles(self) -> CameraAngles:
-        """Where the camera really points."""
+        """True angles of the camera."""
         pan_rad, tilt_rad = self._qpos[self._head].tolist()
         return CameraAngles(pan_rad, tilt_rad)
 
     @property
     def energy_j(self) -> float:
-        """What has been drawn from the battery since the start."""
+        """Energy drawn from the battery since the start."""
         return self._battery.used_j
 
     @abstractmethod
@@ -335,20 +335,20 @@ class SimulatedBody(ABC):
 
         Args:
             before: the true pose at its beginning; the present one is `_pose`.
-            turned_rad: what each wheel has turned in it.
+            turned_rad: rotation of each wheel in it.
         """
 
     @abstractmethod
     def _actuate(self) -> None:
-        """Give motors and head their set points for the next period."""
+        """Set the set points of motors and head for the next period."""
 
     def fault(self, kind: type[F]) -> F | None:
-        """Return the fault of a kind, if it is there."""
+        """Return the active fault of a kind, or None."""
         found = self._faults.get(kind)
         return found if isinstance(found, kind) else None
 
     def _disturb(self) -> None:
-        """Give motors and ground what the faults leave of torque and friction."""
+        """Apply the torque and friction that the faults leave to motors and ground."""
         brownout, dead = self.fault(faults.Brownout), self.fault(faults.MotorDead)
         torque_ratio = 1.0 if brownout is None else brownout.factor
         self._disturbance.limit_torque(
@@ -359,7 +359,7 @@ class SimulatedBody(ABC):
         self._disturbance.limit_grip(1.0 if slip is None else slip.factor)
 
     def _unstuck(self, left_radps: float, right_radps: float) -> tuple[float, float]:
-        """Return the speeds of left and right wheels, 0 for those that are stuck."""
+        """Return the speeds of left and right wheels, 0 for stuck ones."""
         stuck = self._faults
         if not stuck:
             return left_radps, right_radps
@@ -368,14 +368,14 @@ class SimulatedBody(ABC):
         return 0.0 if left else left_radps, 0.0 if right else right_radps
 
     def _head_rad(self, pan_rad: float, tilt_rad: float) -> tuple[float, float]:
-        """Return the set points of the camera's head, those of where it is if that is stuck."""
+        """Return the set points of the camera's head; its present angles if it is stuck."""
         stuck = self._stuck_head
         return (pan_rad, tilt_rad) if stuck is None else (stuck.pan_rad, stuck.tilt_rad)
 
     def counted(self, turned_rad: list[float], shared: bool = False) -> list[float]:
-        """Return what the encoders count while the wheels turn; those of the left are even.
+        """Return the encoder counts for wheel rotations; even indices are left wheels.
 
-        In messages of the wheels only those of their faults count that are shared.
+        With `shared`, as in messages of the wheels, only shared encoder faults apply.
         """
         dead, scale = self.fault(faults.EncoderDead), self.fault(faults.EncoderScale)
         if dead is not None and (dead.shared or not shared):
@@ -386,14 +386,14 @@ class SimulatedBody(ABC):
         return turned_rad
 
     def _voltage_v(self) -> float:
-        """Return what a voltmeter shows, under the mean load since the last call."""
+        """Return the measured voltage, under the mean load since the last call."""
         voltage_v = self._battery.voltage_v()
         if faults.BatteryNan in self._faults:
             return nan
         return self._pack.fault_v if faults.BatteryLow in self._faults else voltage_v
 
     def _count_contacts(self) -> None:
-        """Count a contact where the rover begins to touch a rock, a wall or a step."""
+        """Count a contact if the rover begins to touch a rock, a wall or a step."""
         if not self._obstacles:
             return
         pairs = self.data.contact.geom[: self.data.ncon].ravel().tolist()

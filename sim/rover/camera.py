@@ -1,4 +1,4 @@
-"""The camera of a simulated rover: pictures by OpenGL where there is one, else by ray casting.
+"""The camera of a simulated rover: pictures by OpenGL if available, else by ray casting.
 
 Ray casting needs no graphics library and gives the same bits every time.
 """
@@ -32,13 +32,13 @@ _GRAZE_M: Final = 0.03
 
 
 def focal_px(model: mujoco.MjModel, height_px: int) -> float:
-    """Return the focal length of the rover's camera in pixels, for pictures of a height."""
+    """Return the focal length of the rover's camera in pixels, for a picture height."""
     fovy_rad = radians(float(model.cam_fovy[model.camera("camera").id]))
     return height_px / 2 / tan(fovy_rad / 2)
 
 
 class RayRenderer:
-    """Casts one ray through every pixel, and one from the sun to what it hits."""
+    """Casts one ray through every pixel, and one from the sun to its hit point."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         self._model = model
@@ -61,7 +61,7 @@ class RayRenderer:
         }
 
     def render(self, data: mujoco.MjData) -> scenery.Image:
-        """Return what the rover's camera sees: shape (height, width, 3)."""
+        """Return the picture of the rover's camera: shape (height, width, 3)."""
         rays = _turned(self._rays, data.cam_xmat[self._camera])
         origin = data.cam_xpos[self._camera].copy()
         geoms, distances, normals = self._cast(data, origin, rays, self._head)
@@ -82,7 +82,7 @@ class RayRenderer:
     def _cast(
         self, data: mujoco.MjData, origin: Floats, rays: Floats, without: int
     ) -> tuple[NDArray[np.int32], Floats, Floats]:
-        """Return the geom, the distance and the normal that each ray meets; geom -1 is none."""
+        """Return geom, distance and normal of each ray's hit; geom -1 is none."""
         count = len(rays)
         geoms = np.empty(count, np.int32)
         distances = np.empty(count)
@@ -104,7 +104,7 @@ class RayRenderer:
         return geoms, distances, normals
 
     def _surface(self, data: mujoco.MjData, points: Floats, geoms: NDArray[np.int32]) -> Floats:
-        """Return the colours of points on geoms, out of their texture where there is one."""
+        """Return the colours of points on geoms, from their texture if they have one."""
         colours = self._colours[geoms]
         materials = self._model.geom_matid[geoms]
         level = _turned(points, data.xmat[self._terrain].reshape(3, 3).T)
@@ -122,7 +122,7 @@ class RayRenderer:
         normals: Floats,
         distances: Floats,
     ) -> Floats:
-        """Return how bright the points are: ambient light, and the sun where it reaches."""
+        """Return the brightness of the points: ambient light, and the sun if it reaches them."""
         facing = np.clip(np.einsum("ni,i->n", normals, -self._sun), 0, None)
         near = np.flatnonzero((distances < _SHADOWS_WITHIN_M) & (facing > 0))
         sun = origin - _SUN_M * self._sun
@@ -134,15 +134,15 @@ class RayRenderer:
 
 
 def _turned(vectors: Floats, rotation: Floats) -> Floats:
-    """Return vectors, shape (n, 3), turned by a rotation matrix.
+    """Return vectors, shape (n, 3), rotated by a rotation matrix.
 
-    BLAS would wake a thread per core for so little, and its rounding depends on the machine.
+    BLAS would wake a thread per core for this product, and its rounding depends on the machine.
     """
     return np.asarray(np.einsum("ni,ji->nj", vectors, rotation.reshape(3, 3)))
 
 
 def _sampled(texture: scenery.Image, places: Floats) -> Floats:
-    """Return the colours of a texture that repeats, between its pixels: shape (n, 3)."""
+    """Return the colours of a repeated texture, interpolated between pixels: shape (n, 3)."""
     size = texture.shape[0]
     corner = np.floor(places).astype(np.int64)
     right, up = (places - corner).T[:, :, None]
@@ -169,11 +169,11 @@ def _sky(rays: Floats) -> Floats:
 
 _LOG = logging.getLogger(__name__)
 
-Pillow.preinit()  # Else the first picture pays for loading its encoders.
+Pillow.preinit()  # Else the first picture includes the loading of its encoders.
 
 
 class Backend(Enum):
-    """How a picture is made."""
+    """Renderer of pictures."""
 
     EGL = "egl"
     RAYS = "rays"
@@ -181,7 +181,7 @@ class Backend(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PictureSettings:
-    """Size of pictures, and how they are made."""
+    """Size and renderer of pictures."""
 
     width: int = 320
     height: int = 240
@@ -202,10 +202,10 @@ def best_backend() -> Backend:
 
 
 class Camera:
-    """The rover's camera. Must be used by one thread only, as OpenGL demands.
+    """The rover's camera. Must be used by one thread only, as OpenGL requires.
 
     Attributes:
-        backend: how pictures are made: by ray casting from the first on where OpenGL cannot draw.
+        backend: renderer of the pictures; ray casting from the first on if OpenGL fails.
     """
 
     def __init__(self, model: mujoco.MjModel, settings: PictureSettings) -> None:
@@ -232,7 +232,7 @@ class Camera:
 
                 return make_egl_renderer(self._model, *size)
             except (ImportError, RuntimeError) as error:
-                _LOG.warning("No OpenGL (%s): pictures come by ray casting", error)
+                _LOG.warning("No OpenGL (%s): pictures by ray casting", error)
                 self.backend = Backend.RAYS
         return RayRenderer(self._model, *size)
 

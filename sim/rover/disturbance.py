@@ -1,6 +1,6 @@
-"""What is done to the body of a simulated rover: grip and torque taken from it, pushed, tipped.
+"""Disturbances of a simulated rover's body: reduced grip and torque, pushes, tipping.
 
-Nothing here changes a run before its first call but patches of other friction in the world.
+Before its first call only patches of other friction in the world change a run.
 """
 
 from itertools import product
@@ -17,7 +17,7 @@ from sim.rover.world import World
 
 _FREE: Final = 7
 _GROUND: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
-"""Groups of geoms that a rover can stand on: it has none in them."""
+"""Groups of geoms of the ground: the rover has none in them."""
 _SKY_M: Final = 100.0
 _DROP_M: Final = 0.02
 
@@ -43,18 +43,18 @@ class Disturbance:
             self._give_wheels_their_own_friction()
 
     def limit_torque(self, left_ratio: float, right_ratio: float) -> None:
-        """Leave the motors of each side a part of their torque."""
+        """Reduce the torque of the motors of each side to a ratio."""
         ratios = np.resize((left_ratio, right_ratio), self._chassis.wheels)
         self._model.actuator_forcerange[: self._chassis.wheels] = ratios[:, None] * self._torques_nm
 
     def limit_grip(self, ratio: float) -> None:
-        """Leave the ground a part of its friction."""
+        """Reduce the friction of the ground to a ratio."""
         self._grip_ratio = ratio
         self._model.geom_friction[self._soil, 0] = ratio * self._frictions
         self.follow_patches()
 
     def follow_patches(self) -> None:
-        """Give each wheel the friction of the ground below it, where there are patches."""
+        """Set each wheel's friction to that of the ground below it, if there are patches."""
         if not self._world.patches:
             return
         soil = self._data.body("terrain")
@@ -65,7 +65,7 @@ class Disturbance:
         self._model.geom_friction[self._wheels, 0] = self._grip_ratio * frictions
 
     def _give_wheels_their_own_friction(self) -> None:
-        """Have contacts of wheels be as those of the ground, but for the friction."""
+        """Give contacts of wheels the parameters of the ground, except the friction."""
         model, plain = self._model, self._model.geom("plain")
         model.geom_priority[self._wheels] = plain.priority + 1
         model.geom_condim[self._wheels] = plain.condim
@@ -76,14 +76,14 @@ class Disturbance:
         self.follow_patches()
 
     def push(self, there: Pose) -> None:
-        """Put the rover elsewhere at once, as high over the ground as it was; it moves on."""
+        """Move the rover at once, at the same height over the ground; its velocity is unchanged."""
         qpos = self._data.qpos
         x_m, y_m = qpos[:2].tolist()
         qpos[2] += self._ground_m(there.x_m, there.y_m) - self._ground_m(x_m, y_m)
         qpos[:2] = there.x_m, there.y_m
 
     def tip(self, angle_rad: float) -> None:
-        """Turn the rover to the right at once, clear of the ground; it falls back from there."""
+        """Rotate the rover to the right at once, clear of the ground; it then falls."""
         reach_m = self._chassis.reach_m
         lift_m = reach_m * (sin(abs(angle_rad)) if abs(angle_rad) < pi / 2 else 1.0)
         turned, about_x = np.empty(4), np.array((cos(angle_rad / 2), sin(angle_rad / 2), 0.0, 0.0))
@@ -91,7 +91,7 @@ class Disturbance:
         self._place(turned, float(self._data.qpos[2]) + lift_m)
 
     def set_upright(self, pose: Pose) -> None:
-        """Set the rover on its wheels where it lies, with the heading that it has."""
+        """Set the rover on its wheels at its present position and heading."""
         upright = np.array((cos(pose.heading_rad / 2), 0.0, 0.0, sin(pose.heading_rad / 2)))
         height_m = self._ground_m(pose.x_m, pose.y_m) + self._chassis.base_height_m + _DROP_M
         self._place(upright, height_m)
@@ -102,7 +102,7 @@ class Disturbance:
         self._data.qvel[:6] = 0.0
 
     def _ground_m(self, x_m: float, y_m: float) -> float:
-        """Return the height of the highest ground below a rover at a place."""
+        """Return the maximum height of the ground below a rover at a position."""
         reach_m = (-self._chassis.reach_m, 0.0, self._chassis.reach_m)
         down, hit = np.array((0.0, 0.0, -1.0)), np.empty(1, np.int32)
         depths_m = [

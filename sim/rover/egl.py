@@ -1,7 +1,7 @@
 """Pictures by OpenGL without a display, through EGL.
 
-The context is made here and not by `mujoco.Renderer`, which would want an environment variable to
-be set before the first import of mujoco.
+The context is created here and not by `mujoco.Renderer`, which needs an environment variable
+before the first import of mujoco.
 """
 
 import weakref
@@ -17,7 +17,7 @@ _GEOMS = 2000
 
 
 class EglRenderer:
-    """Renders with MuJoCo's OpenGL renderer; belongs to the thread that made it."""
+    """Renders with MuJoCo's OpenGL renderer; belongs to the thread that created it."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         self._model = model
@@ -38,7 +38,7 @@ class EglRenderer:
         self._pixels = np.empty((height, width, 3), np.uint8)
 
     def render(self, data: mujoco.MjData) -> Image:
-        """Return what the rover's camera sees: shape (height, width, 3)."""
+        """Return the picture of the rover's camera: shape (height, width, 3)."""
         self._context.make_current()
         mujoco.mjv_updateScene(
             self._model,
@@ -58,7 +58,7 @@ def make_egl_renderer(model: mujoco.MjModel, width: int, height: int) -> EglRend
     """Return a renderer for pictures of this size.
 
     Raises:
-        RuntimeError: the libraries are there, but no device of theirs can draw.
+        RuntimeError: the libraries are installed, but none of their devices can draw.
     """
     try:
         return EglRenderer(model, width, height)
@@ -67,7 +67,7 @@ def make_egl_renderer(model: mujoco.MjModel, width: int, height: int) -> EglRend
 
 
 def _release(context: GLContext, gpu: mujoco.MjrContext) -> None:
-    """Free what a renderer holds, in its own context and not in that of another renderer."""
+    """Free the resources of a renderer, in its own context and not in another renderer's."""
     with context.as_current():
         gpu.free()
     context.free()

@@ -1,7 +1,7 @@
-"""What can go wrong with a simulated rover: every fault, declared once, and how it is written.
+"""Faults of a simulated rover: each one is declared once, with its written form.
 
 Entries of scenarios, `rover inject`, the service of `rover-sim` and the table in the documentation
-follow from these declarations; `sim.rover.body`, `jackal` and `mocup` give them their effect.
+are derived from these declarations; `sim.rover.body`, `jackal` and `mocup` implement their effect.
 """
 
 import re
@@ -27,17 +27,17 @@ F = TypeVar("F", bound="SimulatedFault")
 
 
 class SimulatedFault:
-    """What goes wrong, with its parameters; its class is the kind by which it is cleared."""
+    """A fault with its parameters; its class is the kind by which it is cleared."""
 
     __slots__ = ()
 
 
 @unique
 class FaultTarget(Enum):
-    """What a fault acts on, and a rover need not have."""
+    """Part that a fault acts on, and that a rover may lack."""
 
     ODOMETRY = "odometry"
-    ODOMETRY_LINK = "odometry that comes over a network"
+    ODOMETRY_LINK = "odometry over a network"
     ENCODERS = "wheel encoders"
     GYRO = "a gyro"
     IMU = "an inertial measurement unit with messages of its own"
@@ -53,14 +53,14 @@ class FaultTarget(Enum):
 
 @unique
 class Onset(Enum):
-    """How a fault misleads a motion, by which campaigns group faults."""
+    """How a fault misleads a motion; campaigns group faults by it."""
 
     ABRUPT = "abrupt"
     """Data or drive are wrong at once."""
     LATENT = "latent"
-    """Data or drive go wrong with the way, the turn or the torque that is needed."""
+    """The error of data or drive grows with distance, rotation or required torque."""
     GROUND = "ground"
-    """The rover moves in another way than its wheels do."""
+    """The motion of the rover differs from that of its wheels."""
     NONE = "none"
     """No motion is misled."""
 
@@ -75,32 +75,32 @@ class Side(Enum):
 
     @property
     def left(self) -> bool:
-        """Whether the left wheels are meant."""
+        """Whether the left wheels are included."""
         return self is not Side.RIGHT
 
     @property
     def right(self) -> bool:
-        """Whether the right wheels are meant."""
+        """Whether the right wheels are included."""
         return self is not Side.LEFT
 
 
 Value = float | bool | Side
-"""Of a parameter."""
+"""Value of a parameter."""
 _Angle = NewType("_Angle", float)
 _READER: Final = StrictReader({_Angle: angle_of}, units=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedFaultDeclaration:
-    """What is known of a kind of fault.
+    """Declaration of a kind of fault.
 
     Attributes:
         kind: its class.
-        name: in files and at the command line.
-        needs: what a rover must have for it; None where each rover can have it.
+        name: its name in files and at the command line.
+        needs: the part that a rover needs for it; None if every rover can have it.
         onset: how it misleads a motion.
-        summary: the first line of its docstring.
-        parameters: each has bounds, or is a `Side`, or true or false.
+        summary: first line of its docstring.
+        parameters: each has bounds, or is a `Side` or a Boolean.
     """
 
     kind: type[SimulatedFault]
@@ -111,15 +111,15 @@ class SimulatedFaultDeclaration:
     parameters: tuple[Argument, ...]
 
     def default(self, parameter: Argument) -> Value:
-        """Return what a parameter is unless it is given."""
+        """Return the default of a parameter."""
         value: Value = getattr(self.kind(), parameter.field)
         return value
 
     def make(self, given: Mapping[str, object]) -> SimulatedFault:
-        """Return the fault with parameters by their names, as files and people write them.
+        """Return the fault with parameters by their names, as written in files and commands.
 
         Raises:
-            ValueError: there is no such parameter, or a value is not allowed; the text names it.
+            ValueError: a parameter is unknown, or a value is invalid; the text names it.
         """
         known = {each.name: each for each in self.parameters}
         values: dict[str, Value] = {}
@@ -136,7 +136,7 @@ _DECLARED: Final[dict[str, SimulatedFaultDeclaration]] = {}
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))
 def fault(needs: FaultTarget | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
-    """Make a fault of a class whose fields are `argument(...)`, each with a default."""
+    """Declare a class as a fault; its fields are `argument(...)`, each with a default."""
 
     def declare(cls: type[F]) -> type[F]:
         made = record(cls)
@@ -163,7 +163,7 @@ class OdometryFrozen(SimulatedFault):
 
 @fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
 class OdometryRepeated(SimulatedFault):
-    """The last odometry message arrives again and again, with its old stamp."""
+    """The last odometry message arrives repeatedly, with its old stamp."""
 
 
 @fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
@@ -208,12 +208,12 @@ class OdometryJitter(SimulatedFault):
     """Odometry arrives late by chance, in order, as over a busy computer or network."""
 
     mean_s: float = argument(within(0.0, 1.0), "exponentially distributed", default=0.015)
-    stall_s: float = argument(within(0.0, 10.0), "longest pause, every 4 s or so", default=0.18)
+    stall_s: float = argument(within(0.0, 10.0), "maximum pause, every 4 s or so", default=0.18)
 
 
 @fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
 class OdometryZeroTwist(SimulatedFault):
-    """Odometry says that the rover stands; its pose is right."""
+    """Odometry reports zero velocity; its pose is right."""
 
 
 @fault(FaultTarget.GYRO, Onset.LATENT)
@@ -275,13 +275,13 @@ class CmdVelCut(SimulatedFault):
 
 @fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
 class CmdVelTaken(SimulatedFault):
-    """Somebody else commands a velocity, too; without a mux the newest command counts."""
+    """Another publisher commands a velocity, too; without a mux the newest command counts."""
 
     travel_mps: float = argument(within(2.0), default=0.5)
     rotate_radps: float = argument(within(4.0), default=0.0)
     rate_hz: float = argument(within(0.1, 50.0), "how often", default=50.0)
     priority: float = argument(
-        within(0.0, 255.0), "of its input where the base has a mux", default=10.0
+        within(0.0, 255.0), "of its input if the base has a mux", default=10.0
     )
 
 
@@ -301,7 +301,7 @@ class Tip(SimulatedFault):
 
 @fault(FaultTarget.BATTERY)
 class BatteryLow(SimulatedFault):
-    """The battery shows less than its lowest voltage."""
+    """The battery shows less than its minimum voltage."""
 
 
 @fault(FaultTarget.BATTERY)
@@ -323,7 +323,7 @@ class BatteryNan(SimulatedFault):
 
 @fault(FaultTarget.CAMERA)
 class CameraDead(SimulatedFault):
-    """No picture comes, however often one is asked for."""
+    """No picture arrives, even after repeated requests."""
 
 
 @fault(FaultTarget.CAMERA)
@@ -343,7 +343,7 @@ class HeadStuck(SimulatedFault):
 
 @fault(FaultTarget.BRICK, Onset.ABRUPT)
 class BrickSilent(SimulatedFault):
-    """The brick tells nothing, neither telemetry nor replies; it still does what it is told."""
+    """The brick sends no telemetry and no replies; it still executes commands."""
 
 
 @fault(FaultTarget.IMU)
@@ -402,7 +402,7 @@ class Pushed(SimulatedFault):
 
 @fault(FaultTarget.LINK)
 class LinkLost(SimulatedFault):
-    """Nothing passes between ground and rover."""
+    """No message passes between ground and rover."""
 
 
 JACKAL_PARTS: Final = frozenset(
@@ -433,7 +433,7 @@ SENSOR_PARTS: Final = {
     Sensor.SECOND_ODOMETRY: FaultTarget.SECOND_ODOMETRY,
     Sensor.LASER: FaultTarget.LASER,
 }
-"""What an asset's settings may give a simulated Jackal."""
+"""Parts that an asset's settings can give a simulated Jackal."""
 
 
 def declared_faults() -> tuple[SimulatedFaultDeclaration, ...]:
@@ -448,12 +448,12 @@ def fault_declaration(kind: type[SimulatedFault]) -> SimulatedFaultDeclaration:
 
 
 def jackal_parts(sensors: Sensors) -> frozenset[FaultTarget]:
-    """Return what a simulated Jackal with these sensors has."""
+    """Return the parts of a simulated Jackal with these sensors."""
     return JACKAL_PARTS.union(SENSOR_PARTS[each] for each in sensors.present)
 
 
 def parts_of(settings: Settings) -> frozenset[FaultTarget]:
-    """Return what the simulated rover of an asset has."""
+    """Return the parts of the simulated rover of an asset."""
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
             return jackal_parts(settings.sensors)
@@ -464,7 +464,7 @@ def parts_of(settings: Settings) -> frozenset[FaultTarget]:
 
 
 def lacking(kind: type[SimulatedFault], parts: frozenset[FaultTarget]) -> str | None:
-    """Return why a rover with these parts cannot have a fault; None where it can."""
+    """Return why a rover with these parts cannot have a fault; None if it can."""
     declaration = fault_declaration(kind)
     if declaration.needs is None or declaration.needs in parts:
         return None
@@ -477,7 +477,7 @@ def read_kind(raw: object) -> SimulatedFaultDeclaration:
     """Return the declaration of a fault by its name.
 
     Raises:
-        ValueError: there is none of that name; the text says which there are.
+        ValueError: no fault has this name; the text lists all.
     """
     found = _DECLARED.get(raw) if isinstance(raw, str) else None
     if found is None:
@@ -487,10 +487,10 @@ def read_kind(raw: object) -> SimulatedFaultDeclaration:
 
 
 def read_fault(raw: object) -> SimulatedFault:
-    """Return a fault as files write it: `odometry_lost`, or `{odometry_jump: {by: 0.5}}`.
+    """Return a fault from its written form: `odometry_lost`, or `{odometry_jump: {by: 0.5}}`.
 
     Raises:
-        ValueError: there is no such fault, or it cannot have such parameters.
+        ValueError: the fault is unknown, or cannot have such parameters.
     """
     name, given = next(iter(raw.items())) if isinstance(raw, dict) and len(raw) == 1 else (raw, {})
     declaration = read_kind(name)
@@ -500,7 +500,7 @@ def read_fault(raw: object) -> SimulatedFault:
 
 
 def written(fault: SimulatedFault) -> dict[str, dict[str, float | bool | str]]:
-    """Return what `read_fault` reads."""
+    """Return the written form that `read_fault` reads."""
     declaration, plain = fault_declaration(type(fault)), _READER.plain(fault)
     return {declaration.name: {each.name: plain[each.field] for each in declaration.parameters}}
 
@@ -518,7 +518,7 @@ def _value(raw: object, parameter: Argument, path: str) -> Value:
 
 
 def bounds(parameter: Argument) -> tuple[float, float]:
-    """Return the least and the greatest value of a parameter that is a figure."""
+    """Return the minimum and maximum of a numeric parameter."""
     bound = parameter.bound
     assert isinstance(bound, ValueRange)
     assert isinstance(bound.high, float)

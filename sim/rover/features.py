@@ -1,7 +1,7 @@
-"""What stands or lies on the ground of a world, or is dug into it: walls, steps, ditches and more.
+"""Features on or in the ground of a world: walls, steps, ditches and more.
 
-Places are in metres on the ground before the whole world is sloped, x ahead and y left of its
-origin.
+Positions are in metres on the ground before the whole world is sloped, x forward and y left of
+its origin.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from executive.values.geometry import Point
 
 FARTHEST_M: Final = 1000.0
 BANK_M: Final = 0.1
-"""How far the sides of a ditch and of a slope reach into it."""
+"""Width of the sides of a ditch and of a slope, inside it."""
 STEEPEST_RAD: Final = 0.7
 _FRICTION: Final = (0.01, 2.0)
 _SIDE_M: Final = (0.02, 2 * FARTHEST_M)
@@ -27,10 +27,10 @@ Floats = NDArray[np.float64]
 
 
 def require(condition: bool, text: str) -> None:
-    """Do nothing where a condition holds.
+    """Raise ValueError unless a condition holds.
 
     Raises:
-        ValueError: it does not.
+        ValueError: the condition is false.
     """
     if not condition:
         raise ValueError(text)
@@ -38,7 +38,7 @@ def require(condition: bool, text: str) -> None:
 
 @unique
 class FeatureKind(Enum):
-    """What a feature is, for drawings."""
+    """Kind of a feature, for drawings."""
 
     WALL = "wall"
     STEP = "step"
@@ -52,8 +52,8 @@ class Outline:
     """The shape of a feature, seen from above.
 
     Attributes:
-        corners: in their order round it.
-        text: what it is like, in a word or two.
+        corners: in order around it.
+        text: short label.
     """
 
     kind: FeatureKind
@@ -63,7 +63,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class GroundPoint:
-    """A place on the ground."""
+    """A position on the ground."""
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M)
     y_m: float = figure(-FARTHEST_M, FARTHEST_M)
@@ -74,7 +74,7 @@ class Rectangle:
     """A rectangle on the ground.
 
     Attributes:
-        x_m, y_m: its middle.
+        x_m, y_m: its centre.
         length_m: along its heading.
         width_m: across it.
     """
@@ -99,18 +99,18 @@ class Rectangle:
         )
 
     def local(self, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
-        """Return how far places are ahead and to the left of the middle."""
+        """Return positions relative to the centre, forward and left."""
         dx_m, dy_m = x_m - self.x_m, y_m - self.y_m
         ahead = (cos(self.heading_rad), sin(self.heading_rad))
         return dx_m * ahead[0] + dy_m * ahead[1], dy_m * ahead[0] - dx_m * ahead[1]
 
     def within_m(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Return how far within the rectangle places are; outside the figure is negative."""
+        """Return the distance of positions to the border; negative outside."""
         along_m, across_m = self.local(x_m, y_m)
         return np.minimum(self.length_m / 2 - abs(along_m), self.width_m / 2 - abs(across_m))
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how far a place is from the rectangle; 0 within it."""
+        """Return the distance of a position from the rectangle; 0 within it."""
         along_m, across_m = self.local(np.array(x_m), np.array(y_m))
         outside_m = abs(along_m) - self.length_m / 2, abs(across_m) - self.width_m / 2
         return hypot(*(max(0.0, float(each)) for each in outside_m))
@@ -118,12 +118,12 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wall:
-    """A wall from one place to another.
+    """A wall between two positions.
 
     Attributes:
-        x_m, y_m: where it begins.
-        to: where it ends.
-        friction: of wheels on it; with that of rough ground, wheels climb it.
+        x_m, y_m: its start.
+        to: its end.
+        friction: friction of wheels on it; with that of rough ground, wheels climb it.
     """
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M)
@@ -141,7 +141,7 @@ class Wall:
 
     @property
     def area(self) -> Rectangle:
-        """Where it stands."""
+        """Its area on the ground."""
         dx_m, dy_m = self.to.x_m - self.x_m, self.to.y_m - self.y_m
         return Rectangle(
             x_m=(self.x_m + self.to.x_m) / 2,
@@ -159,7 +159,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepBlock(Rectangle):
-    """A block with upright sides, on which a rover can stand if it gets up there."""
+    """A block with upright sides, on which a rover can stand."""
 
     height_m: float = figure(*_RELIEF_M)
 
@@ -171,7 +171,7 @@ class StepBlock(Rectangle):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ditch(Rectangle):
-    """A hole in the ground; its sides take the outermost `BANK_M` of it."""
+    """A hole in the ground; its sides are the outermost `BANK_M` of it."""
 
     depth_m: float = figure(*_RELIEF_M)
 
@@ -182,7 +182,7 @@ class Ditch(Rectangle):
         )
 
     def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Return what it makes of level ground at places."""
+        """Return the heights that it makes of level ground, at positions."""
         return -self.depth_m * np.clip(self.within_m(x_m, y_m) / BANK_M, 0.0, 1.0)
 
     @property
@@ -193,7 +193,7 @@ class Ditch(Rectangle):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionPatch(Rectangle):
-    """Ground of another friction."""
+    """Ground with a different friction."""
 
     friction: float = figure(*_FRICTION)
 
@@ -205,16 +205,16 @@ class FrictionPatch(Rectangle):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeZone(Rectangle):
-    """Ground that rises along its heading, and stays as high beyond that; a second falls again.
+    """Ground that rises along its heading, and stays at that height beyond; a second one descends.
 
     Attributes:
-        slope_rad: how steeply; negative falls.
+        slope_rad: slope; negative descends.
     """
 
     slope_rad: float = figure(-STEEPEST_RAD, STEEPEST_RAD)
 
     def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Return what it makes of level ground at places."""
+        """Return the heights that it makes of level ground, at positions."""
         along_m, across_m = self.local(x_m, y_m)
         risen_m = np.clip(along_m + self.length_m / 2, 0.0, self.length_m)
         beside = np.clip((self.width_m / 2 - abs(across_m)) / BANK_M, 0.0, 1.0)

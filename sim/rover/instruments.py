@@ -1,7 +1,7 @@
-"""What a simulated Jackal feels of itself, beside its odometry: inertia, and its wheels.
+"""Proprioceptive sensors of a simulated Jackal besides its odometry: IMU and wheels.
 
-Each instrument measures what is true with errors of its own, from a random generator of its own,
-so that none changes what another measures.
+Each instrument measures the truth with errors of its own, from a random generator of its own, so
+that no instrument changes another's measurements.
 """
 
 from abc import ABC, abstractmethod
@@ -21,7 +21,7 @@ Vector = tuple[float, float, float]
 _GRAVITY_MPS2: Final = 9.81
 _GREATEST_RADPS: Final = 35.0
 _GREATEST_MPS2: Final = 157.0
-"""Where gyros and accelerometers saturate: 2000 degrees a second, 16 g."""
+"""Saturation of gyros and accelerometers: 2000 degrees per second, 16 g."""
 _WHEELS: Final = slice(7, 11)
 """Angles of front left and right, rear left and right, in the state of physics."""
 _WHEEL_RATES: Final = slice(6, 10)
@@ -30,11 +30,11 @@ _SHAKEN_M: Final = 0.098 / 4
 
 
 class Instrument(ABC):
-    """Something on a rover that measures at a rate, or as often as the steps of physics allow.
+    """A sensor that measures at a rate, limited to that of the steps of physics.
 
     Attributes:
-        every: it measures each so many steps of physics.
-        latency_s: from the last measurement until it is published.
+        every: number of steps of physics per measurement.
+        latency_s: time from the last measurement to its publication.
     """
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
@@ -46,7 +46,7 @@ class Instrument(ABC):
 
     @abstractmethod
     def measure(self, stamp_s: float) -> Fact | None:
-        """Return what is measured now; None where nothing is."""
+        """Return the present measurement; None if there is none."""
 
 
 def draws(
@@ -55,7 +55,7 @@ def draws(
     mean: NDArray[np.float64] | float = 0.0,
     deviation: NDArray[np.float64] | float = 1.0,
 ) -> Iterator[list[float]]:
-    """Yield rows of normal numbers, drawn in blocks because that is fast."""
+    """Yield rows of normal numbers, drawn in blocks for speed."""
     while True:
         yield from (mean + deviation * random.standard_normal((512, width))).tolist()
 
@@ -63,19 +63,19 @@ def draws(
 _ACCELERATION_BIAS_MPS2: Final = 0.05
 _GYRO_BIAS_RADPS: Final = 0.003
 _LEAN_BIAS_RAD: Final = 0.005
-"""Standard deviations of what is constant in a run."""
+"""Standard deviations of the errors that are constant in a run."""
 _ACCELERATION_NOISE_MPS2: Final = 0.03
 _GYRO_NOISE_RADPS: Final = 0.004
 _LEAN_NOISE_RAD: Final = 0.002
 """Standard deviations of one measurement."""
 _VIBRATION_HZ: Final = 0.3
-"""Acceleration noise that the wheels add, in m/s2 per m/s of their speed."""
+"""Acceleration noise by the wheels, in m/s2 per m/s of their speed."""
 
 
 class InertialUnit(Instrument):
-    """Mean rates and accelerations since the last measurement, and the lean.
+    """Mean rates and accelerations since the last measurement, with roll and pitch.
 
-    It is read more often than anything else, and so written out.
+    It is read more often than all others, and therefore written without vectors.
     """
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
@@ -95,7 +95,7 @@ class InertialUnit(Instrument):
         self._shoves_mps2: list[float] = []
 
     def measure(self, stamp_s: float) -> Imu | None:
-        """Return what is measured since the last call, in the axes of base_link."""
+        """Return the measurement since the last call, in the axes of base_link."""
         noise = next(self._draws)
         before, before_mps = self._before, self._before_mps
         self._before = now = self._attitude.tolist()
@@ -125,7 +125,7 @@ class InertialUnit(Instrument):
     def _shoved_mps2(self) -> float:
         """Return the acceleration of a push, which begins in one measurement and ends in the next.
 
-        Physics put the rover elsewhere at once, which does not change its velocity.
+        Physics moves the rover at once, without a change of its velocity.
         """
         before, self._push = self._push, self._fault(faults.Pushed)
         if self._push is not None and self._push is not before:
@@ -134,7 +134,7 @@ class InertialUnit(Instrument):
         return self._shoves_mps2.pop() if self._shoves_mps2 else 0.0
 
     def _by_gyro(self, rates_radps: Vector) -> Vector:
-        """Return what the gyro measures of true rates, but for its own errors."""
+        """Return the gyro's measurement of true rates, without its own errors."""
         dead = self._fault(faults.GyroDead)
         gain, bias = self._fault(faults.GyroGain), self._fault(faults.GyroBias)
         if dead is not None and dead.shared:
@@ -149,7 +149,7 @@ class InertialUnit(Instrument):
 
 
 def _rates(before: list[float], after: list[float], since_s: float) -> Vector:
-    """Return the mean rates about the body's axes between two attitudes near each other."""
+    """Return the mean rates about the body's axes between two similar attitudes."""
     a, b, c, d = before
     w, x, y, z = after
     same = 2 / since_s if a * w + b * x + c * y + d * z >= 0 else -2 / since_s
@@ -193,7 +193,7 @@ _EFFORT_NOISE_NM: Final = 0.05
 
 
 class WheelSensors(Instrument):
-    """Mean speeds of the four wheels since the last measurement, and the torques now."""
+    """Mean speeds of the four wheels since the last measurement, and the present torques."""
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
@@ -203,7 +203,7 @@ class WheelSensors(Instrument):
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:
-        """Return what is measured."""
+        """Return the measurement."""
         noise, since_s = next(self._draws), self._since_s
         before, now = self._before, self._angles.tolist()
         self._before = now

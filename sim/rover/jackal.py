@@ -1,6 +1,6 @@
-"""A simulated Jackal that stands where a real one would: behind the port `VelocityRover`.
+"""A simulated Jackal in place of a real one, behind the port `VelocityRover`.
 
-Its base keeps limits and a timeout; its odometry integrates encoder speed and gyro rate.
+Its base has limits and a timeout; its odometry integrates encoder speed and gyro rate.
 """
 
 from collections import deque
@@ -36,14 +36,14 @@ from sim.rover.world import World
 TRACK_M: Final = 0.37559
 WHEEL_RADIUS_M: Final = 0.098
 TRACK_MULTIPLIER: Final = 1.5
-"""Skid steering turns less than its track says; Clearpath commands this much more."""
+"""Skid steering rotates less than its track predicts; Clearpath's factor of the commands."""
 
 _BASE_MPS: Final = 2.0
 _BASE_MPS2: Final = 20.0
 _BASE_RADPS: Final = 4.0
 _BASE_RADPS2: Final = 25.0
 _BASE_TIMEOUT_S: Final = 0.25
-"""Limits that the base keeps by itself (control.yaml of the Jackal)."""
+"""Limits of the base itself (control.yaml of the Jackal)."""
 
 
 def _approach(now: float, target: float, bound: float, step: float) -> float:
@@ -61,7 +61,7 @@ class BaseController:
         self._rotate_radps = 0.0
 
     def command(self, velocity: Velocity, now_s: float) -> None:
-        """Take a velocity command; it holds until the next one or the timeout."""
+        """Set the velocity command; it is valid until the next one or the timeout."""
         self._command = velocity
         self._commanded_s = now_s
 
@@ -84,7 +84,7 @@ class BaseController:
 
 @dataclass(frozen=True, slots=True)
 class OdometrySettings:
-    """How good the sensors are, and whether side slip is allowed for.
+    """Accuracy of the sensors, and compensation of side slip.
 
     Attributes:
         slip_offset_m: c0 of the side-slip law v_y = -(c0 + c1 sign(v) sqrt|v w|) w.
@@ -124,7 +124,7 @@ class WheelOdometry:
     def advance(
         self, stamp_s: float, period_s: float, encoder_mps: float, gyro_radps: float, lean: Pose
     ) -> Odometry:
-        """Integrate one period and return what is published for its end."""
+        """Integrate one period and return the odometry published for its end."""
         settings = self._settings
         first, second, third, fourth = next(self._draws)
         travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first
@@ -153,19 +153,19 @@ class WheelOdometry:
 
 ANOTHER: Final = "another"
 ANOTHER_TIMEOUT_S: Final = 0.5
-"""An input of which the executive does not know."""
+"""Timeout of an input that the executive does not know."""
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
 _STALL_EVERY_S = 4.0
 _SHORTEST_STALL = 0.28
-"""Of the longest one: 50 ms of 180."""
+"""Minimum stall as a ratio of the maximum: 50 ms of 180."""
 
 
 class SimulatedJackal(SimulatedBody):
     """A Jackal in a world. The odometry frame is the world's frame.
 
     Attributes:
-        odometry: before its latency and faults.
+        odometry: the odometry before its latency and faults.
     """
 
     def __init__(
@@ -177,15 +177,15 @@ class SimulatedJackal(SimulatedBody):
         sensors: Sensors | None = None,
         mux: MuxSettings | None = None,
     ) -> None:
-        """Put the rover on the ground at the world's start and let it settle.
+        """Place the rover on the ground at the world's start and let it settle.
 
         Args:
-            world: where it drives.
-            seed: of all sensor noise; the same seed and calls repeat bit for bit.
-            odometry: how good the odometry is.
+            world: its world.
+            seed: seed of all sensor noise; the same seed and calls repeat bit for bit.
+            odometry: accuracy of the odometry.
             picture: size and backend of camera pictures.
-            sensors: what it senses with beside its odometry; nothing unless given.
-            mux: who may drive it; None for everybody.
+            sensors: its sensors other than odometry; none unless given.
+            mux: mux of the base; None accepts every velocity.
         """
         sensors = sensors or Sensors()
         super().__init__(JACKAL, BatteryPack(), world, picture, jackal_parts(sensors))
@@ -213,7 +213,7 @@ class SimulatedJackal(SimulatedBody):
             self.take(None if self._mux is None else self._mux.settings.input, velocity)
 
     def take(self, name: str | None, velocity: Velocity) -> None:
-        """Take a velocity of an input of the mux; None of where there is no mux.
+        """Process a velocity of an input of the mux; None without a mux.
 
         Raises:
             ValueError: if a figure is not finite.
@@ -224,12 +224,12 @@ class SimulatedJackal(SimulatedBody):
             self._base.command(velocity, self.time_s)
 
     def take_lock(self, name: str, locked: bool) -> None:
-        """Take what a lock of the mux is told."""
+        """Process a message of a lock of the mux."""
         if self._mux is not None:
             self._mux.lock(name, locked, self.time_s)
 
     def lock(self, held: bool) -> None:
-        """Hold the executive's lock of the mux, with zero on its input for stops, or let go."""
+        """Hold the executive's lock of the mux, with zero on its input for stops, or release it."""
         if self._mux is None:
             return
         settings = self._mux.settings
@@ -238,12 +238,12 @@ class SimulatedJackal(SimulatedBody):
         self.take_lock(settings.lock, held)
 
     def emergency_stop(self) -> None:
-        """Command to stand, and hold the lock."""
+        """Command zero velocity, and hold the lock."""
         self.drive(STANDING)
         self.lock(True)
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Command the camera's angles and greatest speed, cut to what the head can do.
+        """Command the camera's angles and maximum speed, limited to those of the head.
 
         Raises:
             ValueError: if a figure is not finite.
@@ -254,7 +254,7 @@ class SimulatedJackal(SimulatedBody):
         self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
     def inject(self, fault: SimulatedFault) -> None:
-        """Have a fault begin."""
+        """Inject a fault."""
         super().inject(fault)
         match fault:
             case faults.OdometryJump(by_m):
@@ -289,7 +289,7 @@ class SimulatedJackal(SimulatedBody):
                 self._due.append(Battery(voltage_v, self._battery.charge_ratio))
 
     def _gyro_radps(self, true_radps: float) -> float:
-        """Return what the gyro measures of a rate, but for its own noise."""
+        """Return the gyro's measurement of a rate, without its own noise."""
         gain, bias = self.fault(faults.GyroGain), self.fault(faults.GyroBias)
         if faults.GyroDead in self._faults:
             return 0.0
@@ -298,7 +298,7 @@ class SimulatedJackal(SimulatedBody):
         return true_radps if bias is None else true_radps + bias.rate_radps
 
     def _publish_odometry(self, measured: Odometry) -> None:
-        """Publish what was measured a period ago, or earlier, as the faults let it."""
+        """Publish the odometry of the last period, or an earlier one, changed by the faults."""
         late = self.fault(faults.OdometryLate)
         delay_s = PERIOD_S if late is None else PERIOD_S + late.by_s
         self._in_transit.append((measured.stamp_s + self._jitter_s(), measured))
@@ -309,7 +309,7 @@ class SimulatedJackal(SimulatedBody):
                 self._due.append(self._published)
 
     def _jitter_s(self) -> float:
-        """Return how much longer than usual the next odometry is under way."""
+        """Return the additional delay of the next odometry."""
         jitter = self.fault(faults.OdometryJitter)
         if jitter is None:
             return 0.0
@@ -320,7 +320,7 @@ class SimulatedJackal(SimulatedBody):
         return min(wait_s, longest_s)
 
     def _distorted(self, fact: Odometry, last: Odometry | None) -> Odometry:
-        """Return what odometry says in place of a fact."""
+        """Return the odometry published for a measurement."""
         if last is not None and faults.OdometryRepeated in self._faults:
             return last
         if last is not None and faults.OdometryFrozen in self._faults:
@@ -330,7 +330,7 @@ class SimulatedJackal(SimulatedBody):
         return fact
 
     def _input_of(self, priority: int) -> str | None:
-        """Return the input of the mux of a priority, one more where it has none."""
+        """Return the input of the mux with a priority; adds one if there is none."""
         if self._mux is None:
             return None
         for name, entry in self._mux.settings.topics.items():
@@ -340,7 +340,7 @@ class SimulatedJackal(SimulatedBody):
         return ANOTHER
 
     def _tell_of_input(self, name: str | None) -> None:
-        """Tell the executive, which listens to its own topic and to the other inputs of the mux."""
+        """Notify the executive, which subscribes to its topic and the mux's other inputs."""
         settings = None if self._mux is None else self._mux.settings
         if settings is None or name == settings.input:
             self._due.append(OtherInput(VELOCITY_TOPIC, above=True))
@@ -349,7 +349,7 @@ class SimulatedJackal(SimulatedBody):
             self._due.append(OtherInput(name, settings.topics[name].priority > own.priority))
 
     def _actuate(self) -> None:
-        """Give motors and head their set points for the next period."""
+        """Set the set points of motors and head for the next period."""
         taken = self.fault(faults.CmdVelTaken)
         if taken is not None and self.time_s >= self._other_command_s - SOON_S:
             self._other_command_s += 1 / taken.rate_hz

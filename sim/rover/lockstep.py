@@ -1,7 +1,7 @@
 """The executive and the simulated rover in one process and one thread, on simulated time.
 
 The same core and the same physics as over ROS, without threads, sockets or waiting: runs repeat
-bit for bit and go many times faster than real time.
+bit for bit and are many times faster than real time.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ SOURCE = "EXEC"
 
 
 class InProcessMocup(MocupRover):
-    """What an executive sees of a simulated MOCUP: one plugin's life, on simulated time."""
+    """A simulated MOCUP from the view of one executive: a plugin on simulated time."""
 
     def __init__(self, body: SimulatedMocup, clock: Clock, brick: str) -> None:
         self._body = body
@@ -49,14 +49,14 @@ class InProcessMocup(MocupRover):
         super().__init__(dictionary, clock, send, self._due.append, SOURCE, brick)
 
     def lock(self, held: bool) -> None:
-        """Do nothing: nobody else can publish to a brick."""
+        """Ignore the lock: a brick has no other publishers."""
 
     def request_frame(self) -> None:
-        """Ask for a picture: the camera is not on the brick."""
+        """Request a picture: the camera is not on the brick."""
         self._body.request_frame()
 
     def facts(self) -> list[Fact]:
-        """Return what the brick has said since the last call, and the picture asked for."""
+        """Return the brick's facts since the last call, and the requested picture."""
         for message in self._stream.feed(self._body.brick.give()):
             if message.code == self._telemetry.code:
                 with suppress(MopsError):  # telemetry that cannot be read is lost, as over ROS
@@ -76,7 +76,7 @@ STEP_S = 0.01
 
 
 class DownlinkRecorder:
-    """A downlink that keeps what it hears."""
+    """A downlink that stores all reports and telemetry."""
 
     def __init__(self) -> None:
         self.reports: list[Report] = []
@@ -85,19 +85,19 @@ class DownlinkRecorder:
         self.plans: list[PlanUpdate] = []
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Keep reports."""
+        """Store reports."""
         self.reports += reports
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Keep a batch."""
+        """Store a batch."""
         self.telemetry_batches.append(values)
 
     def file(self, event: FileEvent) -> None:
-        """Keep what happened to a file."""
+        """Store a file event."""
         self.file_events.append(event)
 
     def plan(self, update: PlanUpdate) -> None:
-        """Keep how far a plan has come."""
+        """Store the progress of a plan."""
         self.plans.append(update)
 
 
@@ -105,17 +105,17 @@ class LockStep:
     """One rover and its executive.
 
     Args:
-        folder: where the ledger and the files go.
-        downlinks: who hears reports and telemetry beside `heard`.
-        picture: size and making of camera pictures.
-        odometry: how good that of a Jackal is.
-        solver: what plans where the settings offer mpc; made for them unless given.
-        tape: takes a recording of the executive; None for none.
+        folder: folder of the ledger and the files.
+        downlinks: further receivers of reports and telemetry, in addition to `heard`.
+        picture: size and renderer of camera pictures.
+        odometry: accuracy of a Jackal's odometry.
+        solver: solver of plans; created if the settings offer mpc, unless given.
+        tape: receives a recording of the executive; None for none.
 
     Attributes:
-        rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
-        heard: what came down so far.
-        alive: whether there is an executive, as there is but between `kill` and `start`.
+        rover: the simulation: a Jackal, or MOCUP if it executes whole motions.
+        heard: all reports and telemetry so far.
+        alive: whether an executive runs: always, except between `kill` and `start`.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class LockStep:
         return self.clock.now_s()
 
     def submit(self, command: Command) -> SubmitResult:
-        """Hand a command over as a link does, and return the answer.
+        """Submit a command like a link, and return the result.
 
         Raises:
             ConnectionError: there is no executive, between `kill` and `start`.
@@ -166,12 +166,12 @@ class LockStep:
         return answers[0]
 
     def run(self, duration_s: float) -> None:
-        """Let time pass."""
+        """Advance the time."""
         for _ in range(round(duration_s / STEP_S)):
             self._step()
 
     def run_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Let time pass until something holds; return whether it did within the limit."""
+        """Advance the time until a condition holds; return whether it did within the limit."""
         for _ in range(round(limit_s / STEP_S)):
             if done():
                 return True
@@ -179,7 +179,7 @@ class LockStep:
         return done()
 
     def kill(self) -> None:
-        """Lose the executive as by kill -9: nobody hears facts, ticks, or commands the rover."""
+        """End the executive as by kill -9: it receives no facts, and does not tick or command."""
         self.executive.abandon()
         self.alive = False
 
@@ -206,7 +206,7 @@ class LockStep:
         return executive
 
     def _seen_by_executive(self) -> SimulatedJackal | InProcessMocup:
-        """Return the rover as an executive sees it, which for MOCUP is by a plugin of its own."""
+        """Return the rover from the view of an executive; for MOCUP with a plugin of its own."""
         if isinstance(self.rover, SimulatedJackal):
             return self.rover
         return InProcessMocup(self.rover, self.clock, self.settings.asset.upper())
@@ -230,7 +230,7 @@ class LockStep:
         self._woken = True
 
     def _serve_while_woken(self) -> None:
-        """Give the executive the turns that it asks for, in no time."""
+        """Execute the turns that the executive requests, without advancing the time."""
         while self._woken:
             self._woken = False
             self.executive.turn()

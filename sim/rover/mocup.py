@@ -1,4 +1,4 @@
-"""The simulated MOCUP: a small rover moved by the brick that stands on it, and by nothing else."""
+"""The simulated MOCUP: a small rover that only its brick moves."""
 
 from collections import deque
 from dataclasses import replace
@@ -33,10 +33,10 @@ class SimulatedMocup(SimulatedBody):
     """MOCUP in a world. Its brick starts with the true pose.
 
     Args:
-        seed: of latencies and of the brick's errors; the same repeats bit for bit.
+        seed: seed of latencies and of the brick's errors; the same seed repeats bit for bit.
 
     Attributes:
-        brick: hears and says MOPS strings.
+        brick: receives and sends MOPS messages.
     """
 
     def __init__(
@@ -58,11 +58,11 @@ class SimulatedMocup(SimulatedBody):
         self._actuate()
 
     def hear(self, octets: bytes) -> None:
-        """Give the brick octets."""
+        """Pass octets to the brick."""
         self.brick.take(octets, self.time_s)
 
     def inject(self, fault: SimulatedFault) -> None:
-        """Have a fault begin."""
+        """Inject a fault."""
         super().inject(fault)
         if isinstance(fault, faults.OdometryJump):
             self._move_belief(fault.by_m)
@@ -70,13 +70,13 @@ class SimulatedMocup(SimulatedBody):
             self.brick.mute = True
 
     def clear(self, kind: type[SimulatedFault]) -> None:
-        """Have a fault end, if it is there."""
+        """Clear a fault, if it is active."""
         super().clear(kind)
         if kind is faults.BrickSilent:
             self.brick.mute = False
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
-        """Have the brick live through the period."""
+        """Run the brick for the period."""
         drift = self.fault(faults.OdometryDrift)
         if drift is not None:
             self._move_belief(drift.rate_mps * PERIOD_S)
@@ -99,12 +99,12 @@ class SimulatedMocup(SimulatedBody):
         self._points = self.brick.step(self.time_s, senses, PERIOD_S)
 
     def _move_belief(self, distance_m: float) -> None:
-        """Have the brick believe that it is so far to the left."""
+        """Move the brick's estimated pose by a distance to the left."""
         odometry = self.brick.machine.odometry
         odometry.pose = moved_left(odometry.pose, distance_m)
 
     def _distorted(self, readings: Readings) -> Readings | None:
-        """Return what telemetry tells in place of what the brick knows."""
+        """Return the telemetry sent for the brick's readings."""
         late = self.fault(faults.OdometryLate)
         self._measured.append((self.time_s, readings))
         told_s = self.time_s if late is None else self.time_s - late.by_s
@@ -127,7 +127,7 @@ class SimulatedMocup(SimulatedBody):
         return changed
 
     def _actuate(self) -> None:
-        """Give motors and head the brick's set points."""
+        """Apply the brick's set points to motors and head."""
         points = self._points
         left, right = self._unstuck(points.left_radps, points.right_radps)
         self._ctrl[:] = (left, right, *self._head_rad(points.pan_rad, points.tilt_rad))

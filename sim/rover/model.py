@@ -1,4 +1,4 @@
-"""The MuJoCo model: a rover of its XML standing in a world, among its rocks."""
+"""The MuJoCo model: a rover from its XML file in a world with rocks."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -14,13 +14,13 @@ from sim.rover import scenery
 from sim.rover.world import Terrain, World
 
 PICTURE_LIMIT = (1280, 960)
-"""Widest and highest picture."""
+"""Maximum width and height of a picture."""
 _MEETS_ROVER = 3
 _BELOW_M = 2.0
-"""So deep do walls and steps reach into the ground, and the level ground around a square."""
+"""Depth of walls and steps in the ground, and of the level ground around a square."""
 _AROUND_M = 200.0
 _FILM_M = 0.001
-"""Height by which a patch is seen over the ground."""
+"""Height of a visible patch over the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,10 @@ class Chassis:
 
     Attributes:
         file: its MuJoCo model; the joints are the free one, the wheels, pan and tilt.
-        wheels: how many are driven.
-        base_height_m: base_link over the ground that the wheels stand on.
+        wheels: number of driven wheels.
+        base_height_m: height of base_link over the ground below the wheels.
         reach_m: half the side of the square in which ground can touch it.
-        yield_m: twice what tyre and soil give way under its weight.
+        yield_m: twice the compression of tyre and soil under its weight.
     """
 
     file: str
@@ -43,14 +43,14 @@ class Chassis:
 
 
 JACKAL = Chassis("jackal.xml", wheels=4, base_height_m=0.061, reach_m=0.25, yield_m=0.01)
-"""Half a centimetre of yield lets all four wheels carry on uneven ground; the track multiplier
-comes out right at every friction with it."""
+"""With half a centimetre of compression all four wheels carry on uneven ground, and the track
+multiplier is right at every friction."""
 MOCUP = Chassis("mocup.xml", wheels=2, base_height_m=0.041, reach_m=0.13, yield_m=0.001)
 
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """A world on its way into a model; contact is how its ground meets the rover."""
+    """A world to be added to a model; `contact` has the contact parameters of its ground."""
 
     spec: mujoco.MjSpec
     soil: mujoco.MjsBody
@@ -60,7 +60,7 @@ class _Scene:
 
 
 def build_model(world: World, step_s: float, chassis: Chassis) -> mujoco.MjModel:
-    """Return the compiled model of the rover in a world, standing at its start.
+    """Return the compiled model of the rover in a world, at its start.
 
     Raises:
         ValueError: if MuJoCo refuses the model.
@@ -79,7 +79,7 @@ def build_model(world: World, step_s: float, chassis: Chassis) -> mujoco.MjModel
 
 
 def _stand(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
-    """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
+    """Place the rover at its start, tilted like the ground, above the ground with all wheels."""
     start, soil = scene.world.start, scene.soil
     reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
     height_m = chassis.base_height_m + max(
@@ -155,7 +155,7 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
 
 
 def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
-    """Return how ground and rocks meet the rover, as attributes of a geom."""
+    """Return the contact parameters of ground and rocks, as attributes of a geom."""
     return {
         "conaffinity": _MEETS_ROVER,
         "contype": 0,
@@ -167,10 +167,10 @@ def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
 
 
 def _add_soil(scene: _Scene) -> None:
-    """Add the plane without end, and the uneven square a little above it.
+    """Add the infinite plane, and the uneven square a little above it.
 
-    Where the square goes down below level ground, the plane is below all of it, and level ground
-    stands around.
+    If the square goes below level ground, the plane is below all of it, and level ground is added
+    around.
     """
     soil, terrain = scene.soil, scene.terrain
     heights_m = terrain.heights_m
@@ -206,7 +206,7 @@ def _add_soil(scene: _Scene) -> None:
 
 
 def _add_level_ground(soil: mujoco.MjsBody, inner_m: float, common: dict[str, Any]) -> None:
-    """Add level ground around a square, of which the half side is given."""
+    """Add level ground around a square, given by its half side."""
     outer_m = inner_m + _AROUND_M
     middle_m, half_m = (inner_m + outer_m) / 2, _AROUND_M / 2
     for number, (x_m, y_m, half_x_m, half_y_m) in enumerate(
@@ -227,9 +227,9 @@ def _add_level_ground(soil: mujoco.MjsBody, inner_m: float, common: dict[str, An
 
 
 def _add_features(scene: _Scene) -> None:
-    """Add walls and steps, and what shows where a patch of other friction lies.
+    """Add walls and steps, and markers of patches with different friction.
 
-    All are upright blocks, as high over the ground in their middle, that reach into it.
+    All are upright blocks with their height above the ground at their centre, and reach into it.
     """
     world, contact = scene.world, scene.contact
     if not (world.walls or world.steps or world.patches):
@@ -258,7 +258,7 @@ def _add_features(scene: _Scene) -> None:
 
 
 def _add_hills(soil: mujoco.MjsBody) -> None:
-    """Add hills at the horizon, which nothing reaches."""
+    """Add hills at the horizon, out of reach."""
     random = Random(11)
     count = 14
     for number in range(count):
@@ -317,7 +317,7 @@ def _add_rocks(scene: _Scene) -> None:
 
 
 def _chipped(ball: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Return a ball with flat faces struck off it, whose convex hull MuJoCo makes a mesh of."""
+    """Return a ball with flat faces, whose convex hull is MuJoCo's mesh."""
     normals = random.standard_normal((_CHIPS, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     stone = 1.08 * ball

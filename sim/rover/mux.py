@@ -1,10 +1,10 @@
-"""The mux of a simulated base, which does what twist_mux does.
+"""The mux of a simulated base, with the behaviour of twist_mux.
 
 An input is masked while its last message is older than its timeout, or while a lock of a higher
-priority is locked. A message goes on to the base if its input has the highest priority of those
-that are not masked. An input without a timeout counts though nothing
-was ever heard of it. A lock is locked by what it was told last, and if that is older than its
-timeout. Nothing is published in place of what is masked: the base stops by its own timeout.
+priority is locked. A message is forwarded to the base if its input has the maximum priority of
+those that are not masked. An input without a timeout counts even without a message. A lock has the
+state of its last message, and is locked if that is older than its timeout. For a masked message no
+other one is published: the base stops by its own timeout.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from executive.settings import MuxEntry, MuxSettings
 
 @dataclass(slots=True)
 class _LastMessage:
-    """An input or a lock, and when it was heard last; `locked` is of a lock."""
+    """An input or a lock, with the time of its last message; `locked` is for a lock."""
 
     entry: MuxEntry
     at_s: float = -inf
@@ -26,7 +26,7 @@ class _LastMessage:
 
 
 class Mux:
-    """Decides which of its inputs drives the base."""
+    """Selects the input that drives the base."""
 
     def __init__(self, settings: MuxSettings) -> None:
         self.settings = settings
@@ -34,11 +34,11 @@ class Mux:
         self._locks = {name: _LastMessage(entry) for name, entry in settings.locks.items()}
 
     def add(self, name: str, entry: MuxEntry) -> None:
-        """Have one input more, in place of one of that name."""
+        """Add an input; it replaces one of that name."""
         self._inputs[name] = _LastMessage(entry)
 
     def passes(self, name: str, now_s: float) -> bool:
-        """Take a velocity of an input; return whether it goes on to the base."""
+        """Process a velocity of an input; return whether it is forwarded to the base."""
         self._inputs[name].at_s = now_s
         bar = max(
             (
@@ -54,6 +54,6 @@ class Mux:
         return first is self._inputs[name]
 
     def lock(self, name: str, locked: bool, now_s: float) -> None:
-        """Take what a lock is told."""
+        """Process a message of a lock."""
         lock = self._locks[name]
         lock.locked, lock.at_s = locked, now_s

@@ -1,4 +1,4 @@
-"""Colours and textures of the scene, shared by both ways of taking a picture of it."""
+"""Colours and textures of the scene, shared by both renderers."""
 
 from functools import cache
 from typing import Final
@@ -18,7 +18,7 @@ WALL: Final[Colour] = (0.72, 0.69, 0.64)
 PATCH: Final[Colour] = (0.74, 0.78, 0.82)
 
 SUN_DIRECTION: Final = (-0.55, 0.45, -0.62)
-"""Where the light goes, in the world's axes."""
+"""Direction of the light, in the world's axes."""
 AMBIENT: Final = 0.42
 SUNLIGHT: Final = 0.75
 HAZE_START_M: Final = 15.0

@@ -1,4 +1,4 @@
-"""The sensors that an asset's settings name, read as the physics of a Jackal goes on."""
+"""The sensors in an asset's settings, read during the physics of a Jackal."""
 
 from collections.abc import Mapping
 from math import gcd
@@ -21,12 +21,12 @@ _KINDS: Final[Mapping[Sensor, type[Instrument]]] = {
 
 
 class SensorSuite:
-    """Reads each instrument at its rate, and holds back what is not published at once.
+    """Reads each instrument at its rate, and delays its facts by its latency.
 
-    Each has random numbers that no other has.
+    Each instrument has separate random numbers.
 
     Attributes:
-        every: it is to be read each so many steps of physics, a part of a period.
+        every: steps of physics between two calls of `read`, a part of a period.
     """
 
     def __init__(self, sensors: Sensors, seed: int, rover: SimulatedBody) -> None:
@@ -40,7 +40,7 @@ class SensorSuite:
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
     def read(self, steps: int) -> list[Fact]:
-        """Return what is published after so many steps of physics."""
+        """Return the facts published at a step of physics."""
         time_s = steps * STEP_S
         published = self._arrived(time_s)
         for instrument in self._instruments:

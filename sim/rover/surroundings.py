@@ -1,4 +1,4 @@
-"""What a simulated Jackal sees of its surroundings: visual odometry, and a laser's scans."""
+"""Exteroceptive sensors of a simulated Jackal: visual odometry, and a laser."""
 
 from dataclasses import replace
 from math import copysign, cos, hypot, inf, nan, pi, sin
@@ -14,28 +14,28 @@ from sim.rover.body import SimulatedBody, moved_left
 from sim.rover.instruments import Instrument
 
 _SCALE: Final = (0.01, 0.02)
-"""Bounds of the error of the scale in a run, as ratios, of either sign."""
+"""Bounds of the relative scale error in a run, of either sign."""
 _DRIFT_RADPM: Final = 0.002
 """Standard deviation of the drift of the heading in a run."""
 _NOISE_M: Final = 0.006
 _NOISE_RAD: Final = 0.003
-"""Standard deviations of one place and one angle."""
+"""Standard deviations of one position and one angle."""
 _LATENCY_S: Final = (0.3, 0.5)
-"""Bounds of the time from a frame to what is known of it."""
+"""Bounds of the latency of a frame's result."""
 _MISSING: Final = 0.03
 _MISSING_IN_TURN: Final = 0.3
-"""Ratios of frames that give nothing."""
+"""Ratios of frames without a result."""
 _TURN_RADPS: Final = 1.2
-"""From this rate on it counts as a turn."""
+"""Minimum rate of a turn."""
 _GAP_S: Final = (1.5, 4.0)
 _BETWEEN_GAPS_S: Final = (60.0, 120.0)
-"""Bounds of how long no frame gives anything, and of the time from gap to gap."""
+"""Bounds of the duration of a gap without results, and of the time between gaps."""
 
 
 class VisualOdometry(Instrument):
-    """Where the rover is by what its camera sees of the ground, from where it began.
+    """Pose of the rover by its camera's view of the ground, relative to its start.
 
-    It says how sure it is by its errors that are not constant, and the scale that may be off.
+    Its uncertainty includes the errors that are not constant, and the scale error.
     """
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
@@ -51,7 +51,7 @@ class VisualOdometry(Instrument):
         self._jumped: faults.SecondOdometryJump | None = None
 
     def measure(self, stamp_s: float) -> SecondOdometry | None:
-        """Return the pose of a frame that is taken now; None where it gives nothing."""
+        """Return the pose of a frame taken now; None without a result."""
         self._follow(self._rover.true_pose)
         self._mislead()
         fact, there = self._frame(stamp_s)
@@ -63,7 +63,7 @@ class VisualOdometry(Instrument):
         return fact
 
     def _follow(self, true: Pose) -> None:
-        """Add the way since the last frame."""
+        """Add the displacement since the last frame."""
         before, self._true = self._true, true
         x_m, y_m = true.x_m - before.x_m, true.y_m - before.y_m
         off_rad = self._pose.heading_rad - before.heading_rad
@@ -90,7 +90,7 @@ class VisualOdometry(Instrument):
             self._pose = moved_left(self._pose, drift.rate_mps * self._since_s)
 
     def _frame(self, stamp_s: float) -> tuple[SecondOdometry, bool]:
-        """Return what a frame says, and whether it says anything: the same draws for each."""
+        """Return the fact of a frame, and whether it has a result; both use the same draws."""
         pose, random = self._pose, self._random
         noise = random.standard_normal(6).tolist()
         late, missed = random.uniform(size=2).tolist()
@@ -124,7 +124,7 @@ RAYS: Final = 360
 RANGE_MIN_M: Final = 0.1
 RANGE_MAX_M: Final = 20.0
 _HEIGHT_M: Final = 0.2
-"""Of the laser over base_link: 0.26 m over level ground."""
+"""Height of the laser over base_link: 0.26 m over level ground."""
 _RANGE_NOISE_M: Final = 0.01
 _SCAN_LATENCY_S: Final = 0.06
 _SEEN: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
@@ -132,7 +132,7 @@ _SEEN: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 
 class Laser(Instrument):
-    """One ray a degree all around, in a plane that leans with the rover."""
+    """One ray per degree all around, in a plane that tilts with the rover."""
 
     def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         super().__init__(rover, rate_hz, random)
@@ -145,7 +145,7 @@ class Laser(Instrument):
         self._axes = np.empty(9)
 
     def measure(self, stamp_s: float) -> LaserScan | None:
-        """Return a scan of what is there now, all its rays at once."""
+        """Return a scan of the present state, with all rays at the same time."""
         noise_m = _RANGE_NOISE_M * self._random.standard_normal(RAYS)
         if self._fault(faults.LaserDead) is not None:
             return None

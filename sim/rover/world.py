@@ -1,7 +1,6 @@
-"""What the simulated rover stands on, read from YAML; and the shape of the ground.
+"""The world of a simulated rover, read from YAML, and the shape of its ground.
 
-Decides what a world may say and refuses what it may not; how it looks and how it is simulated is
-for `sim.rover.model`.
+Defines and checks the valid worlds; their display and simulation are in `sim.rover.model`.
 """
 
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ from sim.rover.features import (
 )
 
 CLEAR_M = 0.35
-"""So far from the start there is no wall, step or ditch."""
+"""Minimum distance of walls, steps and ditches from the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +35,10 @@ class SoilShape:
     """The soil: flat, or hills of smooth random shape on a square about the origin.
 
     Attributes:
-        amplitude_m: height of the highest point over the lowest; 0 is flat ground.
-        feature_m: distance over which the ground goes up and down.
+        amplitude_m: height difference between the extremes; 0 is flat ground.
+        feature_m: length scale of the hills.
         size_m: side of the uneven square; beyond it the ground is flat.
-        seed: which of the random shapes.
+        seed: seed of the random shape.
     """
 
     amplitude_m: float = figure(most=2.0, default=0.0)
@@ -50,7 +49,7 @@ class SoilShape:
 
 @dataclass(frozen=True, slots=True)
 class Rock:
-    """A rock: its place, half its width, and how far it stands out of the ground."""
+    """A rock: its position, half its width, and its height above the ground."""
 
     x_m: float
     y_m: float
@@ -69,16 +68,16 @@ class Clearing:
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Rocks thrown at random over a square about the origin.
+    """Rocks scattered at random over a square about the origin.
 
     Attributes:
-        count: how many; fewer lie there if the clearings leave no room.
+        count: number of rocks; fewer if the clearings leave too little space.
         size_m: side of the square.
-        smallest_m: smallest half width of a rock.
-        largest_m: greatest half width of a rock.
-        lowest_m: least height of a rock; most are 0.6 to 1.2 of their half width high.
-        seed: which of the random scatters.
-        clearings: where none may lie.
+        smallest_m: minimum half width of a rock.
+        largest_m: maximum half width of a rock.
+        lowest_m: minimum height of a rock; usual are 0.6 to 1.2 of their half width.
+        seed: seed of the random scatter.
+        clearings: areas without rocks.
     """
 
     count: int = figure(most=500, default=0)
@@ -119,7 +118,7 @@ class Scatter:
 
 @dataclass(frozen=True, slots=True)
 class StartPose:
-    """Where the rover stands at first."""
+    """Start pose of the rover."""
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
     y_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
@@ -128,21 +127,21 @@ class StartPose:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """Everything about the surroundings that the rover can notice.
+    """Properties of the environment that affect the rover.
 
     Attributes:
-        name: what people call it.
+        name: display name.
         ground: shape of the soil.
-        slope_rad: the whole world rises this much towards +x.
+        slope_rad: slope of the whole world towards +x.
         friction: Coulomb friction of wheels on soil and rock.
-        rocks: rocks at given places.
-        scatter: rocks at random places.
-        walls, steps, ditches, patches, slopes: features at given places. Where patches lie on each
-            other, the last one counts; slopes add up. Ditches and slopes are within the square of
-            the ground.
-        start: where the rover stands at first.
+        rocks: rocks at given positions.
+        scatter: rocks at random positions.
+        walls, steps, ditches, patches, slopes: features at given positions. Of overlapping patches
+            the last one counts; slopes add up. Ditches and slopes are within the square of the
+            ground.
+        start: start pose of the rover.
         charge_ratio: charge of the battery, 0 to 1.
-        dark: whether it is too dark for a camera to see the ground move; pictures stay as they are.
+        dark: whether it is too dark for visual odometry; pictures are unchanged.
     """
 
     name: str = "flat"
@@ -191,7 +190,7 @@ class World:
 
     @property
     def all_rocks(self) -> tuple[Rock, ...]:
-        """The rocks at given places, then the scattered ones, which leave the start free."""
+        """The rocks at given positions, then the scattered ones, which leave the start free."""
         return self.rocks + self.scatter.rocks(Clearing(self.start.x_m, self.start.y_m, 0.7))
 
     @property
@@ -204,7 +203,7 @@ def load_world(path: Path) -> World:
     """Read a world from a YAML file.
 
     Raises:
-        SettingsError: if the file cannot be read, is no YAML, or says something a world cannot be.
+        SettingsError: if the file cannot be read, is no YAML, or is not a valid world.
     """
     content = load_yaml(path)
     if not isinstance(content, dict):
@@ -220,8 +219,7 @@ class Terrain:
     """Heights over a square about the origin, in the world's axes before it is sloped.
 
     Attributes:
-        heights_m: shape (n, n), rows along y, columns along x; 0 at the edges but
-            for slopes.
+        heights_m: shape (n, n), rows along y, columns along x; 0 at the edges except for slopes.
         size_m: side of the square.
     """
 
@@ -229,7 +227,7 @@ class Terrain:
     size_m: float
 
     def height_m(self, x_m: float, y_m: float) -> float:
-        """Return the height of the ground at a place, 0 outside the square."""
+        """Return the height of the ground at a position, 0 outside the square."""
         last = self.heights_m.shape[0] - 1
         column = (x_m / self.size_m + 0.5) * last
         row = (y_m / self.size_m + 0.5) * last
@@ -242,14 +240,14 @@ class Terrain:
         return float((near * weights).sum())
 
     def heights_at_m(self, along_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the heights on a grid with the same places along x and along y."""
+        """Return the heights on a grid with equal coordinates along x and y."""
         own_m = np.linspace(-0.5, 0.5, self.heights_m.shape[0]) * self.size_m
         across = np.array([np.interp(along_m, own_m, row) for row in self.heights_m])
         return np.array([np.interp(along_m, own_m, column) for column in across.T]).T
 
 
 def make_terrain(ground: SoilShape, reliefs: Sequence[Ditch | SlopeZone] = ()) -> Terrain:
-    """Return the terrain of a ground with reliefs in it, which need finer cells than hills."""
+    """Return the terrain of a ground with reliefs, which need finer cells than hills."""
     hills = _hills(ground)
     if not reliefs:
         return hills
@@ -263,7 +261,7 @@ def make_terrain(ground: SoilShape, reliefs: Sequence[Ditch | SlopeZone] = ()) -
 
 
 def _hills(ground: SoilShape) -> Terrain:
-    """Return smooth noise that runs out to level ground at the edges."""
+    """Return smooth noise that fades to level ground at the edges."""
     cells = max(2, ceil(ground.size_m / CELL_M))
     if ground.amplitude_m == 0:
         return Terrain(np.zeros((2, 2)), ground.size_m)

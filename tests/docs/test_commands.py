@@ -202,7 +202,7 @@ def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
         assert list(json.load(answer)["assets"]) == ["jackal"]
     second = run_to_end(BIN / "rover", "demo", "--no-play", "--out", desk.folder / "second")
     assert second.returncode == 1
-    assert "is taken, probably by another rover" in second.stderr
+    assert "is in use, probably by another rover" in second.stderr
 
 
 @pytest.mark.ros

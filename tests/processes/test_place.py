@@ -43,7 +43,7 @@ def test_a_taken_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         other.listen()
         port = other.getsockname()[1]
         monkeypatch.setenv("ROVER_URI", f"localhost:{port}")
-        with pytest.raises(AddressError, match=f"port {port} of 127.0.0.1 is taken"):
+        with pytest.raises(AddressError, match=f"port {port} of 127.0.0.1 is in use"):
             known_place()
 
 

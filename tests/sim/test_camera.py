@@ -77,7 +77,7 @@ def test_rays_take_over_where_no_device_can_draw() -> None:
         "print(camera.backend.value, len(camera.jpeg(rover.data)), camera.backend.value)"
     )
     run = run_to_end(sys.executable, "-c", script, cwd=CHECKOUT, MUJOCO_EGL_DEVICE_ID="99")
-    assert "come by ray casting" in run.stderr
+    assert "pictures by ray casting" in run.stderr
     before, octets, after = run.stdout.split()
     assert (before, after) == ("egl", "rays")
     assert int(octets) > 500
