@@ -60,7 +60,7 @@ ANSWER_TIMEOUT_S: Final = 3.0
 MOST_ASKED: Final = 64
 """Maximum number of commands with a pending reply."""
 MOST_UNCONFIRMED: Final = 200
-"""Maximum number of commands whose last report is published until `rover-nxt` acknowledges it."""
+"""Maximum number of last reports that are published until `rover-nxt` acknowledges them."""
 MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)

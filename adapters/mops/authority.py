@@ -19,7 +19,7 @@ class RelayAuthority:
         needed: whether commands need the authority.
         holder: name of the holder; None if the authority is free.
         epoch: epoch of the orbiter's grant; None if the orbiter is not the holder.
-        given_by: the only source whose commands the orbiter may forward; None for any source.
+        given_by: the only source that the orbiter may forward commands of; None for any source.
     """
 
     needed: bool

@@ -121,7 +121,7 @@ class CommandConditions:
     Attributes:
         authority: epoch claimed by the sender.
         created_utc_s: creation time at the sender, s UTC.
-        lifetime_s: time after the creation in which it may start, s.
+        lifetime_s: maximum time from the creation to the start, s.
         overtaken: whether a stop created later arrived earlier. The command is then not executed: a
             receiver without a record of it refuses it, all others repeat the last reply.
     """

@@ -16,7 +16,7 @@ LINK: Final = RELAY_LINK
 LONGEST_TEXT: Final = 250
 """Maximum length of a report's text; percent-encoded, it still fits into a message."""
 UNNUMBERED: Final = 0
-"""Sequence of a report whose sender does not number its reports."""
+"""Sequence of a report of a sender without numbered reports."""
 HIGHEST_SEQUENCE: Final = 999_999_999
 """Maximum sequence of a report: above the capacity of a ledger; used to distinguish ledgers."""
 HIGHEST_STEP: Final = (1 << 32) - 1
@@ -105,7 +105,7 @@ def is_last(reply: Message) -> bool:
 
 
 def refusal_of(command: Message, source: str, text: str, reason: Reason | None = None) -> Message:
-    """Return the reply to a message that was not received, and for which no report exists.
+    """Return the reply to a message that was not received, and has no report.
 
     Args:
         command: the message.

@@ -21,9 +21,9 @@ from adapters.ros.node import clock_of
 from executive.settings import LocomotionKind, Settings
 
 PAUSE_S: Final = 0.05
-"""Period in which zero is published."""
+"""Publication period of zero."""
 ZERO_S: Final = 0.3
-"""Duration for which zero is published, until the base's own timeout has passed."""
+"""Duration of that publication, until the base's own timeout has passed."""
 RESTART_S: Final = 0.5
 """Delay of a restart, so that a guard that always crashes does not occupy the processor."""
 DISCOVERY_S: Final = 20.0
@@ -153,7 +153,7 @@ def _guard(
             rover.emergency_stop()
             time.sleep(PAUSE_S)
         by = "" if heard else "; no mux was subscribed to its lock"
-        _LOG.error("the executive has ended: zero was published in its place%s", by)
+        _LOG.error("the executive has ended: zero was published instead%s", by)
 
 
 def _is_heard(node: Node, settings: Settings) -> bool:

@@ -63,7 +63,7 @@ MOST_REMEMBERED: Final = 1000
 BEATS: Final = 2
 """Heartbeats of the core's thread within the watchdog's bound, if nothing else wakes it."""
 GUARD_CHECK_S: Final = 1.0
-"""Period in which the state of the guard is read and published."""
+"""Publication period of the guard's state."""
 _LOG = logging.getLogger(__name__)
 
 

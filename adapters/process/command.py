@@ -108,7 +108,7 @@ def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
 def asset_option(
     help: str = "Asset name, or its YAML file.", default: str = "jackal"
 ) -> Callable[[_Decorated], _Decorated]:
-    """Return the option `--asset`, whose names a shell completes."""
+    """Return the option `--asset`, with shell completion of names."""
     return click.option(
         "--asset", default=default, show_default=True, shell_complete=_assets, help=help
     )

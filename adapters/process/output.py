@@ -16,14 +16,14 @@ _PLAIN: Final = "rover.plain"
 _SPELLED: Final = str.maketrans(
     "×−–²µ·“”→⇉◆◇▸●✓✕↓↑←│├└─", "x--2u.''>=#o>*+xv^<||`-"
 ) | str.maketrans({"±": "+-", "…": "...", "°": "deg"})
-"""ASCII for signs of the product on a terminal without UTF-8; other letters become `?`."""
+"""ASCII for the product's symbols on a terminal without UTF-8; other letters become `?`."""
 
 
 def guard_output() -> None:
     """End the program with an exit status, not a traceback, if standard output fails.
 
     Every writer, such as click or rich, gets SystemExit if the output cannot be written.
-    Signs that the terminal's encoding lacks are replaced by ASCII.
+    Symbols that the terminal's encoding lacks are replaced by ASCII.
     """
     stdout = sys.stdout
     if stdout is None:  # closed by the parent process
@@ -35,7 +35,7 @@ def guard_output() -> None:
 
 
 class _Output(io.FileIO):
-    """Standard output; fails once, and in the main thread, whose exit ends the program."""
+    """Standard output; fails once, and in the main thread, so that its exit ends the program."""
 
     _lost = False
 
@@ -54,7 +54,7 @@ class _Output(io.FileIO):
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:
-    """Return ASCII for signs that an encoding lacks; an error handler of `codecs`."""
+    """Return ASCII for symbols that an encoding lacks; an error handler of `codecs`."""
     assert isinstance(error, UnicodeEncodeError)
     spelled = error.object[error.start : error.end].translate(_SPELLED)
     return spelled.encode("ascii", "replace").decode(), error.end

@@ -37,7 +37,7 @@ EXTRAS: Final = {
 }
 """Optional packages, and the extra of this distribution that installs each."""
 _NO_ROS: Final = (
-    "ROS 2 is not installed here. On Linux x86_64 `./rover` brings it along; elsewhere install"
+    "ROS 2 is not installed here. On Linux x86_64 `./rover` includes it; on other systems install"
     " ROS 2 Jazzy and source its setup.sh first."
 )
 

@@ -2,7 +2,7 @@
 
 A commander publishes on a topic next to that of its commands, from the thread that does its work.
 A process that is killed, stopped or hangs then becomes silent in the same manner. The message is a
-number of the process: a different number means a different process, whose predecessor has ended.
+number of the process: a different number means a different process, and the end of the former one.
 """
 
 import time

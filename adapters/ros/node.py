@@ -168,7 +168,7 @@ class ExecutiveNode:
             identity = Identity(STOP_SOURCE, next(numbers))
             self._executive.submit(Command(identity, Stop(), STOP_LINK), lambda _: None)
             response.success = True
-            response.message = f"stopped by {identity}: the rover stands until it is resumed"
+            response.message = f"stopped by {identity}: send resume to move the rover again"
             return response
 
         self._node_apart(name).create_service(Trigger, name, stop)

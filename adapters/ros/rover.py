@@ -33,7 +33,7 @@ SENT: Final = 100
 NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
 """Node name that ROS gives for a publisher before its discovery is complete."""
 LOOK_UP_S: Final = 1.0
-"""Silence of a topic after which its publishers are looked up again."""
+"""Silence of a topic after which its publishers are queried again."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes a callback: message type, topic, callback for the messages."""
 
@@ -185,7 +185,7 @@ class RosMux:
 
 
 class _Publishers:
-    """Publishers of a topic, looked up in the graph at its first message after a silence."""
+    """Publishers of a topic, queried from the graph at its first message after a silence."""
 
     def __init__(self, node: Node, clock: Clock, topic: str) -> None:
         self._node, self._clock, self._topic = node, clock, topic

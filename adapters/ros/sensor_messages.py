@@ -33,7 +33,7 @@ from executive.values.geometry import Pose
 
 MOST_RAYS: Final = 20_000
 UNKNOWN: Final = -1.0
-"""First element of a covariance whose quantity is not measured (sensor_msgs/Imu)."""
+"""First element of the covariance of an unmeasured quantity (sensor_msgs/Imu)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,7 +105,7 @@ def cluster_at(address: str) -> Iterator[Client]:
 def results(
     client: Client, play: Callable[[J], R], jobs: Iterable[J], in_flight: int = IN_FLIGHT
 ) -> Iterator[R]:
-    """Execute jobs and yield their results, in the order in which they end.
+    """Execute jobs and yield their results, in the order of completion.
 
     Raises:
         ClusterError: a job failed, or killed each of its workers, or the scheduler is lost.

@@ -202,7 +202,7 @@ class Quantile:
     """A quantile of a figure is below, or above, a bound.
 
     Attributes:
-        quantile: share of the runs whose value is not greater.
+        quantile: share of the runs with values up to the quantile.
         of: name of the figure.
         below, above: the bound; one of them.
         confidence: confidence that the true quantile meets the bound.

@@ -53,7 +53,7 @@ from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 MOST_COMBINATIONS: Final = 1_000_000
 _NAME: Final = re.compile(r"[A-Za-z_][\w-]*")
 FARTHEST: Final = 6.0
-"""Standard deviations from its mean at which a normal distribution is tried; one draw in 500
+"""Tried range of a normal distribution in standard deviations from its mean; one draw in 500
 million is beyond."""
 
 

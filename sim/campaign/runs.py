@@ -1,6 +1,6 @@
 """The data set of a campaign: a row for each run, as Parquet, with typed access.
 
-Rows are added in parts, each of which is written atomically. A run is in the data set once: parts
+Rows are added in parts, and each part is written atomically. A run is in the data set once: parts
 are written by the campaign alone, never by its workers.
 """
 
@@ -197,7 +197,7 @@ def _row(run: CampaignRun) -> dict[str, Any]:
 
 @cache
 def _converter() -> Converter:
-    """Return the converter between runs and rows, in which reasons are given by name."""
+    """Return the converter between runs and rows, with reasons by name."""
     converter = Converter()
     converter.register_unstructure_hook(Reason, lambda reason: reason.name)
     converter.register_structure_hook(Reason, lambda name, _: Reason[name])

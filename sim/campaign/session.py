@@ -25,7 +25,7 @@ from sim.scenario.reading import SUFFIXES
 
 WRITE_EVERY_S: Final = 10.0
 WRITE_EVERY: Final = 1000
-"""Runs are written after this time or number of runs, whichever is first."""
+"""Runs are written after this time or number of runs, at the earlier of the two."""
 GROWTH: Final = 1.25
 """Minimum growth factor of a campaign without a fixed number of runs."""
 FOLDER: Final = "failed"
@@ -61,7 +61,7 @@ def job_of(drawn: Draw) -> Job:
     """Return the job of a run for a worker."""
     scenario = drawn.scenario
     if scenario.endswith(SUFFIXES):
-        scenario = str(Path(scenario).resolve())  # workers may be started elsewhere
+        scenario = str(Path(scenario).resolve())  # workers may be started in another folder
     return Job(drawn.run, scenario, drawn.changes, fingerprint(drawn.scenario))
 
 
@@ -184,7 +184,7 @@ def keep_failed(
         watcher: receives the progress.
 
     Returns:
-        The runs whose repetition was not identical bit for bit.
+        The runs with a repetition that was not identical bit for bit.
 
     Raises:
         SettingsError: a run cannot be repeated, or not be written.

@@ -80,7 +80,7 @@ class RunFilter:
         return f", where {' and '.join(map(str, self.terms))}" if self.terms else ""
 
     def of(self, runs: "DataFrame") -> "DataFrame":
-        """Return the runs for which all comparisons hold."""
+        """Return the runs that satisfy all comparisons."""
         for term in self.terms:
             runs = runs[term.of(runs[term.key])]
         return runs

@@ -229,7 +229,7 @@ def software() -> Software:
 def fingerprint(scenario: str) -> str:
     """Return a digest of a scenario's inputs: all files that it names, and the software.
 
-    It is the digest at the first call of this process, with which a campaign began.
+    It is the digest at the first call of this process, the start of a campaign.
 
     Raises:
         SettingsError: the scenario does not exist here.

@@ -27,7 +27,7 @@ F = TypeVar("F", bound="SimulatedFault")
 
 
 class SimulatedFault:
-    """A fault with its parameters; its class is the kind by which it is cleared."""
+    """A fault with its parameters; it is cleared by its class."""
 
     __slots__ = ()
 

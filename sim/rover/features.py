@@ -159,7 +159,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepBlock(Rectangle):
-    """A block with upright sides, on which a rover can stand."""
+    """A block with upright sides and a top that a rover can drive on."""
 
     height_m: float = figure(*_RELIEF_M)
 

@@ -36,7 +36,7 @@ from sim.rover.world import World
 TRACK_M: Final = 0.37559
 WHEEL_RADIUS_M: Final = 0.098
 TRACK_MULTIPLIER: Final = 1.5
-"""Skid steering rotates less than its track predicts; Clearpath's factor of the commands."""
+"""Skid steering rotates less than its track predicts; Clearpath multiplies commands by this."""
 
 _BASE_MPS: Final = 2.0
 _BASE_MPS2: Final = 20.0

@@ -31,7 +31,7 @@ class Chassis:
         file: its MuJoCo model; the joints are the free one, the wheels, pan and tilt.
         wheels: number of driven wheels.
         base_height_m: height of base_link over the ground below the wheels.
-        reach_m: half the side of the square in which ground can touch it.
+        reach_m: half the side of the square of ground that can touch it.
         yield_m: twice the compression of tyre and soil under its weight.
     """
 
@@ -317,7 +317,7 @@ def _add_rocks(scene: _Scene) -> None:
 
 
 def _chipped(ball: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Return a ball with flat faces, whose convex hull is MuJoCo's mesh."""
+    """Return a ball with flat faces; MuJoCo uses its convex hull as mesh."""
     normals = random.standard_normal((_CHIPS, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     stone = 1.08 * ball

@@ -59,7 +59,7 @@ class Rock:
 
 @dataclass(frozen=True, slots=True)
 class Clearing:
-    """A disc in which no rock is scattered."""
+    """A disc without scattered rocks."""
 
     x_m: float
     y_m: float

@@ -109,7 +109,7 @@ class CameraHeadMonitor:
         self._seen_rad = (None, None)
 
     def see(self, telemetry: Message) -> list[PointingResult]:
-        """Process telemetry and return the commands whose angles it confirms."""
+        """Process telemetry and return the commands confirmed by its angles."""
         try:
             told = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
         except MopsError:
@@ -124,7 +124,7 @@ class CameraHeadMonitor:
         ]
 
     def overdue(self) -> list[PointingResult]:
-        """Return the commands whose deadline has passed, with the last angles in telemetry."""
+        """Return the commands after their deadline, with the last angles in telemetry."""
         late = [each for each in self._waiting() if self._clock.now_s() > each.until_s]
         shown = ", ".join("unknown" if seen is None else f"{seen:.3f}" for seen in self._seen_rad)
         text = f"the camera did not reach its angles in time: it is at {shown} rad"

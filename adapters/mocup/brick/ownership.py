@@ -134,7 +134,7 @@ SILENT: Final = {
         f"no heartbeat of rover-relay for {SILENT_S:g} s", Reason.INTERRUPTED
     ),
 }
-"""Cause by which commands of a link end when its sender is silent."""
+"""Cause of the end of a link's commands when its sender is silent."""
 _BY_RELAY: Final = CancelCause("stopped over the relay", Reason.STOPPED)
 _CAUSES: Final = (STOPPED, GONE, *SILENT.values())
 

@@ -66,7 +66,7 @@ def main(ros_arguments: tuple[str, ...], **options: Any) -> None:
     \b
     Exit status:
       0  ended by a signal, the brick released
-      1  cannot start; the text says why
+      1  cannot start; the text gives the cause
       2  the command line or a settings file is invalid
     """
     require("usb")

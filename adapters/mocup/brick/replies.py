@@ -112,7 +112,7 @@ class BrickReplies:
         self._causes |= {asked.command: cause for asked in commands}
 
     def look(self) -> None:
-        """Fail the commands whose expected reply is missing after one or two polls."""
+        """Fail the commands without their expected reply after one or two polls."""
         self._record_again()
         overdue, self._overdue, self._expected = self._overdue, self._expected, ()
         with self._out.contained("unanswered commands"):

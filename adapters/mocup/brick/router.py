@@ -38,7 +38,7 @@ from executive.values.reasons import Reason
 AWAY: Final = "the brick is disconnected"
 RESTARTED: Final = "rover-nxt was restarted: the result on the brick is unknown"
 TOLD_AGAIN: Final = 50
-"""Number of commands whose last replies are resent to a new subscriber."""
+"""Number of last replies that are resent to a new subscriber."""
 UNKNOWN: Final = "its motion since the last contact is unknown"
 SOURCE: Final = "NXT"
 """Source of the stops that this process itself sends to the brick."""
@@ -133,7 +133,7 @@ class Router:
         """Process whole messages from a link.
 
         Args:
-            link: link on which they arrived.
+            link: link that delivered them.
             text: the messages.
             overtaken: whether a later stop was processed first: they move nothing.
 

@@ -26,7 +26,7 @@ from adapters.process import StartError
 PACKET: Final = 64
 """Size of the brick's packets in octets, in both directions."""
 READ_MS: Final = 100
-"""Timeout of one read in ms; closing the session takes up to this time."""
+"""Timeout of one read in ms; maximum delay of closing the session."""
 WRITE_MS: Final = 200
 """Timeout of one write in ms, for the brick to accept a packet."""
 

@@ -6,8 +6,8 @@
                              │   └─> failures: groups; selected runs ──> sim.scenario, worst/
 
 The data set has figures, no pictures: the displayed runs are copied from `failed/` or
-repeated with their drawn values. The page has a content security policy, under which a browser
-loads nothing and runs no script.
+repeated with their drawn values. By the page's content security policy a browser loads
+nothing and runs no script.
 """
 
 from sim.campaign.report.junit import write_campaign_junit as write_campaign_junit

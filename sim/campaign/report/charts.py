@@ -165,7 +165,7 @@ def draw_distribution(
 
 
 def bounds_near(low: float, high: float, bounds: Sequence[float]) -> list[float]:
-    """Return the bounds whose distance from a span is at most its length."""
+    """Return the bounds no further from a span than its length."""
     return [each for each in bounds if 2 * low - high <= each <= 2 * high - low]
 
 
