@@ -138,12 +138,12 @@ class _DriveLogReader:
         )
 
     def _wheels(self, apart_s: float) -> WheelSeries | None:
-        told = [each for each in self._joints if each.left_radps and each.right_radps]
-        if not told:
+        measured = [each for each in self._joints if each.left_radps and each.right_radps]
+        if not measured:
             return None
         rows = [
             (each.stamp_s + apart_s, np.mean(each.left_radps), np.mean(each.right_radps))
-            for each in told
+            for each in measured
         ]
         return WheelSeries(*np.array(rows).T)
 

@@ -194,8 +194,8 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
 
     def mean(rate: Series) -> Series:
         """Return the mean of a rate between successive odometry poses."""
-        way = np.cumsum(rate) * GRID_S
-        means: Series = np.diff(np.interp(odometry.time_s, grid_s + GRID_S / 2, way)) / passed_s
+        path = np.cumsum(rate) * GRID_S
+        means: Series = np.diff(np.interp(odometry.time_s, grid_s + GRID_S / 2, path)) / passed_s
         return means
 
     def apart(delay_s: float, yaw: YawResponse) -> tuple[Series, Series]:
@@ -218,27 +218,27 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
         both = zip(apart(figures[0], yaw_of(figures)), sigma, strict=True)
         return np.concatenate([*(off / one for off, one in both), weight * scaled])
 
-    lowest = np.full(len(start), -np.inf)
-    highest = np.full(len(start), np.inf)
+    lower = np.full(len(start), -np.inf)
+    upper = np.full(len(start), np.inf)
     for at, (low, high) in {
         0: (0.0, 0.5),
         1: (0.1, 3.0),
         1 + _FITTED.index("lag_s"): (0.02, 1.0),
     }.items():
-        lowest[at], highest[at] = ((bound - start[at]) / scales[at] for bound in (low, high))
+        lower[at], upper[at] = ((bound - start[at]) / scales[at] for bound in (low, high))
     from scipy.optimize import least_squares
 
-    found = least_squares(residuals, np.zeros(len(start)), bounds=(lowest, highest))
+    found = least_squares(residuals, np.zeros(len(start)), bounds=(lower, upper))
     figures = start + found.x * scales
     delay_s, yaw = _rounded(figures[0]), yaw_of(figures)
     old, new = apart(before.command_delay_s, before.yaw), apart(delay_s, yaw)
     units = (("rate of turn", "rad/s"), ("speed", "m/s"))
-    told = [
+    differences = [
         Residual(name, unit, _rms(then), _rms(now))
         for (name, unit), then, now in zip(units, old, new, strict=True)
     ]
     delay = Fitted("mpc.command_delay_s", before.command_delay_s, delay_s)
-    return [delay, *_differences("mpc.yaw", _FITTED, before.yaw, yaw)], told
+    return [delay, *_differences("mpc.yaw", _FITTED, before.yaw, yaw)], differences
 
 
 def _slip(
@@ -333,11 +333,11 @@ class _Columns:
         before[0] = self._heading[0]
         midway = (before + self._heading) / 2
         cosine, sine = np.cos(midway), np.sin(midway)
-        ways = (
+        paths = (
             np.cumsum(self._steps_s * (ahead_mps * cosine - left_mps * sine)),
             np.cumsum(self._steps_s * (ahead_mps * sine + left_mps * cosine)),
         )
-        moved = [np.diff(np.interp(self._at_s, self._times_s, way)) for way in ways]
+        moved = [np.diff(np.interp(self._at_s, self._times_s, path)) for path in paths]
         return self._in_body(moved[0], moved[1])
 
     def _in_body(self, x_m: Series, y_m: Series) -> tuple[Series, Series]:
@@ -351,9 +351,9 @@ def _track(log: DriveLog) -> list[Fitted]:
     if joints is None or wheels is None:
         return []
     rims = (wheels.right_radps - wheels.left_radps) * joints.wheel_radius_m
-    ways = np.append(0.0, np.cumsum((rims[1:] + rims[:-1]) / 2 * np.diff(wheels.time_s)))
+    distances = np.append(0.0, np.cumsum((rims[1:] + rims[:-1]) / 2 * np.diff(wheels.time_s)))
     at_s = np.arange(wheels.time_s[0], wheels.time_s[-1], WINDOW_S)
-    rolled = np.diff(np.interp(at_s, wheels.time_s, ways))
+    rolled = np.diff(np.interp(at_s, wheels.time_s, distances))
     turned = np.diff(np.interp(at_s, log.odometry.time_s, log.odometry.heading_rad))
     travel = np.abs(np.diff(np.interp(at_s, log.odometry.time_s, _summed(log)))) / WINDOW_S
     spins = (np.abs(turned) > TURNING_RADPS * WINDOW_S) & (travel < SPINNING_MPS)
@@ -366,5 +366,5 @@ def _track(log: DriveLog) -> list[Fitted]:
 def _summed(log: DriveLog) -> Series:
     """Return the distance driven so far, from the speed of the odometry, without sign."""
     steps_s = np.diff(log.odometry.time_s, prepend=log.odometry.time_s[0])
-    ways: Series = np.cumsum(np.abs(log.travel_mps) * steps_s)
-    return ways
+    distances: Series = np.cumsum(np.abs(log.travel_mps) * steps_s)
+    return distances

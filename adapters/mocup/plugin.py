@@ -147,7 +147,7 @@ class MocupRover:
     def moving(self) -> bool:
         """Whether the brick executes a motion of the executive, or one is queued."""
         requests = (*self._asked.values(), *self._waiting)
-        return any(asked.motion is not None for asked in requests)
+        return any(pending.motion is not None for pending in requests)
 
     def halt(self) -> None:
         """Send a stop at once; the queue is cleared."""
@@ -223,8 +223,8 @@ class MocupRover:
         self._speeds.clear()
         if self._last not in self._asked:
             self._last = self._unanswered = None
-        for asked in requests:
-            self._tell_end(asked, stop)
+        for pending in requests:
+            self._tell_end(pending, stop)
 
     def _is_anothers_stop(self, reply: Message) -> bool:
         """Return whether a reply is the notification of a stop over the other link."""
@@ -239,23 +239,23 @@ class MocupRover:
 
     def _on_external_result(self, command: Identity, reply: Message) -> None:
         """End the requests of a command that the brick received over the other link."""
-        theirs = [asked for asked in self._waiting if asked.command == command]
+        theirs = [pending for pending in self._waiting if pending.command == command]
         self._waiting = deque(e for e in self._waiting if e.command != command)
-        for key in [key for key, asked in self._asked.items() if asked.command == command]:
+        for key in [key for key, pending in self._asked.items() if pending.command == command]:
             self._end(key, reply)
-        for asked in theirs:
-            self._tell_end(asked, reply)
+        for pending in theirs:
+            self._tell_end(pending, reply)
         self._observe(CommandEnded(command, reply.executed, _why(reply)))
         self._next()
 
     def _end(self, key: _ReplyKey, reply: Message) -> None:
-        asked = self._asked.pop(key)
+        pending = self._asked.pop(key)
         if not reply.executed:
             level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
             _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
-            self._speeds.pop(type(asked.request), None)
-            self._drop_motion_after(asked, reply)
-        self._tell_end(asked, reply)
+            self._speeds.pop(type(pending.request), None)
+            self._drop_motion_after(pending, reply)
+        self._tell_end(pending, reply)
         if key == self._last:
             self._last = self._unanswered = None
 
@@ -290,10 +290,10 @@ class MocupRover:
     @property
     def _busy(self) -> bool:
         """Whether the next command has to wait for a reply of the brick."""
-        asked = None if self._last is None else self._asked.get(self._last)
-        if asked is None:
+        sent = None if self._last is None else self._asked.get(self._last)
+        if sent is None:
             return False
-        return asked.motion is not None or self._clock.now_s() - self._last_at_s < ANSWER_TIMEOUT_S
+        return sent.motion is not None or self._clock.now_s() - self._last_at_s < ANSWER_TIMEOUT_S
 
     def _ask(self, asked: _BrickRequest) -> None:
         command = asked.command
@@ -317,8 +317,8 @@ class MocupRover:
         return True
 
     def _message(self, request: Request, key: _ReplyKey) -> Message:
-        asked = self._dictionary.command(request, key.identity, self._dest)
-        return replace(asked, moe_inputs_counter=key.counter)
+        message = self._dictionary.command(request, key.identity, self._dest)
+        return replace(message, moe_inputs_counter=key.counter)
 
 
 def _key_of(reply: Message) -> _ReplyKey | None:
@@ -426,13 +426,13 @@ class ClaimAnnouncer:
             return
         try:
             command = self._dictionary.command(request, identity, self._brick)
-            told = reply_of(report, self._dictionary.entry(command), self._brick)
-            for message in (claim := replace(command, received=True), told):
+            reply = reply_of(report, self._dictionary.entry(command), self._brick)
+            for message in (claim := replace(command, received=True), reply):
                 encode(message)
         except MopsError as error:
             _LOG.debug("%s has no message: %s", identity, error)
             return
-        self._send(identity, claim, told)
+        self._send(identity, claim, reply)
 
     def _send(self, key: Identity | None, *messages: Message) -> None:
         text = "".join(map(str, messages))

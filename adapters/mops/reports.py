@@ -175,28 +175,28 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
     if len(message.outputs) > _REPLY_OUTPUTS:
         raise MopsError(f"outputs: {len(message.outputs)}, at most {_REPLY_OUTPUTS}")
     filled = message.outputs + ("",) * (_REPLY_OUTPUTS - len(message.outputs))
-    said: _Reply = made_of(_Reply, filled)
-    require_within("sequence", said.sequence, 1, HIGHEST_SEQUENCE)
-    require_within("utc_s", said.utc_s, 0, LATEST_UTC_S)
-    require_within("step", said.step, 0, HIGHEST_STEP)
-    require_within("step_count", said.step_count, 0, HIGHEST_STEP)
-    stage = _named(Stage, said.stage) if said.stage else _by_flags(message)
+    outputs: _Reply = made_of(_Reply, filled)
+    require_within("sequence", outputs.sequence, 1, HIGHEST_SEQUENCE)
+    require_within("utc_s", outputs.utc_s, 0, LATEST_UTC_S)
+    require_within("step", outputs.step, 0, HIGHEST_STEP)
+    require_within("step_count", outputs.step_count, 0, HIGHEST_STEP)
+    stage = _named(Stage, outputs.stage) if outputs.stage else _by_flags(message)
     if message.executed != (stage is Stage.EXECUTED) or (message.executed and not message.received):
         raise MopsError(f"executed: {message.executed}, and the stage is {stage.name}")
     if not message.received and not stage.terminal:
         raise MopsError(f"received: False, and the stage is {stage.name}")
     return Report(
-        sequence=UNNUMBERED if said.sequence is None else said.sequence,
-        utc_s=heard_utc_s if said.utc_s is None else said.utc_s,
+        sequence=UNNUMBERED if outputs.sequence is None else outputs.sequence,
+        utc_s=heard_utc_s if outputs.utc_s is None else outputs.utc_s,
         kind=ReportKind.COMMAND,
-        severity=_named(Severity, said.severity) if said.severity else _severity(stage),
-        text=said.text,
+        severity=_named(Severity, outputs.severity) if outputs.severity else _severity(stage),
+        text=outputs.text,
         identity=Identity(message.dest, message.moe_inputs_id),
         stage=stage,
         link=LINK,
-        step=said.step,
-        step_count=said.step_count,
-        reason=_named(Reason, said.reason) if said.reason else None,
+        step=outputs.step,
+        step_count=outputs.step_count,
+        reason=_named(Reason, outputs.reason) if outputs.reason else None,
     )
 
 
@@ -223,16 +223,16 @@ def _event(message: Message, entry: OtherEntry) -> Report:
     if len(message.outputs) not in (_EVENT_OUTPUTS - 1, _EVENT_OUTPUTS):
         wanted = f"{_EVENT_OUTPUTS - 1} or {_EVENT_OUTPUTS}"
         raise MopsError(f"outputs: {len(message.outputs)}, not {wanted}")
-    said: _Event = made_of(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
-    require_within("sequence", said.sequence, 1, HIGHEST_SEQUENCE)
-    require_within("utc_s", said.utc_s, 0, LATEST_UTC_S)
+    outputs: _Event = made_of(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
+    require_within("sequence", outputs.sequence, 1, HIGHEST_SEQUENCE)
+    require_within("utc_s", outputs.utc_s, 0, LATEST_UTC_S)
     return Report(
-        sequence=said.sequence,
-        utc_s=said.utc_s,
+        sequence=outputs.sequence,
+        utc_s=outputs.utc_s,
         kind=ReportKind.EVENT,
-        severity=_named(Severity, said.severity),
-        text=said.text,
-        reason=_named(Reason, said.reason) if said.reason else None,
+        severity=_named(Severity, outputs.severity),
+        text=outputs.text,
+        reason=_named(Reason, outputs.reason) if outputs.reason else None,
     )
 
 

@@ -93,13 +93,13 @@ def telemetry_of(
     A brick has no mode.
     """
     values = [known.get(parameter) for parameter in spelling.outputs]
-    told = tuple("" if value is None else repr(float(value)) for value in values)
+    texts = tuple("" if value is None else repr(float(value)) for value in values)
     return Message(
         spelling.code,
         source,
         dest,
         spelling.command,
-        outputs=told if mode is None else (*told, mode.name),
+        outputs=texts if mode is None else (*texts, mode.name),
         received=True,
     )
 
@@ -117,11 +117,11 @@ def parameters_of(
     Raises:
         MopsError: it is not telemetry, or a value is not a number.
     """
-    told = _told(message, spelling)
-    for parameter, value in told.items():
+    values = _told(message, spelling)
+    for parameter, value in values.items():
         if value is not None and not isfinite(value):
             raise MopsError(f"{parameter.value}: {value!r} is no finite number")
-    return tuple(ParameterValue(parameter, utc_s, value) for parameter, value in told.items())
+    return tuple(ParameterValue(parameter, utc_s, value) for parameter, value in values.items())
 
 
 def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
@@ -151,10 +151,10 @@ def facts_of(
         MopsError: it is not telemetry, or a value is not a number.
     """
     known = {name: value for name, value in _told(message, spelling).items() if value is not None}
-    place = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
+    position = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
     speeds = _all(known, (Parameter.CURRENT_TRAVEL_SPEED, Parameter.CURRENT_ROTATE_SPEED))
-    if place and speeds:
-        x_m, y_m, heading_rad = place
+    if position and speeds:
+        x_m, y_m, heading_rad = position
         pose = Pose(x_m, y_m, known.get(Parameter.POS_Z, 0.0), heading_rad)
         yield Odometry(stamp_s, pose, Velocity(*speeds))
     if Parameter.BATERY_VOLTAGE in known:

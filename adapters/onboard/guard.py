@@ -49,17 +49,17 @@ class Guard:
     def __init__(self, *arguments: Any) -> None:
         self.state = RUNS
         reading, self._writing = os.pipe()
-        self._deaths, telling = os.pipe()
+        self._deaths, signalling = os.pipe()
         self._supervisor = os.fork()
         if self._supervisor == 0:
             try:
                 os.close(self._writing)
                 os.close(self._deaths)
-                _supervise(reading, telling, *arguments)
+                _supervise(reading, signalling, *arguments)
             finally:
                 os._exit(1)  # the executive's code must not continue in the child
         os.close(reading)
-        os.close(telling)
+        os.close(signalling)
         os.set_blocking(self._deaths, False)
 
     def arm(self) -> None:
@@ -146,13 +146,13 @@ def _guard(
             pass  # sent before a restart
         if octet == _WELL:
             return
-        until_s, heard = time.monotonic() + DISCOVERY_S, False
+        until_s, subscribed = time.monotonic() + DISCOVERY_S, False
         while time.monotonic() < until_s:
-            if not heard and _is_heard(node, settings):
-                until_s, heard = time.monotonic() + ZERO_S, True
+            if not subscribed and _is_heard(node, settings):
+                until_s, subscribed = time.monotonic() + ZERO_S, True
             rover.emergency_stop()
             time.sleep(PAUSE_S)
-        by = "" if heard else "; no mux was subscribed to its lock"
+        by = "" if subscribed else "; no mux was subscribed to its lock"
         _LOG.error("the executive has ended: zero was published instead%s", by)
 
 

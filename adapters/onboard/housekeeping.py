@@ -56,9 +56,9 @@ class ExecutiveHousekeeping:
     def measure(self, executive: Executive) -> dict[str, float | None]:
         """Return the figures since the last call, by the names of the parameters."""
         ticks, self._ticks = self._ticks, []
-        longest = max((each.longest_tick_s for each in ticks), default=None)
+        max_tick_s = max((each.longest_tick_s for each in ticks), default=None)
         figures = {
-            "EXEC_TICK": longest,
+            "EXEC_TICK": max_tick_s,
             "EXEC_TICK_PERIOD": max((each.longest_period_s for each in ticks), default=None),
             "EXEC_OVERRUNS": ticks[-1].overruns if ticks else None,
             "EXEC_WAITING": executive.waiting,

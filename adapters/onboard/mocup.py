@@ -133,8 +133,8 @@ class MocupOnRos(RosFrames):
 
     def housekeeping(self) -> Mapping[str, float | None]:
         """Return the last housekeeping of `rover-nxt`; empty after a timeout."""
-        told = self._told
-        return {} if told is None or time.time() - told.utc_s > SILENT_S else told.figures
+        last = self._told
+        return {} if last is None or time.time() - last.utc_s > SILENT_S else last.figures
 
     def _look(self) -> None:
         listeners = self._commands.get_subscription_count()

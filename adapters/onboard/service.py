@@ -109,10 +109,10 @@ def serve(
     settings = options.settings
     history = HistoryBuilder(leaf_paths, MOST_REMEMBERED)
     kind = rover_kind(settings)
-    tells = isinstance(kind, type) and issubclass(kind, HousekeepingProvider)
-    parameters = ABOARD_HOUSEKEEPING if tells else EXECUTIVE_HOUSEKEEPING
+    has_housekeeping = isinstance(kind, type) and issubclass(kind, HousekeepingProvider)
+    parameters = ABOARD_HOUSEKEEPING if has_housekeeping else EXECUTIVE_HOUSEKEEPING
     housekeeping = ExecutiveHousekeeping(options.data, parameters)
-    asked = Termination()
+    termination = Termination()
     try:
         with (
             guarded(settings, options.parameters, options.ros_arguments, kind) as guard,
@@ -158,7 +158,7 @@ def serve(
             if guard is not None:
                 guard.arm()
             gc.freeze()
-            while not asked.requested:
+            while not termination.requested:
                 executor.spin_once()
                 watchdog.beat()
             _LOG.info("termination requested: the rover stops, goals are cancelled")
@@ -358,13 +358,13 @@ def _port(way: LocomotionKind) -> type:
 
 
 def _named(name: str, port: type) -> type:
-    place, _, kind = name.partition(":")
-    if not (place and kind):
+    path, _, kind = name.partition(":")
+    if not (path and kind):
         raise SettingsError(
             f"rover {name!r} is not of the form {FORM}; a rover on cmd_vel needs no key rover"
         )
     try:
-        module = import_module(place)
+        module = import_module(path)
     except ImportError as error:
         raise SettingsError(
             f"rover {name}: {error}; the module must be installed with rover-executive, or"
@@ -373,7 +373,7 @@ def _named(name: str, port: type) -> type:
     found = getattr(module, kind, None)
     if not isinstance(found, type):
         there = ", ".join(_fitting(module, port)) or "none that fits"
-        raise SettingsError(f"rover {name}: {place} has no class {kind!r}; there are: {there}")
+        raise SettingsError(f"rover {name}: {path} has no class {kind!r}; there are: {there}")
     return found
 
 

@@ -53,14 +53,14 @@ class Watchdog:
         self._beats += 1
 
     def _watch(self) -> None:
-        seen = looks = 0
+        seen = polls = 0
         while not self._closing.wait(self._look_s):
-            looks = looks + 1 if self._beats == seen > 0 else 0
+            polls = polls + 1 if self._beats == seen > 0 else 0
             seen = self._beats
-            if looks >= LOOKS:
-                self._silent_s = looks * self._look_s
+            if polls >= LOOKS:
+                self._silent_s = polls * self._look_s
                 with suppress(Exception):  # no error may end the watchdog
-                    self._act(first=looks == LOOKS)
+                    self._act(first=polls == LOOKS)
 
     def _act(self, first: bool) -> None:
         moving = self._executive.moving or self._executive.velocity != STANDING

@@ -29,7 +29,7 @@ class Termination:
 
 def termination_event() -> asyncio.Event:
     """Return an event that SIGINT and SIGTERM set from now on, on the running loop."""
-    asked, loop = asyncio.Event(), asyncio.get_running_loop()
+    requested, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in _SIGNALS:
-        loop.add_signal_handler(number, asked.set)
-    return asked
+        loop.add_signal_handler(number, requested.set)
+    return requested

@@ -79,10 +79,10 @@ def check_own_packages() -> Iterator[str]:
     """
     for package in OWN_PACKAGES:
         spec = find_spec(package)
-        place = Path(spec.origin).resolve().parent if spec is not None and spec.origin else None
-        if place != ROOT / package:
+        where = Path(spec.origin).resolve().parent if spec is not None and spec.origin else None
+        if where != ROOT / package:
             raise ForeignPackageError(
-                f"Python finds package {package} at {place}, and not at {ROOT / package}: uninstall"
+                f"Python finds package {package} at {where}, and not at {ROOT / package}: uninstall"
                 f" its distribution, or remove it from PYTHONPATH; {DISTRIBUTION} needs an"
                 " environment of its own"
             )

@@ -111,7 +111,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     parameters = config_folder() / f"{settings.asset}.ros.yaml"
     with ros_node(NODE_NAME, settings.asset, parameters=parameters) as node:
         converter = _Converter(node, settings, store)
-    kept = _said_once()
+    latched = _said_once()
     counts: dict[str, int] = {}
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
@@ -121,7 +121,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
                     each.topic,
                     each.type,
                     typestore=store,
-                    offered_qos_profiles=[kept] if each.topic in converter.said_once else [],
+                    offered_qos_profiles=[latched] if each.topic in converter.said_once else [],
                 )
             bag.write(connections[each.topic], round(each.utc_s * 1e9), each.cdr)
             counts[each.topic] = counts.get(each.topic, 0) + 1
@@ -278,9 +278,9 @@ class _Converter:
         made = []
         for each in transforms:
             stamp, moved = each.header.stamp, each.transform
-            place, turned = moved.translation, moved.rotation
+            position, turned = moved.translation, moved.rotation
             transform = types["geometry_msgs/msg/Transform"](
-                types["geometry_msgs/msg/Vector3"](place.x, place.y, place.z),
+                types["geometry_msgs/msg/Vector3"](position.x, position.y, position.z),
                 types["geometry_msgs/msg/Quaternion"](turned.x, turned.y, turned.z, turned.w),
             )
             time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
@@ -298,10 +298,10 @@ def _stamped(utc_s: float, topic: str, message: object) -> BagMessage:
 
 
 def _log(report: Report, name: str) -> Log:
-    words = (report.identity, report.stage and report.stage.name, report.text)
+    parts = (report.identity, report.stage and report.stage.name, report.text)
     return Log(
         stamp=time_message(report.utc_s),
         level=LEVELS[report.severity],
         name=name,
-        msg=" ".join(str(each) for each in words if each),
+        msg=" ".join(str(each) for each in parts if each),
     )

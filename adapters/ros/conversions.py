@@ -96,9 +96,9 @@ def pose_of(message: PoseMessage) -> Pose:
     Raises:
         MessageError: the orientation is no rotation.
     """
-    place = message.position
+    point = message.position
     roll_rad, pitch_rad, heading_rad = angles(message.orientation)
-    x_m, y_m, z_m = (measured(each, Precision.LENGTH) for each in (place.x, place.y, place.z))
+    x_m, y_m, z_m = (measured(each, Precision.LENGTH) for each in (point.x, point.y, point.z))
     return Pose(x_m, y_m, z_m, heading_rad, roll_rad, pitch_rad)
 
 
@@ -212,8 +212,8 @@ def odometry_message(fact: Odometry) -> OdometryMessage:
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = ODOM
     message.child_frame_id = BASE_LINK
-    place = message.pose.pose.position
-    place.x, place.y, place.z = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
+    position = message.pose.pose.position
+    position.x, position.y, position.z = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
     message.pose.pose.orientation = quaternion(fact.pose)
     message.twist.twist.linear.x = fact.velocity.travel_mps
     message.twist.twist.angular.z = fact.velocity.rotate_radps

@@ -92,8 +92,8 @@ class ReceivedData:
         if not tally.reported:
             tally.reported = True
             self._report(RejectedData(source, tally.reason, tally.rate_hz, tally.rate_hz))
-        if (words := without_figures(tally.reason)) != tally.logged:
-            tally.logged = words
+        if (pattern := without_figures(tally.reason)) != tally.logged:
+            tally.logged = pattern
             _LOG.warning("%s is rejected: %s", source.value, tally.reason)
 
     def report(self) -> None:
@@ -122,8 +122,8 @@ class ReceivedData:
         if others and not fitting:
             types = ", ".join(sorted({each.topic_type.rpartition("/")[2] for each in others}))
             if sent:
-                who = f"no subscriber to {topic.name} as {kind.__name__}"
-                return f"{who}, the base subscribes as {types}"
+                mismatch = f"no subscriber to {topic.name} as {kind.__name__}"
+                return f"{mismatch}, the base subscribes as {types}"
             return f"{topic.name} is published as {types}, and subscribed to as {kind.__name__}"
         ends = [(topic.qos, each) if sent else (each, topic.qos) for each in fitting]
         if ends and all(_misses(*each) for each in ends):

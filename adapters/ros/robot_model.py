@@ -67,8 +67,8 @@ def _transform(time_s: float, parent: str, child: str, pose: Pose) -> TransformS
     message = TransformStamped(child_frame_id=child)
     message.header.stamp = time_message(time_s)
     message.header.frame_id = parent
-    place = message.transform.translation
-    place.x, place.y, place.z = pose.x_m, pose.y_m, pose.z_m
+    position = message.transform.translation
+    position.x, position.y, position.z = pose.x_m, pose.y_m, pose.z_m
     message.transform.rotation = quaternion(pose)
     return message
 

@@ -160,9 +160,9 @@ class RosMux:
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
             if name not in (self._settings.input, self._settings.stop):
-                who = _Publishers(self._node, self._clock, entry.topic)
-                tell = partial(_tell_of, observe, name, entry.priority > above, who)
-                subscribe(Twist, Topic(entry.topic, self._qos), tell)
+                publishers = _Publishers(self._node, self._clock, entry.topic)
+                on_velocity = partial(_tell_of, observe, name, entry.priority > above, publishers)
+                subscribe(Twist, Topic(entry.topic, self._qos), on_velocity)
 
     def hold(self, held: bool) -> None:
         """Publish the lock, held or not: the guard of an earlier executive may have locked it."""
@@ -249,8 +249,8 @@ class RosRover(RosCamera):
         """Detect other publishers of velocities, also on this topic; ignores zero."""
 
         def hear(twist: Twist) -> None:
-            heard = (twist.linear.x, twist.angular.z)
-            if any(heard) and heard not in self._sent:
+            received = (twist.linear.x, twist.angular.z)
+            if any(received) and received not in self._sent:
                 observe(OtherInput(VELOCITY_TOPIC, above=True, by=self._others.now()))
 
         subscribe(Twist, self._topic, hear)

@@ -104,7 +104,7 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
 
 
 def _at(values: Sequence[float], places: Sequence[int], kept: Precision) -> tuple[float, ...]:
-    return tuple(measured(values[place], kept) for place in places)
+    return tuple(measured(values[index], kept) for index in places)
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
@@ -131,10 +131,10 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
     Raises:
         MessageError: the number of rays is 0 or too large, or an angle or a bound is invalid.
     """
-    least_m, most_m = message.range_min, message.range_max
-    figures = (message.angle_min, message.angle_increment, least_m, most_m)
+    min_m, max_m = message.range_min, message.range_max
+    figures = (message.angle_min, message.angle_increment, min_m, max_m)
     finite = all(map(isfinite, figures[:3]))
-    if not (finite and 0 <= least_m < most_m and message.angle_increment):
+    if not (finite and 0 <= min_m < max_m and message.angle_increment):
         raise MessageError(f"angles and bounds of the scan are {figures}")
     if not 0 < len(message.ranges) <= MOST_RAYS:
         raise MessageError(f"a scan of {len(message.ranges)} rays is not in 1 .. {MOST_RAYS}")
@@ -146,9 +146,9 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
         *figures,
         tuple(
             inf
-            if each in free_m or each > most_m
+            if each in free_m or each > max_m
             else measured(each, Precision.RANGE)
-            if 0.0 < each >= least_m
+            if 0.0 < each >= min_m
             else each
             if each == -inf
             else nan
@@ -190,8 +190,8 @@ def second_odometry_message(fact: SecondOdometry, frame: str) -> OdometryMessage
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = frame
     message.child_frame_id = BASE_LINK
-    place = message.pose.pose.position
-    place.x, place.y, place.z = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
+    position = message.pose.pose.position
+    position.x, position.y, position.z = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
     message.pose.pose.orientation = quaternion(fact.pose)
     message.pose.covariance = pose_covariance(fact.position_sd_m, fact.heading_sd_rad)
     return message

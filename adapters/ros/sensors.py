@@ -54,8 +54,8 @@ class SensorTopics:
     def without_topicless(self, sensors: Sensors) -> Sensors:
         """Return settings without the sensors that have no topic."""
         lacking = sensors.present - self.topics.keys()
-        gone: dict[str, Any] = {each.value: None for each in lacking}
-        return replace(sensors, **gone)
+        removed: dict[str, Any] = {each.value: None for each in lacking}
+        return replace(sensors, **removed)
 
 
 def declare_sensor_topics(node: Node, sensors: Sensors) -> SensorTopics:
@@ -127,10 +127,10 @@ class PolledSensors:
 
     def poll(self) -> None:
         """Observe the messages received since the last call."""
-        for kind, most, subscription in self._polled:
+        for kind, depth, subscription in self._polled:
             waiting = subscription.handle
             with waiting:
-                for _ in range(most):
+                for _ in range(depth):
                     taken = waiting.take_message(kind, False)
                     if taken is None:
                         break

@@ -70,7 +70,7 @@ def _receive(host: str, port: int, save: Path, most: int | None) -> None:
 
     from adapters.video.jpeg_stream import JpegStream
 
-    stream, count, told, told_at_s = JpegStream(), 0, 0, 0.0
+    stream, count, shown, shown_at_s = JpegStream(), 0, 0, 0.0
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as receiver:
         try:
@@ -90,11 +90,11 @@ def _receive(host: str, port: int, save: Path, most: int | None) -> None:
             count, now_s = count + 1, monotonic()
             if count == 1:
                 click.echo(f"the first picture is in {save}")
-                told, told_at_s = 1, now_s
-            elif now_s - told_at_s >= TELL_S:
-                rate_hz = (count - told) / (now_s - told_at_s)
+                shown, shown_at_s = 1, now_s
+            elif now_s - shown_at_s >= TELL_S:
+                rate_hz = (count - shown) / (now_s - shown_at_s)
                 click.echo(f"{rate_hz:.1f} pictures a second, {stream.lost} lost")
-                told, told_at_s = count, now_s
+                shown, shown_at_s = count, now_s
     click.echo(f"{count} pictures, {stream.lost} lost")
 
 

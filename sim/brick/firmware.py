@@ -74,9 +74,9 @@ class Firmware:
 
     def give(self) -> bytes:
         """Return the output since the last call."""
-        said = b"" if self.mute else bytes(self._said)
+        octets = b"" if self.mute else bytes(self._said)
         self._said.clear()
-        return said
+        return octets
 
     def step(self, now_s: float, senses: SensorReadings, period_s: float) -> SetPoints:
         """Advance by a period: take measurements, continue the task, emit replies and telemetry."""

@@ -58,8 +58,8 @@ class RollSegment:
         faster_mps = self._now_mps + self.settings.rim_mps2 * period_s
         braking_mps = max(self.settings.creep_mps, sqrt(2 * self.settings.rim_mps2 * rest_m))
         self._now_mps = min(self.speed_mps, faster_mps, braking_mps)
-        most_mps = _SYNC_MOST * self._now_mps
-        sync_mps = max(-most_mps, min(most_mps, _SYNC_PER_S * (left_m - right_m)))
+        max_mps = _SYNC_MOST * self._now_mps
+        sync_mps = max(-max_mps, min(max_mps, _SYNC_PER_S * (left_m - right_m)))
         return self.left * (self._now_mps - sync_mps), self.right * (self._now_mps + sync_mps)
 
 
@@ -180,12 +180,12 @@ def course(
         case RotateTo(heading_rad):
             segments = [headed(heading_rad)]
         case MoveTo(target):
-            place = Point(target.x_m, target.y_m)
+            position = Point(target.x_m, target.y_m)
             segments = [
-                lambda pose: headed(pose.point.bearing_rad(place))(pose),
-                lambda pose: line(pose.point.distance_m(place)),
+                lambda pose: headed(pose.point.bearing_rad(position))(pose),
+                lambda pose: line(pose.point.distance_m(position)),
             ]
-            if odometry.pose.point.distance_m(place) < _NEAR_M:
+            if odometry.pose.point.distance_m(position) < _NEAR_M:
                 segments.clear()
             if target.heading_rad is not None:
                 segments.append(headed(target.heading_rad))

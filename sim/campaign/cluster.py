@@ -166,16 +166,16 @@ def _check_workers(client: Client) -> None:
 @contextmanager
 def _interrupted_later() -> Iterator[None]:
     """Hold Ctrl-C back, also from processes and threads that are started inside."""
-    told: list[int] = []
+    received: list[int] = []
     resource_tracker.ensure_running()  # it would pass the signal on to them
-    before = signal.signal(signal.SIGINT, lambda number, _: told.append(number))
+    before = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         signal.signal(signal.SIGINT, before)
-        if told:
+        if received:
             raise KeyboardInterrupt
 
 

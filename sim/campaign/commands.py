@@ -104,10 +104,10 @@ def campaign(
         else:
             from sim.campaign.output import sole_writer
 
-            place = out or _default_folder(file)
-            again = _again(file, place, runs=runs, jobs=jobs, keep=keep, on=on)
-            with sole_writer(place):
-                sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs), again))
+            folder = out or _default_folder(file)
+            again = _again(file, folder, runs=runs, jobs=jobs, keep=keep, on=on)
+            with sole_writer(folder):
+                sys.exit(_play(file, runs, folder, resume, keep, _cluster(on, jobs), again))
     except SettingsError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)
@@ -128,8 +128,8 @@ def _default_folder(file: str) -> Path:
 def _again(file: str, out: Path, **options: object) -> str:
     """Return the command that resumes a campaign, from the same folder."""
     given = [(f"--{name}", str(value)) for name, value in options.items() if value is not None]
-    words = [word for option in given for word in option]
-    return shlex.join(["rover", "campaign", file, "--out", str(out), "--resume", *words])
+    parts = [word for option in given for word in option]
+    return shlex.join(["rover", "campaign", file, "--out", str(out), "--resume", *parts])
 
 
 def _play(

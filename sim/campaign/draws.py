@@ -78,13 +78,13 @@ class Draw:
     def command(self) -> str:
         """The command that repeats the run bit for bit, from any folder."""
         file = self.scenario.endswith(SUFFIXES)
-        words = ["rover", "scenario", str(Path(self.scenario).resolve()) if file else self.scenario]
+        parts = ["rover", "scenario", str(Path(self.scenario).resolve()) if file else self.scenario]
         for change in self.changes:
             if change.key == "seed":
-                words += ["--seed", change.value]
+                parts += ["--seed", change.value]
             else:
-                words += ["--set", str(change)]
-        return shlex.join(words)
+                parts += ["--set", str(change)]
+        return shlex.join(parts)
 
 
 def quantities(campaign: Campaign) -> tuple[VariedQuantity, ...]:
@@ -94,11 +94,11 @@ def quantities(campaign: Campaign) -> tuple[VariedQuantity, ...]:
 
 def draw(campaign: Campaign, run: int) -> Draw:
     """Return the draw of a run, with any number from 0 on."""
-    place, turn = divmod(run, len(campaign.scenarios))
+    index, turn = divmod(run, len(campaign.scenarios))
     scenario = campaign.scenarios[turn]
     chosen: dict[str, int] = {}
     for name, grid in campaign.grids:
-        place, chosen[name] = divmod(place, len(grid.grid))
+        index, chosen[name] = divmod(index, len(grid.grid))
     changes: list[Override] = []
     values: list[Scalar | None] = []
     for variation in campaign.vary:
@@ -249,16 +249,16 @@ def _fault(
         nothing = [None for _ in (*times, *names)]
         return Override(INJECT, NO_FAULT), [NO_FAULT, Onset.NONE.value, *nothing]
     times_s = {
-        key: said if isinstance(said, float) else _seconds(seed, run, key, said, chosen)
-        for key, said in times.items()
+        key: content if isinstance(content, float) else _seconds(seed, run, key, content, chosen)
+        for key, content in times.items()
     }
     given: dict[str, Scalar] = {}
-    for name, said in fault.parameters:
-        if isinstance(said, Number):
+    for name, content in fault.parameters:
+        if isinstance(content, Number):
             own = crc32(f"{INJECT}.{fault.name}.{name}".encode())
-            given[name] = number(said, np.random.default_rng([seed, run, own]))
+            given[name] = number(content, np.random.default_rng([seed, run, own]))
         else:
-            given[name] = said
+            given[name] = content
     onset = read_kind(fault.name).onset.value
     values = [fault.name, onset, *times_s.values(), *map(given.get, names)]
     return fault_change(fault.name, given, times_s), values
@@ -274,7 +274,7 @@ def _seconds(
 
 def fault_change(name: str, given: dict[str, Scalar], times_s: dict[str, float]) -> Override:
     """Return the change that injects a fault, with its times `at` and, if it ends, `for`."""
-    said = ", ".join(f"{parameter}: {as_yaml(value)}" for parameter, value in given.items())
-    fault = f"{name}: {{{said}}}" if said else name
+    text = ", ".join(f"{parameter}: {as_yaml(value)}" for parameter, value in given.items())
+    fault = f"{name}: {{{text}}}" if text else name
     times = ", ".join(f"{key}: {as_yaml(time_s)}" for key, time_s in times_s.items())
     return Override(INJECT, f"{{{fault}, {times}}}")

@@ -98,8 +98,8 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
         if obstacle:
             raise SettingsError(f"{folder} cannot be resumed: {obstacle}; choose another --out")
     elif not _usable(folder):
-        way = "--resume continues it" if begun else "it has no campaign"
-        raise SettingsError(f"{folder} is not empty: {way}, or choose another --out")
+        remedy = "--resume continues it" if begun else "it has no campaign"
+        raise SettingsError(f"{folder} is not empty: {remedy}, or choose another --out")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not begun:
@@ -120,8 +120,8 @@ def _usable(folder: Path) -> bool:
 
 def _read(path: Path) -> CampaignFingerprint:
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-        return CampaignFingerprint(**{**said, "software": Software(**said["software"])})
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return CampaignFingerprint(**{**content, "software": Software(**content["software"])})
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SettingsError(f"{path}: is not a campaign's file ({error})") from error
 

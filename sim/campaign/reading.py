@@ -109,8 +109,8 @@ def _campaign(raw: object, folder: Path) -> Campaign:
         raise FormatError("hold", "no criterion is given")
     campaign = _reader().read(filled, Campaign)
     if isinstance(campaign.runs, Until) and campaign.runs.most < many:
-        said = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
-        raise FormatError("runs.most", said)
+        text = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
+        raise FormatError("runs.most", text)
     return campaign
 
 
@@ -190,14 +190,14 @@ def _fault(raw: object) -> FaultDraw:
         return FaultDraw(raw)
     if not (isinstance(raw, dict) and len(raw) == 1 and isinstance(next(iter(raw)), str)):
         raise ValueError(f"expected a fault, as odometry_jump: {{by: 0.5}}, got {shown(raw)}")
-    ((name, said),) = raw.items()
-    if not isinstance(said, dict):
-        raise FormatError(name, f"expected parameters, as {{by: 0.5}}, got {shown(said)}")
+    ((name, content),) = raw.items()
+    if not isinstance(content, dict):
+        raise FormatError(name, f"expected parameters, as {{by: 0.5}}, got {shown(content)}")
     return FaultDraw(
         name,
         tuple(
             (parameter, _parameter(value, f"{name}.{parameter}"))
-            for parameter, value in said.items()
+            for parameter, value in content.items()
         ),
     )
 
@@ -212,14 +212,14 @@ def _vary(raw: object) -> tuple[Variation, ...]:
     if not isinstance(raw, dict):
         raise FormatError("vary", f"expected keys and values, got {shown(raw)}")
     found = []
-    for key, said in raw.items():
+    for key, content in raw.items():
         path = f"vary.{key}"
         if not isinstance(key, str):
             raise FormatError("vary", f"{shown(key)} is no key of a scenario")
         if key == INJECT:
-            found.append(_injected(said, path))
+            found.append(_injected(content, path))
         else:
-            distribution: Distribution = _reader().read(said, Distribution, path)
+            distribution: Distribution = _reader().read(content, Distribution, path)
             found.append(Variation(key=key, distribution=distribution))
     return tuple(sorted(found, key=lambda variation: variation.key))
 
@@ -228,8 +228,8 @@ def _injected(raw: object, path: str) -> Variation:
     """Return the variation of faults: like other values, with `at` and, if they end, `for`."""
     if not isinstance(raw, dict) or "at" not in raw:
         raise FormatError(path, "expected choice or grid of faults, and at: their start")
-    said = {key: value for key, value in raw.items() if key not in ("at", "for")}
-    distribution: Distribution = _reader(faults=True).read(said, Distribution, path)
+    content = {key: value for key, value in raw.items() if key not in ("at", "for")}
+    distribution: Distribution = _reader(faults=True).read(content, Distribution, path)
     if not isinstance(distribution, Choice | Grid):
         raise FormatError(path, "expected choice or grid of faults")
     return Variation(

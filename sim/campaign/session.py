@@ -110,8 +110,8 @@ class CampaignSession:
         It depends only on the results of the earlier runs: a campaign has the same runs on any host
         and after any interruption.
         """
-        kept = sum(self._holds[run] for run in range(total))
-        interval = clopper_pearson(kept, total, until.confidence)
+        succeeded = sum(self._holds[run] for run in range(total))
+        interval = clopper_pearson(succeeded, total, until.confidence)
         following = self._whole(ceil(total * GROWTH), until)
         known = interval.high - interval.low <= until.until
         return 0 if known or following <= total else following

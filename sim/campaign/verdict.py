@@ -104,10 +104,10 @@ class CampaignVerdict:
 
     def write(self, folder: Path) -> None:
         """Write it as JSON."""
-        told = asdict(self) | {"holds": self.holds}
-        for each in told["judged"]:
+        content = asdict(self) | {"holds": self.holds}
+        for each in content["judged"]:
             each["judgement"] = each["judgement"].value
-        text = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+        text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
         (folder / FILE).write_text(text, encoding="utf-8")
 
 
@@ -140,9 +140,9 @@ def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
 
 def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
     """Yield the differences between the runs and the request."""
-    most = wanted if isinstance(wanted, int) else wanted.most
-    if runs > most:
-        yield f"all {runs} existing runs are judged, more than the {most} requested"
+    bound = wanted if isinstance(wanted, int) else wanted.most
+    if runs > bound:
+        yield f"all {runs} existing runs are judged, more than the {bound} requested"
     if isinstance(wanted, Until):
         interval = clopper_pearson(succeeded, runs, wanted.confidence)
         width = interval.high - interval.low

@@ -162,16 +162,16 @@ def _scenario(job: Job) -> Scenario:
 
 
 def _why(error: Exception) -> str:
-    said = str(error) if isinstance(error, SettingsError) else repr(error)
-    return f"on {platform.node()}: {said}"
+    text = str(error) if isinstance(error, SettingsError) else repr(error)
+    return f"on {platform.node()}: {text}"
 
 
 def _finding(error: Exception) -> str:
     """Return an error of a run in the form of a finding: expected and seen."""
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    said = printable(" ".join(str(error).split()))
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    text = printable(" ".join(str(error).split()))
     kind = type(error).__name__
-    return f"run: expected no {kind}, seen {said} ({Path(place.filename).name}:{place.lineno})"
+    return f"run: expected no {kind}, seen {text} ({Path(frame.filename).name}:{frame.lineno})"
 
 
 def _digest(error: Exception) -> str:
@@ -239,8 +239,8 @@ def fingerprint(scenario: str) -> str:
 
 def _fingerprint(scenario: str) -> str:
     """Return that digest of the present files."""
-    said = repr((load_scenario(scenario), astuple(software())))
-    return hashlib.sha256(said.encode()).hexdigest()
+    text = repr((load_scenario(scenario), astuple(software())))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def dask_setup(_: object) -> None:

@@ -129,7 +129,7 @@ def recorder(asset: str, domain: int, parameters: Path) -> Iterator[RoverRecorde
         ros_node("demo", asset, parameters=parameters, domain_id=domain) as node,
         single_threaded(node) as executor,
     ):
-        heard = RoverRecorder(node, asset)
+        recorded = RoverRecorder(node, asset)
         closing = threading.Event()
 
         def listen() -> None:
@@ -139,7 +139,7 @@ def recorder(asset: str, domain: int, parameters: Path) -> Iterator[RoverRecorde
         thread = threading.Thread(target=listen, name="recorder")
         thread.start()
         try:
-            yield heard
+            yield recorded
         finally:
             closing.set()
             thread.join()

@@ -104,9 +104,9 @@ def _option(declaration: SimulatedFaultDeclaration, parameter: Argument) -> Any:
             type=click.Choice(sides),
             help=f"Which wheels.  [default: {default.value}]",
         )
-    least, most = (_shown(bound, parameter) for bound in bounds(parameter))
+    low, high = (_shown(bound, parameter) for bound in bounds(parameter))
     unit = "" if parameter.unit.startswith("rad") else parameter.unit
-    meant = ", ".join(filter(None, (f"{least} to {most} {unit}".strip(), parameter.help)))
+    meant = ", ".join(filter(None, (f"{low} to {high} {unit}".strip(), parameter.help)))
     return click.option(
         f"--{parameter.name}",
         metavar={"rad": "ANGLE", "rad/s": "ANGLE/S"}.get(parameter.unit, "NUMBER"),

@@ -103,20 +103,20 @@ class JackalOnRos:
         self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
         self._pan = make(Float64, topics.camera_pan_state.name, topics.camera_pan_state.qos)
         self._tilt = make(Float64, topics.camera_tilt_state.name, topics.camera_tilt_state.qos)
-        hear = node.create_subscription
+        listen = node.create_subscription
         if mux is None:
-            hear(Twist, topics.cmd_vel.name, partial(self._on_velocity, None), topics.cmd_vel.qos)
+            listen(Twist, topics.cmd_vel.name, partial(self._on_velocity, None), topics.cmd_vel.qos)
         else:
             for name, entry in mux.topics.items():
-                hear(Twist, entry.topic, partial(self._on_velocity, name), topics.cmd_vel.qos)
+                listen(Twist, entry.topic, partial(self._on_velocity, name), topics.cmd_vel.qos)
             for name, entry in mux.locks.items():
-                hear(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
+                listen(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
         for part, topic in (
             ("pan_rad", topics.camera_pan),
             ("tilt_rad", topics.camera_tilt),
             ("speed_radps", topics.camera_speed),
         ):
-            hear(Float64, topic.name, partial(self._point, part), topic.qos)
+            listen(Float64, topic.name, partial(self._point, part), topic.qos)
 
     def exchange(self) -> None:
         """Publish the measurements since the last call."""
@@ -286,7 +286,7 @@ def serve(options: SimulationOptions) -> None:
         SettingsError: the camera cannot be streamed, or the brick plugged in, as requested.
     """
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
-    asked = Termination()
+    termination = Termination()
     with (
         ros_node(
             NODE_NAME,
@@ -307,7 +307,7 @@ def serve(options: SimulationOptions) -> None:
                 f" camera: {options.camera if camera is None else camera.backend.value}",
                 flush=True,
             )
-            while not asked.requested:
+            while not termination.requested:
                 executor.spin_once()
 
 

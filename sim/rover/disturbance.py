@@ -58,10 +58,10 @@ class Disturbance:
         if not self._world.patches:
             return
         soil = self._data.body("terrain")
-        places_m = self._data.geom_xpos[self._wheels] @ soil.xmat.reshape(3, 3)
+        positions_m = self._data.geom_xpos[self._wheels] @ soil.xmat.reshape(3, 3)
         frictions = np.full(len(self._wheels), self._world.friction)
         for patch in self._world.patches:
-            frictions[patch.within_m(places_m[:, 0], places_m[:, 1]) >= 0] = patch.friction
+            frictions[patch.within_m(positions_m[:, 0], positions_m[:, 1]) >= 0] = patch.friction
         self._model.geom_friction[self._wheels, 0] = self._grip_ratio * frictions
 
     def _give_wheels_their_own_friction(self) -> None:

@@ -510,9 +510,9 @@ def _value(raw: object, parameter: Argument, path: str) -> Value:
     value: Value = _READER.read(raw, _Angle if is_angle else parameter.kind, path)
     if isinstance(value, Side) or parameter.bound is None:
         return value
-    least, most = bounds(parameter)
-    if not least <= value <= most:
-        figures = f"{value:g} is not in {least:g} .. {most:g}"
+    low, high = bounds(parameter)
+    if not low <= value <= high:
+        figures = f"{value:g} is not in {low:g} .. {high:g}"
         raise FormatError(path, f"{figures} {parameter.unit}".rstrip())
     return value
 

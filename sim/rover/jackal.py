@@ -314,10 +314,10 @@ class SimulatedJackal(SimulatedBody):
         if jitter is None:
             return 0.0
         wait_s = jitter.mean_s * float(self._delays.standard_exponential())
-        longest_s = max(jitter.stall_s, jitter.mean_s)
+        max_s = max(jitter.stall_s, jitter.mean_s)
         if self._delays.random() < PERIOD_S / _STALL_EVERY_S:
             wait_s += jitter.stall_s * float(self._delays.uniform(_SHORTEST_STALL, 1.0))
-        return min(wait_s, longest_s)
+        return min(wait_s, max_s)
 
     def _distorted(self, fact: Odometry, last: Odometry | None) -> Odometry:
         """Return the odometry published for a measurement."""

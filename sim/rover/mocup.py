@@ -107,11 +107,11 @@ class SimulatedMocup(SimulatedBody):
         """Return the telemetry sent for the brick's readings."""
         late = self.fault(faults.OdometryLate)
         self._measured.append((self.time_s, readings))
-        told_s = self.time_s if late is None else self.time_s - late.by_s
-        while len(self._measured) > 1 and self._measured[1][0] <= told_s:
+        sent_s = self.time_s if late is None else self.time_s - late.by_s
+        while len(self._measured) > 1 and self._measured[1][0] <= sent_s:
             self._measured.popleft()
         measured_s, readings = self._measured[0]
-        if measured_s > told_s or faults.OdometryLost in self._faults:
+        if measured_s > sent_s or faults.OdometryLost in self._faults:
             return None
         if self._told is not None and faults.OdometryRepeated in self._faults:
             return self._told

@@ -174,34 +174,34 @@ def _add_soil(scene: _Scene) -> None:
     """
     soil, terrain = scene.soil, scene.terrain
     heights_m = terrain.heights_m
-    lowest_m, highest_m = heights_m.min(), heights_m.max()
-    uneven = bool(highest_m > lowest_m)
+    min_m, max_m = heights_m.min(), heights_m.max()
+    uneven = bool(max_m > min_m)
     common = {**scene.contact, "material": "soil"}
     soil.add_geom(
         name="plain",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=(300, 300, 10),
-        pos=(0, 0, lowest_m - 0.002 if uneven else 0),
+        pos=(0, 0, min_m - 0.002 if uneven else 0),
         **common,
     )
     if uneven:
         rows, columns = heights_m.shape
-        span_m = highest_m - lowest_m
+        span_m = max_m - min_m
         scene.spec.add_hfield(
             name="hills",
             nrow=rows,
             ncol=columns,
             size=(terrain.size_m / 2, terrain.size_m / 2, span_m, 0.1),
-            userdata=((heights_m - lowest_m) / span_m).ravel(),
+            userdata=((heights_m - min_m) / span_m).ravel(),
         )
         soil.add_geom(
             name="hills",
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
             hfieldname="hills",
-            pos=(0, 0, lowest_m),
+            pos=(0, 0, min_m),
             **common,
         )
-    if lowest_m < 0:
+    if min_m < 0:
         _add_level_ground(soil, terrain.size_m / 2, common)
 
 
@@ -291,7 +291,7 @@ def _add_rocks(scene: _Scene) -> None:
         axes_m = np.array((rock.radius_m, rock.radius_m * random.uniform(0.7, 1.0), half_m))
         turn_rad = random.uniform(0, pi)
         ground_m = scene.terrain.height_m(rock.x_m, rock.y_m)
-        place = {
+        placement = {
             "pos": (rock.x_m, rock.y_m, ground_m + rock.height_m - half_m),
             "quat": (cos(turn_rad / 2), 0, 0, sin(turn_rad / 2)),
             "material": "rock",
@@ -302,7 +302,7 @@ def _add_rocks(scene: _Scene) -> None:
             size=axes_m,
             group=3,
             **scene.contact,
-            **place,
+            **placement,
         )
         mesh = scene.spec.add_mesh(name=f"stone{number}")
         mesh.uservert = (_chipped(ball, random) * axes_m).ravel()
@@ -312,7 +312,7 @@ def _add_rocks(scene: _Scene) -> None:
             meshname=f"stone{number}",
             contype=0,
             conaffinity=0,
-            **place,
+            **placement,
         )
 
 

@@ -49,8 +49,8 @@ class Mux:
             default=0,
         )
         open_ = (each for each in self._inputs.values() if each.entry.priority >= bar)
-        heard = (each for each in open_ if not each.expired(now_s))
-        first = max(heard, key=lambda each: each.entry.priority, default=None)
+        live = (each for each in open_ if not each.expired(now_s))
+        first = max(live, key=lambda each: each.entry.priority, default=None)
         return first is self._inputs[name]
 
     def lock(self, name: str, locked: bool, now_s: float) -> None:

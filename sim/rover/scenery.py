@@ -32,8 +32,8 @@ def _noise(size: int, feature: float, seed: int) -> NDArray[np.float64]:
     """Return noise that tiles, of standard deviation 1, shape (size, size)."""
     white = np.random.default_rng(seed).standard_normal((size, size))
     down, across = np.fft.fftfreq(size), np.fft.rfftfreq(size)
-    kept = np.outer(np.exp(-((down * feature) ** 2)), np.exp(-((across * feature) ** 2)))
-    smooth = np.fft.irfft2(np.fft.rfft2(white) * kept, white.shape)
+    passed = np.outer(np.exp(-((down * feature) ** 2)), np.exp(-((across * feature) ** 2)))
+    smooth = np.fft.irfft2(np.fft.rfft2(white) * passed, white.shape)
     return np.asarray(smooth / smooth.std())
 
 

@@ -58,6 +58,6 @@ class SensorSuite:
         return published
 
     def _arrived(self, time_s: float) -> list[Fact]:
-        under_way, until_s = self._on_their_way, time_s + SOON_S
-        self._on_their_way = [each for each in under_way if each[0] > until_s]
-        return [fact for due_s, fact in under_way if due_s <= until_s]
+        pending, until_s = self._on_their_way, time_s + SOON_S
+        self._on_their_way = [each for each in pending if each[0] > until_s]
+        return [fact for due_s, fact in pending if due_s <= until_s]

@@ -67,9 +67,9 @@ class VisualOdometry(Instrument):
         before, self._true = self._true, true
         x_m, y_m = true.x_m - before.x_m, true.y_m - before.y_m
         off_rad = self._pose.heading_rad - before.heading_rad
-        way_m = hypot(x_m, y_m)
-        self._way_m += way_m
-        turn_rad = wrap_rad(true.heading_rad - before.heading_rad) + self._drift_radpm * way_m
+        distance_m = hypot(x_m, y_m)
+        self._way_m += distance_m
+        turn_rad = wrap_rad(true.heading_rad - before.heading_rad) + self._drift_radpm * distance_m
         self._pose = Pose(
             self._pose.x_m + self._scale * (x_m * cos(off_rad) - y_m * sin(off_rad)),
             self._pose.y_m + self._scale * (x_m * sin(off_rad) + y_m * cos(off_rad)),

@@ -111,10 +111,10 @@ class CameraHeadMonitor:
     def see(self, telemetry: Message) -> list[PointingResult]:
         """Process telemetry and return the commands confirmed by its angles."""
         try:
-            told = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
+            values = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
         except MopsError:
             return []
-        known = {each.parameter: each.value for each in told}
+        known = {each.parameter: each.value for each in values}
         self._seen_rad = known[Parameter.CAM_PAN], known[Parameter.CAM_TILT]
         self._speed_radps = known[Parameter.CAM_ROTATE_SPEED] or USUAL_RADPS
         return [

@@ -129,11 +129,11 @@ def declare_settings(node: Node) -> NxtSettings:
 
 
 def _number(node: Node, key: str) -> int:
-    meaning, highest = _USB[key]
+    meaning, upper = _USB[key]
     name = f"usb.{key}"
     value = int(declare_value(node, name, Parameter.Type.INTEGER, meaning))
-    if not 0 <= value <= highest:
-        raise ParameterError(f"parameter {name} is {value:#x}: 0 to {highest:#x}")
+    if not 0 <= value <= upper:
+        raise ParameterError(f"parameter {name} is {value:#x}: 0 to {upper:#x}")
     return value
 
 
@@ -199,10 +199,10 @@ class NxtNode:
         self._taken = {
             link: self._publisher(UInt64, topic) for link, topic in settings.taken.items()
         }
-        kept = settings.kept
-        self._service = BrickService(self._router, self._confirm, confirmed=kept is not None)
-        if kept is not None:
-            node.create_subscription(UInt64, kept.name, self._on_kept, kept.qos)
+        ack = settings.kept
+        self._service = BrickService(self._router, self._confirm, confirmed=ack is not None)
+        if ack is not None:
+            node.create_subscription(UInt64, ack.name, self._on_kept, ack.qos)
         self._commands = {
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
@@ -317,9 +317,9 @@ class NxtNode:
             "NXT_REFUSED": counts.refused,
             "NXT_DEAD_MAN": counts.dead_man,
         }
-        told = Housekeeping(time.time(), figures)
+        data = Housekeeping(time.time(), figures)
         for link in due:
-            self.notify(link, housekeeping_message(told, self._housekeeping, self._settings.brick))
+            self.notify(link, housekeeping_message(data, self._housekeeping, self._settings.brick))
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN if messages were refused."""

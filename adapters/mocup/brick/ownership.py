@@ -111,8 +111,8 @@ class Ownership:
         """Forward the executive's last report to the relay, if a report and a copy exist."""
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
-            told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
-            self._out.notify(BrickLink.RELAY, told)
+            reply = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
+            self._out.notify(BrickLink.RELAY, reply)
 
 
 def _key(command: Message) -> _Key:
@@ -221,21 +221,21 @@ class BrickQueue:
         return self._ownership.executive_busy or bool(self._record.unanswered())
 
     def _send_first(self, waiting: Sequence[BrickCommand]) -> None:
-        for asked in waiting:
-            claim = self._record.claim(asked.command)
-            if claim is not None and same(claim.command, asked.command):
-                self._ownership.relay_was_first(claim, asked)
+        for queued in waiting:
+            claim = self._record.claim(queued.command)
+            if claim is not None and same(claim.command, queued.command):
+                self._ownership.relay_was_first(claim, queued)
                 continue
-            late = self._late(asked.command)
+            late = self._late(queued.command)
             if late is not None:
-                reply = self._out.reply(asked.command, Stage.EXPIRED, late.text, late.reason)
-                self._record.save(replace(asked, replied=reply, waits=False))
-                for link in asked.links:
+                reply = self._out.reply(queued.command, Stage.EXPIRED, late.text, late.reason)
+                self._record.save(replace(queued, replied=reply, waits=False))
+                for link in queued.links:
                     self._out.notify(link, reply)
                 continue
-            self._record.save(replace(asked, waits=False))
-            if not self._send(asked.command):
-                self._record.save(asked)
+            self._record.save(replace(queued, waits=False))
+            if not self._send(queued.command):
+                self._record.save(queued)
             return
 
     def _late(self, command: Message) -> Refusal | None:
@@ -247,9 +247,9 @@ class BrickQueue:
     def _end_what_is_to_end(self) -> None:
         if self._ending is None:
             return
-        for asked in self._record.waiting():
-            reply = self._out.cancelled(asked.command, self._ending)
-            self._record.save(replace(asked, replied=reply, waits=False))
-            for link in asked.links:
+        for queued in self._record.waiting():
+            reply = self._out.cancelled(queued.command, self._ending)
+            self._record.save(replace(queued, replied=reply, waits=False))
+            for link in queued.links:
                 self._out.notify(link, reply)
         self._ending = None

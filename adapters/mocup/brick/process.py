@@ -115,7 +115,7 @@ def serve_brick(
         if not path.is_file():
             raise click.UsageError(f"{path}: there is no such file; {option} names {what}")
     data = data or default_folder(asset)
-    asked = Termination()
+    termination = Termination()
     try:
         with (
             exclusive(data, "nxt.lock"),
@@ -133,7 +133,7 @@ def serve_brick(
             served = NxtNode(node, measured, settings, record, lambda: Brick(address, backend))
             with closing(served):
                 print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
-                while not asked.requested:
+                while not termination.requested:
                     executor.spin_once()
                 _LOG.info("termination requested: the brick is released")
     except LedgerError as error:

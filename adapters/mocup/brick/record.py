@@ -184,7 +184,7 @@ class BrickRecord(Database):
 
     def save_claim(self, claim: ExecutiveClaim, instead: BrickCommand | None = None) -> None:
         """Record a claim or its changed state; `instead` as in `save`."""
-        texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
+        texts = (None if each is None else str(each) for each in (claim.reported, claim.wanted))
         self._keep(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
             " ON CONFLICT DO UPDATE SET command = excluded.command,"

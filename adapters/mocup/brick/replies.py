@@ -83,10 +83,10 @@ class BrickReplies:
         owed = True
         with self._out.contained("unanswered commands"):
             unanswered = self._record.unanswered()
-            owed = not all(self._head.keeps(asked.command) for asked in unanswered)
-            for asked in unanswered:
-                reply = self._out.reply(asked.command, Stage.FAILED, why)
-                self.answer(asked, replace(reply, received=asked.replied is not None))
+            owed = not all(self._head.keeps(entry.command) for entry in unanswered)
+            for entry in unanswered:
+                reply = self._out.reply(entry.command, Stage.FAILED, why)
+                self.answer(entry, replace(reply, received=entry.replied is not None))
         self._head.clear()
         return owed
 
@@ -99,28 +99,28 @@ class BrickReplies:
     def _end_pointing(self, pointed: Sequence[PointingResult]) -> None:
         for each in pointed:
             with self._out.contained(f"end of {each.command}"):
-                asked = self._record.asked(each.command)
-                if asked is None or asked.ended:
+                entry = self._record.asked(each.command)
+                if entry is None or entry.ended:
                     continue
                 reply, why = each.reply, Reason.PAN_TILT_DEADLINE
                 if each.fault:
                     reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
-                self.answer(asked, reply)
+                self.answer(entry, reply)
 
     def because(self, commands: Sequence[BrickCommand], cause: CancelCause) -> None:
         """Set the cause to report when the brick reports these commands as cancelled."""
-        self._causes |= {asked.command: cause for asked in commands}
+        self._causes |= {entry.command: cause for entry in commands}
 
     def look(self) -> None:
         """Fail the commands without their expected reply after one or two polls."""
         self._record_again()
         overdue, self._overdue, self._expected = self._overdue, self._expected, ()
         with self._out.contained("unanswered commands"):
-            for asked in [self._record.asked(command) for command in overdue]:
-                kept = asked is not None and self._head.keeps(asked.command)
-                if asked is not None and not asked.ended and not kept:
+            for entry in [self._record.asked(command) for command in overdue]:
+                deferred = entry is not None and self._head.keeps(entry.command)
+                if entry is not None and not entry.ended and not deferred:
                     text = "the brick was stopped and sent no final reply"
-                    self.answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
+                    self.answer(entry, self._out.reply(entry.command, Stage.FAILED, text))
         self._end_pointing(self._head.overdue())
 
     def expect(self, commands: Sequence[Message]) -> None:
@@ -131,9 +131,9 @@ class BrickReplies:
         """Retry the replies that could not be recorded."""
         for command, reply in list(self._unrecorded.items()):
             with self._out.contained(f"a reply to {command}"):
-                asked = self._record.asked(command)
-                if asked is not None:
-                    self.answer(asked, reply)
+                entry = self._record.asked(command)
+                if entry is not None:
+                    self.answer(entry, reply)
 
     def answer(self, asked: BrickCommand, reply: Message) -> None:
         """Record a reply and then forward it, so that an end is never revoked.

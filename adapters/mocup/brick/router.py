@@ -245,13 +245,13 @@ class Router:
     def resend_last(self, link: BrickLink) -> None:
         """Resend the last replies to a link's commands, for a new subscriber."""
         with self._out.contained(f"{link.value} link: last replies are not resent"):
-            for asked in self.record.latest(TOLD_AGAIN):
-                if asked.replied is None:
+            for entry in self.record.latest(TOLD_AGAIN):
+                if entry.replied is None:
                     continue
-                if link in asked.links:
-                    self._out.notify(link, asked.replied)
-                elif link is BrickLink.DIRECT and (claim := self.record.claim(asked.command)):
-                    self._ownership.relay_was_first(claim, asked)
+                if link in entry.links:
+                    self._out.notify(link, entry.replied)
+                elif link is BrickLink.DIRECT and (claim := self.record.claim(entry.command)):
+                    self._ownership.relay_was_first(claim, entry)
             for claim in (
                 self.record.claims_with_copy(TOLD_AGAIN) if link is BrickLink.RELAY else ()
             ):
@@ -329,8 +329,8 @@ class Router:
             self._reject(BrickLink.RELAY, command, late.text, late.reason)
             return False
         if claimed is not None and self._granted is not None:
-            told = self._granted
-            self._out.notify(BrickLink.DIRECT, replace(told, source=told.dest, dest=told.source))
+            grant = self._granted
+            self._out.notify(BrickLink.DIRECT, replace(grant, source=grant.dest, dest=grant.source))
         return True
 
     def _begin(self, link: BrickLink, command: Message) -> None:
@@ -353,15 +353,15 @@ class Router:
         self._pass_on(link, command)
 
     def _pass_on(self, link: BrickLink, command: Message) -> None:
-        asked = BrickCommand(command, (link,))
+        entry = BrickCommand(command, (link,))
         if self._visit != _NO_VISIT:
-            self.record.save(asked)
+            self.record.save(entry)
             if self._send(command):
                 return
             if link is BrickLink.RELAY and command.moe_inputs_id is not None:
-                self._replies.answer(asked, refusal_of(command, self.name, ABSENT))
+                self._replies.answer(entry, refusal_of(command, self.name, ABSENT))
                 return
-            self.record.forget(asked)
+            self.record.forget(entry)
         self._reject(link, command, ABSENT)
 
     def _reject(
@@ -382,8 +382,8 @@ class Router:
 
     def _stops(self, message: Message) -> bool:
         """Return whether a message is a stop, and not a reply to one."""
-        says_nothing = not message.outputs or message.source != self.name
-        return message.code == self._stop_code and says_nothing and not message.executed
+        is_request = not message.outputs or message.source != self.name
+        return message.code == self._stop_code and is_request and not message.executed
 
     def _sent_stop(self, stop: Message) -> bool:
         """Send a stop without inputs and outputs: the simplest form for any brick program."""
@@ -434,11 +434,11 @@ class Router:
         elif link is BrickLink.RELAY and first is None and (claim or (family and family.is_part)):
             self._ownership.add_relay_copy(claim or ExecutiveClaim(command), command)
             return True
-        asked = first or family
-        if asked is None:
+        entry = first or family
+        if entry is None:
             return False
-        if self._out.is_same(link, asked.command, command):
-            self._repeat(link, asked)
+        if self._out.is_same(link, entry.command, command):
+            self._repeat(link, entry)
         return True
 
     def _repeat(self, link: BrickLink, asked: BrickCommand) -> None:

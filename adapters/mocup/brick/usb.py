@@ -319,19 +319,19 @@ class BrickSession:
         return taken
 
     def _run(self) -> None:
-        wait_s, said = FIRST_WAIT_S, ""
+        wait_s, logged = FIRST_WAIT_S, ""
         while not self._closing.is_set():
             try:
                 with closing(self._claim()) as brick:
-                    said = ""
+                    logged = ""
                     visit = _Connection(brick)
                     self._serve(visit)
                     if visit.spoke:
                         wait_s = FIRST_WAIT_S
             except BrickError as error:
-                if str(error) != said:
-                    said = str(error)
-                    _LOG.warning("%s; searching for it again", said)
+                if str(error) != logged:
+                    logged = str(error)
+                    _LOG.warning("%s; searching for it again", logged)
             except Exception as error:
                 _LOG.error("searching for the brick raised %r", error, exc_info=error)
             self._closing.wait(wait_s)

@@ -68,17 +68,17 @@ def by_number(values: Series, holds: Series) -> list[Share]:
     distinct = np.unique(numbers)
     if len(distinct) <= max(1, min(MOST_VALUES, len(numbers) / FEW)):
         bins = [(value, value) for value in distinct.tolist()]
-        place = np.searchsorted(distinct, numbers)
+        bin_of = np.searchsorted(distinct, numbers)
     else:
         many = min(BINS, max(1, round(sqrt(len(numbers)) / 2)))
         edges = np.unique(np.quantile(numbers, np.linspace(0, 1, many + 1)))
         bins = list(pairwise(edges.tolist()))
-        place = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(bins) - 1)
+        bin_of = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(bins) - 1)
     shares = []
-    for index, kept, runs in _counted(Series(place, numbers.index), holds):
+    for index, succeeded, runs in _counted(Series(bin_of, numbers.index), holds):
         low, high = bins[index]
         name = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
-        shares.append(Share(name, kept, runs, low, high))
+        shares.append(Share(name, succeeded, runs, low, high))
     return shares
 
 

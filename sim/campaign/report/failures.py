@@ -115,24 +115,24 @@ def replay(
         folder: folder of the campaign.
     """
     for run, why in chosen:
-        place = folder / FOLDER / f"run-{run.run:06d}"
-        kept = folder_of(folder, run.run)
-        if is_kept(folder, run) and not (kept / ERROR).exists():
-            copytree(kept, place)
-            yield WorstRun(run, why, place, True, "")
+        target = folder / FOLDER / f"run-{run.run:06d}"
+        saved = folder_of(folder, run.run)
+        if is_kept(folder, run) and not (saved / ERROR).exists():
+            copytree(saved, target)
+            yield WorstRun(run, why, target, True, "")
             continue
         given = draw(campaign, run.run)
         try:
             scenario = load_scenario(given.scenario, RunMode.LOCK_STEP, given.changes)
-            (place / DATA).mkdir(parents=True)
-            outcome = play_recorded(given.scenario, scenario, place)
+            (target / DATA).mkdir(parents=True)
+            outcome = play_recorded(given.scenario, scenario, target)
         except SettingsError as error:
-            yield WorstRun(run, why, place, False, f"It cannot be executed here: {error}")
+            yield WorstRun(run, why, target, False, f"It cannot be executed here: {error}")
             continue
         except Exception as error:
-            yield WorstRun(run, why, place, False, f"It ended with {error!r}.")
+            yield WorstRun(run, why, target, False, f"It ended with {error!r}.")
             continue
-        write_run(place, scenario, outcome.record)
+        write_run(target, scenario, outcome.record)
         alike = outcome.digest == run.digest
         trouble = "" if alike else "Its repetition here was not identical bit for bit."
-        yield WorstRun(run, why, place, True, trouble)
+        yield WorstRun(run, why, target, True, trouble)

@@ -186,14 +186,14 @@ def _chart(
     having = values.count()
     if not having:
         return Chart(name, "No run has a value of it.")
-    words = f"{having} of {len(values)} runs have it. " if having < len(values) else ""
+    text = f"{having} of {len(values)} runs have it. " if having < len(values) else ""
     if kind is not ValueKind.TEXT:
         drawn = draw_against_number(name, by_number(values, holds), wanted)
-        return Chart(name, words, Markup(as_svg(drawn)))
+        return Chart(name, text, Markup(as_svg(drawn)))
     shares = by_value(values, holds)
     left = len(shares) - MOST_ROWS
-    words += f"The {left} values with the highest success are left out." if left > 0 else ""
-    return Chart(name, words, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
+    text += f"The {left} values with the highest success are left out." if left > 0 else ""
+    return Chart(name, text, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
 
 
 def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]:
@@ -220,8 +220,8 @@ def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]
             figure = draw_distribution(name, seen[held], seen[~held], bounds)
             near = bounds_near(seen.min(), seen.max(), bounds)
             beyond = ", ".join(f"{bound:g}" for bound in bounds if bound not in near)
-            words = f"Beyond the chart: the bound {beyond}." if beyond else ""
-            chart = Chart(name, words, Markup(as_svg(figure)))
+            text = f"Beyond the chart: the bound {beyond}." if beyond else ""
+            chart = Chart(name, text, Markup(as_svg(figure)))
         texts = tuple(f"{value:.4g}" for value in quantiles)
         yield Distribution(chart, len(seen), missing, texts)
 
