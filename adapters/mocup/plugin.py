@@ -54,9 +54,9 @@ from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, St
 _LOG: Final = logging.getLogger(__name__)
 
 RETRANSMIT_S: Final = 1.0
-"""Period after which an unanswered command is sent again, and camera angles are repeated."""
+"""Period of repeating an unanswered command and camera angles. Chosen, not measured."""
 ANSWER_TIMEOUT_S: Final = 3.0
-"""Timeout of the reply to a command that is not a motion."""
+"""Timeout of the reply to a command that is not a motion. Chosen, not measured."""
 MOST_ASKED: Final = 64
 """Maximum number of commands with a pending reply."""
 MOST_UNCONFIRMED: Final = 200

@@ -27,7 +27,7 @@ ZERO_S: Final = 0.3
 RESTART_S: Final = 0.5
 """Delay of a restart, so that a guard that always crashes does not occupy the processor."""
 DISCOVERY_S: Final = 20.0
-"""Discovery timeout of the mux; after it the mux counts as absent."""
+"""Discovery timeout of the mux; after it the mux counts as absent. Chosen, not measured."""
 RUNS: Final = "the guard runs"
 _ARM, _WELL = b"+", b"."
 _LOG: Final = logging.getLogger(__name__)

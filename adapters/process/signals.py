@@ -11,9 +11,8 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 class Termination:
     """Whether the termination of this process is requested.
 
-    After the first signal all further ones are ignored to the end of the process, so that a
-    second one does not interrupt the stop of the rover. Only for the main thread, which must poll
-    it.
+    After the first signal all further ones are ignored to the end of the process: a second one
+    must not interrupt the stop of the rover. Only for the main thread, which must poll it.
     """
 
     def __init__(self) -> None:

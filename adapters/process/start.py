@@ -1,7 +1,7 @@
 """The console scripts of the processes: dependencies are checked before the import.
 
 Other projects on PyPI use our package names. A process ends with an error at start if Python finds
-one of our packages at another path, and warns if another distribution has installed files into one.
+one of our packages at another path. It warns if another distribution has files in one of them.
 A missing package is named with the extra that installs it.
 """
 

@@ -1,7 +1,7 @@
 """Forwards the camera's stream: datagrams received on a UDP port are sent to the ground.
 
-While it is on (VIDEO ON), each datagram of up to 64 KiB is forwarded at once, unchanged and in
-order (thesis 5.1.3), by a thread of its own. A datagram that the destination refuses, or that has
+While it is on (VIDEO ON), a separate thread forwards each datagram of up to 64 KiB at once,
+unchanged and in order (thesis 5.1.3). A datagram that the destination refuses, or that has
 no route, is lost and counted.
 """
 

@@ -54,8 +54,8 @@ KIND: Final = 26
 CLOCK_HZ: Final = 90_000
 SAMPLING: Final = {0: 0x21, 1: 0x22}
 """Sampling of luminance by RFC 2435's type: 4:2:2 and 4:2:0."""
-_RESTARTS: Final = 64
-_TABLES_FOLLOW: Final = 128
+_RESTARTS: Final = 64  # types from 64 on have restart markers (RFC 2435, 3.1.3)
+_TABLES_FOLLOW: Final = 128  # Q from 128 on: tables are in the stream (RFC 2435, 3.1.4)
 
 
 class JpegStream:

@@ -72,7 +72,7 @@ def campaign(
     each with its confidence. docs/campaigns.md explains how to write one.
 
     Completed runs survive Ctrl-C; --resume continues. The folder gets a report as an HTML
-    page, JUnit XML, and a Parquet data set of all runs, each with the command that repeats it.
+    page, JUnit XML, and a Parquet data set: a row per run, with the command that repeats it.
 
     \b
     Examples:

@@ -20,7 +20,7 @@ LARGEST: Final = 2040
 """Maximum side of a picture in pixels, by the 8-bit header fields (RFC 2435, 3.1)."""
 TABLE: Final = 64
 """Length of a quantization table in octets."""
-_TABLES_IN_STREAM: Final = 255
+_TABLES_IN_STREAM: Final = 255  # Q for tables in every picture (RFC 2435, 3.1.4)
 _MARKER: Final = 0x80
 _TYPES: Final = {0x21: 0, 0x22: 1}
 _QUANTIZATION, _FRAME, _SCAN = 0xDB, 0xC0, 0xDA

@@ -17,7 +17,7 @@ from executive.values.parameters import Parameter
 NEAR_RAD: Final = 0.02
 """Equal to `camera.angle_tolerance_rad` of the executive."""
 USUAL_RADPS: Final = 0.5
-"""Rotation speed of the head that is assumed if telemetry does not give it."""
+"""Rotation speed of the head if telemetry does not give it. Chosen, not measured."""
 MARGIN_S: Final = 5.0
 """Allowed in addition to twice the turning time at the head's speed. Chosen, not measured."""
 MOST_AIMED: Final = 64

@@ -121,7 +121,7 @@ def _key(command: Message) -> _Key:
 
 MOST_WAITING: Final = 32
 SILENT_S: Final = 0.5
-"""Timeout of the heartbeat: the brick is stopped if the process that moved it is silent longer."""
+"""Heartbeat timeout of a process that moved the brick; then it is stopped. Chosen, not measured."""
 
 
 STOPPED: Final = CancelCause("stopped before it reached the brick", Reason.STOPPED)

@@ -43,7 +43,7 @@ UNKNOWN: Final = "its motion since the last contact is unknown"
 SOURCE: Final = "NXT"
 """Source of the stops that this process itself sends to the brick."""
 MOST_AHEAD_S: Final = 10.0
-"""Maximum lead of a command's creation time over the clock of this host, s."""
+"""Maximum lead of a command's creation time over this host's clock. Chosen, not measured."""
 _NO_VISIT: Final = 0
 _LOOKS_TO_BE_TOLD: Final = 3
 """Polls after a start within which a running executive has published the authority."""

@@ -181,7 +181,7 @@ KEEP_ALIVE_S: Final = 0.1
 OWNER_SILENT_S: Final = 1.0
 """Timeout of the session's owner; after it the brick receives no heartbeats."""
 MOST_TIMEOUTS: Final = 10
-"""Consecutive write timeouts after which the brick is treated as dead."""
+"""Consecutive write timeouts after which the brick is treated as dead: 2 s in total."""
 _LOOK_S: Final = 0.1
 _RESYNCHRONISE: Final = b"#"
 _LOG: Final = logging.getLogger(__name__)
