@@ -18,7 +18,7 @@ LONGEST_TEXT: Final = 250
 UNNUMBERED: Final = 0
 """Sequence of a report of a sender without numbered reports."""
 HIGHEST_SEQUENCE: Final = 999_999_999
-"""Maximum sequence of a report: above the capacity of a ledger; used to distinguish ledgers."""
+"""Maximum sequence of a report, above any ledger's count; the orbiter's stride between ledgers."""
 HIGHEST_STEP: Final = (1 << 32) - 1
 _LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
