@@ -121,7 +121,7 @@ def _key(command: Message) -> _Key:
 
 MOST_WAITING: Final = 32
 SILENT_S: Final = 0.5
-"""Heartbeat timeout of a process that moved the brick; then it is stopped. Chosen, not measured."""
+"""Heartbeat timeout of the commanding process; then the brick stops. Chosen, not measured."""
 
 
 STOPPED: Final = CancelCause("stopped before it reached the brick", Reason.STOPPED)
