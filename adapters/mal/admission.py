@@ -22,7 +22,7 @@ from adapters.system import Socket, System
 
 @dataclass(frozen=True, slots=True)
 class PeerLimits:
-    """Resource bounds of the peers of a provider, for all together unless stated otherwise.
+    """Resource bounds of a provider's peers, for all together unless stated. Chosen, not measured.
 
     Attributes:
         connections: Open connections, handshakes included; at most half of the process's file

@@ -23,7 +23,7 @@ be minutes of telemetry that can no longer be dropped."""
 _GATHERED_CAP: Final = 16 << 10
 """Maximum octets of notifications in one write."""
 _GRACE_S: Final = 1.0
-"""Timeout of a close for the peer to accept written octets."""
+"""Timeout of a close for the peer to accept written octets; chosen, not measured."""
 
 MESSAGE_CAP: Final = 64 << 20
 """Maximum octets of an accepted message, and of a skipped one."""
@@ -142,7 +142,7 @@ class Framer:
 
 
 SLICE_S: Final = 0.002
-"""Duration of a slice of served messages, before other tasks of the loop run."""
+"""Duration of a slice of messages before other tasks of the loop run; chosen, not measured."""
 _PAUSE_S: Final = 0.0001
 """Idle time after which a new slice begins."""
 
@@ -517,10 +517,10 @@ class MalUri:
 
 
 DROPPABLE_CAP: Final = 256
-"""Maximum queued droppable notifications; a new one replaces the oldest."""
+"""Maximum queued droppable notifications: a new one replaces the oldest. Chosen, not measured."""
 BACKLOG_CAP: Final = 4096
 """Maximum queued notifications that may not be dropped; beyond it the subscriber is
-disconnected."""
+disconnected. Chosen, not measured."""
 
 
 class NotificationQueue:

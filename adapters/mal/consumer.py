@@ -40,7 +40,7 @@ from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
 _GOODBYE_S: Final = 1.0
-"""Timeout of deregistration before the connection is closed."""
+"""Timeout of deregistration before the connection is closed; chosen, not measured."""
 Supplements = tuple[NamedValue, ...]
 
 

@@ -58,7 +58,7 @@ SOFTWARE: Final = version("rover-executive")
 EVENTS_HZ: Final = 10
 """Maximum events a second that one peer may have reported: the ledger stores them like reports."""
 ALL_EVENTS_HZ: Final = 50
-"""Maximum events a second of all peers together."""
+"""Maximum events a second of all peers together; both chosen, not measured."""
 
 MONITOR_VALUE: Final = (
     ("Monitoring", "monitorValue"),

@@ -189,7 +189,7 @@ _LOG: Final = logging.getLogger(__name__)
 PERIOD_S: Final = 1.0
 """Period of the folder scan, and time without change before a file is reported."""
 SHARE: Final = 20
-"""Minimum pause after a scan, in durations of that scan."""
+"""Minimum pause after a scan, in durations of that scan; chosen, not measured."""
 MOST_REPORTED: Final = 500
 """Maximum changes reported after one scan, so that subscribers are not flooded; the rest follow."""
 UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)

@@ -45,7 +45,7 @@ LARGEST_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
 """Timeout of a transfer without an accepted chunk; chosen, not measured."""
 YIELDS_S: Final = 2.0
-"""The same bound if another transfer waits and `MOST_TRANSFERS` are active."""
+"""The same if another transfer waits and `MOST_TRANSFERS` are active; chosen, not measured."""
 
 
 def _peer(call: CallContext) -> str:

@@ -23,7 +23,7 @@ SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
 """Name in the directory of the service layer at which this asset is registered."""
 MOST_SERVICES: Final = 64
 MOST_OF_A_PEER: Final = 24
-"""Maximum services of one peer, so that it cannot fill the directory."""
+"""Maximum services of one peer, so that it cannot fill the directory; chosen, not measured."""
 MOST_OPERATIONS: Final = 256
 LONGEST_URI: Final = 256
 HIGHEST_PORT: Final = 65535

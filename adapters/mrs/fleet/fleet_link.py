@@ -29,9 +29,9 @@ FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
 """Maximum pause between two connection attempts; doubled from `FIRST_PAUSE_S` each time."""
 HEARTBEAT_S: Final = 5.0
-"""Period of the requests that check the connection and list the assets."""
+"""Period of requests that check the connection and list the assets; chosen, not measured."""
 FAREWELL_S: Final = 0.5
-"""Timeout at shutdown for publishing the backlog, and again for deregistration."""
+"""Timeout at shutdown for publishing, and again for deregistration; chosen, not measured."""
 RECENT: Final = 256
 """Number of notifications cached in memory; older ones are read from the ledger."""
 _MILLISECOND_NS: Final = 1_000_000

@@ -46,7 +46,7 @@ _LOG: Final = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S: Final = 5.0
 FRESH_S: Final = 1.0
-"""Maximum age of a cached answer."""
+"""Maximum age of a cached answer; chosen, not measured."""
 ANSWER_TIMEOUT_S: Final = 2.0
 """Timeout of an asset's answer; then it is OFFLINE. Chosen, not measured."""
 MOST_DOMAIN: Final = 16

@@ -40,7 +40,7 @@ T = TypeVar("T")
 SOURCE: Final = "MOE"
 """Default source of commands."""
 SIGN_S: Final = 1.0
-"""Period of the heartbeat requests to the rover."""
+"""Period of the heartbeat requests to the rover; chosen, not measured."""
 SILENCE_S: Final = 1.0
 """Time without a report after which a command counts as stored at an orbiter."""
 TRIES: Final = 8
