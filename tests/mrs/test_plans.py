@@ -96,7 +96,7 @@ async def test_a_stop_suspends_and_resume_plan_goes_on(client: MrsClient) -> Non
         (ActivatePlan("nothing"), 5, "nothing"),
         (RemovePlan("nothing"), 5, "nothing"),
         (SuspendPlan("survey"), 2, "is SUBMITTED"),
-        (SubmitPlan(AHEAD), 2, "already"),
+        (SubmitPlan(AHEAD), 2, "exists: remove it"),
         (SubmitPlan(plan("<fly/>", "other")), 1, None),
     ],
 )
