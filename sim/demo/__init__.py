@@ -1,1 +1,1 @@
-"""`rover demo`: a mission-control session with a simulated rover, and what is left of it."""
+"""`rover demo`: a mission-control session with a simulated rover, its display and its files."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 LONGEST_S: Final = 180.0
-"""What a demonstration takes at most."""
+"""Maximum duration of a demonstration."""
 DEFAULT: Final = "jackal"
 SHOWS: Final = {
     "jackal": ("jackal",),
@@ -26,39 +26,39 @@ SHOWS: Final = {
     "relay": ("relay",),
     "assets": ("both_jackal", "both_mocup"),
 }
-"""The scenarios in config/demo that are played at once."""
+"""Scenarios in config/demo that run at the same time, by demonstration."""
 NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
-ENDS: Final = "\nWith --stay all goes on running afterwards."
-ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
+ENDS: Final = "\nUse --stay to leave all processes running."
+ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\n"
 
 
 @click.command()
-@click.option("--stay", is_flag=True, help="Leave the processes running afterwards.")
-@click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
-@click.option("--no-console", is_flag=True, help="Without the operations console.")
-@click.option("--mocup", is_flag=True, help="With the small rover, whose brick moves by itself.")
+@click.option("--stay", is_flag=True, help="Leave the processes running at the end.")
+@click.option("--no-play", is_flag=True, help="Start the processes without a session.")
+@click.option("--no-console", is_flag=True, help="Do not start the operations console.")
+@click.option("--mocup", is_flag=True, help="Use MOCUP: its brick executes whole motions.")
 @click.option(
     "--relay",
     is_flag=True,
-    help="With the Jackal, through an orbiter that is in eclipse for a while.",
+    help="Command the Jackal over an orbiter, with a contact outage.",
 )
 @click.option(
     "--assets",
     is_flag=True,
-    help="With both rovers at once, each by the direct link and by the orbiter.",
+    help="Use both rovers at once, each over the direct link and over the orbiter.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the sensor noise.")
 @click.option(
     "--speed",
     type=click.FloatRange(0.1, 20.0),
     default=1.0,
     show_default=True,
-    help="Simulated seconds per second; more than 3 take a fast machine.",
+    help="Simulated seconds per second; more than 3 need a fast machine.",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of what is written, new or empty.  [default: runs/TIME]",
+    help="Output folder, new or empty.  [default: runs/TIME]",
 )
 def demo(
     stay: bool,
@@ -71,21 +71,21 @@ def demo(
     speed: float,
     out: Path | None,
 ) -> None:
-    """Play a mission-control session against simulated rovers.
+    """Run a mission-control session against simulated rovers.
 
-    Simulation and executive are started as processes of their own. Mission control then plays a
+    Simulation and executive are started as processes of their own. Mission control then runs a
     scenario of config/demo over the rover's socket: waypoints with headings, a stop in the middle
-    of a drive and a resume, the camera, a picture, a command out of range and one sent twice. In
-    the end come every command's life, the true error, a map of the drive, the picture, and the tree
-    at its busiest.
+    of a drive and a resume, the camera, a picture, a command out of range and one sent twice. At
+    the end it shows the life cycle of every command, the true error, a map of the drive, the
+    picture, and the busiest state of the tree.
 
-    With --relay the commands go by an orbiter, rover-mops, which has no contact with the rover for
-    a while; with --assets two rovers are commanded at once, by both links. A timeline shows when
-    each command was where.
+    With --relay the commands go over an orbiter, rover-mops, whose contact with the rover is
+    interrupted. With --assets two rovers are commanded at once, over both links. A timeline shows
+    the location of each command over time.
 
-    Beside it rover-console serves browsers at the address that is printed. Played without --stay it
-    keeps to itself: a free port, and a free ROS domain on this machine. With --stay the rover is
-    where `rover command`, `rover status` and `rover watch` look for it.
+    rover-console serves browsers at the address that is printed. Without --stay the demonstration
+    uses a free port and a free ROS domain on this machine. With --stay the rover uses the default
+    address of `rover command`, `rover status` and `rover watch`.
 
     \b
     Examples:
@@ -98,7 +98,7 @@ def demo(
       rover demo --seed 7 --speed 2 --out drive
 
     \b
-    Exit status: 0 all went as planned, 1 it did not, or a process died.
+    Exit status: 0 all expectations hold, 1 some do not, or a process ended.
     """
     show = _show(mocup=mocup, relay=relay, assets=assets)
     if relay and speed != 1.0:
@@ -130,7 +130,7 @@ def demo(
             fleet = running.enter_context(
                 fleet_of(scenarios, folders, place, relayed, speed, restart=True)
             )
-            # While they start: these imports take as long as theirs.
+            # Imported while the processes start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.outcome import show_outcome
             from sim.demo.session import play
@@ -156,7 +156,7 @@ def demo(
 
 
 def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Sequence[Scenario]":
-    """Return the scenarios of a demonstration, without their timeline if they are not played."""
+    """Return the scenarios of a demonstration; without `played` their timelines are empty."""
     from executive.settings import config_folder
     from sim.scenario.reading import load_scenario
 
@@ -169,7 +169,7 @@ def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Seque
 
 
 async def _uris(fleet: "Fleet") -> list[str]:
-    """Wait until all rovers are served, and return where, by all links."""
+    """Wait until the MRS of all rovers is served; return its URIs on all links."""
     from sim.scenario.model import RunMode
 
     modes = [RunMode.DIRECT] if fleet.orbiter is None else [RunMode.DIRECT, RunMode.RELAY]
@@ -177,7 +177,7 @@ async def _uris(fleet: "Fleet") -> list[str]:
 
 
 def _show(**asked: bool) -> str:
-    """Return the one demonstration that is asked for."""
+    """Return the requested demonstration. Raise click.UsageError if there are several."""
     chosen = [name for name, wanted in asked.items() if wanted]
     if len(chosen) > 1:
         options = " and ".join(f"--{name}" for name in chosen)
@@ -213,8 +213,8 @@ def _stay(
 
 
 def _proposals(fleet: "Fleet", uris: Sequence[str]) -> str:
-    """Return commands to try, with a heading."""
-    lines = ["", "The rovers stay." if len(fleet.rovers) > 1 else "The rover stays."]
+    """Return example commands, with a heading."""
+    lines = ["", "The rovers run." if len(fleet.rovers) > 1 else "The rover runs."]
     lines[-1] += " From a second terminal, in this folder:"
     of_rover = len(uris) // len(fleet.rovers)
     for number, rover in enumerate(fleet.rovers):
@@ -226,7 +226,7 @@ def _proposals(fleet: "Fleet", uris: Sequence[str]) -> str:
         for uri in uris[of_rover * number + 1 : of_rover * (number + 1)]:
             relay = uri.removeprefix("maltcp://").removesuffix("/MRS")
             proposed += [f"command --to {relay} moveForward -0.5", f"status --to {relay}"]
-        lines += ["", *(f"  ./rover {words}" for words in proposed)]
+        lines += ["", *(f"  ./rover {command}" for command in proposed)]
     return "\n".join([*lines, ""])
 
 
@@ -235,7 +235,7 @@ def _make_folder(out: Path | None) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
-            raise click.UsageError(f"{folder} is not empty: each run takes a folder of its own")
+            raise click.UsageError(f"{folder} is not empty: name an empty folder for each run")
     except OSError as error:
         raise click.UsageError(f"{folder} cannot be used: {error.strerror}") from error
     return folder

@@ -1,4 +1,4 @@
-"""Shows sessions: tables that live on a terminal, one line an event elsewhere."""
+"""Displays sessions: tables updated in place on a terminal, else one line per event."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -18,15 +18,15 @@ from sim.scenario.sent import DUPLICATE, RELAY, CommandJourney, sent_commands
 
 
 class SessionView:
-    """Keeps what a session shows.
+    """Displayed state of one session.
 
     Args:
-        links: those of the session, that by which the rover's status is shown first.
-        heading: whose commands they are; empty where there is only one rover.
-        show: called when there is something new, with the command that got further, if one did.
+        links: links of the session; the rover's status is displayed from the first one.
+        heading: rover of the commands; empty if there is only one rover.
+        show: called on each change, with the command whose state changed, or None.
 
     Attributes:
-        status: of the rover, as it was received last.
+        status: last received status of the rover.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class SessionView:
         self._sent: list[CommandJourney] = []
 
     def on_news(self, record: Record) -> None:
-        """Show what is new in a record."""
+        """Display the changes in a record."""
         before, self._sent = self._sent, list(sent_commands(record))
         last = record.statuses[-1] if record.statuses else None
         for number, sent in enumerate(self._sent):
@@ -52,14 +52,14 @@ class SessionView:
             self._show(self, None)
 
     def table(self, *, brief: bool = False) -> RenderableType:
-        """Return the commands, below the heading."""
+        """Return the table of commands, below the heading."""
         if not self._sent:
             return Text("")
         table = commands_table(self._sent, relayed=RELAY in self._links, brief=brief)
         return Group(Text(self.heading, style="bold"), table) if self.heading else table
 
     def state(self) -> Text:
-        """Return how the rover is, and the relay."""
+        """Return the status lines of the rover and of the relay."""
         if self.status is None:
             return Text("")
         lines = [status_line(self.status)]
@@ -69,7 +69,7 @@ class SessionView:
 
 
 def status_line(status: SeenStatus) -> Text:
-    """Return where the rover is and how it is about, in one line."""
+    """Return mode, pose, speed and battery voltage of the rover in one line."""
     x_m, y_m, heading_rad, travel_mps, battery_v = (
         status.values.get(each.value, nan)
         for each in (
@@ -89,8 +89,8 @@ def status_line(status: SeenStatus) -> Text:
 
 
 def relay_line(status: SeenStatus) -> Text:
-    """Return how the relay is doing, in one line; infinite is what it does not know."""
-    queued, oldest_s, next_s, heard_s = (
+    """Return the state of the relay in one line; unknown values are infinite."""
+    queued, oldest_s, next_s, last_s = (
         status.values.get(name, inf) for name in (DTN_QUEUED, DTN_OLDEST, NEXT_CONTACT, LAST_HEARD)
     )
     contact: str | tuple[str, str] = ("contact ", "green")
@@ -98,12 +98,12 @@ def relay_line(status: SeenStatus) -> Text:
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
     oldest = f", oldest {oldest_s:.0f} s" if oldest_s else ""
-    heard = "" if isinf(heard_s) else f"  heard {heard_s:.0f} s ago"
-    return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{oldest}", heard)
+    last = "" if isinf(last_s) else f"  last contact {last_s:.0f} s ago"
+    return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{oldest}", last)
 
 
 COMMAND: Final = 32
-"""Columns of a command, at most."""
+"""Maximum width of a command, in columns."""
 _STYLE: Final = {
     Stage.EXECUTED.name: "green",
     Stage.CANCELLED.name: "yellow",
@@ -115,10 +115,10 @@ _STYLE: Final = {
 def commands_table(
     commands: Sequence[CommandJourney], *, relayed: bool = False, brief: bool = False
 ) -> Table:
-    """Return every command's life, times in seconds since the first was sent.
+    """Return the life cycle of every command; times in seconds since the first was sent.
 
-    Where the relay takes part, times at both ends are shown, and by which link a command went. A
-    brief table has a line for each command on a terminal of 80 columns.
+    With a relay the table shows the times at both ends and the link of each command. A brief
+    table has one line per command on a terminal of 80 columns.
     """
     table = Table(box=None, pad_edge=False, header_style="dim", expand=brief)
     table.add_column("#", justify="right", style="dim", width=2)
@@ -142,7 +142,7 @@ def commands_table(
 
 
 def _aboard_s(sent: CommandJourney) -> list[float | None]:
-    """Return when it was received, accepted, started and ended, by the clock aboard."""
+    """Return the times of RECEIVED, ACCEPTED, STARTED and the end, by the onboard clock."""
     stages: Iterable[Receipt | None] = map(sent.at, (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED))
     return [None if each is None else each.made_s for each in (*stages, sent.ended)]
 
@@ -155,7 +155,7 @@ def _relayed_s(sent: CommandJourney, brief: bool) -> list[float | None]:
 
 
 def outcome(sent: CommandJourney) -> Text:
-    """Return how far a command is, or how it ended."""
+    """Return the current stage of a command, or how it ended."""
     ending, stage = sent.ending, sent.stage
     if ending is not None:
         return Text.assemble((ending, _STYLE.get(ending, "red")), f"  {sent.text}".rstrip())
@@ -165,7 +165,7 @@ def outcome(sent: CommandJourney) -> Text:
 
 
 WIDTH: Final = 110
-"""Columns where the output is no terminal."""
+"""Width of output that is no terminal, in columns."""
 _SHOWN: Final = (Stage.STARTED, Stage.PROGRESS)
 
 
@@ -176,7 +176,7 @@ def make_console() -> Console:
 
 
 class LineDisplay:
-    """Prints a line when a command begins, gets further or ends; in the end, the tables."""
+    """Prints a line when a command starts, progresses or ends; at the end the tables."""
 
     def __init__(self, console: Console) -> None:
         self._views: list[SessionView] = []
@@ -193,7 +193,7 @@ class LineDisplay:
             self._console.print(view.table())
 
     def view(self, links: Sequence[str], heading: str = "") -> SessionView:
-        """Return the view of one more session, under a heading."""
+        """Add a session and return its view, under a heading."""
         self._views.append(SessionView(links, heading, self._show))
         return self._views[-1]
 
@@ -209,7 +209,7 @@ class LineDisplay:
                     self._console.print(Text(" " * 10), line, soft_wrap=True)
 
     def _show_contact(self, view: SessionView) -> None:
-        """Print that contact began or ended."""
+        """Print a status line when contact begins or ends."""
         status = view.status
         if status is None or status.link != RELAY:
             return
@@ -223,7 +223,7 @@ class LineDisplay:
 
 
 class TerminalDisplay(LineDisplay):
-    """Redraws a line for each command, and the rovers' situations, in place."""
+    """Redraws one line per command and the state of the rovers in place."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(console)

@@ -1,4 +1,4 @@
-"""How the demonstration went: its figures, and the files that it leaves in its folder."""
+"""Results of the demonstration: its figures, and the files in its folder."""
 
 import shutil
 from collections import Counter
@@ -24,7 +24,7 @@ from trees import as_svg as tree_as_svg
 LOG = "mission-control.log"
 LATE = (Reason.ODOMETRY_STALE, Reason.ODOMETRY_JUMPED)
 TOO_SLOW = (
-    "Odometry was late: the machine may be too slow, or busy. End what else runs, and try again."
+    "Odometry was stale: the machine may be too slow or busy. Close other programs and try again."
 )
 
 Files = Iterator[tuple[tuple[Path, ...], str]]
@@ -32,7 +32,7 @@ Files = Iterator[tuple[tuple[Path, ...], str]]
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """A session that was played, and the folder of what is left of it."""
+    """A session that was run, and the folder of its files."""
 
     scene: Scene
     scenario: Scenario
@@ -41,7 +41,7 @@ class Played:
 
 
 def show_outcome(played: Sequence[Played], folder: Path, console: Console) -> bool:
-    """Write the files, print the figures, and return whether all was as the scenarios expect."""
+    """Write the files, print the figures, and return whether all expectations hold."""
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
         console.print("")
@@ -62,15 +62,15 @@ def show_outcome(played: Sequence[Played], folder: Path, console: Console) -> bo
         if not finding.holds
     ]
     for finding in failed:
-        words = f"{finding.subject}: expected {finding.expected}; seen: {finding.seen}"
-        console.print(words, style="red", markup=False)
+        text = f"{finding.subject}: expected {finding.expected}; observed: {finding.seen}"
+        console.print(text, style="red", markup=False)
     if failed and any(late(each.record) for each in played):
         console.print(TOO_SLOW, style="red")
     return not failed
 
 
 def late(record: Record) -> bool:
-    """Return whether the rover stood because its odometry was late."""
+    """Return whether the rover was stopped because its odometry was stale."""
     return any(report.reason in LATE for report in record.reports)
 
 
@@ -101,7 +101,7 @@ def _summary(played: Played) -> Table:
 
 
 def by_both(record: Record) -> Iterator[tuple[str, str]]:
-    """Yield, for each command that went by both links, how often the rover began with it."""
+    """Yield for each command sent over both links how often the rover started it."""
     for sent in sent_commands(record):
         if sent.again and not sent.known:
             started = {
@@ -110,38 +110,38 @@ def by_both(record: Record) -> Iterator[tuple[str, str]]:
                 if each.report.identity == sent.sending.identity
                 and each.report.stage is Stage.STARTED
             }
-            most = max(Counter(link for link, _ in started).values(), default=0)
-            times = "once" if most == 1 else f"{most} times"
-            yield "sent by both links", f"{sent.title}, carried out {times}"
+            count = max(Counter(link for link, _ in started).values(), default=0)
+            times = "once" if count == 1 else f"{count} times"
+            yield "sent over both links", f"{sent.title}, executed {times}"
 
 
 def _write(played: Played) -> Files:
-    """Write each file of a rover, and yield it with what it is."""
+    """Write the files of a rover, and yield them with their descriptions."""
     folder, heard, aboard = played.folder, played.scene.heard, played.scene.rover.aboard
     *drawn, reports = write_run(folder, played.scenario, played.record)
     yield tuple(drawn[:2]), "the drive: planned, driven by odometry, true"
     relayed = played.scene.orbiter is not None
-    lanes = "each command between ground, orbiter and rover" if relayed else "each command's life"
+    lanes = "each command between ground, orbiter and rover" if relayed else "command life cycles"
     yield tuple(drawn[2:]), f"{lanes}; modes, the true speed"
     pictures = sorted((aboard / "files/pictures").glob("*.jpg"))
     if pictures:
         picture = Path(shutil.copyfile(pictures[0], folder / "picture.jpg"))
-        yield (picture,), "what the camera saw"
+        yield (picture,), "picture of the camera"
     if heard.busiest is not None:
         tree = folder / "tree.svg"
         title = f"{heard.busiest.mode}: {heard.busiest.why}"
         tree.write_text(tree_as_svg(heard.busiest.nodes, title), encoding="utf-8")
         yield (tree,), "the behaviour tree at its busiest"
-    yield (reports,), "every report that came down, as JSON"
-    yield (aboard,), "the executive's own folder: ledger and files"
+    yield (reports,), "every received report, as JSON"
+    yield (aboard,), "data folder of the executive: ledger and files"
 
 
 def _write_all(played: Sequence[Played], folder: Path) -> Files:
-    """Write each file of all rovers together, and yield it with what it is."""
+    """Yield the files that all rovers share, with their descriptions."""
     fleet = played[0].scene.fleet
     if fleet.orbiter is not None:
-        yield (fleet.orbiter.data,), "the orbiter's own folder: bundles and records"
+        yield (fleet.orbiter.data,), "data folder of the orbiter: bundles and records"
     console = folder / "console"
     if console.exists():
-        yield (console, folder / "console.log"), "what the operations console kept, and its log"
-    yield (*fleet.processes.logs, folder / LOG), "what the processes logged"
+        yield (console, folder / "console.log"), "archive and log of the operations console"
+    yield (*fleet.processes.logs, folder / LOG), "logs of the processes"

@@ -1,4 +1,4 @@
-"""The demonstration once its processes are starting: waits until they are ready, and plays."""
+"""Session of the demonstration: waits until the processes are ready, and runs the scenarios."""
 
 import asyncio
 import logging
@@ -21,7 +21,7 @@ T = TypeVar("T")
 BROWSE: Final = "In a browser on this computer: "
 SETTLE_S: Final = 0.3
 DISCOVERY_S: Final = 3.0
-"""What it may take to see who else is in a ROS domain."""
+"""Time to discover the other nodes of a ROS domain; chosen, not measured."""
 
 
 def play(
@@ -33,21 +33,21 @@ def play(
     operations: OperationsConsole | None,
     scripted: bool,
 ) -> Sequence[Played]:
-    """Wait until the rovers can be commanded, say so, and play all scenarios at once.
+    """Wait until the rovers accept commands, print that, and run all scenarios at once.
 
     Args:
-        fleet: rovers that start.
-        scenarios: for each.
-        mode: by which link commands go that name none.
-        console: where it is shown.
-        folders: where what is left of each rover goes; mission control's log is in the last's end.
-        operations: whose address is printed once it serves.
-        scripted: whether anything is played.
+        fleet: rovers that are starting.
+        scenarios: one per rover.
+        mode: link of the commands that name none.
+        console: output of the display.
+        folders: output folder of each rover. With several, mission control's log is in the parent.
+        operations: console whose address is printed once it serves.
+        scripted: whether the scenarios are run.
 
     Raises:
         ChildError: a process ended.
-        ConnectionError: a rover could not be reached any more.
-        PlaceError: another rover is in the same ROS domain.
+        ConnectionError: the connection to a rover was lost.
+        AddressError: another rover is in the same ROS domain.
         TimeoutError: the rovers did not get ready in time.
     """
     folder = folders[0] if len(folders) == 1 else folders[0].parent
@@ -93,7 +93,7 @@ def play(
 
 
 async def _get_ready(scene: Scene, scenario: Scenario, mode: RunMode) -> None:
-    """Return when a rover is known by all links, and its topics are received from it alone."""
+    """Wait until a rover is ready on all links, and is the only publisher of its topics."""
     for link in links_of(scenario, mode):
         await ready(scene, link)
     while not scene.heard.ready:
@@ -103,13 +103,13 @@ async def _get_ready(scene: Scene, scenario: Scenario, mode: RunMode) -> None:
         await asyncio.sleep(DISCOVERY_S)
     if scene.heard.rovers() > 1:
         raise AddressError(
-            f"another rover drives in ROS domain {place.domain}."
-            " End that one, or set ROS_DOMAIN_ID to another number, the same in every terminal."
+            f"another rover runs in ROS domain {place.domain}."
+            " End it, or set ROS_DOMAIN_ID to another number, the same in every terminal."
         )
 
 
 async def _guarded(fleet: Fleet, work: Awaitable[T]) -> T:
-    """Return what work returns; a process that ends meanwhile ends it with ChildError."""
+    """Return the result of `work`. Raise ChildError if a process ends before."""
     working = asyncio.ensure_future(work)
     guard = asyncio.ensure_future(fleet.processes.guard())
     try:

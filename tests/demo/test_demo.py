@@ -200,7 +200,7 @@ def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(
 ) -> None:
     ran = Demo(tmp_path / "run", patient, "--assets", "--no-console").ran()
     assert went_well(ran)
-    assert ran.output.count("carried out once") == 2
+    assert ran.output.count("executed once") == 2
     for asset in ("jackal", "mocup"):
         folder = ran.folder / asset
         assert (folder / "map.png").stat().st_size > 0
