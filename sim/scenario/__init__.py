@@ -1,1 +1,1 @@
-"""Acceptance scenarios: files that say what is done to a rover, and what must come of it."""
+"""Acceptance scenarios: files with the inputs to a rover and the expected results."""

@@ -1,6 +1,6 @@
-"""Changes to what a scenario file says, made before it is checked: `world.friction=0.4`.
+"""Overrides of a scenario file, applied before it is checked: `world.friction=0.4`.
 
-What is changed is checked as strictly as what is written.
+Overridden values are checked as strictly as the file.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from executive.settings import FormatError, SettingsError, hint, parse_yaml, sho
 
 _TIMELINE: Final = ("command", "inject", "crash")
 ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", *_TIMELINE)
-"""With what a key may begin."""
+"""First components of an overridable key."""
 NO_FAULT: Final = "none"
 _TIMES: Final = ("at", "after", "near")
 _LASTS: Final = "for"
@@ -19,15 +19,15 @@ _LASTS: Final = "for"
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """What a file says under a key, and what it is to say instead.
+    """A key of a scenario file and the value that replaces the file's.
 
     Attributes:
-        key: of the file, dotted, such as `world.friction`, `settings.drive.travel_speed` or
-            `timeline`'s `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline, `crash` a
+        key: dotted key of the file, such as `world.friction`, `settings.drive.travel_speed` or, in
+            the timeline, `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline, `crash` a
             restart.
-        value: as YAML: `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`, with
-            `for: 2` if it is to end, or `none` for no fault; for `crash`, `{at: 3, for: 1}`, or
-            `none`.
+        value: YAML, such as `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`,
+            with `for: 2` for its duration, or `none` for no fault; for `crash`,
+            `{at: 3, for: 1}`, or `none`.
     """
 
     key: str
@@ -38,7 +38,7 @@ class Override:
         """Read `KEY=VALUE`.
 
         Raises:
-            ValueError: it is not that.
+            ValueError: the text has another form.
         """
         key, equals, value = text.partition("=")
         if not (equals and key.strip() and value.strip()):
@@ -52,15 +52,15 @@ class Override:
 def changed(
     raw: dict[str, Any], changes: Sequence[Override], world: Callable[[str], dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return the plain data of a scenario with changes, in their order.
+    """Return the plain data of a scenario with overrides applied in order.
 
     Args:
-        raw: as the file says it; stays as it is.
-        changes: which.
+        raw: data of the file; not modified.
+        changes: overrides to apply.
         world: returns the plain data of a world that the file names.
 
     Raises:
-        FormatError: there is no such key; the text names the change.
+        FormatError: an override does not fit; the text names it.
     """
     made = raw
     for change in changes:
@@ -103,41 +103,41 @@ def _unknown(key: str) -> str:
 
 
 def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
-    """Return data with a value at a path; what is missing on the way is made."""
+    """Return data with a value set at a path; missing intermediate keys are created."""
     if not path:
         return value
     first, *rest = path
     if isinstance(raw, list):
         index = int(first) if first.isdecimal() else -1
         if not 0 <= index < len(raw):
-            raise ValueError(f"{first!r} is no place in a list of {len(raw)}, which begins with 0")
+            raise ValueError(f"{first!r} is no index in a list of {len(raw)}, which begins with 0")
         return [*raw[:index], _replaced(raw[index], rest, value), *raw[index + 1 :]]
     if raw is not None and not isinstance(raw, dict):
-        raise ValueError(f"there is nothing below {shown(raw)} that could be {first!r}")
+        raise ValueError(f"the value {shown(raw)} has no key {first!r}")
     within = raw or {}
     return {**within, first: _replaced(within.get(first), rest, value)}
 
 
 def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
-    """Return data with a fault in the timeline, and its end if it has one; unless it is none."""
+    """Return data with a fault and its end, if any, added to the timeline; NO_FAULT adds none."""
     if value in (NO_FAULT, None):
         return raw
-    said = value if isinstance(value, dict) else {}
-    faults = [key for key in said if key not in (*_TIMES, _LASTS)]
+    given = value if isinstance(value, dict) else {}
+    faults = [key for key in given if key not in (*_TIMES, _LASTS)]
     if len(faults) != 1:
         raise ValueError(
             "expected a fault and its time, as {odometry_frozen, at: 3}, or none; YAML needs the"
             " space after a colon"
         )
     name = faults[0]
-    fault = name if said[name] in (None, {}) else {name: said[name]}
-    begins = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}
-    entries = [begins] if _LASTS not in said else [begins, _end(name, said)]
+    fault = name if given[name] in (None, {}) else {name: given[name]}
+    begins = {**{key: given[key] for key in _TIMES if key in given}, "inject": fault}
+    entries = [begins] if _LASTS not in given else [begins, _end(name, given)]
     return {**raw, "timeline": [*(raw.get("timeline") or []), *entries]}
 
 
 def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
-    """Return data with a crash of the executive in the timeline; unless it is none."""
+    """Return data with a crash of the executive added to the timeline; NO_FAULT adds none."""
     if value in (NO_FAULT, None):
         return raw
     if not isinstance(value, dict) or _LASTS not in value:
@@ -147,9 +147,9 @@ def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
 
 
 def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:
-    """Return the entry that ends a fault which lasts for a time."""
+    """Return the entry that clears a fault after its duration."""
     if "near" in said:
-        raise ValueError(f"{_LASTS} does not go with near: its end would not be known")
+        raise ValueError(f"{_LASTS} does not go with near: the end time is unknown")
     at_s, lasts_s = said.get("at"), said[_LASTS]
     for key, time_s in (("at", at_s), (_LASTS, lasts_s)):
         if isinstance(time_s, bool) or not isinstance(time_s, int | float) or time_s < 0:
@@ -158,15 +158,15 @@ def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_argument(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-    """Return data with an argument, LABEL.ARGUMENT, of a command in its timeline."""
+    """Return data with an argument, LABEL.ARGUMENT, of a command of the timeline replaced."""
     timeline = list(raw.get("timeline") or [])
     found = [(index, label) for index, label in labels(raw) if key.startswith(f"{label}.")]
     if not found:
         known = ", ".join(label for _, label in labels(raw)) or "none"
         raise ValueError(f"there is no command for {key!r}; LABEL.ARGUMENT, with LABEL of: {known}")
     index, label = max(found, key=lambda each: len(each[1]))
-    said = timeline[index]["command"]
-    name, arguments = next(iter(said.items())) if isinstance(said, dict) else (said, {})
+    command = timeline[index]["command"]
+    name, arguments = next(iter(command.items())) if isinstance(command, dict) else (command, {})
     path = key.removeprefix(f"{label}.").split(".")
     timeline[index] = {
         **timeline[index],

@@ -1,4 +1,4 @@
-"""The command `rover scenario`: plays acceptance scenarios and says what came of them."""
+"""The command `rover scenario`: runs acceptance scenarios and prints their results."""
 
 import sys
 from pathlib import Path
@@ -17,17 +17,17 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     """Complete the name of a scenario, or the path of a file."""
     from sim.scenario.completion import scenario_names
 
-    # In this order: bash forgets the names that stand before the word for files.
+    # In this order: bash drops names that precede the request for files.
     return [CompletionItem(begun, type="file"), *map(CompletionItem, scenario_names(begun))]
 
 
 class ChangeType(click.ParamType[Any]):
-    """`KEY=VALUE`, a change to what a scenario file says."""
+    """`KEY=VALUE`, an override of a scenario file."""
 
     name = "KEY=VALUE"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the change."""
+        """Return the override."""
         from sim.scenario.changes import Override
 
         try:
@@ -38,7 +38,7 @@ class ChangeType(click.ParamType[Any]):
     def shell_complete(
         self, ctx: click.Context, _: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete a key, or a value that is a name."""
+        """Complete a key, or a value from a list of names."""
         from sim.scenario.completion import changes
 
         return [CompletionItem(key) for key in changes(incomplete)]
@@ -55,43 +55,43 @@ def _make_folder(folder: Path) -> None:
 
 @click.command()
 @click.argument("files", nargs=-1, metavar="FILE...", shell_complete=_complete)
-@click.option("--list", "listed", is_flag=True, help="List the scenarios that have a name.")
-@click.option("--seed", type=click.IntRange(0), help="Of the sensors' noise, not the file's.")
+@click.option("--list", "listed", is_flag=True, help="List the scenarios of config/scenarios.")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the sensor noise, not the file's.")
 @click.option(
     "--set",
     "changes",
     type=ChangeType(),
     multiple=True,
-    help="Change what the file says, as world.friction=0.4; can be repeated.",
+    help="Override a key of the file, as world.friction=0.4; can be repeated.",
 )
 @click.option(
     "--repeat",
     type=click.IntRange(1),
     default=1,
-    help="Play so many times, each with the next seed, and count how often it holds.",
+    help="Number of runs, each with the next seed; counts the runs that hold.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
 @click.option("--junit", type=click.File("wb", lazy=False), help="Write JUnit XML to this file.")
-@click.option("--live", is_flag=True, help="Play in real time: real processes, ROS and socket.")
+@click.option("--live", is_flag=True, help="Run in real time: real processes, ROS and socket.")
 @click.option(
     "--link",
     type=click.Choice(["direct", "relay"]),
     default="direct",
     show_default=True,
-    help="With --live: go to the rover, or through an orbiter.",
+    help="With --live: link to the rover, direct or over an orbiter.",
 )
 @click.option(
     "--speed",
     type=click.FloatRange(0.1, 20.0),
     default=1.0,
     show_default=True,
-    help="With --live, by the direct link: simulated seconds per second.",
+    help="With --live, over the direct link: simulated seconds per second.",
 )
-@click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")
+@click.option("--verbose", is_flag=True, help="Also print every report of the rover.")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Keep a folder of each run there: map, timeline, reports, ledger, recording.",
+    help="Write a folder of each run there: map, timeline, reports, ledger, recording.",
 )
 def scenario(
     files: tuple[str, ...],
@@ -107,11 +107,11 @@ def scenario(
     verbose: bool,
     out: Path | None,
 ) -> None:
-    """Play scenarios in lock step and compare what happens with what they expect.
+    """Run scenarios in lock step and compare the results with the expected ones.
 
-    FILE is YAML, or the name of a scenario in config/scenarios. It says in which world a rover
-    stands, what is sent to it and goes wrong when, and what must come of it; docs/scenarios.md
-    tells how to write one, and what --set can change.
+    FILE is YAML, or the name of a scenario in config/scenarios. It defines the rover's world, its
+    commands and faults with their times, and the expected results. docs/scenarios.md describes
+    the format and the keys of --set.
 
     \b
     Examples:
@@ -128,10 +128,10 @@ def scenario(
 
     \b
     Exit status:
-      0  everything holds that was expected
-      1  something does not
-      2  a file or a change cannot be used; the others were played
-      3  a rover of a live run could not be reached; the others were played
+      0  all expectations hold
+      1  some do not
+      2  a file or an override cannot be used; the others were run
+      3  a rover of a live run could not be reached; the others were run
     """
     from rich.console import Console
 
@@ -148,7 +148,7 @@ def scenario(
     if as_json and (verbose or listed):
         raise click.UsageError("--json goes with neither --verbose nor --list")
     if not (files or listed):
-        raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
+        raise click.UsageError("name a FILE; rover scenario --list prints the names")
     if out is not None:
         _make_folder(out)
     width = None if sys.stdout.isatty() else PIPE_WIDTH

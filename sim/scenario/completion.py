@@ -1,4 +1,4 @@
-"""What a shell completes of `rover scenario`: names of scenarios, and keys that `--set` changes."""
+"""Shell completion of `rover scenario`: names of scenarios, and keys of `--set`."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,12 +10,12 @@ from sim.scenario.reading import scenario_folder
 
 
 def scenario_names(begun: str) -> list[str]:
-    """Return the names of scenarios that begin so."""
+    """Return the names of scenarios with this prefix."""
     return [name for name in names_in(scenario_folder()) if name.startswith(begun)]
 
 
 def changes(begun: str) -> list[str]:
-    """Return what `--set` takes that begins so: keys of any file, and values that are names."""
+    """Return the arguments of `--set` with this prefix: keys, and values from lists of names."""
     return [text for text in _changes() if text.startswith(begun)]
 
 

@@ -1,6 +1,6 @@
-"""What can be expected of commands, events, plans and files, and what came of it.
+"""Expectations on commands, events, plans and files, and their evaluation.
 
-Each kind of expectation is a dataclass, told apart in the file by its first key.
+Each kind of expectation is a dataclass; its first key identifies it in the file.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,15 +25,15 @@ from sim.scenario.record import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedLife:
-    """How a command lives.
+    """Expected life cycle of a command.
 
     Attributes:
         command: its label.
         stages: all its stages, in order, without repeats of reports.
         ends: its last stage; EXPIRED as well if its lifetime ended at the orbiter.
         reason: the reason in its last report.
-        answers: what was answered each time it was sent.
-        within_s: seconds from RECEIVED to its end at most.
+        answers: answer to each time it was sent.
+        within_s: maximum time from RECEIVED to its end, in seconds.
     """
 
     command: str
@@ -44,12 +44,12 @@ class ExpectedLife:
     within_s: float | None = None
 
     def __post_init__(self) -> None:
-        said = (self.stages, self.ends, self.reason, self.answers, self.within_s)
-        if all(each is None for each in said):
+        given = (self.stages, self.ends, self.reason, self.answers, self.within_s)
+        if all(each is None for each in given):
             raise ValueError("one of stages, ends, reason, answers, within is needed")
 
     def judge(self, record: Record) -> Check:
-        """Compare the life of a command."""
+        """Compare the life cycle of the command with the expected one."""
         reports = record.life(self.command)
         found = joined(f"command {self.command}", list(self._aspects(reports, record)))
         if found.holds or not reports:
@@ -82,13 +82,13 @@ class ExpectedLife:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Events:
-    """How often the rover reports an event with a reason, of no command."""
+    """Expected number of events with a reason that belong to no command."""
 
     event: Reason
     count: int = figure(default=1)
 
     def judge(self, record: Record) -> Check:
-        """Count the events with a reason."""
+        """Compare the number of events with the expected one."""
         count = len(
             {
                 report.sequence
@@ -103,14 +103,14 @@ class Events:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNotificationCount:
-    """How often the relay tells something of itself, of a severity; with --link relay only."""
+    """Expected number of the relay's own notifications by severity; with --link relay only."""
 
     link: Severity
     count: int = figure(default=1)
 
     def judge(self, record: Record) -> Check:
-        """Count what the relay told of itself, with a severity."""
-        told = [
+        """Compare the number of notifications with the expected one."""
+        texts = [
             report.text
             for report in record.reports
             if report.kind is ReportKind.LINK and report.severity is self.link
@@ -118,44 +118,44 @@ class LinkNotificationCount:
         return Check(
             f"link {self.link.name}",
             f"{self.count} ×",
-            "; ".join([f"{len(told)} ×", *told]),
-            len(told) == self.count,
+            "; ".join([f"{len(texts)} ×", *texts]),
+            len(texts) == self.count,
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanIs(Scheduled):
-    """Where a plan is in its life."""
+    """Expected status of a plan at a time."""
 
     plan: str
     status: PlanStatus
 
     def judge(self, record: Record) -> Check:
-        """Compare where a plan was in its life at a time."""
+        """Compare the status of the plan at a time with the expected one."""
         subject, wanted = f"plan {self.plan}", f"{self.status.name} {self.when}"
         time_s = record.moment(self)
         if time_s is None:
             return Check(subject, wanted, NEVER, False)
-        told = [
+        updates = [
             update
             for update in record.plans
             if update.plan_id == self.plan
             and record.since_start_s(update.utc_s) <= time_s + ALMOST_S
         ]
-        if not told:
-            return Check(subject, wanted, "nothing told", False)
-        last = told[-1]
+        if not updates:
+            return Check(subject, wanted, "no update", False)
+        last = updates[-1]
         seen = f"{last.status.name}, {last.done} of {last.total} leaves"
         return Check(subject, wanted, seen, last.status is self.status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileEventsExpectation:
-    """Everything that is told of one file aboard.
+    """Expected events of one file aboard.
 
     Attributes:
         file: its path.
-        events: what happened to it aboard, in order; TRANSFERRED is what `fetched` is about.
+        events: all its events in order, without TRANSFERRED, which `fetched` covers.
     """
 
     file: str
@@ -163,50 +163,50 @@ class FileEventsExpectation:
 
     def __post_init__(self) -> None:
         if FileEventKind.TRANSFERRED in self.events:
-            raise ValueError("events: whether it was TRANSFERRED, fetched says")
+            raise ValueError("events: TRANSFERRED is not allowed, use fetched")
 
     def judge(self, record: Record) -> Check:
-        """Compare everything that was told of a file."""
-        told = [
+        """Compare the events of the file with the expected ones."""
+        kinds = [
             event.kind
             for event in record.file_events
             if event.path == self.file and event.kind is not FileEventKind.TRANSFERRED
         ]
-        holds = told == list(self.events)
-        return Check(f"file {self.file}", _kinds(self.events), _kinds(told), holds)
+        holds = kinds == list(self.events)
+        return Check(f"file {self.file}", _kinds(self.events), _kinds(kinds), holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileList:
-    """Which files there are, all of them."""
+    """Expected complete list of files."""
 
     files: tuple[str, ...]
     asked: str
 
     def judge(self, record: Record) -> Check:
-        """Compare the files that were listed."""
-        wanted = f"{_paths(self.files)} listed, asked by {self.asked}"
-        answers = [asked.files for asked in record.answers if asked.label == self.asked]
+        """Compare the listed files with the expected ones."""
+        wanted = f"{_paths(self.files)} listed, query {self.asked}"
+        answers = [answer.files for answer in record.answers if answer.label == self.asked]
         if not answers:
-            return Check("files", wanted, "not asked", False)
+            return Check("files", wanted, "no query", False)
         holds = set(answers[0]) == set(self.files)
         return Check("files", wanted, _paths(answers[0]), holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFetched:
-    """Every time a file was fetched, it came octet for octet, of the checksum that was told."""
+    """Expected identity of a file each time it is fetched: its octets and its checksum."""
 
     fetched: str
 
     def judge(self, record: Record) -> Check:
-        """Compare what came with what was aboard, octet for octet, and with the checksum told."""
+        """Compare the received octets with the file aboard and with the reported checksum."""
         attempts = [each for each in record.fetched if each.path == self.fetched]
         faults = [fault for each in attempts if (fault := _fault(each))]
         octets = [f"{len(each.came)} octets" for each in attempts if isinstance(each, Fetched)]
         return Check(
             f"fetched {self.fetched}",
-            "octet for octet, of the checksum told",
+            "octets as aboard, checksum as reported",
             ", ".join([*octets, *faults]) or "never fetched",
             bool(attempts) and not faults,
         )
@@ -243,13 +243,13 @@ def _fault(attempt: Fetched | FetchFailed) -> str:
     if isinstance(attempt, FetchFailed):
         return attempt.why
     if attempt.came != attempt.aboard:
-        return "other octets than aboard"
-    came = crc32(attempt.came)
-    return "" if came == attempt.checksum else f"CRC-32 {came:08x}, told {attempt.checksum:08x}"
+        return "octets differ from aboard"
+    crc = crc32(attempt.came)
+    return "" if crc == attempt.checksum else f"CRC-32 {crc:08x}, reported {attempt.checksum:08x}"
 
 
 def _kinds(kinds: Iterable[FileEventKind]) -> str:
-    return " ".join(kind.name for kind in kinds) or "nothing told"
+    return " ".join(kind.name for kind in kinds) or "no event"
 
 
 def _paths(paths: Iterable[str]) -> str:

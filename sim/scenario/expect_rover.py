@@ -1,6 +1,6 @@
-"""What can be expected of the rover, and what came of it: pose, mode, telemetry, pictures.
+"""Expectations on the rover and their evaluation: pose, mode, telemetry, pictures.
 
-Each kind of expectation is a dataclass, told apart in the file by its first key.
+Each kind of expectation is a dataclass; its first key identifies it in the file.
 """
 
 from collections import Counter
@@ -26,17 +26,17 @@ from sim.scenario.record import (
 )
 
 SHORTEST_S: Final = 0.001
-"""A while that is needed lasts at least so long."""
+"""Minimum length of a required interval."""
 STILL_M: Final = 0.02
 STILL_RAD: Final = radians(2.0)
-"""A rover stands that stays within these of where it was."""
+"""Maximum displacement of a stationary rover from its first pose; chosen, not measured."""
 LEAST_CONTRAST: Final = 16
-"""Between the darkest and the brightest pixel of a picture that shows something, of 255."""
+"""Minimum difference of the brightest and darkest pixel, of 255; below it a picture is blank."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorldPose:
-    """Where base_link is, in the frame of the world; the heading may be left open."""
+    """Pose of base_link in the world frame; the heading is optional."""
 
     x_m: float
     y_m: float
@@ -45,7 +45,7 @@ class WorldPose:
 
 @unique
 class Movement(Enum):
-    """Whether the rover goes anywhere."""
+    """Motion state of the rover."""
 
     STANDS = "stands"
     MOVES = "moves"
@@ -53,11 +53,11 @@ class Movement(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseIs(Scheduled):
-    """Where the rover truly is.
+    """Expected true pose of the rover.
 
     Attributes:
-        tolerance_m: greatest distance from the place.
-        heading_tolerance_rad: greatest angle from the heading.
+        tolerance_m: maximum distance from the position.
+        heading_tolerance_rad: maximum angle from the heading.
     """
 
     pose: WorldPose
@@ -65,21 +65,21 @@ class PoseIs(Scheduled):
     heading_tolerance_rad: float = figure(default=0.05)
 
     def judge(self, record: Record) -> Check:
-        """Compare the true pose at a time."""
-        place = self.pose
-        wanted = f"x {place.x_m:.2f} y {place.y_m:.2f} ± {self.tolerance_m:g} m"
-        if place.heading_rad is not None:
-            wanted += f", {_angle(place.heading_rad)} ± {_angle(self.heading_tolerance_rad)}"
+        """Compare the true pose at a time with the expected one."""
+        target = self.pose
+        wanted = f"x {target.x_m:.2f} y {target.y_m:.2f} ± {self.tolerance_m:g} m"
+        if target.heading_rad is not None:
+            wanted += f", {_angle(target.heading_rad)} ± {_angle(self.heading_tolerance_rad)}"
         wanted += f" {self.when}"
         seen = record.sample(record.poses, self)
         if seen is None:
             return Check("true pose", wanted, NEVER, False)
         true = seen.pose
-        away_m = hypot(true.x_m - place.x_m, true.y_m - place.y_m)
+        away_m = hypot(true.x_m - target.x_m, true.y_m - target.y_m)
         found = f"x {true.x_m:.3f} y {true.y_m:.3f}, {away_m:.3f} m off"
         holds = away_m <= self.tolerance_m
-        if place.heading_rad is not None:
-            off_rad = abs(wrap_rad(true.heading_rad - place.heading_rad))
+        if target.heading_rad is not None:
+            off_rad = abs(wrap_rad(true.heading_rad - target.heading_rad))
             found += f", {_angle(true.heading_rad)}, {_angle(off_rad)} off"
             holds = holds and off_rad <= self.heading_tolerance_rad
         return Check("true pose", wanted, found, holds)
@@ -87,12 +87,12 @@ class PoseIs(Scheduled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeIs(Scheduled):
-    """The asset's mode."""
+    """Expected mode of the asset."""
 
     mode: Mode
 
     def judge(self, record: Record) -> Check:
-        """Compare the mode at a time."""
+        """Compare the mode at a time with the expected one."""
         wanted = f"{self.mode.name} {self.when}"
         seen = record.sample(record.modes, self)
         if seen is None:
@@ -102,13 +102,13 @@ class ModeIs(Scheduled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoverMoves(ScheduledInterval):
-    """Whether the rover truly stands throughout a while, or moves within it."""
+    """Expected motion state: truly stationary throughout an interval, or moving within it."""
 
     rover: Movement
     for_s: float = figure(SHORTEST_S)
 
     def judge(self, record: Record) -> Check:
-        """Look whether the rover moves in a while."""
+        """Compare the true motion in the interval with the expected state."""
         wanted = f"{self.rover.value} {self.period}"
         poses = record.during(record.poses, self)
         if not poses:
@@ -125,11 +125,11 @@ class RoverMoves(ScheduledInterval):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterIs(ScheduledInterval):
-    """What a telemetry parameter says: the first value after the time, or all in a while.
+    """Expected value of a parameter: the first after a time, or all in an interval.
 
     Attributes:
-        once: one value of the while is enough.
-        asked: the label of a question; its answer is looked at instead of telemetry.
+        once: one value of the interval is enough.
+        asked: label of a query whose answer is evaluated instead of telemetry.
     """
 
     parameter: Parameter
@@ -141,21 +141,21 @@ class ParameterIs(ScheduledInterval):
     def __post_init__(self) -> None:
         ScheduledInterval.__post_init__(self)
         if self.once and not self.for_s:
-            raise ValueError("once needs for: one value of which while?")
+            raise ValueError("once needs for: the interval of the values")
 
     def judge(self, record: Record) -> Check:
-        """Compare the values of a parameter in telemetry, or in the answer to a question."""
+        """Compare the values in telemetry, or in the answer to a query, with the expected one."""
         unit = self.parameter.unit
-        when = self.period if self.asked is None else f"asked by {self.asked}"
+        when = self.period if self.asked is None else f"query {self.asked}"
         subject = self.parameter.value
         once = ", once" if self.once else ""
         wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}{once}"
         seen = [each.value for each in self._looked_at(record)]
         if not seen:
-            return Check(subject, wanted, "no value came", False)
+            return Check(subject, wanted, "no value received", False)
         known = [value for value in seen if value is not None]
         if len(known) < len(seen):
-            return Check(subject, wanted, "not known aboard", False)
+            return Check(subject, wanted, "unknown aboard", False)
         judged = (min if self.once else max)(known, key=self._distance)
         which = "nearest" if self.once else "worst"
         count = f", the {which} of {len(known)}" if len(known) > 1 else ""
@@ -165,12 +165,12 @@ class ParameterIs(ScheduledInterval):
     def _looked_at(self, record: Record) -> Sequence[ReceivedValue]:
         wanted = self.parameter
         if self.asked is not None:
-            answers = [asked.values for asked in record.answers if asked.label == self.asked]
+            answers = [answer.values for answer in record.answers if answer.label == self.asked]
             return [value for values in answers for value in values if value.parameter is wanted]
-        heard = [value for value in record.values if value.parameter is wanted]
+        received = [value for value in record.values if value.parameter is wanted]
         if self.for_s:
-            return record.during(heard, self)
-        first = record.sample(heard, self)
+            return record.during(received, self)
+        first = record.sample(received, self)
         return [] if first is None else [first]
 
     def _distance(self, value: float) -> float:
@@ -180,18 +180,18 @@ class ParameterIs(ScheduledInterval):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetryCount(ScheduledInterval):
-    """How often each of the twelve parameters arrives in a while."""
+    """Expected number of values of each of the twelve parameters in an interval."""
 
     telemetry: int = figure()
     tolerance: int = figure(default=0)
 
     def judge(self, record: Record) -> Check:
-        """Count how often each parameter arrived in a while."""
+        """Compare the number of values of each parameter with the expected one."""
         wanted = f"{self.telemetry} ± {self.tolerance} × each parameter {self.period}"
         if record.moment(self) is None:
             return Check("telemetry", wanted, NEVER, False)
-        heard = Counter(value.parameter for value in record.during(record.values, self))
-        counts = sorted(heard[each] for each in Parameter)
+        received = Counter(value.parameter for value in record.during(record.values, self))
+        counts = sorted(received[each] for each in Parameter)
         return Check(
             "telemetry",
             wanted,
@@ -202,7 +202,7 @@ class TelemetryCount(ScheduledInterval):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureCount:
-    """Pictures that the rover has stored by the end: JPEG files that decode and show something.
+    """Expected number of pictures stored at the end: JPEG files that decode and are not blank.
 
     Attributes:
         width_px, height_px: the size of each; None for any.
@@ -213,7 +213,7 @@ class PictureCount:
     height_px: int | None = None
 
     def judge(self, record: Record) -> Check:
-        """Look into the pictures that the rover has stored."""
+        """Check the pictures that the rover has stored."""
         size = f"{self.width_px or 'any'} × {self.height_px or 'any'}"
         paths = sorted(record.files.glob("pictures/*.jpg"))
         faults = [
@@ -223,7 +223,7 @@ class PictureCount:
         ]
         return Check(
             "pictures",
-            f"{self.pictures} stored, {size} px, showing something",
+            f"{self.pictures} stored, {size} px, not blank",
             ", ".join([f"{len(paths)} stored", *faults]),
             len(paths) == self.pictures and not faults,
         )
@@ -231,39 +231,39 @@ class PictureCount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoComes(ScheduledInterval):
-    """Pictures of the video stream that arrive on the ground while it lasts; with --live only.
+    """Expected pictures of the video stream received in an interval; with --live only.
 
     Attributes:
-        video: how many whole ones at least, each showing something; 0 for no datagram at all.
+        video: minimum number of complete, non-blank pictures; 0 expects no datagram.
     """
 
     video: int = figure()
     for_s: float = figure(SHORTEST_S)
 
     def judge(self, record: Record) -> Check:
-        """Look into the pictures that arrived; where none is wanted, at every datagram."""
-        wanted = f"at least {self.video} pictures" if self.video else "nothing arrives"
+        """Check the received pictures; if none is expected, that no datagram was received."""
+        wanted = f"at least {self.video} pictures" if self.video else "no datagram"
         wanted = f"{wanted} {self.period}"
         if record.moment(self) is None:
             return Check("video", wanted, NEVER, False)
         arrived = record.during(record.video, self)
-        came = [each.picture for each in arrived if each.picture is not None]
-        faults = [fault for picture in came if (fault := _fault(picture))]
-        seen = f"{len(came)} pictures, {len(arrived)} datagrams"
-        enough = len(came) >= self.video if self.video else not arrived
+        pictures = [each.picture for each in arrived if each.picture is not None]
+        faults = [fault for picture in pictures if (fault := _fault(picture))]
+        seen = f"{len(pictures)} pictures, {len(arrived)} datagrams"
+        enough = len(pictures) >= self.video if self.video else not arrived
         return Check("video", wanted, ", ".join([seen, *faults]), enough and not faults)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contacts:
-    """How often the rover has begun to touch a rock, a wall or a step; in lock step only."""
+    """Expected number of new contacts with a rock, a wall or a step; in lock step only."""
 
     contacts: int = figure()
 
     def judge(self, record: Record) -> Check:
-        """Compare the contacts of the whole run."""
+        """Compare the number of contacts of the whole run with the expected one."""
         seen = record.contacts
-        text = "not known" if seen is None else f"{seen} contacts"
+        text = "unknown" if seen is None else f"{seen} contacts"
         return Check("contacts", f"{self.contacts} contacts", text, seen == self.contacts)
 
 
@@ -280,7 +280,7 @@ RoverExpectation = (
 
 
 def travel(poses: Sequence[TruePose]) -> tuple[float, float]:
-    """Return how far from the first pose any other is, in metres and radians."""
+    """Return the maximum distance and turn from the first pose, in m and rad."""
     away_m = turned_rad = 0.0
     for seen in poses:
         first, other = poses[0].pose, seen.pose

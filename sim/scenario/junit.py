@@ -1,4 +1,4 @@
-"""JUnit XML, as continuous integration reads it: suites of cases that passed, failed or broke."""
+"""JUnit XML for continuous integration: suites of cases that passed, failed or had an error."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,23 +12,23 @@ from executive.values.reports import printable
 
 @unique
 class CaseStatus(Enum):
-    """What is wrong with a case, by the name of its element."""
+    """Reason why a case did not pass; the value is the name of its XML element."""
 
     FAILURE = "failure"
-    """It was looked at, and does not hold."""
+    """The case was evaluated and does not hold."""
     ERROR = "error"
-    """It could not be looked at."""
+    """The case could not be evaluated."""
     SKIPPED = "skipped"
-    """It does not hold, and need not."""
+    """The case does not hold and is not required to."""
 
 
 @dataclass(frozen=True, slots=True)
 class JunitCase:
-    """One thing that was to hold.
+    """One check.
 
     Attributes:
-        seen: what was found.
-        trouble: None where it holds.
+        seen: observed result.
+        trouble: None if it holds.
     """
 
     name: str
@@ -38,11 +38,11 @@ class JunitCase:
 
 @dataclass(frozen=True, slots=True)
 class JunitSuite:
-    """What was looked at together.
+    """Checks that belong together.
 
     Attributes:
-        took_s: seconds of the wall clock.
-        properties: what was set for it.
+        took_s: duration by the wall clock, in seconds.
+        properties: configuration of the run, such as its seed.
     """
 
     name: str
@@ -52,15 +52,15 @@ class JunitSuite:
 
 
 def write_junit(file: BinaryIO, name: str, suites: Sequence[JunitSuite]) -> None:
-    """Write suites as one XML document; a case that has the name of another gets a number."""
+    """Write suites as one XML document; a case with the name of another gets a number."""
     root = ElementTree.Element("testsuites", _counts(name, suites))
     for suite in suites:
         made = ElementTree.SubElement(root, "testsuite", _counts(suite.name, [suite]))
         if suite.properties:
             properties = ElementTree.SubElement(made, "properties")
             for key, value in suite.properties.items():
-                said = {"name": printable(key), "value": printable(value)}
-                ElementTree.SubElement(properties, "property", said)
+                attributes = {"name": printable(key), "value": printable(value)}
+                ElementTree.SubElement(properties, "property", attributes)
         _add_cases(made, suite)
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)

@@ -1,7 +1,7 @@
-"""Plays a scenario in real time: simulation and executive as processes, commands over the socket.
+"""Runs a scenario in real time: simulation and executive as processes, commands over the socket.
 
-What is seen goes into the same record as in lock step: notifications and telemetry by
-subscription, the mode by asking, the true pose from the simulation's topic.
+The record is the same as in lock step. It holds notifications and telemetry by subscription, the
+mode by polling, and the true pose from the simulation's topic.
 """
 
 import asyncio
@@ -23,14 +23,14 @@ from sim.scenario.truth import look_up_requests, undelayed_s
 
 
 def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0) -> Record:
-    """Play a scenario that can be played live, and return what was seen.
+    """Run a scenario live and return its record.
 
-    Must be called on the main thread, which no other thread may run beside yet.
+    Must be called on the main thread, before any other thread is started.
 
     Raises:
         ChildError: a process ended.
-        ConnectionError: the rover could not be reached any more.
-        PlaceError: no ROS domain is free.
+        ConnectionError: the connection to the rover was lost.
+        AddressError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
     relay = RunMode.RELAY in links_of(scenario, mode)
@@ -50,19 +50,19 @@ async def play_in(
     brief: bool = False,
     on_news: Callable[[Record], None] = lambda _: None,
 ) -> Record:
-    """Play a scenario in a scene of its rover and world.
+    """Run a scenario in a scene with its rover and world.
 
     Args:
-        scene: where.
-        scenario: what to do, and when.
-        mode: by which link. By the relay, an executive that runs must be ready before, which
-            begins with a stop where a brick moves the rover.
-        brief: whether it ends as soon as all is played, and all that was admitted has ended.
-        on_news: called with the record when there is something new in it.
+        scene: processes and recorders of the rover.
+        scenario: timeline and expectations.
+        mode: link of the run. Over the relay, the executive must be ready before. It starts with
+            a stop if a brick moves the rover.
+        brief: whether the run ends when all entries are done and all admitted commands have ended.
+        on_news: called with the record after each addition.
 
     Raises:
         ChildError: a process ended.
-        ConnectionError: the rover could not be reached any more.
+        ConnectionError: the connection to the rover was lost.
         TimeoutError: the rover did not get ready in time.
     """
     uris = {each.link: await ready(scene, each) for each in links_of(scenario, mode)}
@@ -71,7 +71,7 @@ async def play_in(
         start_utc_s = scene.fleet.start_utc_s
         late_s = time.time() - start_utc_s
         if late_s > 0:
-            raise TimeoutError(f"it was ready {late_s:.0f} s too late for the planned eclipse")
+            raise TimeoutError(f"the rover was ready {late_s:.0f} s after the planned start")
         await asyncio.sleep(-late_s)
     heard, speed = scene.heard, scene.rover.speed
     first = len(heard.true)
@@ -110,15 +110,15 @@ async def play_in(
 
 
 async def ready(scene: Scene, mode: RunMode) -> str:
-    """Wait until a link tells where the rover is, and the simulation too; return its address.
+    """Wait until link and simulation report the pose of the rover; return the link's URI.
 
-    An executive begins with a stop, which a brick may hear late: where the relay reaches it, too,
-    the direct link is ready when the brick has answered another command after that.
+    An executive starts with a stop, which a brick may receive late. If the relay reaches the brick
+    as well, the direct link is ready when the brick has answered a later command.
 
     Raises:
         ChildError: a process ended.
-        ConnectionError: the rover could not be reached any more.
-        TimeoutError: it took too long.
+        ConnectionError: the connection to the rover was lost.
+        TimeoutError: not ready within `START_S`.
     """
     try:
         async with asyncio.timeout(START_S):
@@ -126,13 +126,13 @@ async def ready(scene: Scene, mode: RunMode) -> str:
             await _known(uri, scene, mode)
             return uri
     except TimeoutError as error:
-        raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
+        raise TimeoutError(f"the rover was not ready after {START_S:.0f} s") from error
 
 
 async def _known(uri: str, scene: Scene, mode: RunMode) -> None:
-    """Wait until pose and camera are received by a link, and the true pose here.
+    """Wait until pose and camera are received over a link, and the true pose here.
 
-    Other parameters come later: figures of the executive's own process are seconds apart.
+    Other parameters follow later: health figures of the executive's process are seconds apart.
     """
     needed = (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:

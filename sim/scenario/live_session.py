@@ -1,6 +1,6 @@
-"""Mission control of a live run: sends what is due over the sockets, and keeps what comes back.
+"""Mission control of a live run: sends due commands over the sockets and records the replies.
 
-Notifications and statuses of each link, telemetry, files and the video stream go into the record.
+The record holds notifications and statuses of each link, telemetry, files and the video stream.
 """
 
 import asyncio
@@ -70,28 +70,28 @@ _LOG: Final = logging.getLogger(__name__)
 
 LEAST_PAUSE_S: Final = 0.005
 GLANCE_S: Final = 0.02
-"""Between two looks at what may change at any time, while it is waited for."""
+"""Polling period while waiting for a state of the rover."""
 LOOK_S: Final = 0.1
-"""Between two questions for the mode."""
+"""Polling period of the status."""
 
 
 class LiveSession:
-    """One play.
+    """Session of one live run.
 
-    In an eclipse of the direct link it hangs up, and afterwards connects anew; by the relay it
-    stays connected with the orbiter, which has no contact then.
+    An outage of the direct link closes the connection; it is reopened at the end of the outage.
+    Over the relay the connection to the orbiter stays open while the orbiter has no contact.
 
     Args:
-        uris: where the MRS of the rover is served, by the name of the link.
-        mode: by which of them commands go that name none; telemetry is taken from it alone.
-        load: gives the rover a cargo, in kg.
-        faults: has faults of the rover begin and end.
-        look: puts the true poses into the record that were seen since it was called last.
-        record: filled with the rest.
-        brief: whether the play ends as soon as all is played, and all that was admitted has ended.
-        speed: seconds of the scenario per second, as far as the simulation keeps up.
-        system: the time.
-        on_news: called with the record when there is something new in it.
+        uris: URI of the rover's MRS by the name of the link.
+        mode: link of the commands that name none; the only source of telemetry.
+        load: sets the mass of the rover's cargo, in kg.
+        faults: injects and clears faults of the rover.
+        look: adds the true poses received since its last call to the record.
+        record: receives all other data.
+        brief: whether the run ends when all entries are done and all admitted commands have ended.
+        speed: seconds of the scenario per second, if the simulation is fast enough.
+        system: clock.
+        on_news: called with the record after each addition.
     """
 
     def __init__(
@@ -126,10 +126,10 @@ class LiveSession:
         self._news = asyncio.Event()
 
     async def play(self) -> None:
-        """Play to the end.
+        """Run to the end.
 
         Raises:
-            ConnectionError: the rover could not be reached any more.
+            ConnectionError: the connection to the rover was lost.
         """
         try:
             for link in self._uris:
@@ -164,7 +164,7 @@ class LiveSession:
 
     @property
     def _client(self) -> MrsClient | None:
-        """The client of the link of the run."""
+        """Client of the run's link; None while disconnected."""
         line = self._lines.get(self._mode.link)
         return None if line is None else line.client
 
@@ -202,7 +202,7 @@ class LiveSession:
                 self._record.answers.append(await self._asked(label))
             case Fetch(fetch=path):
                 if self._client is None:
-                    self._record.fetched.append(FetchFailed(path, "nobody is there"))
+                    self._record.fetched.append(FetchFailed(path, "no contact"))
                     return
                 self._record.fetched.append(await fetched(self._client, path, self._record.files))
             case Cargo(cargo_kg=mass_kg) if self._load is not None:
@@ -216,10 +216,10 @@ class LiveSession:
                     await self._hang_up(self._mode.link)
                     self._contact_s = self._now_s() + dark_s
             case _:
-                raise TypeError(f"{type(entry).__name__} cannot be done over the socket")
+                raise TypeError(f"{type(entry).__name__} is not possible in a live run")
 
     async def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
-        """Have a fault begin, or one of a kind end."""
+        """Inject a fault, or clear the fault of a kind."""
         if kind is LinkLost:
             await self._lose_link(begins is not None)
         else:
@@ -232,7 +232,7 @@ class LiveSession:
         self._record.faults.append(FaultChange(self._now_s(), name, begins is not None))
 
     async def _lose_link(self, lost: bool) -> None:
-        """Hang up until the link is there again, and no eclipse either."""
+        """Disconnect until the link is available again and no outage lasts."""
         self._lost = lost
         if lost:
             await self._hang_up(self._mode.link)
@@ -256,8 +256,8 @@ class LiveSession:
         record.sendings.append(
             SentCommand(label, identity, sent_s, answer, command.link, text, self._now_s())
         )
-        taken = answer in (Answer.ADMITTED, Answer.REFUSED)
-        if taken and all(each.identity != identity for each in record.requested):
+        received = answer in (Answer.ADMITTED, Answer.REFUSED)
+        if received and all(each.identity != identity for each in record.requested):
             record.requested.append(AdmittedRequest(identity, command.request))
         self._on_news(record)
 
@@ -271,10 +271,10 @@ class LiveSession:
 
 
 class DownlinkSubscriptions:
-    """Listens over one client, from `begin` to `end`, which closes it.
+    """Subscriptions of one client, from `begin` to `end`, which closes the client.
 
     Args:
-        link: by which it listens; only by that of the run more than reports and status is taken.
+        link: link of the client. All but reports and status is received on the run's link only.
     """
 
     def __init__(
@@ -294,7 +294,7 @@ class DownlinkSubscriptions:
         self._tasks: list[asyncio.Task[None]] = []
 
     async def begin(self) -> None:
-        """Hear the rest as well."""
+        """Start the subscriptions and the polling of the status."""
         client, record = self.client, self._record
 
         def on_report(notification: Notification) -> None:
@@ -319,28 +319,28 @@ class DownlinkSubscriptions:
         self._start(self._look())
 
     async def catch_up(self) -> None:
-        """Ask for what was told while nobody listened; telemetry of that time is gone."""
+        """Retrieve the reports made while disconnected; telemetry of that time is lost."""
         record, client = self._record, self.client
         since = max((report.sequence for report in record.reports), default=0) + 1
         while past := await client.get_notifications(since):
             self._receive(past)
             since = past[-1].sequence + 1
         record.plans += map(plan_update_of, await client.get_plan_status())
-        told = {news.path for news in record.file_events}
-        there = [file.path for file in await client.list_files()]
+        known = {event.path for event in record.file_events}
+        listed = [file.path for file in await client.list_files()]
         record.file_events += [
-            FileEvent(FileEventKind.STORED, path) for path in there if path not in told
+            FileEvent(FileEventKind.STORED, path) for path in listed if path not in known
         ]
         self._on_news()
 
     def check(self) -> None:
-        """Raise what ended the listening, if anything did."""
+        """Raise the exception that ended a subscription, if any."""
         for task in self._tasks:
             if task.done():
                 task.result()
 
     async def end(self) -> None:
-        """Listen no more."""
+        """Cancel the subscriptions and close the client."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -373,7 +373,7 @@ class DownlinkSubscriptions:
 
 
 def _report(notification: Notification) -> Report:
-    """Return a report; one of the orbiter that gives a command up names that command."""
+    """Return the report; if the orbiter expires a command, with the identity of that command."""
     report = report_of(notification)
     return replace(report, identity=report.identity or given_up(notification))
 
@@ -387,12 +387,12 @@ async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | Fetch
     """Fetch a file.
 
     Args:
-        client: connected with the rover.
-        path: of the file, in the folder aboard.
-        aboard: that folder, which is readable because the rover is simulated.
+        client: connected client of the rover.
+        path: path of the file in the folder aboard.
+        aboard: that folder, readable because the rover is simulated.
 
     Raises:
-        ConnectionError: the rover could not be reached any more.
+        ConnectionError: the connection to the rover was lost.
     """
     with tempfile.TemporaryDirectory(prefix="rover-fetched-") as folder:
         here = Path(folder) / "fetched"
@@ -418,7 +418,7 @@ class _DatagramRecorder(asyncio.DatagramProtocol):
 
 @asynccontextmanager
 async def watched(ground: socket.socket, record: Record) -> AsyncIterator[None]:
-    """Put every datagram that arrives into the record."""
+    """Record every received datagram."""
     loop = asyncio.get_running_loop()
     own = ground.dup()
     own.setblocking(False)

@@ -1,6 +1,6 @@
-"""Plays a scenario in lock step: one thread, simulated time, the same bits every time.
+"""Runs a scenario in lock step: one thread, simulated time, bit-identical repetitions.
 
-The ground receives everything that the rover sends, except during an eclipse.
+The ground receives everything that the rover sends, except during an outage.
 """
 
 import time
@@ -38,11 +38,11 @@ from sim.scenario.truth import look_up_requests
 
 
 class DownlinkCollector:
-    """Carries what a rover says into the record of a run.
+    """Copies the downlink of a rover into the record of a run.
 
     Attributes:
-        lost: whether the link is lost, until it is there again.
-        dark: whether nothing passes now.
+        lost: whether the link is lost, until the fault is cleared.
+        dark: whether the link is down now, by a loss or an outage.
     """
 
     def __init__(self, said: DownlinkRecorder, record: Record) -> None:
@@ -54,32 +54,32 @@ class DownlinkCollector:
         self.dark = False
 
     def lose(self, lost: bool) -> None:
-        """Hear nothing from now on, or hear again what an eclipse lets through."""
+        """Set or clear the loss of the link; an outage still applies."""
         self.lost = lost
         self.dark = self.dark or lost
 
     def eclipse(self, until_s: float) -> None:
-        """Hear nothing until then; reports are heard afterwards, telemetry is not."""
+        """Block the downlink until then; reports are received later, telemetry is lost."""
         self._until_s = max(self._until_s, until_s)
         self.dark = True
 
     def listen(self, now_s: float) -> None:
-        """Take in what was said since the last call."""
+        """Copy the downlink since the last call, unless the link is down."""
         self.dark = self.lost or now_s < self._until_s - ALMOST_S
-        said, record = self._said, self._record
-        batches = said.telemetry_batches[self._batches :]
+        downlink, record = self._said, self._record
+        batches = downlink.telemetry_batches[self._batches :]
         self._batches += len(batches)
         if self.dark:
             return
         for batch in batches:
             record.values += record.heard(batch)
-        record.reports += said.reports[len(record.reports) :]
-        record.file_events += said.file_events[len(record.file_events) :]
-        record.plans += said.plans[len(record.plans) :]
+        record.reports += downlink.reports[len(record.reports) :]
+        record.file_events += downlink.file_events[len(record.file_events) :]
+        record.plans += downlink.plans[len(record.plans) :]
 
 
 def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None) -> Record:
-    """Play a scenario and return what was seen; a tape takes a recording of the executive.
+    """Run a scenario and return its record. `tape` records the executive.
 
     Raises:
         SettingsError: MuJoCo refuses the world.
@@ -123,7 +123,7 @@ class _LockstepRun:
         self._start_s = inf
 
     def to_the_end(self) -> None:
-        """Step from event to event, looking at the rover after each tick."""
+        """Step from event to event; sample the rover after each tick."""
         step = 0
         while True:
             self._act()
@@ -194,20 +194,20 @@ class _LockstepRun:
             self._record.requested.append(AdmittedRequest(command.identity, command.request))
 
     def _compensation(self) -> SetPositionCompensation:
-        """Return the compensation with which the reported pose is the true one."""
+        """Return the compensation that makes the reported pose equal to the true one."""
         status, true = self._lock.executive.status, self._lock.rover.true_pose
-        told, now = status.pose, status.compensation
-        turn_rad = wrap_rad(true.heading_rad - told.heading_rad)
-        x_m, y_m = now.x_m - told.x_m, now.y_m - told.y_m
+        pose, now = status.pose, status.compensation
+        turn_rad = wrap_rad(true.heading_rad - pose.heading_rad)
+        x_m, y_m = now.x_m - pose.x_m, now.y_m - pose.y_m
         return SetPositionCompensation(
             true.x_m + x_m * cos(turn_rad) - y_m * sin(turn_rad),
             true.y_m + x_m * sin(turn_rad) + y_m * cos(turn_rad),
-            true.z_m + now.z_m - told.z_m,
+            true.z_m + now.z_m - pose.z_m,
             wrap_rad(now.heading_rad + turn_rad),
         )
 
     def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
-        """Have a fault begin, or one of a kind end."""
+        """Inject a fault, or clear the fault of a kind."""
         if kind is LinkLost:
             self._downlink.lose(begins is not None)
         elif begins is not None:
@@ -241,9 +241,9 @@ class _LockstepRun:
 
     def _read(self, path: str) -> Fetched | FetchFailed:
         if not self._there:
-            return FetchFailed(path, "nobody is there")
-        place = self._lock.executive.files.find(path)
-        if isinstance(place, Refusal):
-            return FetchFailed(path, place.text)
-        octets = place.read_bytes()
+            return FetchFailed(path, "no contact")
+        file = self._lock.executive.files.find(path)
+        if isinstance(file, Refusal):
+            return FetchFailed(path, file.text)
+        octets = file.read_bytes()
         return Fetched(path, octets, octets, crc32(octets))

@@ -1,4 +1,4 @@
-"""What a scenario file says: the surroundings, what is done when, and what must come of it.
+"""Content of a scenario file: environment, timeline and expectations.
 
 Names and units follow the file: a field `x_m` is written `x` there, `heading_rad` is `heading` and
 may be written in degrees (`90deg`).
@@ -20,18 +20,18 @@ from sim.scenario.record import Scheduled
 
 @unique
 class RunMode(Enum):
-    """Where it is played, and by which link the ground speaks to the rover."""
+    """How a scenario is run, and the link between ground and rover."""
 
     LOCK_STEP = "in lock step"
-    """One process, simulated time; the link is the call of a function."""
-    DIRECT = "by the direct link"
+    """One process, simulated time; the link is a function call."""
+    DIRECT = "over the direct link"
     """Real processes in real time; MAL on TCP."""
-    RELAY = "by the relay"
-    """The same, through an orbiter; MAL on TCP, then bundles."""
+    RELAY = "over the relay"
+    """Real processes in real time, over an orbiter; MAL on TCP, then bundles."""
 
     @property
     def link(self) -> str:
-        """The name of the link, as commands carry it."""
+        """Name of the link, as in commands."""
         return "relay" if self is RunMode.RELAY else "direct"
 
 
@@ -40,14 +40,14 @@ LONGEST_S = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Send(Scheduled):
-    """A command is sent.
+    """Sends a command.
 
     Attributes:
-        label: what other entries and expectations call it; None is the operation's name.
-        id: its number; None takes the place of the command among those of the file.
-        link: by which it comes; None is that by which the scenario is played.
-        lifetime_s: seconds after which it must not start any more.
-        replace: whether it replaces the motion that it finds.
+        label: reference for other entries and expectations; None is the operation's name.
+        id: its number; None is its position among the commands of the file.
+        link: link of the command; None is the link of the run.
+        lifetime_s: seconds after which it must no longer start.
+        replace: whether it replaces current and queued motion.
     """
 
     command: Request
@@ -60,13 +60,13 @@ class Send(Scheduled):
 
     @property
     def name(self) -> str:
-        """What other entries and expectations call it."""
+        """Label for other entries and expectations."""
         return self.label or declaration_of(type(self.command)).name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix(Scheduled):
-    """The true pose is measured, and a position compensation sent with which it is reported.
+    """Sends the position compensation that makes the reported pose equal to the true one.
 
     Attributes:
         fix: label of that `setPositionCompensation`.
@@ -76,17 +76,17 @@ class Fix(Scheduled):
 
     @property
     def name(self) -> str:
-        """What other entries and expectations call it."""
+        """Label for other entries and expectations."""
         return self.fix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repeat(Scheduled):
-    """A command that was sent is sent once more, as it was, as a relay does that heard no answer.
+    """Resends a sent command unchanged, as a relay does that received no answer.
 
     Attributes:
         repeat: its label.
-        link: the link on which the repeat comes in; None is that of the first time.
+        link: link of the repeat; None is the link of the first time.
     """
 
     repeat: str
@@ -95,35 +95,35 @@ class Repeat(Scheduled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueryParameters(Scheduled):
-    """The present values of all parameters, and what files there are, are asked for."""
+    """Queries the present values of all parameters, and the list of files."""
 
     ask: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fetch(Scheduled):
-    """A file aboard is fetched; in lock step, where nothing is transferred, it is read."""
+    """Fetches a file aboard; in lock step it is read without a transfer."""
 
     fetch: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inject(Scheduled):
-    """A fault begins."""
+    """Injects a fault."""
 
     inject: SimulatedFault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clear(Scheduled):
-    """A fault ends, of which the kind is named."""
+    """Clears the fault of a kind."""
 
     clear: type[SimulatedFault]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crash(Scheduled):
-    """The executive is lost as by kill -9.
+    """Terminates the executive as by kill -9.
 
     Attributes:
         crash_s: seconds until another is started on the same ledger.
@@ -134,42 +134,42 @@ class Crash(Scheduled):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cargo(Scheduled):
-    """The rover carries so much from now on, in place of what it carried."""
+    """Sets the mass of the rover's cargo, in kg."""
 
     cargo_kg: float = figure(most=MAX_CARGO_KG)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eclipse(Scheduled):
-    """Nothing passes between ground and rover, which is on its own.
+    """Starts a contact outage between ground and rover.
 
-    By the direct link, what is sent meanwhile is lost; by the relay it waits. What the rover
-    reported meanwhile is heard afterwards.
+    Commands sent during it are lost over the direct link, and stored over the relay. Reports made
+    during it are received after its end.
 
     Attributes:
-        eclipse_s: seconds until there is contact again.
+        eclipse_s: duration of the outage in seconds.
     """
 
     eclipse_s: float = figure(SHORTEST_S)
 
 
 Expectation = CommandExpectation | RoverExpectation
-"""How each kind is judged is its own method `judge`."""
+"""Expectation of a file; its method `judge` evaluates it."""
 Entry = Send | Fix | Repeat | QueryParameters | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """One file.
+    """One scenario file.
 
     Attributes:
         asset: name of the asset, or its YAML file.
-        settings: those of the asset, with what the file changes in them.
-        odometry: how good it is; of a rover on velocities, in lock step.
-        seed: of all noise of the sensors.
+        settings: settings of the asset with the overrides of the file.
+        odometry: odometry errors; for a rover commanded by velocities, in lock step only.
+        seed: seed of all sensor noise.
         lasts_s: simulated seconds from start to end.
-        false_executed: labels of the commands that are known to end EXECUTED although the rover is
-            not where they were to bring it; each must.
+        false_executed: labels of the commands that must end EXECUTED although the rover is not at
+            their target: a known false success.
     """
 
     title: str

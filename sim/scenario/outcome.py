@@ -1,4 +1,4 @@
-"""What came of a run, by its record: expectations, promises, figures, and a digest of its bits."""
+"""Result of a run from its record: expectations, promises, figures, and a digest of its bits."""
 
 import hashlib
 from collections import Counter
@@ -21,36 +21,36 @@ from sim.scenario.record import Check, Record, SentCommand, between
 from sim.scenario.truth import reported_error, true_ends, way_m, what_was_executed_is_true
 
 DIGITS: Final = 6
-"""Of seconds: stamps in UTC have no more."""
+"""Decimal digits of seconds: stamps in UTC have no finer ones."""
 BRAKING_S: Final = 1.5
-"""After this long in STOPPED or SAFE the rover has come to rest, from whatever speed."""
+"""Time from STOPPED or SAFE until standstill from any speed; chosen, not measured."""
 STANDING_S: Final = 0.2
 STANDING_M: Final = 0.01
-"""A rover has come to rest that goes no further for so long."""
+"""Maximum displacement within `STANDING_S` at standstill; chosen, not measured."""
 HELD: Final = frozenset({Mode.STOPPED, Mode.SAFE})
 ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
-"""Motions to a pose in the frame of the world, which a wrong reported pose misleads."""
+"""Motions to a pose in the world frame; an error of the reported pose displaces them."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunMetrics:
-    """A run in figures. What there is none of is None.
+    """Figures of a run; None for those that do not exist.
 
     Attributes:
-        duration_s: from the first RECEIVED to the last end of a command.
-        true_error_m, true_error_rad: the farthest that the rover truly was from the commanded pose
-            when a command ended EXECUTED.
-        distance_m: that the rover truly went.
-        energy_j: drawn from the battery.
-        detection_s: from the first fault to the first report or mode that tells of it: a command
-            that FAILED, an event of a severity above INFORMATIONAL, or SAFE.
-        contacts: how often the rover began to touch a rock, a wall or a step.
-        executed, failed: how many commands ended so.
-        false_executed: how many ended EXECUTED although that was not true, or could not be seen.
-        reasons: of the last reports on commands that did not end EXECUTED, in their order.
-        false_after_fault: of `false_executed`, how many ended after a fault had been reported.
-        pose_error_m, pose_error_rad: how far the reported pose was from the true one when the
-            first absolute motion (`moveTo`, `followPath`, `rotateTo`) was sent.
+        duration_s: time from the first RECEIVED to the last end of a command.
+        true_error_m, true_error_rad: maximum true deviation from the commanded pose at EXECUTED.
+        distance_m: true distance driven.
+        energy_j: energy drawn from the battery.
+        detection_s: time from the first fault to the first report or mode that indicates it: a
+            command that FAILED, an event of a severity above INFORMATIONAL, or SAFE.
+        stopping_m: true distance from the first fault to standstill after its detection.
+        contacts: number of new contacts with a rock, a wall or a step.
+        executed, failed: numbers of commands that ended so.
+        false_executed: number of commands that ended EXECUTED untruly, or without true poses.
+        reasons: reasons of the final reports that have one, in their order.
+        false_after_fault: number of those that ended after the first fault was reported.
+        pose_error_m, pose_error_rad: error of the reported pose when the first absolute motion
+            (`moveTo`, `followPath`, `rotateTo`) was sent.
         executed_alone, executed_fixed: share of the absolute motions that ended EXECUTED, of those
             sent before and after the first position compensation.
     """
@@ -76,13 +76,13 @@ class RunMetrics:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioResult:
-    """One run.
+    """Result of one run.
 
     Attributes:
-        holds: whether all findings do.
-        digest: SHA-256 over reports, true poses, telemetry and modes; alike for runs that are, bit
-            for bit. The time that the run took is not in it.
-        record: all that was seen.
+        holds: whether all findings hold.
+        digest: SHA-256 over reports, true poses, telemetry and modes; equal for bit-identical
+            runs. It excludes the duration by the wall clock.
+        record: complete record of the run.
     """
 
     holds: bool
@@ -95,13 +95,13 @@ class ScenarioResult:
 def play_once(
     name: str, scenario: Scenario, folder: Path, tape: Tape | None = None
 ) -> ScenarioResult:
-    """Play a scenario in lock step, and judge it.
+    """Run a scenario in lock step and evaluate it.
 
     Args:
-        name: of the scenario, for errors.
-        scenario: that `load_scenario` read for the lock step.
-        folder: an empty one for ledger and files.
-        tape: takes a recording of the executive; None for none.
+        name: name of the scenario, for errors.
+        scenario: result of `load_scenario` for lock step.
+        folder: empty folder for ledger and files.
+        tape: records the executive; None for no recording.
 
     Raises:
         SettingsError: the world cannot be simulated.
@@ -114,7 +114,7 @@ def play_once(
 
 
 def outcome_of(scenario: Scenario, record: Record) -> ScenarioResult:
-    """Return what comes of a run, however it was played."""
+    """Return the result of a run of any mode."""
     findings = tuple(judge(scenario, record))
     holds = all(finding.holds for finding in findings)
     return ScenarioResult(holds, findings, figures_of(record), digest_of(record), record)
@@ -123,13 +123,13 @@ def outcome_of(scenario: Scenario, record: Record) -> ScenarioResult:
 def judge(scenario: Scenario, record: Record) -> list[Check]:
     """Return a finding for each expectation, then one for each promise.
 
-    Promises are what every run must keep, whatever the file expects: the whole timeline was
-    played, every command ends exactly once, reports are numbered without gaps, the rover
-    stands while it is STOPPED or SAFE, and what ended EXECUTED is true.
+    Promises must hold in every run, regardless of the file: all entries of the timeline were
+    executed, every command ends exactly once, reports are numbered without gaps, the rover is
+    stationary while STOPPED or SAFE, and commands that ended EXECUTED truly succeeded.
     """
     played = Check(
         "promise",
-        f"all {len(scenario.timeline)} entries of the timeline are played",
+        f"all {len(scenario.timeline)} entries of the timeline are executed",
         f"{record.played} were",
         record.played == len(scenario.timeline),
     )
@@ -144,21 +144,21 @@ def judge(scenario: Scenario, record: Record) -> list[Check]:
 
 
 def _commands_end_once(record: Record) -> Check:
-    """Hold every command that was received to one terminal report."""
+    """Check that every received command has one terminal report."""
     reports = {(report.sequence, report.identity): report for report in record.reports}.values()
-    lives = {report.identity for report in reports if report.identity and report.stage}
+    commands = {report.identity for report in reports if report.identity and report.stage}
     ends = Counter(report.identity for report in reports if report.stage and report.stage.terminal)
-    wrong = [f"{life} ends {ends[life]} ×" for life in lives if ends[life] != 1]
+    wrong = [f"{command} ends {ends[command]} ×" for command in commands if ends[command] != 1]
     return Check(
         "promise",
         "every command received ends exactly once",
-        ", ".join(sorted(wrong)) or f"{len(lives)} of {len(lives)} do",
+        ", ".join(sorted(wrong)) or f"{len(commands)} of {len(commands)} do",
         not wrong,
     )
 
 
 def _reports_without_gap(record: Record) -> Check:
-    """Hold the numbers of all reports by the link of the run to one more each."""
+    """Check that the numbers of all reports on the run's link increase by one."""
     by_link = [each.report for each in record.receipts if each.link == record.main_link]
     reports = by_link or record.reports
     numbers = sorted({report.sequence for report in reports if report.kind is not ReportKind.LINK})
@@ -172,7 +172,7 @@ def _reports_without_gap(record: Record) -> Check:
 
 
 def _stands_while_held(record: Record) -> Check:
-    """Hold the rover to stand while it is STOPPED or SAFE."""
+    """Check that the rover is stationary while STOPPED or SAFE."""
     worst_m = worst_rad = 0.0
     for held, seen in groupby(record.modes, key=lambda seen: seen.mode in HELD):
         if held:
@@ -188,7 +188,7 @@ def _stands_while_held(record: Record) -> Check:
 
 
 def figures_of(record: Record) -> RunMetrics:
-    """Return a run in figures."""
+    """Return the figures of a run."""
     lives = record.lives().values()
     ends = [life.end for life in lives if life.end is not None]
     begun_s = [record.time_of(life.stages[0]) for life in lives]
@@ -222,20 +222,20 @@ def figures_of(record: Record) -> RunMetrics:
 
 
 def _asks_for(record: Record, sent: SentCommand, kinds: type | tuple[type, ...]) -> bool:
-    """Return whether a command was received and is of a kind."""
-    asked = (each.request for each in record.requested if each.identity == sent.identity)
-    return isinstance(next(asked, None), kinds)
+    """Return whether a command was received and its request is of these kinds."""
+    requests = (each.request for each in record.requested if each.identity == sent.identity)
+    return isinstance(next(requests, None), kinds)
 
 
 def _executed(record: Record, sent: Sequence[SentCommand]) -> float | None:
-    """Return which share of commands ended EXECUTED; None of none."""
+    """Return the share of commands that ended EXECUTED; None without commands."""
     lives = [record.life(each.label) for each in sent]
     done = [any(report.stage is Stage.EXECUTED for report in life) for life in lives]
     return sum(done) / len(done) if done else None
 
 
 def digest_of(record: Record) -> str:
-    """Return the SHA-256 over what was seen, in hexadecimal digits."""
+    """Return the SHA-256 over reports, poses, values and modes in hexadecimal digits."""
     seen = (record.reports, record.poses, record.values, record.modes)
     return hashlib.sha256(repr(seen).encode()).hexdigest()
 
@@ -262,9 +262,9 @@ def _detection_s(record: Record) -> float | None:
     began_s = _began_s(record)
     if began_s is None:
         return None
-    told_s = [record.time_of(report) for report in record.reports if _tells_of_a_fault(report)]
-    told_s += [seen.time_s for seen in record.modes if seen.mode is Mode.SAFE]
-    after_s = (time_s - began_s for time_s in told_s if time_s >= began_s)
+    reported_s = [record.time_of(report) for report in record.reports if _tells_of_a_fault(report)]
+    reported_s += [seen.time_s for seen in record.modes if seen.mode is Mode.SAFE]
+    after_s = (time_s - began_s for time_s in reported_s if time_s >= began_s)
     return min((round(time_s, DIGITS) for time_s in after_s), default=None)
 
 

@@ -1,4 +1,4 @@
-"""Map, timeline and reports of a run that was recorded, as files in a folder."""
+"""Map, timeline and reports of a recorded run, as files in a folder."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -53,11 +53,11 @@ from sim.scenario.truth import true_ends, way_m
 
 REPORTS: Final = "reports.jsonl"
 SMALL_ROVER: Final = 0.5
-"""How large a MOCUP is beside a Jackal."""
+"""Size of a MOCUP relative to a Jackal, for drawing."""
 
 
 def write_run(folder: Path, scenario: Scenario, record: Record) -> tuple[Path, ...]:
-    """Write map, timeline and reports of a run into a folder, and return the files."""
+    """Write map, timeline and reports of a run into a folder, and return the paths."""
     return (
         *write_drawing(folder, "map", draw_map(drive_of(scenario, record))),
         *write_drawing(folder, "timeline", draw_timeline(timeline_of(scenario, record))),
@@ -66,9 +66,9 @@ def write_run(folder: Path, scenario: Scenario, record: Record) -> tuple[Path, .
 
 
 def _write_reports(folder: Path, record: Record) -> Path:
-    """Write every report that was received as JSON, one a line, names instead of numbers.
+    """Write every received report as JSON, one per line, with names of enumeration members.
 
-    Those of a live run have the time of receipt and the link.
+    Reports of a live run have the time of receipt and the link.
     """
     converter = make_converter()
     converter.register_unstructure_hook_func(
@@ -81,16 +81,16 @@ def _write_reports(folder: Path, record: Record) -> Path:
     with path.open("w", encoding="utf-8") as file:
         for report, receipt in received:
             label = record.label(report.identity) if report.identity else None
-            told = {"time_s": round(record.time_of(report), 3), "label": label}
-            told |= converter.unstructure(report)
+            fields = {"time_s": round(record.time_of(report), 3), "label": label}
+            fields |= converter.unstructure(report)
             if receipt is not None:
-                told |= {"link": receipt.link, "received_s": round(receipt.time_s, 3)}
-            file.write(json.dumps(told) + "\n")
+                fields |= {"link": receipt.link, "received_s": round(receipt.time_s, 3)}
+            file.write(json.dumps(fields) + "\n")
     return path
 
 
 def drive_of(scenario: Scenario, record: Record) -> DriveMap:
-    """Return what the map of a run shows."""
+    """Return the data of a run's map."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
     lives = record.lives()
@@ -123,7 +123,7 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
 
 
 def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
-    """Return what the timeline of a run shows."""
+    """Return the data of a run's timeline."""
     relayed = any(sent.link == RELAY for sent in record.sendings) and bool(record.receipts)
     lives = record.lives()
     identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *lives]))
@@ -158,22 +158,22 @@ def _true_speeds(record: Record) -> Series:
 
 
 def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
-    """Return where the rover truly was."""
+    """Return the true pose of the rover nearest in time."""
     return min(poses, key=lambda seen: abs(seen.time_s - time_s)).pose
 
 
 def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
-    """Return where a motion goes that begins at a pose, as far as it says so."""
-    places: list[Waypoint] = []
+    """Return the waypoints of a motion from a pose, as far as the request defines them."""
+    waypoints: list[Waypoint] = []
     for segment in request.segments(pose) if isinstance(request, Motion) else ():
         match segment:
             case Line(end=end):
-                places.append(Waypoint(end.x_m, end.y_m))
-            case Turn(end=end, reference=Reference.FRAME) if places:
-                places[-1] = replace(places[-1], heading_rad=end.heading_rad)
+                waypoints.append(Waypoint(end.x_m, end.y_m))
+            case Turn(end=end, reference=Reference.FRAME) if waypoints:
+                waypoints[-1] = replace(waypoints[-1], heading_rad=end.heading_rad)
             case _:
                 pass
-    return tuple(places)
+    return tuple(waypoints)
 
 
 def _figures(record: Record, end: Pose) -> Iterator[str]:
@@ -186,7 +186,7 @@ def _figures(record: Record, end: Pose) -> Iterator[str]:
 
 
 def last_error(record: Record) -> str | None:
-    """Return in words how far from its target the last motion truly ended that was executed."""
+    """Return the true error of the last executed motion at its target as text, or None."""
     ends = [end for end in true_ends(record) if end.off_m is not None]
     if not ends or ends[-1].off_m is None:
         return None
@@ -196,19 +196,19 @@ def last_error(record: Record) -> str | None:
 
 
 def planned_places(record: Record) -> tuple[Waypoint, ...]:
-    """Return where the motions go that were started, a place that is repeated once."""
+    """Return the waypoints of the started motions, without consecutive repeats."""
     poses, lives = record.poses, record.lives()
-    places: list[Waypoint] = []
+    waypoints: list[Waypoint] = []
     for each in record.requested:
         life = lives.get(each.identity)
         started = None if life is None else life.at(Stage.STARTED)
         if started is not None and poses:
-            places += _to(each.request, _at(poses, record.time_of(started)))
-    return tuple(place for place, _ in groupby(places))
+            waypoints += _to(each.request, _at(poses, record.time_of(started)))
+    return tuple(waypoint for waypoint, _ in groupby(waypoints))
 
 
 def _view(record: Record, pose: Pose, time_s: float) -> Pose:
-    """Return where the camera looked, by telemetry."""
+    """Return the viewing direction of the camera by telemetry, as a pose."""
     pans = (each for each in record.values if each.parameter is Parameter.CAM_PAN)
     before = [each.value for each in pans if each.time_s <= time_s and each.value is not None]
     pan_rad = before[-1] if before else 0.0
@@ -216,7 +216,7 @@ def _view(record: Record, pose: Pose, time_s: float) -> Pose:
 
 
 def _odometry(record: Record) -> Iterator[Pose]:
-    """Yield where the rover was by odometry, or by telemetry."""
+    """Yield the poses of odometry, or of telemetry if there are none."""
     yield from record.odometry
     if record.odometry:
         return
@@ -230,7 +230,7 @@ def _odometry(record: Record) -> Iterator[Pose]:
 
 
 def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]]:
-    """Yield when something went wrong, and what."""
+    """Yield time and text of each fault, failure and untrue EXECUTED."""
     untrue = {end.label: end.wrong.split(", of ")[0] for end in true_ends(record) if end.wrong}
     for span in _faults(scenario, record):
         yield span.begin_s, span.name
@@ -244,7 +244,7 @@ def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]
 
 
 def _faults(scenario: Scenario, record: Record) -> Iterator[TimeSpan]:
-    """Yield what was done to the rover, each until it ended or the run did."""
+    """Yield faults, crashes and cargo, each until its end or the end of the run."""
     end_s = record.simulated_s
     begun_s: dict[str, float] = {}
     for fault in record.faults:
@@ -280,7 +280,7 @@ def journey_lane(sent: CommandJourney) -> CommandLane:
 
     def passage(receipt: Receipt | None) -> Passage | None:
         if receipt is None:
-            return None  # to a repeat the rover reports again what was before
+            return None  # the rover answers a repeat with its earlier report
         return Passage(max(receipt.made_s, sending.time_s), receipt.time_s)
 
     journey = Journey(
@@ -299,7 +299,7 @@ def journey_lane(sent: CommandJourney) -> CommandLane:
 
 
 def _queued(record: Record) -> Levels:
-    """Return how many bundles waited at the orbiter, where that changed."""
+    """Return the number of bundles queued at the orbiter at each change."""
     seen = [
         (each.time_s, int(each.values.get(DTN_QUEUED, 0)))
         for each in record.statuses
@@ -309,18 +309,18 @@ def _queued(record: Record) -> Levels:
 
 
 def _aboard(record: Record) -> Levels:
-    """Return how many reports waited aboard, where that changed."""
+    """Return the number of reports queued aboard at each change."""
     changes: list[tuple[float, int]] = []
     for each in record.receipts:
         if each.link == RELAY and each.report.sequence and each.time_s - each.made_s > SHORT_S:
             changes += [(each.made_s, 1), (each.time_s, -1)]
     changes.sort()
     waiting = accumulate(change for _, change in changes)
-    return tuple((time_s, many) for (time_s, _), many in zip(changes, waiting, strict=True))
+    return tuple((time_s, number) for (time_s, _), number in zip(changes, waiting, strict=True))
 
 
 def waited(record: Record) -> Iterator[tuple[str, str]]:
-    """Yield figures of what waited: a name, and how many, the longest for how long."""
+    """Yield names and figures of queued items: their number and the maximum waiting time."""
     stored_s = []
     for sent in sent_commands(record):
         left = sent.given_up or sent.at(Stage.RECEIVED)
@@ -328,15 +328,15 @@ def waited(record: Record) -> Iterator[tuple[str, str]]:
             left_s = left.time_s if sent.given_up else left.made_s
             stored_s.append(left_s - sent.sending.time_s)
     aboard_s = [each.time_s - each.made_s for each in record.receipts if each.link == RELAY]
-    names = ("commands that waited at the orbiter", "reports that waited aboard")
+    names = ("commands queued at the orbiter", "reports queued aboard")
     for name, waits_s in zip(names, (stored_s, aboard_s), strict=True):
         long_s = [wait_s for wait_s in waits_s if wait_s > SHORT_S]
         figure = f"{len(long_s)} of {len(waits_s)}"
-        yield name, figure + (f", the longest for {max(long_s):.1f} s" if long_s else "")
+        yield name, figure + (f", for up to {max(long_s):.1f} s" if long_s else "")
 
 
 def _modes(record: Record) -> Iterator[tuple[Mode, float, float]]:
-    """Yield each mode, from when it was seen first to when another was."""
+    """Yield each mode with its begin and end, from first sample to first sample of the next."""
     runs = [(mode, next(seen).time_s) for mode, seen in groupby(record.modes, lambda s: s.mode)]
     ends_s = [*(begin_s for _, begin_s in runs[1:]), record.simulated_s]
     for (mode, begin_s), end_s in zip(runs, ends_s, strict=True):

@@ -1,4 +1,4 @@
-"""Plays a scenario one way or the other, in a folder of its own, and says what came of it."""
+"""Runs a scenario in any mode, in a folder of its own, and prints the result."""
 
 import tempfile
 from contextlib import closing
@@ -15,19 +15,19 @@ from sim.scenario.outcome import ScenarioResult, outcome_of, play_once
 from sim.scenario.record import Record
 
 DATA: Final = "data"
-"""What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
+"""Subfolder of a run's folder for the files aboard and the logs of the processes."""
 RECORDING: Final = "run.mcap"
 PLOT: Final = "plot.png"
 
 
 def show(console: Console, scenario: Scenario, outcome: ScenarioResult, verbose: bool) -> None:
-    """Print what came of a scenario; with all reports before, if verbose."""
+    """Print the result of a scenario; if verbose, after all its reports."""
     record = outcome.record
     console.print(f"[bold]{escape(scenario.title)}[/]")
     if verbose:
         _show_reports(console, record)
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for column in ("", "about", "expected", "seen"):
+    for column in ("", "subject", "expected", "observed"):
         table.add_column(column, overflow="fold")
     for finding in outcome.findings:
         mark = "[green]holds[/]" if finding.holds else "[red]FAILS[/]"
@@ -58,25 +58,25 @@ def _show_reports(console: Console, record: Record) -> None:
 
 
 class RunError(Exception):
-    """A live run broke down; the text says why."""
+    """A live run failed before its end; the text gives the reason."""
 
 
 def play(
     name: str, scenario: Scenario, mode: RunMode, speed: float = 1.0, out: Path | None = None
 ) -> ScenarioResult:
-    """Play a scenario and return what came of it.
+    """Run a scenario and return its result.
 
     Args:
-        name: of the scenario.
-        scenario: to play.
-        mode: how.
+        name: name of the scenario.
+        scenario: scenario to run.
+        mode: lock step, or link of a live run.
         speed: simulated seconds per second of a live run.
-        out: below which the run gets a folder of its own, with map, timeline, reports, all that
-            it left aboard and, of a run in lock step, the recording; None keeps nothing.
+        out: parent of the run's folder, which has map, timeline, reports, the files aboard and,
+            in lock step, the recording; None for a temporary folder.
 
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
-        PlayError: a live run broke down otherwise.
+        RunError: a live run failed otherwise.
         SettingsError: the world cannot be simulated.
     """
     if out is None:
@@ -84,22 +84,22 @@ def play(
             return _play(name, scenario, mode, speed, Path(folder))
     from sim.scenario.pictures import write_run
 
-    kept = _new_folder(out, Path(name).stem)
+    run_folder = _new_folder(out, Path(name).stem)
     if mode is RunMode.LOCK_STEP:
-        outcome = play_recorded(name, scenario, kept)
+        outcome = play_recorded(name, scenario, run_folder)
     else:
-        outcome = _play(name, scenario, mode, speed, kept / DATA)
-    write_run(kept, scenario, outcome.record)
+        outcome = _play(name, scenario, mode, speed, run_folder / DATA)
+    write_run(run_folder, scenario, outcome.record)
     return outcome
 
 
 def play_recorded(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
-    """Play a scenario in lock step, as `play_once` does, and keep its recording and plot.
+    """Run a scenario in lock step, as `play_once` does, and write its recording and plot.
 
     Args:
-        name: of the scenario, for errors.
-        scenario: that `load_scenario` read for the lock step.
-        kept: the folder; in it the empty one that it leaves aboard in.
+        name: name of the scenario, for errors.
+        scenario: result of `load_scenario` for lock step.
+        kept: folder of the run, with an empty subfolder `DATA`.
 
     Raises:
         SettingsError: the world cannot be simulated.
@@ -114,7 +114,7 @@ def play_recorded(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
 
 
 def _new_folder(out: Path, name: str) -> Path:
-    """Make and return a folder for a run, with a number where the name is taken."""
+    """Create and return a folder for a run, numbered if the name is in use."""
     numbered = (f"{name}-{number}" for number in count(2))
     folder = next(out / each for each in chain([name], numbered) if not (out / each).exists())
     (folder / DATA).mkdir(parents=True)

@@ -1,6 +1,6 @@
-"""A scenario file into a `Scenario`, or one error that names the file and the key.
+"""Reads a scenario file into a `Scenario`, or raises one error that names the file and the key.
 
-Labels must be known and times reached; not each mode of playing has all that a file can say.
+Labels must exist, times lie within the run, and the mode of the run support the whole file.
 """
 
 import re
@@ -65,19 +65,19 @@ from sim.scenario.record import Scheduled, ScheduledInterval, StageTime
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}
 LINKS: Final = tuple(each.link for each in (RunMode.DIRECT, RunMode.RELAY))
-"""Those of live runs."""
+"""Links of live runs."""
 _LARGEST_PX: Final = (1280, 960)
 _FOLDER: Final[ContextVar[Path]] = ContextVar("folder")
-"""Of the file that is read: plans are found beside it."""
+"""Folder of the file that is being read; plans are found in it."""
 
 
 def scenario_folder() -> Path:
-    """Return where the scenarios lie that have a name."""
+    """Return the folder of the named scenarios."""
     return config_folder() / "scenarios"
 
 
 def scenario_path(name: str) -> Path:
-    """Return the file of a scenario, which is a path or the name of one in config/scenarios.
+    """Return the file of a scenario from its path or its name in config/scenarios.
 
     Raises:
         SettingsError: there is none of that name.
@@ -86,7 +86,7 @@ def scenario_path(name: str) -> Path:
 
 
 def path_of(kind: str, name: str, folder: Path) -> Path:
-    """Return a file that is given by its path, or by its name in a folder.
+    """Return the file with a path, or with a name in a folder.
 
     Raises:
         SettingsError: there is none of that name.
@@ -104,12 +104,12 @@ def load_scenario(
 
     Args:
         name: a path, or the name of a file in config/scenarios.
-        mode: it is to be played, which not every scenario can be each way; None for not at all.
-        changes: to what the file says, made one after the other before it is checked.
+        mode: planned mode of the run, which the scenario must support; None for no run.
+        changes: overrides of the file, applied in order before it is checked.
 
     Raises:
-        SettingsError: there is no such scenario, or it says what no scenario can say; where it is
-            a change that says so, the text names it.
+        SettingsError: there is no such scenario, or it is not valid. If an override causes that,
+            the text names it.
     """
     path = scenario_path(name)
     raw = load_yaml(path)
@@ -117,8 +117,8 @@ def load_scenario(
         return _checked(raw, path.parent, mode, changes)
     except FormatError as error:
         blamed = _blamed(raw, path.parent, mode, changes)
-        said = f"changed by {blamed}: " if blamed and "changed by" not in str(error) else ""
-        raise SettingsError(f"{path}: {said}{error}") from error
+        cause = f"changed by {blamed}: " if blamed and "changed by" not in str(error) else ""
+        raise SettingsError(f"{path}: {cause}{error}") from error
 
 
 def _checked(
@@ -134,7 +134,7 @@ def _checked(
 def _blamed(
     raw: object, folder: Path, mode: RunMode | None, changes: Sequence[Override]
 ) -> Override | None:
-    """Return the last change before which the data fitted; None if it never did."""
+    """Return the last override before which the data were valid; None if they never were."""
     for count in range(len(changes) - 1, -1, -1):
         try:
             _checked(raw, folder, mode, changes[:count])
@@ -161,7 +161,7 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Override]) -> Scenari
 
 @cache
 def _reader() -> StrictReader:
-    """Return the reader of scenarios; to make one costs more than to read a hundred files."""
+    """Return the reader of scenarios, cached: its creation costs more than reading 100 files."""
     reader = settings_reader(
         {
             StageTime: lambda raw: StageTime.parse(_text(raw, "")),
@@ -211,8 +211,8 @@ class PlanFile:
     """A plan to submit.
 
     Attributes:
-        plan: a name in config/plans, or an XML file beside the scenario.
-        id: under which it is submitted; None is the file's name.
+        plan: name in config/plans, or XML file beside the scenario.
+        id: plan id of the submission; None is the file's name.
     """
 
     plan: str
@@ -221,7 +221,7 @@ class PlanFile:
 
 
 def read_request(raw: Any, reader: StrictReader) -> Request:
-    """Return what a file asks of the rover.
+    """Return the request that a file describes.
 
     Raises:
         FormatError: there is no such operation, or its arguments do not fit.
@@ -242,15 +242,15 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
 
 @cache
 def _written(declaration: CommandDeclaration) -> Any:
-    """Return the dataclass of what a file says of a request: the parts of its composite, if any."""
+    """Return the dataclass of a request in a file, with the fields of its composite, if any."""
     if declaration.composite is None:
         return declaration.kind
     _, *others = fields(declaration.kind)
-    said = [
+    written = [
         (each.name, each.type, field(default=each.default))
         for each in (*fields(declaration.composite), *others)
     ]
-    return make_dataclass(declaration.kind.__name__, said)
+    return make_dataclass(declaration.kind.__name__, written)
 
 
 def _plan(said: PlanFile, path: str) -> PlanDefinition:
@@ -265,30 +265,30 @@ def _plan(said: PlanFile, path: str) -> PlanDefinition:
 
 
 def check(scenario: Scenario) -> None:
-    """Refuse what would fail during the run.
+    """Check a scenario for errors that would fail during the run.
 
     Raises:
-        FormatError: something does not fit; the text names the entry.
+        FormatError: an entry is not valid; the text names it.
     """
     _check_settings(scenario)
     _check_odometry(scenario)
     _check_start(scenario)
     parts = parts_of(scenario.settings) | {FaultTarget.LINK}
-    commands, questions = _labels(scenario, Send, model.Fix), _labels(scenario, QueryParameters)
+    commands, queries = _labels(scenario, Send, model.Fix), _labels(scenario, QueryParameters)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
             _known(label, commands, "false_executed")
     fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
-    for path, said in _said(scenario):
-        if isinstance(said, Scheduled):
-            if said.after is not None:
-                _known(said.after.label, commands, f"{path}.after")
-            lasting_s = said.for_s if isinstance(said, ScheduledInterval) else 0.0
-            if said.at_s is not None and said.at_s + lasting_s > scenario.lasts_s:
+    for path, item in _said(scenario):
+        if isinstance(item, Scheduled):
+            if item.after is not None:
+                _known(item.after.label, commands, f"{path}.after")
+            lasting_s = item.for_s if isinstance(item, ScheduledInterval) else 0.0
+            if item.at_s is not None and item.at_s + lasting_s > scenario.lasts_s:
                 raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
-            if said.at_end and isinstance(said, Entry):
+            if item.at_end and isinstance(item, Entry):
                 raise FormatError(path, "at, after or near is needed")
-        match said:
+        match item:
             case Repeat(repeat=label):
                 _known(label, commands, f"{path}.repeat")
             case model.Inject(inject=fault) if why := lacking(type(fault), parts):
@@ -298,7 +298,7 @@ def check(scenario: Scenario) -> None:
             case of_commands.FileFetched(fetched=label):
                 _known(label, fetched, f"{path}.fetched")
             case of_rover.ParameterIs(asked=str(label)) | of_commands.FileList(asked=label):
-                _known(label, questions, f"{path}.asked")
+                _known(label, queries, f"{path}.asked")
             case _:
                 pass
 
@@ -315,15 +315,15 @@ def _check_settings(scenario: Scenario) -> None:
         if value <= 0:
             raise FormatError("settings", f"{name} {value:g} is not above 0")
     size_px = (camera.width_px, camera.height_px)
-    for name, size, most in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
-        if not 1 <= size <= most:
-            raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {most}")
+    for name, size, bound in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
+        if not 1 <= size <= bound:
+            raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {bound}")
     if settings.locomotion is LocomotionKind.WHOLE_MOTION and settings.sensors.present:
-        raise FormatError("settings.sensors", f"{settings.asset} is simulated without any of them")
+        raise FormatError("settings.sensors", f"{settings.asset} is simulated without sensors")
 
 
 def _check_start(scenario: Scenario) -> None:
-    """Refuse a start in a keep-out zone or a rock, or outside a keep-in zone."""
+    """Raise FormatError for a start in a keep-out zone or a rock, or outside a keep-in zone."""
     start = scenario.world.start_pose.point
     for obstacle in scenario.settings.zones:
         if obstacle.clearance_m(start, start) <= 0:
@@ -348,7 +348,7 @@ def _usual(odometry: OdometrySettings) -> bool:
 
 
 def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
-    """Yield all entries and expectations, each with its path in the file."""
+    """Yield all entries and expectations with their paths in the file."""
     for index, entry in enumerate(scenario.timeline):
         yield f"timeline[{index}]", entry
     for index, expected in enumerate(scenario.expect):
@@ -364,7 +364,7 @@ def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | QueryParameters]
         if not re.fullmatch(r"\S+", label):
             raise FormatError(f"timeline[{index}]", f"{label!r} is no label: it has a space")
         if label in labels:
-            text = f"there is a {label!r} already: give it a label"
+            text = f"there is a {label!r} already: add another label"
             raise FormatError(f"timeline[{index}]", text)
         labels.add(label)
     return labels
@@ -376,15 +376,15 @@ def _known(label: str, labels: set[str], path: str) -> None:
 
 
 def check_play_mode(scenario: Scenario, mode: RunMode) -> None:
-    """Look for what cannot be played this way.
+    """Check that a mode of running supports all of a scenario.
 
     Raises:
-        FormatError: there is such an entry or expectation.
+        FormatError: an entry or expectation does not work in this mode.
     """
     if mode is not RunMode.LOCK_STEP and not _usual(scenario.odometry):
         raise FormatError("odometry", "works in lock step only")
-    for path, said in _said(scenario):
-        for key, text in _obstacles(said, mode):
+    for path, item in _said(scenario):
+        for key, text in _obstacles(item, mode):
             raise FormatError(f"{path}{key}", text)
 
 
@@ -396,24 +396,24 @@ def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, 
         case model.Fix() if live:
             yield "", "fix works in lock step only"
         case model.Inject(inject=LinkLost()) if relay:
-            yield ".inject", "by the relay the link is lost by an eclipse, which is planned"
+            yield ".inject", "link_lost does not work over the relay: use a planned eclipse"
         case Send(link=str(link)) | Repeat(link=str(link)) if live and link not in LINKS:
             yield ".link", f"{link!r} works in lock step only"
         case of_rover.Contacts() if live:
-            yield ".contacts", "what the rover touches is known in lock step only"
+            yield ".contacts", "contacts are known in lock step only"
         case of_rover.VideoComes() if not live:
             yield ".video", "video works with --live only"
         case of_commands.LinkNotificationCount() if not relay:
             yield ".link", "works with --live --link relay only"
         case Fetch() if relay:
-            yield "", "files do not travel by the relay"
+            yield "", "files do not travel over the relay"
         case Send(replace=True, link=link) if live and (link or mode.link) == RunMode.RELAY.link:
-            yield ".replace", "commands by the relay wait their turn"
+            yield ".replace", "commands over the relay are always queued"
         case model.Eclipse(at_s=at_s, near=near) if relay and (at_s is None or near):
-            yield "", "by the relay an eclipse is planned: it needs at, and no near"
+            yield "", "over the relay an eclipse is planned: it needs at, and no near"
         case model.Eclipse(at_s=float(at_s), eclipse_s=dark_s) if relay:
             if not (at_s.is_integer() and dark_s.is_integer()):
-                yield "", "by the relay an eclipse begins and ends at whole seconds"
+                yield "", "over the relay an eclipse begins and ends at whole seconds"
         case (
             of_commands.FileEventsExpectation()
             | of_commands.FileList()
@@ -421,6 +421,6 @@ def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, 
             | of_commands.PlanIs()
             | of_rover.VideoComes()
         ) if relay:
-            yield f".{next(iter(said.__slots__))}", "does not travel by the relay"
+            yield f".{next(iter(said.__slots__))}", "does not travel over the relay"
         case _:
             pass

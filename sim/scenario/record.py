@@ -1,4 +1,4 @@
-"""What was seen in a run, whoever ran it: all that a verdict goes by. Times are of the scenario."""
+"""Record of a run in any mode, the only input of its evaluation. Times are scenario times."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,7 +25,7 @@ from executive.values.reports import (
 )
 
 ENDED: Final = "ENDED"
-"""In place of a stage: whichever way the command ends."""
+"""Any terminal stage."""
 _STAGES: Final = {
     **{stage.name: (stage,) for stage in Stage},
     ENDED: tuple(stage for stage in Stage if stage.terminal),
@@ -35,7 +35,7 @@ _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 
 @dataclass(frozen=True, slots=True)
 class StageTime:
-    """When a command first reached a stage, and so many seconds on.
+    """Time at which a command first reaches a stage, plus a delay.
 
     Attributes:
         stage: the name of a stage, or `ENDED`.
@@ -50,7 +50,7 @@ class StageTime:
         """Read `LABEL STAGE` or `LABEL STAGE + SECONDS`.
 
         Raises:
-            ValueError: it is neither.
+            ValueError: the text has neither form.
         """
         found = _AFTER.fullmatch(text.strip())
         if found is None or found[2] not in _STAGES:
@@ -65,14 +65,14 @@ class StageTime:
         return f"{self.label} {self.stage}{delay}"
 
     def comes_with(self, report: Report) -> bool:
-        """Return whether it is the stage of this report; by the orbiter it can only be EXPIRED."""
+        """Return whether this report has the stage; a report of the orbiter counts as EXPIRED."""
         stage = Stage.EXPIRED if report.kind is ReportKind.LINK else report.stage
         return stage in _STAGES[self.stage]
 
 
 @dataclass(frozen=True, slots=True)
 class Near:
-    """Where the rover has to come: so near to a place."""
+    """Circle that the rover must enter."""
 
     x_m: float
     y_m: float
@@ -82,16 +82,16 @@ class Near:
         return f"within {self.within_m:g} m of x {self.x_m:g} y {self.y_m:g}"
 
     def reached(self, pose: Pose) -> bool:
-        """Return whether a pose is so near."""
+        """Return whether a pose lies in the circle."""
         return pose.point.distance_m(Point(self.x_m, self.y_m)) <= self.within_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scheduled:
-    """Something that has its time: `at`, `after`, or neither.
+    """An item with a time: `at`, `after`, or neither.
 
     Attributes:
-        near: where the rover must come, from that time on, before it is time.
+        near: circle that the rover must enter after that time; the item is due then.
     """
 
     at_s: float | None = figure(default=None)
@@ -104,32 +104,32 @@ class Scheduled:
 
     @property
     def at_end(self) -> bool:
-        """Whether it has no time of its own."""
+        """Whether the item has no time and is due at the end of the run."""
         return self.at_s is None and self.after is None and self.near is None
 
     @property
     def when(self) -> str:
-        """The time in words."""
+        """Time as text."""
         if self.at_end:
             return "at the end"
         at = None if self.at_s is None else f"at {self.at_s:g} s"
         after = None if self.after is None else f"after {self.after}"
-        return ", ".join(str(said) for said in (at, after, self.near) if said is not None)
+        return ", ".join(str(each) for each in (at, after, self.near) if each is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduledInterval(Scheduled):
-    """Something that holds for a while from its time on; without a time, for the last while.
+    """An item with an interval from its time on; without a time, up to the end of the run.
 
     Attributes:
-        for_s: seconds; 0 for the moment alone.
+        for_s: length of the interval in seconds; 0 for a single instant.
     """
 
     for_s: float = figure(default=0.0)
 
     @property
     def period(self) -> str:
-        """The while in words."""
+        """Interval as text."""
         if not self.for_s:
             return self.when
         if self.at_end:
@@ -137,17 +137,17 @@ class ScheduledInterval(Scheduled):
         return f"{self.when} for {self.for_s:g} s"
 
 
-NEVER: Final = "that time never came"
+NEVER: Final = "time not reached"
 ALMOST_S: Final = 1e-6
-"""Times that differ by less are the same: stamps in UTC have no more digits."""
+"""Tolerance of equal times: stamps in UTC have no finer digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What was expected, what was seen, and whether the one holds of the other.
+    """Expected and observed value, and whether they agree.
 
     Attributes:
-        subject: what it is about: a command, the pose, a parameter.
+        subject: checked object, such as a command, the pose, a parameter.
     """
 
     subject: str
@@ -157,7 +157,7 @@ class Check:
 
 
 def joined(subject: str, aspects: Sequence[Check]) -> Check:
-    """Return several findings about one subject as one."""
+    """Return several checks of one subject as one."""
     return Check(
         subject,
         ", ".join(aspect.expected for aspect in aspects),
@@ -168,19 +168,19 @@ def joined(subject: str, aspects: Sequence[Check]) -> Check:
 
 @unique
 class Answer(Enum):
-    """What the link that brought a command is told at once."""
+    """Immediate answer to a submitted command on its link."""
 
     ADMITTED = "admitted"
     REFUSED = "refused"
     DUPLICATE = "duplicate"
     """The number was used before, by this command or another."""
     LOST = "lost"
-    """Nobody was there to answer."""
+    """No contact: no answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class TruePose:
-    """Where the rover truly was."""
+    """True pose of the rover at a time."""
 
     time_s: float
     pose: Pose
@@ -188,7 +188,7 @@ class TruePose:
 
 @dataclass(frozen=True, slots=True)
 class ReceivedValue:
-    """A parameter value that reached the ground, with the time aboard when it was sampled."""
+    """A parameter value received on the ground, with its sampling time aboard."""
 
     time_s: float
     parameter: Parameter
@@ -205,11 +205,11 @@ class ModeSample:
 
 @dataclass(frozen=True, slots=True)
 class SentCommand:
-    """A command that was sent, or sent again, and what was answered.
+    """A command that was sent, or sent again, and its answer.
 
     Attributes:
-        text: of the answer, if it is an error.
-        answered_s: when the answer was received.
+        text: text of the answer, if it is an error.
+        answered_s: time of receipt of the answer.
     """
 
     label: str
@@ -223,10 +223,10 @@ class SentCommand:
 
 @dataclass(frozen=True, slots=True)
 class Receipt:
-    """A report that was received on the ground: when, and by which link.
+    """A report received on the ground, with its link and time of receipt.
 
     Attributes:
-        made_s: when it was made aboard.
+        made_s: creation time aboard.
     """
 
     time_s: float
@@ -237,10 +237,10 @@ class Receipt:
 
 @dataclass(frozen=True, slots=True)
 class SeenStatus:
-    """The status of the rover, or by the relay of the orbiter too, when it was received.
+    """Received status of the rover; over the relay also of the orbiter.
 
     Attributes:
-        values: of the parameters that are known, by their names.
+        values: values of the known parameters by their names.
     """
 
     time_s: float
@@ -251,7 +251,7 @@ class SeenStatus:
 
 @dataclass(frozen=True, slots=True)
 class AdmittedRequest:
-    """What a command that was received asks for, whether the ground sent it or a plan gave it."""
+    """Request of a received command, sent by the ground or by a plan."""
 
     identity: Identity
     request: Request
@@ -259,10 +259,10 @@ class AdmittedRequest:
 
 @dataclass(frozen=True, slots=True)
 class FaultChange:
-    """A fault that began, or ended.
+    """Begin or end of a simulated fault.
 
     Attributes:
-        name: as files write it.
+        name: its name in scenario files.
     """
 
     time_s: float
@@ -272,7 +272,7 @@ class FaultChange:
 
 @dataclass(frozen=True, slots=True)
 class QueryAnswer:
-    """A question, and the values and paths of files that answered it."""
+    """Answer to a query: values, and paths of files."""
 
     label: str
     values: tuple[ReceivedValue, ...]
@@ -284,9 +284,9 @@ class Fetched:
     """A file that was fetched.
 
     Attributes:
-        came: what is on the ground.
-        aboard: what was there then.
-        checksum: the CRC-32 that the rover told.
+        came: received octets.
+        aboard: octets of the file aboard at that time.
+        checksum: CRC-32 reported by the rover.
     """
 
     path: str
@@ -297,7 +297,7 @@ class Fetched:
 
 @dataclass(frozen=True, slots=True)
 class FetchFailed:
-    """A file that could not be fetched, and why."""
+    """A file that could not be fetched, with the reason."""
 
     path: str
     why: str
@@ -305,10 +305,10 @@ class FetchFailed:
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """One of the video stream, on the ground.
+    """A received datagram of the video stream.
 
     Attributes:
-        picture: the JPEG file that it completes, if it does.
+        picture: JPEG file completed by it, or None.
     """
 
     time_s: float
@@ -316,31 +316,31 @@ class Datagram:
 
 
 S = TypeVar("S", TruePose, ReceivedValue, ModeSample, Datagram)
-"""Something seen at a time."""
+"""Sample with a time."""
 
 
 @dataclass(slots=True)
 class Record:
-    """One run.
+    """Record of one run.
 
     Attributes:
-        start_utc_s: UTC of the rover's clock at the scenario's time 0.
-        files: the folder aboard that mission control sees.
-        clock: what a clock shows at a UTC whose seconds are those of the scenario.
-        reports: in the order heard, repeats included.
-            Of a command they are those by the link by which it was sent first: by another MOCUP's
-            brick reports under numbers of its own.
-        receipts: of all reports of a live run, by each link.
-        main_link: by which commands went that named none.
-        first_links: of a live run, by which link each command was sent first.
-        statuses: of each link of a live run, in the order received.
-        odometry: where it was by odometry; empty in lock step, where telemetry has all of it.
-        requested: what each command that was received asks for, as far as that is known.
-        played: how many entries of the timeline were carried out.
-        energy_j: drawn from the battery; None where the simulation does not tell.
-        contacts: how often the rover began to touch a rock, a wall or a step; None likewise.
-        seen: what its laser had seen around it at the end, as far as that is known.
-        simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
+        start_utc_s: UTC of the rover's clock at scenario time 0.
+        files: folder aboard that mission control can read.
+        clock: maps a UTC to seconds of the scenario's clock.
+        reports: received reports in order, repeats included. A command's reports are those on the
+            link of its first transmission: on the other link MOCUP's brick uses its own numbers.
+        receipts: receipts of all reports of a live run, on each link.
+        main_link: link of the commands that name none.
+        first_links: link of each command's first transmission, in a live run.
+        statuses: statuses of each link of a live run, in the order of receipt.
+        odometry: poses of odometry; empty in lock step, where telemetry has all of them.
+        requested: requests of the received commands, as far as known.
+        played: number of executed entries of the timeline.
+        energy_j: energy drawn from the battery; None if the simulation does not provide it.
+        contacts: number of new contacts with a rock, a wall or a step; None likewise.
+        seen: obstacles scanned by the laser up to the end, as far as known.
+        simulated_s, wall_s: duration in simulated and in wall-clock time, from the rover's
+            placement in its world.
     """
 
     start_utc_s: float
@@ -371,18 +371,18 @@ class Record:
     wall_s: float = 0.0
 
     def since_start_s(self, utc_s: float) -> float:
-        """Return the time of the scenario at which it was this UTC."""
+        """Return the scenario time of a UTC."""
         return self.clock(utc_s) - self.clock(self.start_utc_s)
 
     def heard(self, values: Sequence[ParameterValue]) -> tuple[ReceivedValue, ...]:
-        """Return values with times of the scenario."""
+        """Return values with scenario times."""
         return tuple(
             ReceivedValue(self.since_start_s(value.utc_s), value.parameter, value.value)
             for value in values
         )
 
     def receive(self, reports: Iterable[Report], link: str, utc_s: float) -> None:
-        """Add reports that were received by a link."""
+        """Add reports received on a link at a UTC."""
         for report in reports:
             first = self.first_links.get(report.identity) if report.identity else None
             if link == (first or self.main_link):
@@ -391,15 +391,15 @@ class Record:
             self.receipts.append(receipt)
 
     def time_of(self, report: Report) -> float:
-        """Return when a report was made."""
+        """Return the scenario time at which a report was made."""
         return self.since_start_s(report.utc_s)
 
     def identity(self, label: str) -> Identity | None:
-        """Return under which identity a command was sent, if it was."""
+        """Return the identity of the command with a label; None if it was not sent."""
         return next((sent.identity for sent in self.sendings if sent.label == label), None)
 
     def label(self, identity: Identity) -> str:
-        """Return the label of a command; the identity, of one that the ground did not send."""
+        """Return the label of a command; its identity if the ground did not send it."""
         labels = (sent.label for sent in self.sendings if sent.identity == identity)
         return next(labels, str(identity))
 
@@ -410,20 +410,20 @@ class Record:
         return () if life is None else life.stages
 
     def given_up(self, label: str) -> Report | None:
-        """Return what the orbiter reported if a command's lifetime ended there."""
+        """Return the orbiter's report that a command's lifetime ended there, or None."""
         identity = self.identity(label)
         return next((each for each in self.reports if gives_up(each, identity)), None)
 
     def lives(self) -> dict[Identity, CommandHistory]:
-        """Return what became of each command that was reported on."""
+        """Return the history of each command with reports."""
         once = {(report.sequence, report.identity): report for report in self.reports}
         reports = tuple(sorted(once.values(), key=lambda report: report.sequence))
         return RunHistory(self.start_utc_s, reports).lives()
 
     def moment(self, timed: Scheduled) -> float | None:
-        """Return when something is or was to be, or None while that is not known.
+        """Return the due time of an item, or None while unknown.
 
-        What has no time of its own is at the end.
+        An item without a time is due at the end.
         """
         begin_s, near = self._begin_s(timed), timed.near
         if near is None or begin_s is None:
@@ -432,7 +432,7 @@ class Record:
         return next((seen.time_s for seen in from_then_on if near.reached(seen.pose)), None)
 
     def _begin_s(self, timed: Scheduled) -> float | None:
-        """Return when something is to be, wherever the rover is then."""
+        """Return the due time of an item regardless of the rover's position."""
         after = timed.after
         if after is None:
             last_s = self.simulated_s if timed.at_end else 0.0
@@ -444,7 +444,7 @@ class Record:
         return None
 
     def sample(self, samples: Sequence[S], timed: Scheduled) -> S | None:
-        """Return the first sample after a time; the last one, for what is at the end."""
+        """Return the first sample after the due time; the last one for an item at the end."""
         if timed.at_end:
             return samples[-1] if samples else None
         time_s = self.moment(timed)
@@ -453,7 +453,7 @@ class Record:
         return next((each for each in samples if each.time_s > time_s + ALMOST_S), None)
 
     def during(self, samples: Sequence[S], lasting: ScheduledInterval) -> Sequence[S]:
-        """Return the samples of a while; of the last while, for what is at the end."""
+        """Return the samples of an interval, which for an item at the end is the last one."""
         start_s = self.moment(lasting)
         if start_s is None:
             return ()
@@ -463,11 +463,11 @@ class Record:
 
 
 def gives_up(report: Report, identity: Identity | None) -> bool:
-    """Return whether the orbiter reports that it does not forward this command any more."""
+    """Return whether the orbiter reports that it no longer forwards this command."""
     alarm = (report.kind, report.severity) == (ReportKind.LINK, Severity.ALARM)
     return alarm and identity is not None and report.identity == identity
 
 
 def between(samples: Sequence[S], start_s: float, end_s: float) -> Sequence[S]:
-    """Return the samples after a time and until another."""
+    """Return the samples with start_s < time <= end_s."""
     return [each for each in samples if start_s + ALMOST_S < each.time_s <= end_s + ALMOST_S]

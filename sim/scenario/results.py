@@ -1,4 +1,4 @@
-"""What several runs came to: one JSON document, JUnit XML, lines for people."""
+"""Results of several runs: one JSON document, JUnit XML, text lines."""
 
 import json
 import shlex
@@ -15,13 +15,13 @@ from sim.scenario.record import Check
 
 @dataclass(frozen=True, slots=True)
 class ScenarioRun:
-    """A scenario that was played.
+    """Result of a run without its record.
 
     Attributes:
-        name: as the user named it.
-        changes: to what the file says; the seed is apart.
-        digest: None of a live run, which does not repeat bit for bit.
-        simulated_s, wall_s: how long it lasted aboard and here.
+        name: name given by the user.
+        changes: overrides of the file, without the seed.
+        digest: None for a live run, which is not repeatable bit for bit.
+        simulated_s, wall_s: duration in simulated and in wall-clock time.
     """
 
     name: str
@@ -44,7 +44,7 @@ class ScenarioRun:
         changes: tuple[Override, ...],
         outcome: ScenarioResult,
     ) -> "ScenarioRun":
-        """Return a run without its record, which is large."""
+        """Create from a scenario and its result, without the large record."""
         return cls(
             name,
             scenario.title,
@@ -60,36 +60,36 @@ class ScenarioRun:
 
     @property
     def holds(self) -> bool:
-        """Whether all findings do."""
+        """Whether all findings hold."""
         return all(finding.holds for finding in self.findings)
 
     @property
     def command(self) -> str:
-        """The command line that plays it again, in lock step bit for bit."""
-        words = ["rover", "scenario", self.name]
+        """Command line that repeats the run, in lock step bit for bit."""
+        arguments = ["rover", "scenario", self.name]
         for change in self.changes:
-            words += ["--set", str(change)]
-        words += ["--seed", str(self.seed)]
+            arguments += ["--set", str(change)]
+        arguments += ["--seed", str(self.seed)]
         match self.mode:
             case RunMode.DIRECT:
-                words += ["--live"]
+                arguments += ["--live"]
             case RunMode.RELAY:
-                words += ["--live", "--link", "relay"]
+                arguments += ["--live", "--link", "relay"]
             case _:
                 pass
-        return shlex.join(words)
+        return shlex.join(arguments)
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioError:
-    """A scenario that could not be played, and why."""
+    """A scenario that could not be run, with the reason."""
 
     name: str
     text: str
 
 
 def document(runs: Sequence[ScenarioRun], broken: Sequence[ScenarioError]) -> str:
-    """Return the JSON document that `--json` prints; units are in the names, SI."""
+    """Return the JSON document of `--json`; values are SI, with units in the names."""
     made = {
         "holds": not broken and all(run.holds for run in runs),
         "runs": [_plain(run) for run in runs],
@@ -109,13 +109,13 @@ def write_results(
 
 
 def summary(runs: Sequence[ScenarioRun]) -> str:
-    """Return the last line for people."""
+    """Return the last line of the text output."""
     findings = [finding for run in runs for finding in run.findings]
     return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
 
 
 def repeats(runs: Sequence[ScenarioRun]) -> list[str]:
-    """Return lines on how often a scenario holds that was played with several seeds."""
+    """Return lines with the number of runs that hold, for one scenario with several seeds."""
     seeds = [run.seed for run in runs]
     failing = [run for run in runs if not run.holds]
     holding = f"{len(runs) - len(failing)} of {len(runs)} runs hold"
@@ -123,7 +123,7 @@ def repeats(runs: Sequence[ScenarioRun]) -> list[str]:
     for run in failing:
         found = [each for each in run.findings if not each.holds]
         lines.append(f"  {run.command}")
-        lines += [f"    {each.subject}: {each.expected}; seen: {each.seen}" for each in found]
+        lines += [f"    {each.subject}: {each.expected}; observed: {each.seen}" for each in found]
     return lines
 
 

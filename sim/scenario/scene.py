@@ -1,4 +1,4 @@
-"""What it takes to play scenarios in real time: rovers and the relay as processes, who listens."""
+"""Environment of live runs: processes of rovers and relay, recorders and injectors."""
 
 import asyncio
 import socket
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from sim.ros.faults import FaultClient
 
 START_S: Final = 40.0
-"""The longest that it may take until a rover is ready."""
+"""Maximum time until a rover is ready."""
 LEAD_S: Final = 5.0
 LEAD_RATIO: Final = 1.5
-"""From the start of the relay to that of a scenario whose eclipses have to be planned: some
-seconds, and more where the rover took long to start, for so will the relay."""
+"""Lead of the relay's start over a scenario with planned outages: `LEAD_S` plus `LEAD_RATIO` times
+the rover's start-up time, because a slow machine starts the relay slowly, too."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """Rovers that run, each for a scenario.
+    """Running rovers, one for each scenario.
 
     Attributes:
-        orbiter: the relay beside them; None where there is none.
-        start_utc_s: when scenarios by the relay must start, whose eclipses are planned; else None.
+        orbiter: orbiter of the relay; None without a relay.
+        start_utc_s: start time of scenarios with planned outages over the relay; else None.
     """
 
     rovers: tuple[Deployment, ...]
@@ -54,11 +54,11 @@ class Fleet:
 
     @property
     def processes(self) -> ProcessGroup:
-        """All processes, to be watched."""
+        """All processes, for supervision."""
         return self.orbiter or ProcessGroup(*(c for each in self.rovers for c in each.children))
 
     async def uri(self, rover: Deployment, mode: RunMode) -> str:
-        """Wait until the MRS of a rover is served by a link, and return where."""
+        """Wait until the MRS of a rover is served on a link, and return its URI."""
         if mode is not RunMode.RELAY:
             return await rover.uri()
         assert self.orbiter is not None
@@ -67,12 +67,12 @@ class Fleet:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Where scenarios of one rover are played.
+    """Environment of the live runs of one rover.
 
     Attributes:
-        ground: the ground's end of the video stream; None where it goes where the asset says.
-        load: gives the rover a cargo, in kg; None where the scenario never does.
-        faults: has faults of the rover begin and end; None where there are none in the scenario.
+        ground: ground socket of the video stream; None for the destination in the asset's settings.
+        load: sets the mass of the rover's cargo, in kg; None if the scenario has no cargo.
+        faults: injects and clears faults of the rover; None if the scenario has none.
     """
 
     fleet: Fleet
@@ -84,20 +84,20 @@ class Scene:
 
     @property
     def orbiter(self) -> "Orbiter | None":
-        """The relay beside it."""
+        """Orbiter of the relay, or None."""
         return self.fleet.orbiter
 
     def check(self) -> None:
-        """Do nothing while all processes run; else raise ChildError."""
+        """Raise ChildError unless all processes run."""
         (self.orbiter or self.rover).check()
 
     async def uri(self, mode: RunMode) -> str:
-        """Wait until the MRS is served by a link, and return where."""
+        """Wait until the MRS is served on a link, and return its URI."""
         return await self.fleet.uri(self.rover, mode)
 
 
 def links_of(scenario: Scenario, mode: RunMode) -> tuple[RunMode, ...]:
-    """Return the links that a scenario needs, that by which it is played first."""
+    """Return the links that a scenario needs, with the link of the run first."""
     named = {
         each.link for each in scenario.timeline if isinstance(each, Send | Repeat) and each.link
     }
@@ -115,19 +115,19 @@ def fleet_of(
     video_to: str | None = None,
     restart: bool = False,
 ) -> Iterator[Fleet]:
-    """Yield rovers in one ROS domain that start, one for each scenario.
+    """Start rovers in one ROS domain, one for each scenario, and yield them.
 
     Args:
-        scenarios: of different assets; eclipses are those of the first.
-        folders: for each, with its logs and what its executive keeps.
-        place: of the first rover, beside which the others are.
-        relay: the folder of the orbiter; None without the relay.
+        scenarios: scenarios of different assets; outages are those of the first.
+        folders: one per scenario, for logs and the data of the executive.
+        place: address of the first rover; the others use the following ones.
+        relay: folder of the orbiter; None without a relay.
         speed: simulated seconds per second.
-        video_to: HOST:PORT of the ground's end of the video stream; None as the asset has it.
-        restart: whether a `rover-relay` that ends by itself is started again.
+        video_to: HOST:PORT on the ground for the video stream; None for the asset's setting.
+        restart: whether a `rover-relay` that ends by itself is restarted.
 
     Raises:
-        TimeoutError: an executive did not start in time, where eclipses are planned.
+        TimeoutError: an executive did not start in time for planned outages.
     """
     with ExitStack() as running:
         rovers = tuple(
@@ -149,16 +149,16 @@ def fleet_of(
         from sim.processes.relay import relayed
 
         lead_s = _lead_s(rovers) if _eclipses(scenarios[0], 0) else 0
-        dark = _eclipses(scenarios[0], lead_s)
-        orbiter = running.enter_context(relayed(relay, *rovers, eclipses=dark, restart=restart))
-        yield Fleet(rovers, orbiter, orbiter.start_utc_s + lead_s if dark else None)
+        outages = _eclipses(scenarios[0], lead_s)
+        orbiter = running.enter_context(relayed(relay, *rovers, eclipses=outages, restart=restart))
+        yield Fleet(rovers, orbiter, orbiter.start_utc_s + lead_s if outages else None)
 
 
 @contextmanager
 def scene_in(
     fleet: Fleet, rover: Deployment, scenario: Scenario, ground: socket.socket | None = None
 ) -> Iterator[Scene]:
-    """Yield what it takes to play a scenario with a rover; begins a thread that listens.
+    """Yield the environment of a scenario's run; starts a thread that records topics.
 
     Raises:
         TimeoutError: the simulation did not get ready in time.
@@ -184,10 +184,10 @@ def scene_in(
 
 @contextmanager
 def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) -> Iterator[Scene]:
-    """Yield what it takes to play a scenario, or others with its rover and world.
+    """Start a rover and yield its environment, for scenarios with this rover and world.
 
     Raises:
-        PlaceError: no ROS domain is free.
+        AddressError: no ROS domain is free.
         TimeoutError: simulation or executive did not get ready in time.
     """
     with ExitStack() as running:
@@ -202,7 +202,7 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
 
 
 def _fault_kinds(scenario: Scenario) -> Iterator[type[SimulatedFault]]:
-    """Yield the kind of each fault that begins or ends."""
+    """Yield the kind of each injected or cleared fault."""
     for entry in scenario.timeline:
         match entry:
             case Inject(inject=fault):
@@ -214,7 +214,7 @@ def _fault_kinds(scenario: Scenario) -> Iterator[type[SimulatedFault]]:
 
 
 def _lead_s(rovers: Sequence[Deployment]) -> int:
-    """Wait until rovers that were started are there; return how long all the rest may take."""
+    """Wait until the MRS of all rovers is served; return the lead for the rest in seconds."""
     began_s = time.monotonic()
 
     async def wait() -> None:
@@ -227,7 +227,7 @@ def _lead_s(rovers: Sequence[Deployment]) -> int:
 
 
 def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
-    """Return the eclipses that are planned, counted from so long before the scenario's start."""
+    """Return the planned outages, in seconds from `lead_s` before the scenario's start."""
     return [
         Dark(lead_s + round(entry.at_s), lead_s + round(entry.at_s + entry.eclipse_s))
         for entry in scenario.timeline
@@ -236,7 +236,7 @@ def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
 
 
 def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
-    """Write asset and world of a scenario as files, and return where."""
+    """Write asset and world of a scenario as files, and return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, value in (("asset", scenario.settings), ("world", scenario.world)):

@@ -1,4 +1,4 @@
-"""What became of each command that was sent, as reported to the ground by its link."""
+"""Results of the sent commands, as reported to the ground on their links."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from sim.scenario.record import Answer, Receipt, Record, SentCommand, gives_up
 
 RELAY: Final = "relay"
 DUPLICATE: Final = "DUPLICATE"
-"""How a command ends that was sent before by the same link."""
+"""Ending of a command that was sent before over the same link."""
 _ANSWERED: Final = {Answer.REFUSED: Stage.REJECTED.name, Answer.LOST: "LOST"}
 
 
 @dataclass(frozen=True, slots=True)
 class CommandJourney:
-    """A command that was sent, or sent again.
+    """A command that was sent, or sent again, with its reports.
 
     Attributes:
-        title: the request for people.
-        again: whether it was sent before, by whichever link.
-        known: whether it was sent before by the same link.
-        receipts: of the reports of its life, by its link, each once and in order.
-        given_up: of the report that its lifetime ended at the orbiter.
+        title: text of the request.
+        again: whether it was sent before over any link.
+        known: whether it was sent before over the same link.
+        receipts: receipts of its life-cycle reports on its link, each once and in order.
+        given_up: receipt of the report that its lifetime ended at the orbiter.
     """
 
     sending: SentCommand
@@ -35,12 +35,12 @@ class CommandJourney:
 
     @property
     def link(self) -> str:
-        """By which link it went."""
+        """Link over which it was sent."""
         return self.sending.link
 
     @property
     def stage(self) -> Stage | None:
-        """The last stage that was reported."""
+        """Last reported stage."""
         return self.receipts[-1].report.stage if self.receipts else None
 
     @property
@@ -50,7 +50,7 @@ class CommandJourney:
 
     @property
     def ending(self) -> str | None:
-        """How it ended: the name of a stage, DUPLICATE or LOST; None while it goes on."""
+        """Ending: name of a stage, DUPLICATE or LOST; None before the end."""
         answer, stage = self.sending.answer, self.stage
         if answer is Answer.DUPLICATE or self.known:
             return DUPLICATE
@@ -62,14 +62,14 @@ class CommandJourney:
 
     @property
     def ended(self) -> Receipt | None:
-        """The receipt of the report of its end."""
+        """Receipt of its final report."""
         if self.stage is not None and self.stage.terminal:
             return self.receipts[-1]
         return self.given_up
 
     @property
     def text(self) -> str:
-        """What was last reported of it: why it ended, or how far it is."""
+        """Text of its last report: reason of the end, or progress."""
         if self.ending == DUPLICATE:
             if self.receipts:
                 return f"reported again: {self._last(self.receipts[-1].report)}"
@@ -79,7 +79,7 @@ class CommandJourney:
         return self._last(self.receipts[-1].report) if self.receipts else self.sending.text
 
     def at(self, stage: Stage) -> Receipt | None:
-        """Return the receipt of the first report of a stage; None if it has not come to that."""
+        """Return the receipt of the first report of a stage, or None."""
         return next((each for each in self.receipts if each.report.stage is stage), None)
 
     def _last(self, report: Report) -> str:
@@ -89,7 +89,7 @@ class CommandJourney:
 
 
 def sent_commands(record: Record) -> Iterator[CommandJourney]:
-    """Yield each command that was sent in a live run, in the order in which they were."""
+    """Yield the sent commands of a live run in their order."""
     requests = {each.identity: request_text(each.request) for each in record.requested}
     links: dict[object, set[str]] = {}
     for sending in record.sendings:
@@ -100,19 +100,19 @@ def sent_commands(record: Record) -> Iterator[CommandJourney]:
             for each in record.receipts
             if each.link == sending.link and each.time_s >= sending.time_s
         ]
-        life: dict[int, Receipt] = {}
+        stages: dict[int, Receipt] = {}
         known = sending.link in before
         if not known:
             for each in received:
                 if each.report.identity == identity and each.report.stage is not None:
-                    life.setdefault(each.report.sequence, each)
+                    stages.setdefault(each.report.sequence, each)
         given_up = (each for each in received if gives_up(each.report, identity))
         yield CommandJourney(
             sending,
             requests.get(identity, sending.label),
             bool(before),
             known,
-            tuple(life[sequence] for sequence in sorted(life)),
+            tuple(stages[sequence] for sequence in sorted(stages)),
             next(given_up, None),
         )
         if sending.answer is not Answer.LOST:

@@ -1,4 +1,4 @@
-"""Plays the scenarios of a command line, each as often as asked for, and keeps their results."""
+"""Runs the scenarios of a command line, each as often as requested, and collects the results."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,16 +28,16 @@ UNREACHABLE: Final = 3
 
 
 class ScenarioBatch:
-    """What one call of `rover scenario` plays.
+    """Scenarios of one call of `rover scenario`.
 
     Args:
-        seed: of the first run, in place of the file's; None for the file's.
-        repeat: how often each is played, each time with the next seed.
-        out: where the folder of each run is kept; None for nowhere.
+        seed: seed of the first run; None for the file's.
+        repeat: number of runs of each scenario, each with the next seed.
+        out: parent of the runs' folders; None for temporary folders.
 
     Attributes:
-        status: the exit status: 0, or the first that holds of 2, a file cannot be used; 3, a
-            rover could not be reached; 1, something that was expected does not hold.
+        status: exit status: 0, or the first that applies of 2, a file cannot be used; 3, a
+            rover could not be reached; 1, an expectation does not hold.
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class ScenarioBatch:
 
     @property
     def status(self) -> int:
-        """The exit status."""
+        """Exit status."""
         failed = {FAILED for run in self._runs if not run.holds}
         troubles = self._troubles | failed
         return next((each for each in (BAD_FILE, UNREACHABLE, FAILED) if each in troubles), 0)
 
     def read(self, name: str) -> None:
-        """Read a scenario; one that cannot be used is told, and the others are played."""
+        """Read a scenario; print an error if it cannot be used, and continue with the others."""
         try:
             scenario = load_scenario(name, self._mode, self._changes)
         except SettingsError as error:
@@ -78,7 +78,7 @@ class ScenarioBatch:
         self._usable.append((name, scenario))
 
     def play(self) -> None:
-        """Play what was read, and print what came of it."""
+        """Run the scenarios that were read, and print the results."""
         for name, scenario in self._usable:
             runs = []
             for seed in range(scenario.seed, scenario.seed + self._repeat):
@@ -95,11 +95,11 @@ class ScenarioBatch:
             self._print([f"maps, timelines, reports and ledgers are in {self._out}"])
 
     def document(self) -> str:
-        """Return all of it as one JSON document."""
+        """Return all results as one JSON document."""
         return document(self._runs, self._broken)
 
     def write_junit(self, file: BinaryIO) -> None:
-        """Write all of it as JUnit XML."""
+        """Write all results as JUnit XML."""
         write_results(file, self._runs, self._broken)
 
     def _play(self, name: str, scenario: Scenario) -> ScenarioRun | None:
@@ -132,7 +132,7 @@ class ScenarioBatch:
 
 
 def list_scenarios(console: Console) -> int:
-    """Print name and title of each scenario that has a name; return the exit status."""
+    """Print name and title of each scenario in config/scenarios; return the exit status."""
     status = 0
     for name in names_in(scenario_folder()):
         try:

@@ -1,4 +1,4 @@
-"""What of a timeline is due, and the commands of its entries."""
+"""Due entries of a timeline, and their commands."""
 
 from dataclasses import replace
 from math import inf
@@ -10,7 +10,7 @@ from sim.scenario.record import ALMOST_S, Record
 
 
 class Timeline:
-    """Gives out each entry once, as soon as its time has come."""
+    """Timeline of a run; returns each entry once, when it is due."""
 
     def __init__(self, scenario: Scenario, record: Record) -> None:
         self._record = record
@@ -19,7 +19,7 @@ class Timeline:
         self._known: tuple[int, ...] = ()
 
     def due(self, now_s: float) -> list[Entry]:
-        """Return what is to be done now, in the order of the file."""
+        """Return the entries that are due, in the order of the file."""
         found = [
             entry
             for entry, time_s in zip(self._waiting, self._times(), strict=True)
@@ -32,11 +32,11 @@ class Timeline:
 
     @property
     def looks(self) -> bool:
-        """Whether anything waits for the rover to come somewhere."""
+        """Whether an entry depends on the rover's position."""
         return any(entry.near is not None for entry in self._waiting)
 
     def next_s(self) -> float:
-        """Return the earliest time that is known of an entry; infinite if none is."""
+        """Return the earliest known due time of an entry; infinite if none is known."""
         return min(self._times(), default=inf)
 
     def _times(self) -> list[float]:
@@ -55,13 +55,13 @@ class Timeline:
 
 
 class CommandFactory:
-    """Makes the commands of a scenario, and remembers them for repeats.
+    """Creates the commands of a scenario, and stores them for repeats.
 
-    They are numbered in the order of the file, where it gives no number.
+    Commands without a number in the file are numbered in the order of the file.
 
     Args:
-        link: by which commands come that name none.
-        speed: seconds of the scenario to one of UTC, in which lifetimes are told.
+        link: link of the commands that name none.
+        speed: seconds of the scenario per second of UTC, the unit of lifetimes.
     """
 
     def __init__(self, scenario: Scenario, link: str, speed: float = 1.0) -> None:
@@ -74,7 +74,7 @@ class CommandFactory:
         self._sent: dict[str, Command] = {}
 
     def command(self, entry: Send | Repeat, utc_s: float) -> tuple[str, Command]:
-        """Return label and command of an entry; a repeat's is the one that was sent, as it was."""
+        """Return label and command of an entry; for a repeat, of the command that was sent."""
         if isinstance(entry, Repeat):
             sent = self._sent[entry.repeat]
             return entry.repeat, replace(sent, link=entry.link or sent.link)

@@ -1,8 +1,8 @@
-"""Whether the rover truly was where a command that ended EXECUTED was to bring it.
+"""Compares the true pose with the target of each command that ended EXECUTED.
 
-The true pose must be within `NEAR_M` and `NEAR_PER_M` of the way to the target of what was
-commanded, and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and
-no stop may end EXECUTED while the rover goes faster than `STANDING_MPS`.
+The position tolerance is `NEAR_M` plus `NEAR_PER_M` times the commanded distance; the heading
+tolerance is `NEAR_RAD`. A turn on the spot must end within `NEAR_M` of its start. A stop must not
+end EXECUTED while the rover is faster than `STANDING_MPS`.
 """
 
 from bisect import bisect_right
@@ -28,21 +28,21 @@ NEAR_RAD: Final = 0.1
 STANDING_MPS: Final = 0.05
 STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
-"""The time before and after a moment over which its true speed is taken."""
+"""Time before and after an instant over which its true speed is estimated."""
 UNSEEN_S: Final = 0.5
-"""A moment is known if there is a true pose that is no farther from it."""
+"""Maximum time between an instant and its true pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrueEnd:
-    """How far the rover truly was from what a command asked for when that ended EXECUTED.
+    """True deviation of the rover from a command's target when it ended EXECUTED.
 
     Attributes:
-        label: of the command; its identity, if a plan gave it.
-        off_m, off_rad: from the commanded pose; None where none is commanded.
-        wrong: what is not as it was to be, or cannot be seen; empty if all is.
+        label: label of the command; its identity, if a plan sent it.
+        off_m, off_rad: deviation from the commanded pose; None if none is commanded.
+        wrong: text of the violated tolerances or of missing data; empty if the end is true.
         seen: whether there are true poses of the command's time.
-        end_s: when it ended.
+        end_s: scenario time of its end.
     """
 
     label: str
@@ -55,12 +55,12 @@ class TrueEnd:
 
 @dataclass(frozen=True, slots=True)
 class _Target:
-    """The pose that a command asks for, in the frame of the world.
+    """Commanded pose in the world frame.
 
     Attributes:
-        heading_rad: None where none is asked for.
-        way_m: from where the rover begins.
-        near_m: how near is near enough, but for `NEAR_PER_M` of the way.
+        heading_rad: None if none is commanded.
+        way_m: commanded distance from the start.
+        near_m: position tolerance without the share `NEAR_PER_M` of the distance.
     """
 
     place: Point
@@ -70,7 +70,7 @@ class _Target:
 
 
 def true_ends(record: Record) -> list[TrueEnd]:
-    """Return how true the end of each motion and of each stop is that ended EXECUTED."""
+    """Return the true end of each motion and stop that ended EXECUTED."""
     requests = {each.identity: each.request for each in record.requested}
     ends = []
     for identity, life in record.lives().items():
@@ -80,26 +80,26 @@ def true_ends(record: Record) -> list[TrueEnd]:
         if identity in requests:
             ends.append(_true_end(record, life, executed, requests[identity]))
         elif identity.source.startswith(SOURCE_PREFIX):
-            wrong, end_s = "asked for what is not known", record.time_of(executed)
+            wrong, end_s = "has an unknown request", record.time_of(executed)
             ends.append(TrueEnd(str(identity), end_s, wrong=wrong, seen=False))
     return [end for end in ends if end is not None]
 
 
 def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> Check:
-    """Hold every command that ended EXECUTED to what it asked for.
+    """Check every command that ended EXECUTED against its target.
 
     Args:
-        record: of the run.
-        false_executed: labels of those that must fail to hold it.
+        record: record of the run.
+        false_executed: labels of the commands that must violate the check.
     """
     ends = true_ends(record)
-    looked_at = {end.label for end in ends}
+    checked = {end.label for end in ends}
     broken = {end.label for end in ends if end.wrong and end.seen}
     unseen = [end for end in ends if not end.seen]
-    amiss = [
+    violations = [
         *(f"{end.label} {end.wrong}" for end in ends if end.wrong),
         *(
-            f"{label} is true" if label in looked_at else f"{label} did not end EXECUTED"
+            f"{label} is true" if label in checked else f"{label} did not end EXECUTED"
             for label in false_executed
             if label not in broken
         ),
@@ -107,20 +107,20 @@ def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> 
     worst_m = max((end.off_m for end in ends if end.off_m is not None), default=0.0)
     count = len(ends)
     held = f"{count} of {count} are, at most {worst_m:.3f} m off" if ends else "nothing did"
-    but = f", but for {', '.join(false_executed)}" if false_executed else ""
+    exceptions = f", except {', '.join(false_executed)}" if false_executed else ""
     return Check(
         "promise",
-        f"what ended EXECUTED is true{but}",
-        "; ".join(amiss) or held,
+        f"what ended EXECUTED is true{exceptions}",
+        "; ".join(violations) or held,
         broken == set(false_executed) and not unseen,
     )
 
 
 def look_up_requests(record: Record, ledger: Path) -> None:
-    """Add what the commands ask for that the ground did not send, from the ledger aboard.
+    """Add the requests of commands that the ground did not send, from the ledger aboard.
 
     Raises:
-        executive.record.LedgerError: it cannot be read.
+        executive.record.LedgerError: the ledger cannot be read.
     """
     known = {each.identity for each in record.requested}
     unknown = [identity for identity in record.lives() if identity not in known]
@@ -137,22 +137,22 @@ def look_up_requests(record: Record, ledger: Path) -> None:
 
 
 def undelayed_s(heard_s: Sequence[float], stamps_s: Sequence[float]) -> list[float]:
-    """Return when samples were made that were heard with delays: their stamps, on our clock.
+    """Return the stamps of delayed samples on the local clock.
 
-    The clocks differ by what the sample shows that was delayed least. A clock of samples that loses
-    time makes that difference greater from then on, so that only later samples tell it.
+    The clock offset is the difference of the least delayed sample. If the sender's clock loses
+    time, the offset grows from then on, so the minimum is taken over later samples only.
 
     Args:
-        heard_s: when each was heard, on our clock, in order.
-        stamps_s: when each was made, on the clock of whoever made it.
+        heard_s: times of receipt on the local clock, in order.
+        stamps_s: creation times on the sender's clock.
     """
-    apart_s = [heard - stamp for heard, stamp in zip(heard_s, stamps_s, strict=True)]
-    least_s = [*accumulate(reversed(apart_s), min)][::-1]
-    return [stamp + least for stamp, least in zip(stamps_s, least_s, strict=True)]
+    delays_s = [received - stamp for received, stamp in zip(heard_s, stamps_s, strict=True)]
+    offsets_s = [*accumulate(reversed(delays_s), min)][::-1]
+    return [stamp + offset for stamp, offset in zip(stamps_s, offsets_s, strict=True)]
 
 
 def way_m(poses: Iterable[TruePose]) -> float:
-    """Return the length of the way through poses."""
+    """Return the length of the path through poses, in m."""
     return sum(one.pose.point.distance_m(other.pose.point) for one, other in pairwise(poses))
 
 
@@ -182,7 +182,7 @@ def _true_end(
 
 
 def _target(request: Motion, start: Pose) -> _Target:
-    """Return the pose that a motion commands, of a rover that begins at a pose."""
+    """Return the target of a motion from a start pose."""
     segments = request.segments(start)
     end, way_m = segments[-1].end, sum(abs(each.by_m) for each in segments)
     turns = [each.reference for each in segments if isinstance(each, Turn)]
@@ -206,11 +206,11 @@ def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
 
 
 def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
-    """Return the speed at a moment of a rover that brakes evenly, or until it stands.
+    """Return the speed at an instant, for constant deceleration or braking to standstill.
 
-    The ways before and after it give mean speeds, which are those at half of their times: the
-    speed is in between. Where that would have the rover go backwards in the end, it came to rest
-    on the way `w` after: of the speed `v`, the mean `m` before that and its time `t`,
+    The distances before and after it give mean speeds, valid at the middle of their intervals; the
+    speed is interpolated. If that gives a reverse motion at the end, the rover came to rest within
+    the distance `w` after: with the speed `v`, the mean speed `m` before and its interval `t`,
     `w = v**2 / (2 * a)` and `a = 2 * (m - v) / t`.
     """
     until_s, from_s = now.time_s - before.time_s, after.time_s - now.time_s
@@ -227,9 +227,9 @@ def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
 
 
 def reported_error(record: Record, time_s: float) -> tuple[float | None, float | None]:
-    """Return how far the pose that telemetry last told was from the true one: place and heading."""
-    told = {each.parameter: each for each in record.values if each.time_s <= time_s + ALMOST_S}
-    values = [told.get(each) for each in (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD)]
+    """Return the error of the last pose in telemetry: position in m, heading in rad."""
+    last = {each.parameter: each for each in record.values if each.time_s <= time_s + ALMOST_S}
+    values = [last.get(each) for each in (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD)]
     x, y, heading = (None if each is None else each.value for each in values)
     at = None if values[0] is None else _index(record.poses, values[0].time_s)
     if x is None or y is None or heading is None or at is None:
@@ -243,7 +243,7 @@ def _unseen(label: str, end_s: float) -> TrueEnd:
 
 
 def _index(poses: Sequence[TruePose], time_s: float) -> int | None:
-    """Return which pose was the last until a time; None if none was seen about then."""
+    """Return the index of the last pose up to a time; None without a pose within `UNSEEN_S`."""
     until = bisect_right(poses, time_s + ALMOST_S, key=lambda seen: seen.time_s)
     index = max(0, until - 1)
     seen = index < len(poses) and abs(poses[index].time_s - time_s) <= UNSEEN_S
@@ -251,7 +251,7 @@ def _index(poses: Sequence[TruePose], time_s: float) -> int | None:
 
 
 def _start(poses: Sequence[TruePose], first: int, last: int, request: Motion) -> Pose:
-    """Return from where a motion begins: a leg where the rover first stands, a held one at once."""
+    """Return the start pose of a motion: its first standstill, or its first pose for an arc."""
     if isinstance(request.segments(Pose())[0], Arc):
         return poses[first].pose
     for before, seen in pairwise(poses[max(0, first - 1) : last + 1]):

@@ -108,8 +108,8 @@ def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:
     assert again is not None
     assert again.again
     (at_the_orbiter, commands), (aboard, _) = waited(record)
-    assert at_the_orbiter == "commands that waited at the orbiter"
-    assert aboard == "reports that waited aboard"
+    assert at_the_orbiter == "commands queued at the orbiter"
+    assert aboard == "reports queued aboard"
     assert commands.startswith("2 of 2"), "the one that was given up there waited too"
     assert list(by_both(record)) == [], "it was sent again by the same link"
 

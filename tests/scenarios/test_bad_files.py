@@ -36,7 +36,11 @@ def play(path: Path) -> Result:
         ("lasts: 2", "lasts: 0", "lasts: 0 is not in"),
         ("expect:", "expect:\n  - {fetched: x.jpg}", "expect[0].fetched: no 'x.jpg' in timeline"),
         ("expect:", "expect:\n  - {files: [], asked: x}", "expect[0].asked: no 'x' in timeline"),
-        ("expect:", "expect:\n  - {file: x, events: [TRANSFERRED]}", "expect[0]: events: whether"),
+        (
+            "expect:",
+            "expect:\n  - {file: x, events: [TRANSFERRED]}",
+            "expect[0]: events: TRANSFERRED",
+        ),
         (
             "expect:",
             "expect:\n  - {parameter: HEAD, value: 0, once: true}",
@@ -142,24 +146,27 @@ def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> 
 @pytest.mark.parametrize(
     ("said", "blamed"),
     [
-        ("timeline: [{at: 0, fetch: a.jpg}]", "timeline[0]: files do not travel by the relay"),
-        ("timeline: [{at: 0, command: stop, replace: true}]", "timeline[0].replace: commands by"),
-        ("timeline: [{at: 0.5, eclipse: 1}]", "timeline[0]: by the relay an eclipse begins"),
+        ("timeline: [{at: 0, fetch: a.jpg}]", "timeline[0]: files do not travel over the relay"),
+        ("timeline: [{at: 0, command: stop, replace: true}]", "timeline[0].replace: commands over"),
+        ("timeline: [{at: 0.5, eclipse: 1}]", "timeline[0]: over the relay an eclipse begins"),
         (
             "timeline: [{at: 0, command: stop}, {after: stop EXECUTED, eclipse: 1}]",
-            "timeline[1]: by the relay an eclipse is planned",
+            "timeline[1]: over the relay an eclipse is planned",
         ),
         (
             "timeline: [{at: 0, near: {x: 1, y: 0, within: 1}, eclipse: 1}]",
-            "timeline[0]: by the relay an eclipse is planned",
+            "timeline[0]: over the relay an eclipse is planned",
         ),
         ("timeline: [{at: 0, command: stop, link: third}]", "'third' works in lock step only"),
         ("timeline: [{at: 0, crash: 1}]", "crash works in lock step only"),
         ("timeline: [{at: 0, fix: here}]", "fix works in lock step only"),
-        ("timeline: [{at: 0, inject: link_lost}]", "timeline[0].inject: by the relay the link is"),
-        ("expect: [{file: a, events: []}]", "expect[0].file: does not travel by the relay"),
-        ("expect: [{video: 1, for: 1}]", "expect[0].video: does not travel by the relay"),
-        ("expect: [{plan: a, status: COMPLETED}]", "expect[0].plan: does not travel by the relay"),
+        ("timeline: [{at: 0, inject: link_lost}]", "timeline[0].inject: link_lost does not work"),
+        ("expect: [{file: a, events: []}]", "expect[0].file: does not travel over the relay"),
+        ("expect: [{video: 1, for: 1}]", "expect[0].video: does not travel over the relay"),
+        (
+            "expect: [{plan: a, status: COMPLETED}]",
+            "expect[0].plan: does not travel over the relay",
+        ),
     ],
 )
 def test_the_relay_carries_not_all(tmp_path: Path, said: str, blamed: str) -> None:

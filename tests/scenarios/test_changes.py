@@ -89,7 +89,7 @@ def test_sensors_are_given_to_an_asset_and_taken_away(tmp_path: Path) -> None:
 
 
 def test_mocup_is_simulated_without_sensors(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match="sensors: mocup is simulated without any of them"):
+    with pytest.raises(SettingsError, match="sensors: mocup is simulated without sensors"):
         load(tmp_path, "asset=mocup", "settings.sensors.imu.rate_hz=9")
 
 
@@ -166,8 +166,8 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("world=pluto", "there is no world 'pluto'"),
         ("world.fricton=1", "world: unknown key 'fricton'"),
         ("world.friction=9", "world.friction: 9 is not in"),
-        ("world.friction.of=1", "there is nothing below 0.6 that could be 'of'"),
-        ("world.rocks.7.x=1", "'7' is no place in a list of 3"),
+        ("world.friction.of=1", "the value 0.6 has no key 'of'"),
+        ("world.rocks.7.x=1", "'7' is no index in a list of 3"),
         ("settings.drive.wings=2", "settings.drive: unknown key 'wings'"),
         ("settings.sensors.imu.rate_hz=0", "settings.sensors.imu: rate_hz must be above 0"),
         ("settings.sensors.joints.track=0", "settings.sensors.joints: track_m must be above 0"),

@@ -89,7 +89,7 @@ def test_a_repeat_that_fails_is_told_with_its_command(file: str) -> None:
     count, command, found, *_ = result.output.splitlines()
     assert count == f"{file}: 0 of 2 runs hold, seeds 0 to 1"
     assert command == f"  rover scenario {file} --set 'inject={{left_stuck, at: 1}}' --seed 0"
-    assert "command ahead: ends EXECUTED, within 3 s; seen: " in found
+    assert "command ahead: ends EXECUTED, within 3 s; observed: " in found
 
 
 def test_junit_is_read_back_by_a_parser(file: str, tmp_path: Path) -> None:

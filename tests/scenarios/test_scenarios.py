@@ -131,7 +131,7 @@ def test_what_waits_for_a_place_is_never_done_where_the_rover_does_not_come(tmp_
     result = play(str(path))
     failing = [line for line in result.output.splitlines() if line.startswith("FAILS")]
     assert result.exit_code == 1
-    assert any("all 6 entries of the timeline are played" in line for line in failing)
+    assert any("all 6 entries of the timeline are executed" in line for line in failing)
 
 
 @pytest.mark.parametrize("example", blocks(PAGE, "yaml"))

@@ -176,7 +176,7 @@ def test_a_plans_command_that_nobody_knows_is_not_held_to_be_true() -> None:
     record = ran(MoveForward(3), at(1, 5))
     step = Identity("plan:errand", 3)
     record.reports.append(replace(record.reports[-1], sequence=9, identity=step))
-    assert wrong(record) == "plan:errand:3 asked for what is not known"
+    assert wrong(record) == "plan:errand:3 has an unknown request"
 
 
 def test_poses_that_were_heard_late_are_of_when_they_were_made() -> None:

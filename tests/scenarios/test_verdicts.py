@@ -91,14 +91,14 @@ def verdict(folder: Path, expectation: str, record: Record) -> Check:
         ("pictures: 1, %: 64", "width", "height", "MOE-2.jpg is 64 × 48 px"),
         ("pictures: %", "1", "2", "1 stored"),
         ("file: pictures/MOE-2.jpg, events: [STORED%]", "", ", DELETED", "STORED"),
-        ("file: other, events: [%]", "", "STORED", "nothing told"),
+        ("file: other, events: [%]", "", "STORED", "no event"),
         ("files: [%], asked: there", "pictures/MOE-2.jpg", "", "pictures/MOE-2.jpg"),
         ("fetched: %.jpg", "pictures/MOE-2", "none", "there is no file none.jpg"),
         ("video: %, for: 1", "0", "1", "0 pictures, 0 datagrams"),
         ("contacts: %", "0", "1", "0 contacts"),
         ("plan: tour, status: %", "SUBMITTED", "COMPLETED", "SUBMITTED, 0 of"),
-        ("plan: %, status: SUBMITTED", "tour", "other", "nothing told"),
-        ("plan: tour, status: SUBMITTED%", "", ", after: ahead STARTED", "nothing told"),
+        ("plan: %, status: SUBMITTED", "tour", "other", "no update"),
+        ("plan: tour, status: SUBMITTED%", "", ", after: ahead STARTED", "no update"),
         ("link: ALARM%", ", count: 0", "", "0 ×"),
     ],
 )
@@ -178,7 +178,7 @@ def test_a_picture_must_show_something(
 
 @pytest.mark.parametrize(
     ("change", "fault"),
-    [({"came": b"pictura"}, "other octets"), ({"checksum": 1}, "told 00000001")],
+    [({"came": b"pictura"}, "octets differ"), ({"checksum": 1}, "reported 00000001")],
 )
 def test_what_was_fetched_must_be_what_is_aboard(
     played: tuple[Scenario, Record], tmp_path: Path, change: dict[str, Any], fault: str
