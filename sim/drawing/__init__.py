@@ -1,6 +1,6 @@
-"""Drawings of runs: the map, the timeline, and the style that all pictures share.
+"""Drawings of runs: the map, the timeline, and the common style.
 
-They are made of plain data (`DriveMap`, `RunTimeline`), whoever ran the run, as matplotlib figures.
+They are drawn from plain data (`DriveMap`, `RunTimeline`) of any run as matplotlib figures.
 Importing this package loads matplotlib, so commands import it late.
 """
 

@@ -1,4 +1,4 @@
-"""Commands between ground, orbiter and rover, a lane each, and what waits meanwhile."""
+"""Commands between ground, orbiter and rover, one lane each, and the lengths of the queues."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ from sim.drawing.lanes import (
 from sim.drawing.style import COMMAND, DONE, FAINT, GRID, INK, POINT, WRONG
 
 SHORT_S: Final = 0.4
-"""What waits for less does not wait; a command that takes less is one mark."""
+"""Minimum drawn waiting time; a command of less duration is one mark."""
 PASSAGE_PX: Final = 62
-"""The height of a lane."""
+"""Height of a lane."""
 QUEUE_PX: Final = 104
 _GROUND, _ORBITER, _ROVER, _REPORT = 14, 29, 44, 54
-"""Where the levels of a lane are, below its top."""
+"""Offsets of the levels of a lane from its top, in pixels."""
 Levels = Sequence[tuple[float, int]]
-"""How many wait, each from a time on."""
+"""Lengths of a queue, each with its start time."""
 _STORED: Final = mark("o", 10, COMMAND)
 _ON_GROUND: Final = mark("o", 10, DONE)
 _LOST: Final = mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
@@ -43,20 +43,20 @@ LEGEND: Final[dict[str, list[Style]]] = {
     "stored at the orbiter": [_STORED],
     "received aboard": [RECEIVED],
     "started": [STARTED],
-    "carried out, ended": [WORK, ENDED],
+    "executed, ended": [WORK, ENDED],
     "received on the ground": [_ON_GROUND],
 }
 LEGEND_OF_WAITING: Final[dict[str, list[Style]]] = {
-    "waits at the orbiter": [_STORAGE],
-    "given up there": [_LOST],
-    "waits aboard for its turn": [TURN],
-    "report waits aboard": [_REPORTED],
+    "queued at the orbiter": [_STORAGE],
+    "expired there": [_LOST],
+    "queued aboard": [TURN],
+    "report queued aboard": [_REPORTED],
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A report: when it was made aboard, and when it was received on the ground."""
+    """Times of a report: creation aboard and receipt on the ground."""
 
     made_s: float
     ground_s: float
@@ -64,15 +64,15 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Journey:
-    """A command that was sent by a link; times in seconds, as on the axis.
+    """A command sent over a link; times in seconds, as on the axis.
 
     Attributes:
-        relayed: whether it went by the orbiter.
-        ending: how it ended, if it has.
-        stored_s: when the orbiter had it; None by the direct link.
-        received, started, ended: the reports of these stages, as far as there were any.
-        lost_s: when the orbiter gave it up.
-        again: whether it was sent before: what the rover does is in the first one's lane.
+        relayed: whether it was sent over the orbiter.
+        ending: its ending; None before the end.
+        stored_s: time of storage at the orbiter; None over the direct link.
+        received, started, ended: reports of these stages; None without a report.
+        lost_s: time of expiry at the orbiter.
+        again: whether it was sent before; its execution is in the lane of the first transmission.
     """
 
     relayed: bool
@@ -87,15 +87,15 @@ class Journey:
 
     @property
     def short(self) -> bool:
-        """Whether all of it happened at once, as far as one can see."""
+        """Whether its whole duration is below `SHORT_S`."""
         return self.ended is not None and self.ended.ground_s - self.sent_s < SHORT_S
 
 
 def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
-    """Draw a lane of three levels, y in pixels below its top."""
+    """Draw a lane of three levels; `top` is its upper edge in pixels, downwards."""
     link = "relay" if lane.relayed else "direct link"
     write_beside(axes, 46, top + 37, f"by {link}", fontsize=11 * POINT)
-    ending, colour = lane.ending or "under way", ENDS.get(lane.ending or "", FAINT)
+    ending, colour = lane.ending or "in progress", ENDS.get(lane.ending or "", FAINT)
     write_beside(axes, 132, top + 37, ending, color=colour, fontsize=11 * POINT)
     levels = {"ground": top + _GROUND, "orbiter": top + _ORBITER, "rover": top + _ROVER}
     if not lane.relayed:
@@ -116,7 +116,7 @@ def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
 
 
 def _draw_short(axes: Axes, lane: Journey, top: float) -> None:
-    """Draw a command that was done at once as one mark, and say how long it took."""
+    """Draw a short command as one mark, with its duration as text."""
     assert lane.ended is not None
     ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
     axes.plot([sent_s, sent_s], [ground, rover], **_WAY)
@@ -138,7 +138,7 @@ def _draw_short(axes: Axes, lane: Journey, top: float) -> None:
 
 
 def _draw_way_up(axes: Axes, lane: Journey, top: float) -> None:
-    """Draw a command from the ground to the rover, or to where it was given up."""
+    """Draw a command from the ground to the rover, or to its expiry at the orbiter."""
     ground, orbiter, rover = top + _GROUND, top + _ORBITER, top + _ROVER
     arrived_s = lane.lost_s if lane.received is None else lane.received.made_s
     if lane.stored_s is None:
@@ -158,7 +158,7 @@ def _draw_way_up(axes: Axes, lane: Journey, top: float) -> None:
 
 
 def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
-    """Draw how long a command waited aboard, and was carried out."""
+    """Draw waiting and execution of a command aboard."""
     received, started, ended = lane.received, lane.started, lane.ended
     if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
         axes.plot([received.made_s, started.made_s], [rover, rover], **TURN)
@@ -169,7 +169,7 @@ def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
 
 
 def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
-    """Draw a report from the rover to the ground, after it waited aboard."""
+    """Draw a report from the rover to the ground, after its waiting aboard."""
     made_s, ground_s = passage.made_s, passage.ground_s
     ground, rover, report = top + _GROUND, top + _ROVER, top + _REPORT
     if ground_s - made_s > SHORT_S:
@@ -180,10 +180,10 @@ def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
 
 
 def draw_queues(axes: Axes, commands: Levels, reports: Levels) -> None:
-    """Draw how many bundles waited at the orbiter, and how many reports aboard."""
-    most = max([1, *(many for _, many in (*commands, *reports))])
-    axes.set_ylim(0, most * QUEUE_PX / (QUEUE_PX - 30))
-    axes.set_yticks(MaxNLocator(5, integer=True).tick_values(0, most))
+    """Draw the numbers of bundles queued at the orbiter and of reports queued aboard."""
+    maximum = max([1, *(number for _, number in (*commands, *reports))])
+    axes.set_ylim(0, maximum * QUEUE_PX / (QUEUE_PX - 30))
+    axes.set_yticks(MaxNLocator(5, integer=True).tick_values(0, maximum))
     axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
     axes.grid(axis="y", color=GRID)
     begin_s, end_s = axes.get_xlim()
@@ -192,16 +192,16 @@ def draw_queues(axes: Axes, commands: Levels, reports: Levels) -> None:
         steps.append((end_s, steps[-1][1]))
         axes.step(*zip(*steps, strict=True), where="post", **line(colour, 2.5))
     named = (
-        (34, "waiting", INK),
+        (34, "queued", INK),
         (54, "bundles at the orbiter", COMMAND),
         (72, "reports aboard", DONE),
     )
-    for y, words, colour in named:
+    for y, text, colour in named:
         write_beside(
             axes,
             46,
             axes.get_ylim()[1] * (1 - y / QUEUE_PX),
-            words,
+            text,
             color=colour,
             fontweight="bold",
         )

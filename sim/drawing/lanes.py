@@ -1,4 +1,4 @@
-"""What drawings along time share: a column of names beside the lanes, the marks of a command."""
+"""Common parts of drawings over time: the column of names, the marks of a command."""
 
 from typing import Any, Final
 
@@ -10,15 +10,15 @@ from sim.drawing.style import COMMAND, DONE, DPI, MOTION, POINT, RULE, WARNED, W
 
 WIDTH_PX: Final = 1240
 LEFT_PX: Final = 300
-"""The column of names; the lanes begin beside it."""
+"""Width of the column of names to the left of the lanes."""
 RIGHT_PX: Final = 36
 _INDENT_PX: Final = 24
 Style = dict[str, Any]
-"""What matplotlib takes as the looks of a line."""
+"""Line properties of matplotlib."""
 
 
 def mark(marker: str, size: float, colour: str, **style: Any) -> Style:
-    """Return the looks of a mark, its size in pixels."""
+    """Return the style of a mark with a size in pixels."""
     return {
         "marker": marker,
         "markersize": size * POINT,
@@ -32,7 +32,7 @@ def mark(marker: str, size: float, colour: str, **style: Any) -> Style:
 
 
 def line(colour: str, width: float, **style: Any) -> Style:
-    """Return the looks of a line, its width in pixels."""
+    """Return the style of a line with a width in pixels."""
     return {"color": colour, "linewidth": width * POINT, "zorder": 3, **style}
 
 
@@ -49,25 +49,25 @@ ENDS: Final = {
     "EXPIRED": WARNED,
     "FAILED": WRONG,
 }
-"""The colour of each way in which a command ends."""
+"""Colours of the endings of a command."""
 TURN: Final = line(MOTION, 2, linestyle=(0, (2, 2)))
-"""A command waits aboard for its turn."""
+"""Style of a command queued aboard."""
 
 
 def write_beside(axes: Axes, x_px: float, y: float, words: str, **style: Any) -> None:
-    """Write beside the axes, so many pixels from the left edge of the sheet."""
+    """Write to the left of the axes, at `x_px` from the left edge of the sheet."""
     across = (x_px - LEFT_PX) / (WIDTH_PX - LEFT_PX - RIGHT_PX)
     axes.text(across, y, words, transform=axes.get_yaxis_transform(), **style)
 
 
 def draw_rule(axes: Axes, y: float) -> None:
-    """Draw a line from the left edge of the sheet to the right one of the axes."""
+    """Draw a line from the left edge of the sheet to the right edge of the axes."""
     left = (_INDENT_PX - LEFT_PX) / (WIDTH_PX - LEFT_PX - RIGHT_PX)
     axes.axhline(y, left, 1, clip_on=False, color=RULE, linewidth=0.7)
 
 
 def add_legend_row(figure: Figure, top_px: float, entries: dict[str, list[Style]]) -> None:
-    """Say what marks mean, in a row so far below the top of the sheet."""
+    """Add a row of legend entries at `top_px` below the top of the sheet."""
     handles: Any = [tuple(Line2D([], [], **each) for each in it) for it in entries.values()]
     figure.legend(
         handles,

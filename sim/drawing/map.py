@@ -1,4 +1,4 @@
-"""The map of a drive: what was planned, what odometry believed, and what was true."""
+"""Map of a drive: planned path, odometry and true path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -21,23 +21,23 @@ from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 
 STEP_M: Final = 0.02
-"""A track has a corner each so much."""
+"""Distance of the points of a drawn track."""
 PIXELS_PER_M: Final = 100
-"""For a rover of the Jackal's size, as are all that follow: a map is drawn to the rover's scale."""
+"""Scale for a rover of the Jackal's size, as all lengths below: maps scale with the rover."""
 HALF_LENGTH_M: Final = 0.254
 HALF_WIDTH_M: Final = 0.215
 VIEW_M: Final = 2.8
-"""As far as a view is drawn."""
+"""Drawn range of a camera view."""
 ARROW_M: Final = 0.32
 MARGIN_M: Final = 0.9
 SMALLEST_M: Final = 4.2
-"""Side of the window at least, so that there is room for a legend beside it."""
+"""Minimum side of the window, with space for the legend beside it."""
 CLEAR_M: Final = 0.2
 ASIDE_M: Final = 0.35
-"""A stop nearer than the one to a waypoint is marked so far beside it."""
+"""Offset of a stop's mark if the stop is nearer than `CLEAR_M` to a waypoint."""
 
 HALF_VIEW_DEG: Final = 34.8
-"""What the camera sees to each side: 55° upright in a 4:3 picture."""
+"""Half of the camera's horizontal field of view: 55° vertically in a 4:3 picture."""
 CONTOUR_M: Final = 0.01
 TRUE, PLANNED, SOIL, SOIL_LINE = "#f5b04d", "#333333", "#f7f1e8", "#e3d4c0"
 ROCK, ROCK_LINE = "#b8ab9d", "#80746a"
@@ -49,7 +49,7 @@ _FEATURES: Final[dict[FeatureKind, dict[str, Any]]] = {
     FeatureKind.STEP: {"facecolor": "#d9d4cc", "edgecolor": "#6f6a62"},
     FeatureKind.WALL: {"facecolor": "#5c5750", "edgecolor": "#3a3732"},
 }
-"""How they look, the lowest first."""
+"""Styles of terrain features, the lowest layer first."""
 _KEEP_IN: Final[dict[str, Any]] = {
     "fill": False,
     "edgecolor": DONE,
@@ -77,7 +77,7 @@ _FRONT: Final = ((0.95, 0.0), (0.5, 0.45), (0.5, -0.45))
 
 @dataclass(frozen=True, slots=True)
 class Incident:
-    """Where the rover was when something went wrong, and what."""
+    """A fault or failure, with the pose of the rover."""
 
     pose: Pose
     words: str
@@ -85,19 +85,19 @@ class Incident:
 
 @dataclass(frozen=True, slots=True)
 class DriveMap:
-    """What a map shows.
+    """Data of a map.
 
     Attributes:
-        planned: the waypoints in their order, after the start.
-        driven: where odometry said that base_link was; empty if it never did.
-        true: where it really was.
-        stops: where it was stopped on the way.
-        views: where a picture was taken; the heading is the camera's.
-        incidents: what went wrong where.
-        zones: where the rover is told that it may drive.
-        seen: what its laser had seen at the end.
+        planned: waypoints in their order, after the start.
+        driven: poses of base_link by odometry; empty without odometry.
+        true: true poses.
+        stops: poses where the rover was stopped.
+        views: poses where a picture was taken, with the heading of the camera.
+        incidents: faults and failures.
+        zones: zones and known rocks of the settings.
+        seen: obstacles scanned by the laser up to the end.
         figures: lines of text beside the map.
-        scale: the rover's size beside the Jackal's.
+        scale: size of the rover relative to the Jackal.
     """
 
     title: str
@@ -118,12 +118,12 @@ def draw_map(drive: DriveMap) -> Figure:
     """Return the map. The true track needs at least one pose."""
     scale = drive.scale
     start = drive.world.start_pose.point
-    goals = [Point(place.x_m, place.y_m) for place in drive.planned]
+    goals = [Point(waypoint.x_m, waypoint.y_m) for waypoint in drive.planned]
     tracks = [pose.point for pose in (*drive.driven, *drive.true)]
     seen = [pose.ahead(scale * VIEW_M) for pose in drive.views]
-    places = [start, *goals, *tracks, *seen]
-    west_m, east_m = _span([place.x_m for place in places], scale)
-    south_m, north_m = _span([place.y_m for place in places], scale)
+    points = [start, *goals, *tracks, *seen]
+    west_m, east_m = _span([point.x_m for point in points], scale)
+    south_m, north_m = _span([point.y_m for point in points], scale)
     pixels_per_m = PIXELS_PER_M / scale
     across, upright = pixels_per_m * (east_m - west_m), pixels_per_m * (north_m - south_m)
     width, height = _LEFT + across + _RIGHT, _TOP + upright + _BOTTOM
@@ -147,8 +147,8 @@ def draw_map(drive: DriveMap) -> Figure:
         _draw_line(axes, driven, color=MOTION, linewidth=2 * POINT)
         for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
             draw_rover(axes, pose, scale, colour)
-        for number, place in enumerate(drive.planned, 1):
-            _draw_waypoint(axes, place, scale, number)
+        for number, waypoint in enumerate(drive.planned, 1):
+            _draw_waypoint(axes, waypoint, scale, number)
         for pose in drive.stops:
             _draw_stop(axes, pose, scale, goals)
         draw_incidents(axes, drive.incidents)
@@ -158,23 +158,23 @@ def draw_map(drive: DriveMap) -> Figure:
 
 
 def thinned(places: Sequence[Point]) -> list[Point]:
-    """Return places at least `STEP_M` apart, so that noise at rest is no way driven."""
-    kept = list(places[:1])
-    for place in places:
-        if place.distance_m(kept[-1]) >= STEP_M:
-            kept.append(place)
-    return kept
+    """Return points at least `STEP_M` apart, so that noise at rest adds no distance."""
+    selected = list(places[:1])
+    for point in places:
+        if point.distance_m(selected[-1]) >= STEP_M:
+            selected.append(point)
+    return selected
 
 
 def _span(places_m: Sequence[float], scale: float) -> tuple[float, float]:
-    """Return from where to where a window reaches that shows all places."""
+    """Return the bounds of a window that contains all positions, in m."""
     low_m, high_m = min(places_m) - scale * MARGIN_M, max(places_m) + scale * MARGIN_M
     more_m = max(0.0, scale * SMALLEST_M - (high_m - low_m)) / 2
     return low_m - more_m, high_m + more_m
 
 
 def _draw_ground(axes: Axes, world: World) -> None:
-    """Draw lines of equal height, and the rocks that are in the window."""
+    """Draw contour lines, features and the rocks in the window."""
     (west_m, east_m), (south_m, north_m) = axes.get_xlim(), axes.get_ylim()
     if world.ground.amplitude_m > 0:
         terrain = make_terrain(world.ground)
@@ -191,10 +191,10 @@ def _draw_ground(axes: Axes, world: World) -> None:
         corners = [(corner.x_m, corner.y_m) for corner in feature.corners]
         axes.add_patch(Polygon(corners, zorder=0.7, **_FEATURES[feature.kind]))
         if feature.kind is not FeatureKind.WALL:
-            place = (min(x_m for x_m, _ in corners), max(y_m for _, y_m in corners))
-            words: Any = {"textcoords": "offset points", "va": "top", "annotation_clip": True}
+            corner_m = (min(x_m for x_m, _ in corners), max(y_m for _, y_m in corners))
+            layout: Any = {"textcoords": "offset points", "va": "top", "annotation_clip": True}
             small: Any = {"fontsize": 10 * POINT, "color": INK, "zorder": 0.8}
-            axes.annotate(feature.text, place, (3, -3), **words, **small)
+            axes.annotate(feature.text, corner_m, (3, -3), **layout, **small)
     for number, rock in enumerate(world.all_rocks):
         reach_m = rock.radius_m
         if west_m - reach_m < rock.x_m < east_m + reach_m and (
@@ -205,7 +205,7 @@ def _draw_ground(axes: Axes, world: World) -> None:
 
 
 def draw_zones(axes: Axes, zones: Zones) -> None:
-    """Draw zones and known rocks, each with its name."""
+    """Draw zones and known rocks with their names."""
     low_m, high_m = axes.get_ylim()[0], axes.get_xlim()[1]
     polygons: list[tuple[KeepIn | KeepOut, dict[str, Any]]] = [
         (zone, _KEEP_IN) for zone in zones.keep_in
@@ -216,8 +216,8 @@ def draw_zones(axes: Axes, zones: Zones) -> None:
     for zone, style in polygons:
         axes.add_patch(Polygon(zone.corners_m, zorder=2.4, **style))
         corner = min(zone.corners_m, key=lambda each: each[1])
-        place = min(max(corner[0], axes.get_xlim()[0]), high_m), max(corner[1], low_m)
-        axes.text(place[0] + 0.05, place[1] + 0.05, zone.name, color=style["edgecolor"], **small)
+        left = min(max(corner[0], axes.get_xlim()[0]), high_m), max(corner[1], low_m)
+        axes.text(left[0] + 0.05, left[1] + 0.05, zone.name, color=style["edgecolor"], **small)
     for rock in zones.rocks:
         axes.add_patch(Circle((rock.x_m, rock.y_m), rock.radius_m, zorder=2.4, **_KNOWN_ROCK))
         top_m = rock.y_m + rock.radius_m
@@ -225,7 +225,7 @@ def draw_zones(axes: Axes, zones: Zones) -> None:
 
 
 def _seen(axes: Axes, world: World) -> list[Outline]:
-    """Return the features that are in the window, at least in part."""
+    """Return the features that lie at least partly in the window."""
     (west_m, east_m), (south_m, north_m) = axes.get_xlim(), axes.get_ylim()
     return [
         outline
@@ -238,7 +238,7 @@ def _seen(axes: Axes, world: World) -> list[Outline]:
 
 
 def _outline(rock: Rock, random: Random) -> list[tuple[float, float]]:
-    """Return corners of a rock as people draw rocks."""
+    """Return the corners of an irregular polygon for a rock."""
     corners = max(7, min(13, round(30 * rock.radius_m)))
     spots = []
     for corner in range(corners):
@@ -249,11 +249,11 @@ def _outline(rock: Rock, random: Random) -> list[tuple[float, float]]:
 
 
 def _draw_line(axes: Axes, places: Sequence[Point], **style: Any) -> None:
-    axes.plot([place.x_m for place in places], [place.y_m for place in places], **style)
+    axes.plot([point.x_m for point in places], [point.y_m for point in places], **style)
 
 
 def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
-    """Draw what a camera sees, as an open fan."""
+    """Draw the field of view of a camera as an open fan."""
     middle_deg = degrees(pose.heading_rad)
     rim = (middle_deg - HALF_VIEW_DEG, middle_deg + HALF_VIEW_DEG)
     style: Any = {"fill": False, "edgecolor": DONE, "linewidth": 1.3, "linestyle": _DOTTED}
@@ -262,7 +262,7 @@ def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
 
 
 def draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
-    """Draw the outline of the rover, its front marked."""
+    """Draw the outline of the rover with a mark at its front."""
     half_m = (scale * HALF_LENGTH_M, scale * HALF_WIDTH_M)
     for corners, style in ((_HULL, {"fill": False, "linewidth": 1.5}), (_FRONT, {"linewidth": 0})):
         spots = [_from(pose, half_m[0] * ahead, half_m[1] * left) for ahead, left in corners]
@@ -270,7 +270,7 @@ def draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
 
 
 def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> None:
-    """Draw a numbered disc, with an arrow where a heading is wanted."""
+    """Draw a numbered disc, with an arrow for a commanded heading."""
     if place.heading_rad is not None:
         tip = Pose(place.x_m, place.y_m, heading_rad=place.heading_rad).ahead(scale * ARROW_M)
         arrow = {
@@ -287,8 +287,8 @@ def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> No
 
 
 def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point]) -> None:
-    """Draw a stop sign where the rover was stopped, or beside that, where a waypoint is."""
-    near = [place for place in waypoints if pose.point.distance_m(place) < scale * CLEAR_M]
+    """Draw a stop sign at the pose of a stop, or with an offset if a waypoint is near."""
+    near = [point for point in waypoints if pose.point.distance_m(point) < scale * CLEAR_M]
     here = (pose.x_m, pose.y_m)
     sign = _from(pose, 0.0, scale * ASIDE_M) if near else here
     if near:
@@ -298,7 +298,7 @@ def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point])
 
 
 def draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
-    """Draw a mark where something went wrong; what happened in one place is listed beside it."""
+    """Draw a mark for each incident; texts of incidents at one position are listed beside it."""
     (west_m, east_m), low_m = axes.get_xlim(), axes.get_ylim()[0]
     below: dict[tuple[float, float], int] = {}
     for incident in incidents:
@@ -323,7 +323,7 @@ def draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
 
 
 def _from(pose: Pose, ahead_m: float, left_m: float) -> tuple[float, float]:
-    """Return the place that lies ahead and to the left of a pose."""
+    """Return the position ahead and to the left of a pose, in m."""
     ahead = pose.ahead(ahead_m)
     left = Pose(ahead.x_m, ahead.y_m, heading_rad=pose.heading_rad + pi / 2).ahead(left_m)
     return left.x_m, left.y_m
@@ -378,7 +378,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
     if drive.views:
         entries.append(("picture taken, view", mark(fan, DONE, 18)))
     if drive.incidents:
-        entries.append(("went wrong here", Line2D([], [], **_INCIDENT)))
+        entries.append(("fault or failure", Line2D([], [], **_INCIDENT)))
     entries += [
         ("rover at the end", mark(hull, INK, 14)),
         ("rover at the start", mark(hull, FAINT, 14)),
@@ -387,14 +387,14 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
         rock = line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)
         entries.append(("rock", rock))
     entries += [
-        (words, Patch(**style))
-        for words, style, there in (
+        (name, Patch(**style))
+        for name, style, present in (
             ("keep-in zone", _KEEP_IN, drive.zones.keep_in),
             ("keep-out zone", _KEEP_OUT, drive.zones.keep_out),
             ("rock known to the rover", _KNOWN_ROCK, drive.zones.rocks),
-            ("seen by its laser at the end", _SEEN, drive.seen),
+            ("scanned by the laser at the end", _SEEN, drive.seen),
         )
-        if there
+        if present
     ]
     kinds = {outline.kind for outline in _seen(axes, drive.world)}
     entries += [(kind.value, Patch(**style)) for kind, style in _FEATURES.items() if kind in kinds]
@@ -403,7 +403,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
     left = 1 - (_RIGHT - 20) / (DPI * figure.get_figwidth())
     legend = figure.legend(
         [handle for _, handle in entries],
-        [words for words, _ in entries],
+        [name for name, _ in entries],
         loc="upper left",
         bbox_to_anchor=(left, axes.get_position().y1),
         borderaxespad=0.0,
@@ -417,7 +417,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
 
 
 def _add_scale(figure: Figure, left: float, bottom: float, metre: float) -> None:
-    """Draw what is a metre, beside the map, where it covers nothing."""
+    """Draw a scale bar of one metre beside the map, where it covers no content."""
     ends = [left, left + metre]
     figure.add_artist(Line2D(ends, [bottom, bottom], color=INK, linewidth=1.5, marker="|"))
     figure.text(sum(ends) / 2, bottom, "1 m", ha="center", va="bottom")

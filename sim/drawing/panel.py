@@ -1,4 +1,4 @@
-"""Figures over time on one scale, by the sources that tell them."""
+"""Values over time on one scale, by source."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -21,14 +21,14 @@ LOOKS: Final = {
     TrackSource.ODOMETRY: line(MOTION, 1.8),
     TrackSource.WHEELS: line(WHEEL, 0.9),
 }
-"""The sources of a track or a speed, the lowest first."""
+"""Line styles of the sources of a track or a speed, the lowest layer first."""
 _LEAST: Final = {"m/s": 0.1, "rad/s": 0.1}
-"""A rover that stands has a scale, too."""
+"""Minimum span of an axis, for a stationary rover."""
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A figure over time, NaN where the line has a gap."""
+    """Values over time; NaN is a gap in the line."""
 
     source: TrackSource
     times_s: tuple[float, ...]
@@ -37,7 +37,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """What is drawn on one scale."""
+    """Series on one scale."""
 
     title: str
     unit: str
@@ -45,7 +45,7 @@ class Panel:
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
-    """Draw figures over time on one scale, which holds zero."""
+    """Draw series on one scale, which contains zero."""
     values = [value for each in panel.series for value in each.values if isfinite(value)]
     low = min(0.0, min(values, default=0.0))
     high = max(_LEAST.get(panel.unit, 0.0), max(values, default=0.0))

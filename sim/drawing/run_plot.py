@@ -1,4 +1,4 @@
-"""The plot of a recorded run: its map, and along time commands, events, modes and speeds."""
+"""Plot of a recorded run: its map, and commands, events, modes and speeds over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ from sim.drawing.timeline import RunTimeline, draw_rows, heights_px, place_of
 
 _TOP, _MAP, _BESIDE_MAP, _BOTTOM = 56, 380, 62, 52
 _AROUND_M: Final = 0.6
-"""Ground that is shown around what was driven."""
+"""Margin around the driven tracks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where the rover was, as a source tells."""
+    """Poses of the rover by one source."""
 
     source: TrackSource
     poses: tuple[Pose, ...]
@@ -31,13 +31,13 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class RunPlot:
-    """What the plot of a run shows; times in seconds since its beginning.
+    """Data of a run's plot; times in seconds since its beginning.
 
     Attributes:
         figures: lines of text beside the map.
-        tracks: in one frame.
-        incidents: what went wrong where.
-        scale: the rover's size beside the Jackal's.
+        tracks: tracks in one frame.
+        incidents: faults and failures.
+        scale: size of the rover relative to the Jackal.
     """
 
     timeline: RunTimeline
@@ -64,7 +64,7 @@ def draw_run(plot: RunPlot) -> Figure:
 
 
 def _draw_map(axes: Axes, plot: RunPlot) -> None:
-    """Draw the tracks to scale, with some ground around them."""
+    """Draw the tracks to scale, with a margin."""
     points = [pose.point for track in plot.tracks for pose in track.poses]
     (west_m, east_m), (south_m, north_m) = (
         _around([each.x_m for each in points], plot.scale),
@@ -85,13 +85,13 @@ def _draw_map(axes: Axes, plot: RunPlot) -> None:
     draw_zones(axes, plot.zones)
     order = list(LOOKS)
     for track in sorted(plot.tracks, key=lambda each: order.index(each.source)):
-        places = thinned([pose.point for pose in track.poses])
+        shape = thinned([pose.point for pose in track.poses])
         style = {**LOOKS[track.source], "drawstyle": "default"}
-        axes.plot([each.x_m for each in places], [each.y_m for each in places], **style)
+        axes.plot([each.x_m for each in shape], [each.y_m for each in shape], **style)
     shown = next((track for track in plot.tracks if track.poses), None)
     if shown is None:
         centre: Any = {"transform": axes.transAxes, "ha": "center", "color": FAINT}
-        axes.text(0.5, 0.5, "no odometry was heard", **centre)
+        axes.text(0.5, 0.5, "no odometry received", **centre)
         return
     for pose, colour in ((shown.poses[0], FAINT), (shown.poses[-1], INK)):
         draw_rover(axes, pose, plot.scale, colour)
@@ -99,13 +99,13 @@ def _draw_map(axes: Axes, plot: RunPlot) -> None:
 
 
 def _around(places_m: Sequence[float], scale: float) -> tuple[float, float]:
-    """Return from where to where a map reaches that shows all places."""
+    """Return the bounds of a map that contains all positions, in m."""
     low_m, high_m = min(places_m, default=0.0), max(places_m, default=0.0)
     return low_m - scale * _AROUND_M, high_m + scale * _AROUND_M
 
 
 def _add_words(figure: Figure, ground: Axes, plot: RunPlot, height: float) -> None:
-    """Say beside the map what the colours mean, and the figures of the run."""
+    """Add the figures of the run and the legend of the colours beside the map."""
     sources = {each.source for panel in plot.timeline.panels for each in panel.series}
     sources |= {track.source for track in plot.tracks}
     entries = [source for source in reversed(LOOKS) if source in sources]

@@ -1,4 +1,4 @@
-"""The common style of drawings, and how they are written: as SVG and as PNG, the same each time."""
+"""Common style of drawings, and their reproducible output as SVG and PNG."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +12,10 @@ from PIL import Image
 
 DPI: Final = 100
 POINT: Final = 72 / DPI
-"""Points in a pixel; sizes of lines, marks and texts are in points."""
+"""Points per pixel; sizes of lines, marks and texts are in points."""
 INK, FAINT, GRID, RULE = "#222222", "#777777", "#e4e4e4", "#cfcfcf"
 COMMAND, MOTION, DONE, WRONG, WARNED = "#e07b00", "#0067a5", "#00845f", "#c8321e", "#a87400"
-"""Colours that tell apart for colour-blind people, too, and mean the same in every drawing."""
+"""Colours for colour-blind readers, too, with the same meaning in every drawing."""
 _NO_DATE: Final[Any] = {"Creator": None, "Date": None}
 _STYLE: Final[Any] = {
     "axes.edgecolor": INK,
@@ -37,7 +37,7 @@ _STYLE: Final[Any] = {
 
 @contextmanager
 def sheet(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
-    """Yield a white sheet with a title, to be drawn on in the common style."""
+    """Yield a white figure with a title, in the common style."""
     with rc_context(_STYLE):
         figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)
         figure.text(
@@ -47,7 +47,7 @@ def sheet(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
 
 
 def as_svg(figure: Figure) -> str:
-    """Return a drawing as SVG to stand in a page, without a date."""
+    """Return a drawing as an SVG element for a page, without a date."""
     with rc_context(_STYLE):
         figure.savefig(text := StringIO(), format="svg", metadata=_NO_DATE)
     drawn = text.getvalue()
@@ -55,7 +55,7 @@ def as_svg(figure: Figure) -> str:
 
 
 def as_png(figure: Figure) -> bytes:
-    """Return a drawing as PNG of few colours."""
+    """Return a drawing as PNG with 256 colours."""
     with rc_context(_STYLE):
         figure.savefig(pixels := BytesIO(), format="png")
     finest = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too

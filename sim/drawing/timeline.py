@@ -1,6 +1,6 @@
-"""The timeline of a run: the life of each command, faults, events, modes, the true speed.
+"""Timeline of a run: the life cycle of each command, faults, events, modes, the true speed.
 
-Where the orbiter takes part, each command has a lane of three levels: ground, orbiter, rover.
+With an orbiter each command has a lane of three levels: ground, orbiter, rover.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -46,7 +46,7 @@ from sim.drawing.panel import Panel, draw_panel
 from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, sheet
 
 SHORT_S: Final = 0.2
-"""What waits for less aboard does not wait."""
+"""Minimum drawn waiting time aboard."""
 _TOP, _BOTTOM = 84, 52
 _LEGEND_ROW: Final = 22
 LANE_PX, ROW_PX, _GAP, _PANEL = 40, 26, 12, 150
@@ -67,7 +67,7 @@ _FAULT: Final = line(WRONG, 9, alpha=0.75)
 
 @dataclass(frozen=True, slots=True)
 class TimeSpan:
-    """Something done to the rover, from when to when; times in seconds, as all here."""
+    """A fault, a crash or a cargo with its interval; times in seconds, as all here."""
 
     name: str
     begin_s: float
@@ -76,15 +76,15 @@ class TimeSpan:
 
 @dataclass(frozen=True, slots=True)
 class CommandLane:
-    """One command.
+    """Data of one command's lane.
 
     Attributes:
-        sent_s: when it was sent, and sent again.
-        received_s, started_s, ended_s: the reports of these stages, as far as there were any.
-        last: the stage that was reported last.
-        words: what is to be said of its end.
-        figures: what is written beside its end.
-        journey: of the command, by the links that are drawn.
+        sent_s: times of the first and each further transmission.
+        received_s, started_s, ended_s: times of the reports of these stages, if any.
+        last: last reported stage.
+        words: text about its end.
+        figures: text beside the mark of its end.
+        journey: path of the command over the drawn links.
     """
 
     title: str
@@ -99,7 +99,7 @@ class CommandLane:
 
     @property
     def height_px(self) -> int:
-        """How high it is drawn."""
+        """Height of the lane in pixels."""
         return LANE_PX if self.journey is None else PASSAGE_PX
 
 
@@ -113,11 +113,11 @@ def lane_of(
     """Return the lane of a command.
 
     Args:
-        life: what became of it; None where nothing was reported.
-        time_of: when a report was made, on the axis.
-        title: its name.
-        sent_s: when it was sent, and sent again.
-        unreported: what is written where nothing was reported.
+        life: history of the command; None without reports.
+        time_of: returns the time of a report on the axis.
+        title: name of the lane.
+        sent_s: times of the first and each further transmission.
+        unreported: text of a command without reports.
     """
     if life is None:
         return CommandLane(title, tuple(sent_s), words=unreported)
@@ -142,10 +142,10 @@ def lane_of(
 def events_of(
     reports: Iterable[Report], time_of: Callable[[Report], float]
 ) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """Return the name of each kind of event among reports, and when it was."""
+    """Return the name and times of each kind of event among reports."""
     events: dict[str, list[float]] = {}
     for report in reports:
-        if report.kind is ReportKind.EVENT and report.identity is None:  # else it predicts
+        if report.kind is ReportKind.EVENT and report.identity is None:  # else a prediction
             name = report.text if report.reason is None else report.reason.name
             events.setdefault(name, []).append(time_of(report))
     return tuple((name, tuple(times_s)) for name, times_s in events.items())
@@ -153,17 +153,17 @@ def events_of(
 
 @dataclass(frozen=True, slots=True)
 class RunTimeline:
-    """What the picture shows.
+    """Data of a timeline.
 
     Attributes:
-        end_s: how long the run lasted.
-        faults: what was done to the rover, and what it carried.
-        events: name of each kind of event that the rover reported, and when.
-        modes: from when to when the rover was in which.
-        panels: speeds, below.
-        eclipses: when nothing passed between ground and rover.
-        gone: when there was no executive.
-        waiting: how many bundles waited at the orbiter, and how many reports aboard.
+        end_s: duration of the run.
+        faults: faults, crashes and cargo.
+        events: name and times of each kind of reported event.
+        modes: modes with begin and end.
+        panels: panels of speeds below the rows.
+        eclipses: begin and end of each contact outage.
+        gone: begin and end of each interval without an executive.
+        waiting: numbers of bundles queued at the orbiter and of reports queued aboard.
     """
 
     title: str
@@ -179,26 +179,24 @@ class RunTimeline:
 
     @property
     def relayed(self) -> bool:
-        """Whether the orbiter takes part."""
+        """Whether a command has a lane over the orbiter."""
         return any(each.journey is not None for each in self.commands)
 
 
 def draw_timeline(timeline: RunTimeline) -> Figure:
-    """Return the picture: a row each, y in pixels below the first; below them the panels."""
+    """Return the figure: rows with y in pixels downwards, and the panels below them."""
     heights = heights_px(timeline)
     top_px = _TOP + _LEGEND_ROW * timeline.relayed
     with sheet(WIDTH_PX, top_px + sum(heights) + _BOTTOM, timeline.title) as figure:
-        place = place_of(heights, top_px, _BOTTOM)
-        all_axes = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=place)[
-            :, 0
-        ]
+        grid = place_of(heights, top_px, _BOTTOM)
+        all_axes = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
         draw_rows(list(all_axes), timeline)
         _add_legend(figure, timeline)
     return figure
 
 
 def place_of(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[str, Any]:
-    """Return where a grid is of axes below each other, of such heights."""
+    """Return the grid parameters for a column of axes with these heights in pixels."""
     height = top_px + sum(heights) + bottom_px
     return {
         "left": LEFT_PX / WIDTH_PX,
@@ -211,7 +209,7 @@ def place_of(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[str, A
 
 
 def heights_px(timeline: RunTimeline) -> list[int]:
-    """Return how high all rows are drawn together, each panel, and what waits."""
+    """Return the heights in pixels: all rows together, each panel, the queues."""
     rows = len({fault.name for fault in timeline.faults}) + len(timeline.events) + 1
     lanes_px = sum(lane.height_px for lane in timeline.commands) or LANE_PX
     panels_px = [_PANEL for _ in timeline.panels]
@@ -220,7 +218,7 @@ def heights_px(timeline: RunTimeline) -> list[int]:
 
 
 def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
-    """Draw rows, panels and what waits into axes of `heights_px`."""
+    """Draw rows, panels and queues into axes with the heights of `heights_px`."""
     above, *panels = all_axes
     gone = timeline.gone
     for axes in all_axes:
@@ -235,10 +233,10 @@ def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
     rows_px = heights_px(timeline)[0]
     above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
     above.yaxis.set_visible(False)
-    names = [f"eclipse: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
+    names = [f"outage: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
     names += ["no executive"] * len(gone)
-    for dark, words in zip((*timeline.eclipses, *gone), names, strict=True):
-        above.text(mean(dark), -6, words, color=_DARK_INK, fontweight="bold", ha="center")
+    for dark, text in zip((*timeline.eclipses, *gone), names, strict=True):
+        above.text(mean(dark), -6, text, color=_DARK_INK, fontweight="bold", ha="center")
     top = draw_commands(above, timeline.commands) + _GAP
     for name in dict.fromkeys(fault.name for fault in timeline.faults):
         name_row(above, top, name, WRONG)
@@ -259,7 +257,7 @@ def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
 
 
 def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
-    """Write the name of a row, cut to the room there is."""
+    """Write the name of a row, truncated to the width of its column."""
     write_beside(axes, 46, top + ROW_PX / 2 + 5, _cut(name), color=colour)
 
 
@@ -272,7 +270,7 @@ def _colour(lane: CommandLane) -> str:
 
 
 def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
-    """Draw each command below the other, and return where the last ends."""
+    """Draw the commands below each other, and return the lower edge of the last in pixels."""
     if not lanes:
         write_beside(axes, 46, 25, "no command was sent", color=FAINT)
     bottom = 0
@@ -286,8 +284,8 @@ def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
             continue
         write_beside(axes, 46, top + 19, _cut(lane.title), fontweight="bold")
         end = "no report" if lane.last is None else lane.last.name
-        words = f"{end}: {lane.words}" if lane.words else end
-        write_beside(axes, 46, top + 34, words, color=_colour(lane), fontsize=11 * POINT)
+        text = f"{end}: {lane.words}" if lane.words else end
+        write_beside(axes, 46, top + 34, text, color=_colour(lane), fontsize=11 * POINT)
         _draw_life(axes, lane, top + 24)
     bottom = bottom or LANE_PX
     draw_rule(axes, bottom)
@@ -295,7 +293,7 @@ def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
 
 
 def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
-    """Draw how long a command waited aboard and was carried out."""
+    """Draw waiting and execution of a command aboard."""
     received_s, started_s, ended_s = lane.received_s, lane.started_s, lane.ended_s
     waited_until_s = started_s if started_s is not None else ended_s
     if (
@@ -316,10 +314,10 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
     axes.plot(lane.sent_s, [middle] * len(lane.sent_s), **SENT)
     if lane.figures and ended_s is not None:
         late = ended_s > axes.get_xlim()[1] / 2
-        place = min([*lane.sent_s, ended_s]) if late else ended_s
+        text_s = min([*lane.sent_s, ended_s]) if late else ended_s
         axes.annotate(
             lane.figures,
-            (place, middle),
+            (text_s, middle),
             (-12 if late else 12, 0),
             textcoords="offset points",
             ha="right" if late else "left",
@@ -330,7 +328,7 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
 
 
 def draw_modes(axes: Axes, modes: Sequence[tuple[Mode, float, float]], top: float) -> None:
-    """Draw a row of modes, each named where there is room."""
+    """Draw a row of modes, with their names where the width suffices."""
     write_beside(axes, 46, top + ROW_PX / 2 + 5, "mode", color=INK)
     px_per_s = (WIDTH_PX - LEFT_PX - RIGHT_PX) / axes.get_xlim()[1]
     for mode, begin_s, end_s in modes:
@@ -349,14 +347,14 @@ def draw_modes(axes: Axes, modes: Sequence[tuple[Mode, float, float]], top: floa
 
 
 def _add_legend(figure: Figure, timeline: RunTimeline) -> None:
-    """Say what the marks mean, those of faults and events only where there are any."""
+    """Add the legend; marks of faults and events only if there are any."""
     if timeline.relayed:
         add_legend_row(figure, 48, LEGEND)
     entries: dict[str, list[Style]] = {
         "sent": [SENT],
-        "waits aboard": [TURN],
+        "queued aboard": [TURN],
         "started": [STARTED],
-        "carried out, ended": [WORK, ENDED],
+        "executed, ended": [WORK, ENDED],
     }
     if timeline.relayed:
         entries = dict(LEGEND_OF_WAITING)

@@ -10,13 +10,13 @@ import click
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="The picture, .png or .svg; plot.png beside the recording unless given.",
+    help="Output file, .png or .svg.  [default: plot.png beside the recording]",
 )
 def plot(recording: Path, out: Path | None) -> None:
-    """Draw a recorded run: its map, and along time commands, events, modes and speeds.
+    """Draw a recorded run: its map, and commands, events, modes and speeds over time.
 
-    Speeds are those that were commanded, those of the wheels, the odometry and the second
-    odometry, and, of simulations, the true ones.
+    Speeds are the commanded ones, those of the wheels, the odometry and the second odometry, and,
+    in simulations, the true ones.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""What a recording holds, as the plot of a run."""
+"""Converts a recording into the data of a plot, and writes the plot."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -39,17 +39,17 @@ from sim.drawing import (
 )
 
 SPEED_OVER_S: Final = 0.2
-"""Between poses that a speed is taken from."""
+"""Minimum time between the poses of a speed."""
 SILENT_S: Final = 1.0
-"""A line is not drawn over a longer time without figures."""
+"""Maximum time between values that a line connects."""
 BOUND: Final = "bound"
-"""The name of the figure that others are compared with."""
+"""Name of the figure that is the bound in a report."""
 SMALL_ROVER: Final = 0.5
-"""How large a MOCUP is beside a Jackal."""
+"""Size of a MOCUP relative to a Jackal, for drawing."""
 
 
 def write_plot(recording: Path, path: Path) -> None:
-    """Write the plot of a recording, as SVG if the file is named so, else as PNG.
+    """Write the plot of a recording, as SVG for the suffix `.svg`, else as PNG.
 
     Raises:
         RecordingError: the file cannot be used as a recording.
@@ -64,7 +64,7 @@ def write_plot(recording: Path, path: Path) -> None:
 
 
 def plot_of(recording: Path) -> RunPlot:
-    """Return what the plot of a recording shows.
+    """Return the data of a recording's plot.
 
     Raises:
         RecordingError: the file cannot be used as a recording.
@@ -81,7 +81,7 @@ def plot_of(recording: Path) -> RunPlot:
 
 
 class _Plot:
-    """Times of the plot are seconds since the beginning of the recording."""
+    """Builder of a plot; its times are seconds since the beginning of the recording."""
 
     def __init__(
         self, history: RunHistory, tracks: MotionTracks, began_utc_s: float, end_utc_s: float
@@ -138,20 +138,20 @@ class _Plot:
             lines.append(f"{1 + len(self._absences)} starts of the executive")
         poses = [each.pose for each in self._track]
         if poses:
-            kept, way_m = poses[0].point, 0.0
+            last, path_m = poses[0].point, 0.0
             for pose in poses:
-                step_m = pose.point.distance_m(kept)
+                step_m = pose.point.distance_m(last)
                 if step_m >= 0.02:
-                    way_m += step_m
-                    kept = pose.point
+                    path_m += step_m
+                    last = pose.point
             end = poses[-1]
-            lines.append(f"{way_m:.2f} m driven")
+            lines.append(f"{path_m:.2f} m driven")
             turned = degrees(end.heading_rad)
             lines.append(f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {turned:z.0f}°")
         return tuple(lines)
 
     def _drawn(self) -> tuple[Track, ...]:
-        """Return the tracks, that of the second odometry turned to begin where the first does."""
+        """Return the tracks; the second odometry is moved to start at odometry's first pose."""
         tracks = {
             source: [each.pose for each in found] for source, found in self._tracks.poses.items()
         }
@@ -172,7 +172,7 @@ class _Plot:
             yield replace(lane, figures=_measured(last) if last and last.reason else "")
 
     def _modes(self) -> tuple[tuple[Mode, float, float], ...]:
-        """Return the modes, each until the next or until the executive was gone."""
+        """Return the modes, each until the next or the end of the executive's process."""
         modes = [(self._since(each.utc_s), each.mode) for each in self._history.situations]
         ends_s = [*(begin_s for begin_s, _ in modes[1:]), self._end_s]
         merged: list[tuple[Mode, float, float]] = []
@@ -184,7 +184,7 @@ class _Plot:
         return tuple(merged)
 
     def _incidents(self) -> tuple[Incident, ...]:
-        """Return where commands failed, as the first of the tracks tells."""
+        """Return the failed commands with the rover's pose on the reference track."""
         ends = (life.end for life in self._history.lives().values())
         return tuple(
             Incident(_nearest(self._track, end.utc_s), end.reason.name)
@@ -216,21 +216,21 @@ def _nearest(track: Sequence[PoseAt], utc_s: float) -> Pose:
 
 
 def _measured(report: Report) -> str:
-    """Return the figures of a report up to their bound: what was measured, and against what."""
+    """Return the text of a report's measured figures and their bound; empty without a bound."""
     figures = list(report.figures)
     bounds = [at for at, each in enumerate(figures) if each.name == BOUND]
-    kept = figures[: bounds[0] + 1] if bounds else []
-    return ", ".join(f"{each.name} {each.value:.3g} {each.unit}".rstrip() for each in kept)
+    shown = figures[: bounds[0] + 1] if bounds else []
+    return ", ".join(f"{each.name} {each.value:.3g} {each.unit}".rstrip() for each in shown)
 
 
 def _speeds(poses: Sequence[PoseAt]) -> list[VelocityAt]:
-    """Return the speeds ahead and about from poses that are some time apart."""
-    kept = list(poses[:1])
+    """Return forward speed and turn rate from poses at least `SPEED_OVER_S` apart."""
+    samples = list(poses[:1])
     for each in poses:
-        if each.utc_s - kept[-1].utc_s >= SPEED_OVER_S - 1e-6:
-            kept.append(each)
+        if each.utc_s - samples[-1].utc_s >= SPEED_OVER_S - 1e-6:
+            samples.append(each)
     found = []
-    for one, other in pairwise(kept):
+    for one, other in pairwise(samples):
         begin, end, taken_s = one.pose, other.pose, other.utc_s - one.utc_s
         if taken_s > SILENT_S:
             continue
@@ -243,13 +243,13 @@ def _speeds(poses: Sequence[PoseAt]) -> list[VelocityAt]:
 
 
 def _beginning(poses: list[Pose], start: Pose) -> list[Pose]:
-    """Return poses moved and turned so that the first is the start."""
+    """Return the poses moved and turned so that the first one is the start."""
     first = poses[0]
     turn_rad = start.heading_rad - first.heading_rad
     moved = []
     for pose in poses:
         far_m = first.point.distance_m(pose.point)
         along_rad = first.point.bearing_rad(pose.point) + turn_rad
-        place = Pose(start.x_m, start.y_m, heading_rad=along_rad).ahead(far_m)
-        moved.append(Pose(place.x_m, place.y_m, heading_rad=pose.heading_rad + turn_rad))
+        end = Pose(start.x_m, start.y_m, heading_rad=along_rad).ahead(far_m)
+        moved.append(Pose(end.x_m, end.y_m, heading_rad=pose.heading_rad + turn_rad))
     return moved

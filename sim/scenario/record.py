@@ -35,7 +35,7 @@ _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 
 @dataclass(frozen=True, slots=True)
 class StageTime:
-    """Time at which a command first reaches a stage, plus a delay.
+    """Time when a command first reaches a stage, plus a delay.
 
     Attributes:
         stage: the name of a stage, or `ENDED`.
@@ -391,7 +391,7 @@ class Record:
             self.receipts.append(receipt)
 
     def time_of(self, report: Report) -> float:
-        """Return the scenario time at which a report was made."""
+        """Return the scenario time of a report's creation."""
         return self.since_start_s(report.utc_s)
 
     def identity(self, label: str) -> Identity | None:

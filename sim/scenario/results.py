@@ -44,7 +44,7 @@ class ScenarioRun:
         changes: tuple[Override, ...],
         outcome: ScenarioResult,
     ) -> "ScenarioRun":
-        """Create from a scenario and its result, without the large record."""
+        """Return the run of a scenario with its result, without the large record."""
         return cls(
             name,
             scenario.title,

@@ -2,7 +2,7 @@
 
 The position tolerance is `NEAR_M` plus `NEAR_PER_M` times the commanded distance; the heading
 tolerance is `NEAR_RAD`. A turn on the spot must end within `NEAR_M` of its start. A stop must not
-end EXECUTED while the rover is faster than `STANDING_MPS`.
+end EXECUTED while the rover is faster than `STANDING_MPS`. The bounds are chosen, not measured.
 """
 
 from bisect import bisect_right
@@ -209,7 +209,7 @@ def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
     """Return the speed at an instant, for constant deceleration or braking to standstill.
 
     The distances before and after it give mean speeds, valid at the middle of their intervals; the
-    speed is interpolated. If that gives a reverse motion at the end, the rover came to rest within
+    speed is interpolated. If that gives a reverse motion at the end, the rover stopped within
     the distance `w` after: with the speed `v`, the mean speed `m` before and its interval `t`,
     `w = v**2 / (2 * a)` and `a = 2 * (m - v) / t`.
     """

@@ -60,7 +60,7 @@ def test_a_command_waits_at_the_orbiter_and_is_carried_out_after_the_eclipse() -
     assert (5.0, 20.0) in spans(figure, COMMAND)
     assert {(20.0, 21.0), (21.0, 26.0)} <= set(spans(figure, MOTION)), "its turn, its work"
     assert (26.0, 28.0) in spans(figure, DONE), "its report waits"
-    assert "eclipse: no contact for 16 s" in words(figure)
+    assert "outage: no contact for 16 s" in words(figure)
     (dark,) = [p for p in figure.axes[0].patches if to_hex(p.get_facecolor()) == DARK]
     assert dark.get_extents().width > 100
 

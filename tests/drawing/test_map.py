@@ -161,4 +161,4 @@ def test_what_the_laser_saw_is_drawn() -> None:
     figure = draw_map(replace(DRIVE, seen=(ScannedObstacle("seen", 2.0, 1.0, 0.2),)))
     (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
     assert (circle.center, circle.radius) == ((2.0, 1.0), 0.2)
-    assert "seen by its laser at the end" in words(figure)
+    assert "scanned by the laser at the end" in words(figure)

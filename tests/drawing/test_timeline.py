@@ -59,7 +59,7 @@ def test_faults_are_drawn_while_they_last_one_row_for_each_kind() -> None:
         (8.0, 9.0),
     ]
     assert len({tuple(np.asarray(line.get_ydata())) for line in faults}) == 1
-    assert "eclipse: no contact for 1 s" in words(figure)
+    assert "outage: no contact for 1 s" in words(figure)
 
 
 def test_modes_are_named_where_there_is_room() -> None:
