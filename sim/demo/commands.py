@@ -34,7 +34,7 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\n
 
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave the processes running at the end.")
-@click.option("--no-play", is_flag=True, help="Start the processes without a session.")
+@click.option("--no-play", is_flag=True, help="As --stay, but without a session.")
 @click.option("--no-console", is_flag=True, help="Do not start the operations console.")
 @click.option("--mocup", is_flag=True, help="Use MOCUP: its brick executes whole motions.")
 @click.option(
