@@ -217,7 +217,7 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
             status, said = rover_campaign(*far_again)
     assert status == 2
     assert "Error: the scheduler is lost" in said
-    assert "go on with: rover campaign mine.yaml --out out --resume --runs 400" in said
+    assert "resume with: rover campaign mine.yaml --out out --resume --runs 400" in said
     kept = len(runs.numbers())
     assert 12 + 5 <= kept < 400
     status, said = rover_campaign("--jobs", "1", "--runs", str(kept + 4), "--resume")

@@ -65,7 +65,7 @@ async def test_an_alarm_stands_until_it_is_cleared_and_acknowledged(
         show(rover, LOW_V)
         low = await anna.page.until(is_alarm(BATTERY))
         assert (low["severity"], low["cleared"], low["acknowledged"]) == ("ALARM", None, None)
-        assert low["text"].startswith("the battery")
+        assert low["text"].startswith("battery voltage 20.0 V is below 22.0 V")
         voltage = await ben.page.until(is_alarm(VOLTAGE))
         assert voltage["text"] == "BATERY_VOLTAGE is 20, below 22"
         (stale,) = await acknowledge(anna, {**low, "occurrences": 7})
