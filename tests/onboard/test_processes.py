@@ -197,7 +197,7 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     start(uri, LONG_DRIVE)
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
-    probe.until(lambda: "published in its place\n" in process.text, "the other one has acted")
+    probe.until(lambda: "zero was published instead\n" in process.text, "the other one has acted")
     probe.standing()
 
 
@@ -230,7 +230,7 @@ def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
     assert resumed.executed
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
-    probe.until(lambda: "published in its place\n" in process.text, "its guard has acted")
+    probe.until(lambda: "zero was published instead\n" in process.text, "its guard has acted")
     stands()
     with executive(tmp_path):
         probe.moving()
