@@ -14,7 +14,7 @@ from executive.commands import (
     Mode,
     Motion,
 )
-from executive.commands.intake import expired
+from executive.commands.intake import check_lifetime
 from executive.commands.lifecycle import CommandLifecycle
 from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, MotionVerification
 from executive.plans import ActivePlans
@@ -41,28 +41,28 @@ class Goal:
         journey: statistics of the motion; None if they are not needed.
     """
 
-    def __init__(self, life: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
-        self.life = life
+    def __init__(self, lifecycle: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
+        self.lifecycle = lifecycle
         self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
         self.progress = LegProgress()
         self.leg = Leg(None, None, False, None, 0.0)
-        self.begun = self.origin = Pose()
+        self.start_pose = self.origin = Pose()
         self.verification: MotionVerification | None = None
         self.slid_m = 0.0
-        self.journey: MotionStatistics | None = None
+        self.statistics: MotionStatistics | None = None
 
-    def became(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
+    def result_figures(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
         """Return the measured and predicted figures of the goal, except those named in `known`."""
         names = {each.name for each in known}
-        figures = () if self.journey is None else self.journey.figures()
+        figures = () if self.statistics is None else self.statistics.figures()
         return tuple(each for each in figures if each.name not in names)
 
     @property
     def command(self) -> Command:
         """The command of this goal."""
-        return self.life.command
+        return self.lifecycle.command
 
     @property
     def step_count(self) -> int:
@@ -87,7 +87,7 @@ class GoalQueue:
         self._clock = clock
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
-        self.held: Refusal | None = None
+        self.blocked_by: Refusal | None = None
 
     @property
     def waiting(self) -> int:
@@ -102,56 +102,58 @@ class GoalQueue:
             yield self.active
         yield from self._waiting
 
-    def add(self, life: CommandLifecycle) -> Goal:
+    def add(self, lifecycle: CommandLifecycle) -> Goal:
         """Append the goal of an accepted command, and return it."""
-        goal = Goal(life, self._clock.now_s(), self._clock.utc_s())
+        goal = Goal(lifecycle, self._clock.now_s(), self._clock.utc_s())
         self._waiting.append(goal)
         return goal
 
-    def take(self) -> Goal | None:
+    def activate_next(self) -> Goal | None:
         """Return the active goal, or start the next unexpired one."""
-        while self.active is None and self._waiting and self.held is None:
+        while self.active is None and self._waiting and self.blocked_by is None:
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
-            late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
+            late = check_lifetime(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
             if late:
-                goal.life.expire(late)
+                goal.lifecycle.expire(late)
             else:
                 goal.started_s = self._clock.now_s()
                 self.active = goal
-                if goal.journey is not None:
-                    goal.journey.begin()
-                goal.life.start()
+                if goal.statistics is not None:
+                    goal.statistics.begin()
+                goal.lifecycle.start()
         return self.active
 
-    def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
+    def complete_active(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
         """Complete the active goal successfully."""
-        self._end(lambda goal: goal.life.execute(text, (*figures, *goal.became(figures))))
+        self._end(
+            lambda goal: goal.lifecycle.execute(text, (*figures, *goal.result_figures(figures)))
+        )
 
-    def fail(self, refusal: Refusal) -> None:
+    def fail_active(self, refusal: Refusal) -> None:
         """Fail the active goal."""
-        self._end(lambda goal: goal.life.fail(refusal, goal.became(refusal.figures)))
+        self._end(lambda goal: goal.lifecycle.fail(refusal, goal.result_figures(refusal.figures)))
 
-    def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
+    def cancel(self, lifecycle: CommandLifecycle, refusal: Refusal) -> None:
         """Cancel one goal, waiting or active; without effect if it is not in this queue."""
-        if self.active is not None and self.active.life is life:
-            self._end(lambda goal: goal.life.cancel(refusal))
+        if self.active is not None and self.active.lifecycle is lifecycle:
+            self._end(lambda goal: goal.lifecycle.cancel(refusal))
             return
         for goal in self._waiting:
-            if goal.life is life:
+            if goal.lifecycle is lifecycle:
                 self._waiting.remove(goal)
-                life.cancel(refusal)
+                lifecycle.cancel(refusal)
                 return
 
     def cancel_all(self, refusal: Refusal) -> None:
         """Cancel the active goal and all waiting ones."""
-        self._end(lambda goal: goal.life.cancel(refusal))
+        self._end(lambda goal: goal.lifecycle.cancel(refusal))
         while self._waiting:
-            self._waiting.popleft().life.cancel(refusal)
+            self._waiting.popleft().lifecycle.cancel(refusal)
 
     def fail_all(self, refusal: Refusal) -> None:
         """Fail the active goal, and cancel all waiting ones for the same reason."""
-        self.fail(refusal)
+        self.fail_active(refusal)
         self.cancel_all(refusal)
 
     def _end(self, ending: Callable[[Goal], None]) -> None:
@@ -197,18 +199,20 @@ class Goals:
         active = self.motion.active
         return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
-    def add(self, request: Motion | CameraWork | InstantCommand, life: CommandLifecycle) -> Goal:
+    def add(
+        self, request: Motion | CameraWork | InstantCommand, lifecycle: CommandLifecycle
+    ) -> Goal:
         """Append the goal of an accepted command to the queue of its request."""
         if isinstance(request, Motion):
-            return self.motion.add(life)
+            return self.motion.add(lifecycle)
         if isinstance(request, CameraWork):
-            return self.camera.add(life)
-        return self.instant.add(life)
+            return self.camera.add(lifecycle)
+        return self.instant.add(lifecycle)
 
-    def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
+    def cancel(self, lifecycle: CommandLifecycle, refusal: Refusal) -> None:
         """Cancel one goal, waiting or active; others continue."""
         for queue in self:
-            queue.cancel(life, refusal)
+            queue.cancel(lifecycle, refusal)
 
     def cancel_all(self, refusal: Refusal) -> None:
         """Cancel every goal."""
@@ -218,7 +222,7 @@ class Goals:
     def fail_active(self, refusal: Refusal) -> None:
         """Fail the active goals."""
         for queue in self:
-            queue.fail(refusal)
+            queue.fail_active(refusal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,23 +281,23 @@ class Context:
         moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
         held = f"{moves}, but should be stationary" if moving else self._slides or "standing"
         if latches.hazard is not None:
-            return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
+            return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._recovery_hint}"
         if latches.stopped_by is not None:
             return f"{held}: stopped by {latches.stopped_by}; send resume"
         if latches.paused is not None:
-            return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
+            return f"motion waits: PAUSED because {latches.paused.text}; {self._recovery_hint}"
         if not status.odometry_fresh:
             return status.rejections.explain("standing: no odometry", Source.ODOMETRY)
-        if active is None and self.goals.motion.held is not None:
-            return f"{held}: {self.goals.motion.held.text}"
-        inputs = ", ".join(map(str, self.safety.history.inputs))
-        publishing = ", ".join(filter(None, (inputs, *status.foreign)))
+        if active is None and self.goals.motion.blocked_by is not None:
+            return f"{held}: {self.goals.motion.blocked_by.text}"
+        inputs = ", ".join(map(str, self.safety.history.mux_inputs))
+        publishing = ", ".join(filter(None, (inputs, *status.foreign_publishers)))
         others = f" (also publishing: {publishing})" if publishing else ""
         if active is None and inputs and moving:
             drivers = "; ".join(map(str, self.safety.history.drivers))
-            return f"{moves}, driven by {drivers}: {self._idle}"
+            return f"{moves}, driven by {drivers}: {self._idle_text}"
         if active is None:
-            return f"{held}: {self._idle}{others}"
+            return f"{held}: {self._idle_text}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"
         return f"{moves} for {doing}" if moving else f"standing during {doing}"
 
@@ -306,20 +310,20 @@ class Context:
         return None if felt is None else f"slides at {felt}, with its wheels at rest"
 
     @property
-    def _way_out(self) -> str:
-        if self.safety.clears_itself:
+    def _recovery_hint(self) -> str:
+        if self.safety.self_clearing:
             stopped = self.latches.stopped_by is not None
             return "resume once that is over" if stopped else "it goes on when that is over"
-        over = self.safety.cause_left() is None
+        over = self.safety.unresolved_cause() is None
         return "that is over: resume to go on" if over else "resume when that is mended"
 
     @property
-    def _idle(self) -> str:
+    def _idle_text(self) -> str:
         plans = self.plans
         if plans.executing is not None:
             return f"plan {plans.executing} runs no motion now"
         if plans.suspended:
             names, first = ", ".join(plans.suspended), plans.suspended[0]
-            way_out = f"send resumePlan {first} (`rover plan resume {first}`)"
-            return f"plan {names} is suspended; {way_out}"
+            recovery = f"send resumePlan {first} (`rover plan resume {first}`)"
+            return f"plan {names} is suspended; {recovery}"
         return "no motion goal"

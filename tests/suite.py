@@ -19,7 +19,7 @@ CORE_TESTS: Final = tuple(f"tests/{room}" for room in ("core", "safety", "securi
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class CiCheck:
     """Programs to run in the checkout one after the other; passed where all exit 0."""
 
     name: str
@@ -27,7 +27,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CiCheckResult:
     """How a check ended, and how long it took."""
 
     name: str
@@ -58,7 +58,7 @@ def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
-CORE: Final = Check(
+CORE: Final = CiCheck(
     "pytest, core",
     (
         _python("coverage", "erase"),
@@ -66,18 +66,18 @@ CORE: Final = Check(
         _python("coverage", "run", "-m", "pytest", "-m", "not ros", *CORE_TESTS),
     ),
 )
-REST: Final = Check(
+REST: Final = CiCheck(
     "pytest",
     # Many of these wait for others: clusters, orbiters, ION, a browser.
     (_python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),),
 )
 STATIC_CHECKS: Final = (
-    Check("ruff check", (_python("ruff", "check", "."),)),
-    Check("ruff format", (_python("ruff", "format", "--check", "."),)),
-    Check("mypy", (_python("mypy"),)),
-    Check("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
+    CiCheck("ruff check", (_python("ruff", "check", "."),)),
+    CiCheck("ruff format", (_python("ruff", "format", "--check", "."),)),
+    CiCheck("mypy", (_python("mypy"),)),
+    CiCheck("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
 )
-COVERAGE: Final = Check(
+COVERAGE: Final = CiCheck(
     "coverage of the core",
     (_python("coverage", "combine", "--quiet"), _python("coverage", "report")),
 )
@@ -155,7 +155,7 @@ def test(
     sys.exit(any(not outcome.passed for outcome in outcomes))
 
 
-def stress_checks(percent: int) -> list[Check]:
+def stress_checks(percent: int) -> list[CiCheck]:
     """Return the attacks of `rover bench` and storms of new seeds, with so much of each."""
     rover = str(Path(sys.executable).with_name("rover"))
     checks = []
@@ -164,11 +164,11 @@ def stress_checks(percent: int) -> list[Check]:
             option: max(least, full * percent // 100) for option, (full, least) in options.items()
         }
         arguments = (f"{option}={number}" for option, number in counts.items())
-        checks.append(Check(name, ((rover, "bench", name, *arguments),)))
+        checks.append(CiCheck(name, ((rover, "bench", name, *arguments),)))
     full, least = STRESS_HOURS
     storms = _simulated(max(least, full * percent / 100), seed=str(time.time_ns()))
     planted = _python("tests.simulated.planted", "--seeds", str(PLANTED_SEEDS * percent // 100))
-    return [*checks, Check("simulated", (storms,)), Check("planted", (planted,))]
+    return [*checks, CiCheck("simulated", (storms,)), CiCheck("planted", (planted,))]
 
 
 def _simulated(hours: float, seed: str) -> tuple[str, ...]:
@@ -187,11 +187,11 @@ def environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != unwanted}
 
 
-def _carry_out_all() -> Iterator[Outcome]:
+def _carry_out_all() -> Iterator[CiCheckResult]:
     """Yield outcomes; the core is tested beside the static checks and the rest."""
     # In real time: no more than two files at once, and nothing beside them, else odometry arrives
     # too late to drive by.
-    ros = Check("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
+    ros = CiCheck("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
     with TemporaryFile() as output:
         with ThreadPoolExecutor(1) as pool:
             beside = pool.submit(_judge, CORE, output)
@@ -203,23 +203,23 @@ def _carry_out_all() -> Iterator[Outcome]:
     yield from map(_carry_out, (COVERAGE, ros))
 
 
-def _carry_out(check: Check) -> Outcome:
+def _carry_out(check: CiCheck) -> CiCheckResult:
     click.secho(_headline(check.name), bold=True)
     return _judge(check)
 
 
-def _judge(check: Check, output: BinaryIO | None = None) -> Outcome:
+def _judge(check: CiCheck, output: BinaryIO | None = None) -> CiCheckResult:
     """Run a check; its output goes to a file, or where that of this process goes."""
     began_s = time.monotonic()
     passed = all(_run(command, output) == 0 for command in check.commands)
-    return Outcome(check.name, passed, time.monotonic() - began_s)
+    return CiCheckResult(check.name, passed, time.monotonic() - began_s)
 
 
 def _headline(name: str) -> str:
     return f"── {name} ".ljust(72, "─")
 
 
-def _summarize(outcomes: list[Outcome]) -> None:
+def _summarize(outcomes: list[CiCheckResult]) -> None:
     click.secho("── summary ".ljust(72, "─"), bold=True)
     for outcome in outcomes:
         word, colour = ("passed", "green") if outcome.passed else ("FAILED", "red")

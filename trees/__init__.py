@@ -12,6 +12,6 @@ from trees.snapshot import TreeNodeSnapshot as TreeNodeSnapshot
 from trees.snapshot import TreeSnapshot as TreeSnapshot
 from trees.snapshot import as_svg as as_svg
 from trees.snapshot import branches as branches
+from trees.snapshot import commands_by_node as commands_by_node
+from trees.snapshot import display_statuses as display_statuses
 from trees.snapshot import line as line
-from trees.snapshot import looks as looks
-from trees.snapshot import served as served

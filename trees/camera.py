@@ -21,13 +21,13 @@ class PanTilt(GoalLeaf):
     continues after a hazard. Without a measurement there is no angle to add to or to hold.
     """
 
-    late = Reason.PAN_TILT_DEADLINE
-    late_text = "the camera did not reach its angles"
+    timeout_reason = Reason.PAN_TILT_DEADLINE
+    timeout_text = "the camera did not reach its angles"
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
         super().__init__(name, context, queue)
         self._aimed_for: Goal | None = None
-        self._wanted = CameraAngles(0.0, 0.0)
+        self._target = CameraAngles(0.0, 0.0)
 
     def begin(self) -> float:
         """Allow time for the first measured angles."""
@@ -41,17 +41,17 @@ class PanTilt(GoalLeaf):
             return Status.RUNNING
         if self._aimed_for is not self.goal:
             self._aimed_for = self.goal
-            self._wanted = self._aim(measured)
-        self._want(self._wanted, self.goal)
+            self._target = self._aim(measured)
+        self._request(self._target, self.goal)
         left_rad = max(
-            abs(self._wanted.pan_rad - measured.pan_rad),
-            abs(self._wanted.tilt_rad - measured.tilt_rad),
+            abs(self._target.pan_rad - measured.pan_rad),
+            abs(self._target.tilt_rad - measured.tilt_rad),
         )
         self._allow(left_rad)
         self.feedback_message = f"{left_rad:.3f} rad left"
         if left_rad > self.context.settings.camera.angle_tolerance_rad:
             return Status.RUNNING
-        self.queue.execute(
+        self.queue.complete_active(
             "camera pointed",
             (Figure("pan", measured.pan_rad, "rad"), Figure("tilt", measured.tilt_rad, "rad")),
         )
@@ -67,9 +67,9 @@ class PanTilt(GoalLeaf):
         self._aimed_for = None
         measured = self.context.status.camera
         if new_status is not Status.SUCCESS and measured is not None:
-            self._want(measured, None)
+            self._request(measured, None)
 
-    def _want(self, angles: CameraAngles, goal: Goal | None) -> None:
+    def _request(self, angles: CameraAngles, goal: Goal | None) -> None:
         self.context.intents.camera = CameraIntent(
             angles.pan_rad,
             angles.tilt_rad,
@@ -97,17 +97,19 @@ class PanTilt(GoalLeaf):
     def _allow(self, left_rad: float) -> None:
         """Set the deadline by the camera's speed; again if it changes, or while motion blocks."""
         speed_radps = self.context.status.camera_speed_radps
-        waits = self.context.locomotion.alone and self.context.goals.motion.active is not None
+        waits = (
+            self.context.locomotion.excludes_camera and self.context.goals.motion.active is not None
+        )
         if waits or speed_radps != self._speed_radps:
             self._speed_radps = speed_radps
-            self.allow(2.0 * left_rad / speed_radps + MARGIN_S)
+            self.set_deadline(2.0 * left_rad / speed_radps + MARGIN_S)
 
 
 class Capture(GoalLeaf):
     """Stores the first complete camera frame that was taken after its request."""
 
-    late = Reason.CAPTURE_DEADLINE
-    late_text = "no camera frame received"
+    timeout_reason = Reason.CAPTURE_DEADLINE
+    timeout_text = "no camera frame received"
     needs = Source.CAMERA
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
@@ -116,9 +118,9 @@ class Capture(GoalLeaf):
 
     def begin(self) -> float:
         """Request a frame."""
-        self._asked_s = self.context.clock.now_s()
-        self._wrong: Refusal | None = None
-        self._ask()
+        self._requested_s = self.context.clock.now_s()
+        self._frame_fault: Refusal | None = None
+        self._request_frame()
         return self.context.settings.camera.capture_deadline_s
 
     def act(self) -> Status:
@@ -128,10 +130,10 @@ class Capture(GoalLeaf):
             self.feedback_message = "waiting for a frame"
             return Status.RUNNING
         taken_s = self.context.safety.history.frame_time_s
-        self._wrong = frame_fault(frame, taken_s, self._asked_s, self._last_stamp_s)
-        if self._wrong is not None:
-            self.feedback_message = self._wrong.text
-            self._ask()
+        self._frame_fault = frame_fault(frame, taken_s, self._requested_s, self._last_stamp_s)
+        if self._frame_fault is not None:
+            self.feedback_message = self._frame_fault.text
+            self._request_frame()
             return Status.RUNNING
         self._last_stamp_s = frame.stamp_s
         try:
@@ -141,13 +143,15 @@ class Capture(GoalLeaf):
             return self.fail(
                 Refusal(Reason.CAPTURE_NOT_STORED, f"the picture could not be stored: {error}")
             )
-        self.queue.execute(f"picture {path} stored", (Figure("size", len(frame.data), "octet"),))
+        self.queue.complete_active(
+            f"picture {path} stored", (Figure("size", len(frame.data), "octet"),)
+        )
         return Status.SUCCESS
 
-    def give_up(self) -> Status:
+    def on_timeout(self) -> Status:
         """Fail the goal, with the fault of the last frame."""
-        return super().give_up() if self._wrong is None else self.fail(self._wrong)
+        return super().on_timeout() if self._frame_fault is None else self.fail(self._frame_fault)
 
-    def _ask(self) -> None:
+    def _request_frame(self) -> None:
         self._seen = self.context.status.frames
         self.context.intents.frame = True

@@ -52,18 +52,21 @@ class Condition(ContainedNode):
     """
 
     def __init__(
-        self, name: str, holds: Callable[[], bool], whose: Callable[[], Identity] | None = None
+        self,
+        name: str,
+        holds: Callable[[], bool],
+        identity_of: Callable[[], Identity] | None = None,
     ) -> None:
         super().__init__(name)
         self._holds = holds
-        self._whose = whose
+        self._identity_of = identity_of
 
     def update(self) -> Status:
         """Return SUCCESS if the condition holds, otherwise FAILURE."""
         if not self._holds():
             return Status.FAILURE
-        if self._whose is not None:
-            self.feedback_message = str(self._whose())
+        if self._identity_of is not None:
+            self.feedback_message = str(self._identity_of())
         return Status.SUCCESS
 
 
@@ -71,29 +74,29 @@ class Leaf(ContainedNode):
     """A primitive. It requests actuator motion through intents and never publishes.
 
     Attributes:
-        allowed_s: its timeout in seconds.
+        timeout_s: its timeout in seconds.
         deadline_s: time of its timeout, on the core's clock.
     """
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)
         self.context = context
-        self.allowed_s = self.deadline_s = 0.0
+        self.timeout_s = self.deadline_s = 0.0
 
-    def allow(self, allowed_s: float) -> None:
+    def set_deadline(self, allowed_s: float) -> None:
         """Set the deadline this many seconds from now."""
-        self.allowed_s = allowed_s
+        self.timeout_s = allowed_s
         self.deadline_s = self.context.clock.now_s() + allowed_s
 
     def initialise(self) -> None:
         """Start, and set the deadline."""
-        self.allow(self.begin())
+        self.set_deadline(self.begin())
 
     def update(self) -> Status:
         """Act; after the deadline, time out."""
         status = self.act()
         late = self.context.clock.now_s() > self.deadline_s
-        return self.give_up() if late and status is Status.RUNNING else status
+        return self.on_timeout() if late and status is Status.RUNNING else status
 
     @abstractmethod
     def begin(self) -> float:
@@ -104,7 +107,7 @@ class Leaf(ContainedNode):
         """Do the work of one tick."""
 
     @abstractmethod
-    def give_up(self) -> Status:
+    def on_timeout(self) -> Status:
         """Handle the timeout, and return the leaf's status."""
 
 
@@ -114,13 +117,13 @@ class GoalLeaf(Leaf):
     Attributes:
         goal: the goal that was active when the leaf started.
         late: reason of the failure on timeout.
-        late_text: text of the failure on timeout, before the seconds allowed.
+        timeout_text: text of the failure on timeout, before the seconds allowed.
         needs: source of the data that it waits for.
     """
 
     goal: Goal
-    late: Reason
-    late_text: str
+    timeout_reason: Reason
+    timeout_text: str
     needs: Source | None = None
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
@@ -137,15 +140,17 @@ class GoalLeaf(Leaf):
         """Act on the goal; fail once it has ended or was replaced."""
         return super().update() if self.queue.active is self.goal else Status.FAILURE
 
-    def give_up(self) -> Status:
+    def on_timeout(self) -> Status:
         """Fail the goal on timeout."""
-        text = f"{self.late_text} within {self.allowed_s:.1f} s"
+        text = f"{self.timeout_text} within {self.timeout_s:.1f} s"
         text = self.context.status.rejections.explain(text, self.needs)
-        return self.fail(Refusal(self.late, text, (Figure("bound", self.allowed_s, "s"),)))
+        return self.fail(
+            Refusal(self.timeout_reason, text, (Figure("bound", self.timeout_s, "s"),))
+        )
 
     def fail(self, refusal: Refusal) -> Status:
         """Fail the goal."""
-        self.queue.fail(refusal)
+        self.queue.fail_active(refusal)
         return Status.FAILURE
 
 
@@ -183,7 +188,7 @@ class TakeGoal(ContainedNode):
         """Return SUCCESS if there is a goal for the following leaves."""
         if self._waits():
             return Status.FAILURE
-        goal = self._queue.take()
+        goal = self._queue.activate_next()
         if goal is None or not isinstance(goal.command.request, self._requests):
             return Status.FAILURE
         self.feedback_message = str(goal.command.identity)

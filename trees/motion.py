@@ -6,13 +6,13 @@ from functools import partial
 from py_trees.common import Status
 
 from executive.checks import (
+    avoided_obstacles,
     check_battery,
     check_pose,
     check_request,
     check_target,
-    heeded,
-    seen_ahead,
-    way_to,
+    detour_to,
+    scanned_obstacle_ahead,
 )
 from executive.commands import (
     ABOARD_LINK,
@@ -27,8 +27,8 @@ from executive.commands import (
 from executive.commands import Motion as CommandedMotion
 from executive.goals import Context, Goal
 from executive.motion import (
-    FUSED_NEAR_M,
-    TURN_NEAR_M,
+    FUSED_TOLERANCE_M,
+    TURN_TOLERANCE_M,
     WAIT_S,
     Locomotion,
     Motion,
@@ -36,23 +36,23 @@ from executive.motion import (
     Step,
     Verified,
     leg_errors,
-    passes_by,
+    passes_within,
     plan_leg,
 )
 from executive.obstacles.zones import ClearanceViolation
-from executive.state import listed
-from executive.values.geometry import STANDING, Point, Pose, on_arc, wrap_rad
+from executive.state import join_sources
+from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfirmed
 
 MARGIN_S = 5.0
-ATTEMPTS = 3
-MOST_EVADED = 20
+MAX_ATTEMPTS = 3
+MAX_DETOURS = 20
 """Maximum detours to one target that a new obstacle may interrupt; chosen, not measured."""
-PROMPT = 0.5
+MAX_START_AGE_RATIO = 0.5
 """Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
-HEARING_S = 0.5
+EXTERNAL_START_WINDOW_S = 0.5
 """Time for a rover to report that it already executes the command from another link."""
 
 
@@ -66,7 +66,7 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
             return target, ()
         case FollowPath(waypoints):
             left, passed = waypoints[goal.progress.step :], 0
-            passes = partial(locomotion.passes, goal.command)
+            passes = partial(locomotion.can_pass_through, goal.command)
             while not goal.progress.attempts and passed + 1 < len(left) and passes(left[passed]):
                 passed += 1
             return left[passed], left[:passed]
@@ -76,50 +76,50 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
             raise TypeError(f"{other} has no leg")
 
 
-OFF_RAD = 0.08
+HEADING_TOLERANCE_RAD = 0.08
 """Heading tolerance at the end of a leg, or of a held velocity."""
 SLID_M, SLID_PER_M = 0.1, 0.05
 """Slide tolerance of a rover without second odometry, constant and per metre of its path."""
-HELD_M, HELD_PER_M = 0.08, 0.02
+HOLD_TRAVEL_TOLERANCE_M, HOLD_TRAVEL_TOLERANCE_PER_M = 0.08, 0.02
 """Distance tolerance of a held velocity, constant and per metre."""
-HELD_OFF_M, HELD_OFF_PER_M = 0.12, 0.04
+HOLD_POSITION_TOLERANCE_M, HOLD_POSITION_TOLERANCE_PER_M = 0.12, 0.04
 """Position tolerance at the end of the arc of a held velocity, constant and per metre."""
 
 
 class _MotionLeaf(GoalLeaf):
-    late = Reason.DRIVE_DEADLINE
+    timeout_reason = Reason.DRIVE_DEADLINE
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name, context, context.goals.motion)
-        self.late_text = f"{name}: not done"
+        self.timeout_text = f"{name}: not done"
 
     @property
-    def _elsewhere(self) -> bool:
+    def _executed_by_relay(self) -> bool:
         """Whether the rover received the command over another link, and executes it."""
-        return self.context.status.elsewhere == self.goal.command.identity
+        return self.context.status.executed_by_relay == self.goal.command.identity
 
     @property
-    def _known_by(self) -> str:
+    def _evidence_sources(self) -> str:
         """Return the pose sources that confirm the motion."""
         if self.context.status.fusion is None:
-            return listed(["odometry"])
-        return listed(["odometry", "second odometry"])
+            return join_sources(["odometry"])
+        return join_sources(["odometry", "second odometry"])
 
     @property
-    def _where(self) -> tuple[Figure, ...]:
+    def _pose_figures(self) -> tuple[Figure, ...]:
         """Figures of the pose, with its uncertainty and standard deviations if known."""
         pose, odometry = self.context.status.pose, self.context.status.odometry
-        place: tuple[Figure, ...] = (
+        figures: tuple[Figure, ...] = (
             Figure("x", pose.x_m, "m"),
             Figure("y", pose.y_m, "m"),
             Figure("heading", pose.heading_rad, "rad"),
         )
         if uncertainty := self.context.status.uncertainty:
-            place = (*place, *uncertainty.figures)
+            figures = (*figures, *uncertainty.figures)
         if odometry is None or not odometry.position_sd_m:
-            return place
+            return figures
         return (
-            *place,
+            *figures,
             Figure("position sd", odometry.position_sd_m, "m"),
             Figure("heading sd", odometry.heading_sd_rad, "rad"),
         )
@@ -144,10 +144,10 @@ class _MotionLeaf(GoalLeaf):
         return check_battery(request, status.pose, status, context.settings)
 
     @property
-    def _unsure(self) -> bool:
+    def _odometry_late(self) -> bool:
         """Return whether odometry is too old to start a motion."""
         bound_s = self.context.settings.faults.odometry_stale.bound
-        return self.context.status.odometry_age_s > PROMPT * bound_s
+        return self.context.status.odometry_age_s > MAX_START_AGE_RATIO * bound_s
 
     @property
     def _slid_m(self) -> float:
@@ -156,7 +156,7 @@ class _MotionLeaf(GoalLeaf):
         slid_m = 0.0 if over_ground is None else over_ground.slid_m
         return slid_m - SLID_PER_M * self.context.status.travelled_m
 
-    def _ended(self) -> None:
+    def _note_motion_end(self) -> None:
         """Note the end of the motion, before its verification."""
         self._ended_s = self.context.clock.now_s()
 
@@ -175,7 +175,7 @@ class _MotionLeaf(GoalLeaf):
             outcome = refusal(context, found, STOP_DEADLINE_S) if late else None
         elif verification is not None:
             self.feedback_message = "waiting for a second-odometry frame"
-            outcome = verification.outcome(waited_s)
+            outcome = verification.result(waited_s)
         elif (slid_m := self._slid_m - self.goal.slid_m) > SLID_M:
             text = f"the rover slid {slid_m:.2f} m by its accelerometer, not measured by its wheels"
             figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
@@ -185,46 +185,46 @@ class _MotionLeaf(GoalLeaf):
             context.intents.motion = STANDING
         return outcome
 
-    def _allow(self, expected_s: float) -> float:
+    def _deadline_for(self, expected_s: float) -> float:
         return 2.0 * expected_s + MARGIN_S
 
     def _begin(self, motion: Motion | None) -> float:
         self._motion, self._noticed, self._passed = motion, False, 0
-        return self._allow(0.0 if motion is None else motion.expected_s)
+        return self._deadline_for(0.0 if motion is None else motion.expected_s)
 
-    def _go_on(self, standing: bool) -> Status:
+    def _run_motion(self, standing: bool) -> Status:
         """Set the intents of a motion until it has ended, or the next may start."""
         motion, goal = self._motion, self.goal
         if motion is not None:
-            for _ in range(motion.passed - self._passed):
+            for _ in range(motion.waypoints_passed - self._passed):
                 self._advance()
-            self._passed = motion.passed
-            if motion.abandoned:
-                self._abandon(motion)
+            self._passed = motion.waypoints_passed
+            if motion.aborted:
+                self._on_abort(motion)
                 return Status.FAILURE
-        if motion is None or (motion.done if standing else motion.ending):
+        if motion is None or (motion.done if standing else motion.handover_allowed):
             return Status.SUCCESS
         if motion.fault is not None:
             return self.fail(motion.fault)
         now_s = self.context.clock.now_s()
         goal.progress.last_driven = self.context.status.pose.point
-        if motion.renew(now_s) or self._elsewhere:
-            self.allow(self._allow(motion.expected_s))
-        self.context.intents.motion = motion.want(now_s)
-        self.feedback_message = motion.left
-        if motion.notice is not None and not self._noticed:
+        if motion.update_limits(now_s) or self._executed_by_relay:
+            self.set_deadline(self._deadline_for(motion.expected_s))
+        self.context.intents.motion = motion.intent(now_s)
+        self.feedback_message = motion.remaining_text
+        if motion.progress_note is not None and not self._noticed:
             self._noticed = True
-            goal.life.advance(goal.progress.step, goal.step_count, motion.notice)
+            goal.lifecycle.advance(goal.progress.step, goal.step_count, motion.progress_note)
         return Status.RUNNING
 
-    def _abandon(self, motion: Motion) -> None:
+    def _on_abort(self, motion: Motion) -> None:
         """Select how the goal continues after an abandoned motion."""
-        progress, through = self.goal.progress, bool(self.goal.leg.through)
+        progress, through = self.goal.progress, bool(self.goal.leg.via_points)
         progress.left_path = True
-        if motion.again and not through and progress.obstacle_stops < MOST_EVADED:
+        if motion.retry_as_curve and not through and progress.obstacle_stops < MAX_DETOURS:
             progress.stop_before(progress.blocking)
         else:
-            progress.give_up_curve(through)
+            progress.abandon_curve(through)
 
     def _advance(self) -> None:
         """Count a step of the goal, and report it unless it is the last."""
@@ -232,7 +232,7 @@ class _MotionLeaf(GoalLeaf):
         progress.end_step()
         if progress.step < goal.step_count:
             text = f"waypoint {progress.step} of {goal.step_count} reached"
-            goal.life.advance(progress.step, goal.step_count, text)
+            goal.lifecycle.advance(progress.step, goal.step_count, text)
 
 
 class PlanLeg(_MotionLeaf):
@@ -245,98 +245,102 @@ class PlanLeg(_MotionLeaf):
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
-        return self._allow(0.0 if goal.verification is None else WAIT_S)
+        return self._deadline_for(0.0 if goal.verification is None else WAIT_S)
 
     def act(self) -> Status:
         """Hold, unless this command already moves the rover; then plan."""
         now_s = self.context.clock.now_s()
-        if self._elsewhere:
-            self.allow(self._allow(0.0))
+        if self._executed_by_relay:
+            self.set_deadline(self._deadline_for(0.0))
             self.feedback_message = "executed over the relay link"
             return Status.RUNNING
-        if self._unsure or not self.context.status.standing:
-            if now_s - self._begun_s >= HEARING_S:
+        if self._odometry_late or not self.context.status.standing:
+            if now_s - self._begun_s >= EXTERNAL_START_WINDOW_S:
                 self.context.intents.motion = STANDING
             return Status.RUNNING
         verification = self.goal.verification
         if verification is not None and not verification.ready(now_s - self._begun_s):
             self.feedback_message = "waiting for a second-odometry frame"
             return Status.RUNNING
-        self._note_passed()
+        self._count_passed_waypoints()
         step, through = _next_step(self.goal, self.context.locomotion)
-        way = self._way(step, through)
-        if isinstance(way, Refusal):
-            return self.fail(way)
+        detour = self._detour(step, through)
+        if isinstance(detour, Refusal):
+            return self.fail(detour)
         goal, status, settings = self.goal, self.context.status, self.context.settings
         refusal = self._check_begin()
         if refusal is not None:
             return self.fail(refusal)
-        curves = self.context.locomotion.curves
+        curves = self.context.locomotion.supports_curve
         progress = goal.progress
         one_curve = isinstance(step, Waypoint) and curves(goal.command, step)
         in_one = one_curve and not progress.turn_then_drive
-        self._note_way(way, in_one)
+        self._report_detour(detour, in_one)
         if progress.at_detour:
-            leg = plan_leg(way[0], settings, status)
+            leg = plan_leg(detour[0], settings, status)
         else:
-            around = tuple(Point(each.x_m, each.y_m) for each in way)
+            around = tuple(Point(each.x_m, each.y_m) for each in detour)
             leg = plan_leg(step, settings, status, through, around)
-        goal.leg = replace(leg, straight=progress.turn_then_drive or progress.at_detour)
-        goal.begun = status.pose
+        goal.leg = replace(
+            leg, force_turn_then_drive=progress.turn_then_drive or progress.at_detour
+        )
+        goal.start_pose = status.pose
         if progress.untried:
             goal.origin = status.pose
         return Status.SUCCESS
 
-    def _note_passed(self) -> None:
+    def _count_passed_waypoints(self) -> None:
         """Count the waypoints that the rover passed without a motion: while braking for a pause."""
         goal, progress, now = self.goal, self.goal.progress, self.context.status.pose.point
         before, progress.last_driven = progress.last_driven, None
         drive, law = self.context.settings.drive, self.context.settings.turn_drive
-        most_m = drive.travel_speed_mps**2 / drive.travel_acceleration_mps2
-        if before is None or progress.attempts or before.distance_m(now) > most_m:
+        braking_m = drive.travel_speed_mps**2 / drive.travel_acceleration_mps2
+        if before is None or progress.attempts or before.distance_m(now) > braking_m:
             return
         _, through = _next_step(goal, self.context.locomotion)
         for each in through:
             near_m = each.tolerance_m or law.position_tolerance_m
-            if not passes_by(Point(each.x_m, each.y_m), near_m, before, now):
+            if not passes_within(Point(each.x_m, each.y_m), near_m, before, now):
                 return
             self._advance()
 
-    def _way(self, step: Step, through: tuple[Waypoint, ...]) -> tuple[Waypoint, ...] | Refusal:
+    def _detour(self, step: Step, through: tuple[Waypoint, ...]) -> tuple[Waypoint, ...] | Refusal:
         """Return the corners of the path to the end of a step, or a refusal.
 
         The straight lines of a path are followed, except around scanned obstacles across them.
         """
         goal, status, settings = self.goal, self.context.status, self.context.settings
         request = goal.command.request
-        obstacles = heeded(settings, status.obstacles)
+        obstacles = avoided_obstacles(settings, status.obstacles)
         if not isinstance(step, Waypoint):
             return check_request(step, status.pose, settings, obstacles) or ()
         if isinstance(request, FollowPath) and not goal.progress.left_path:
             path = replace(request, waypoints=(*through, step))
             blocked = check_request(path, status.pose, settings, obstacles)
-            if blocked is not None or through or not obstacles.seen:
+            if blocked is not None or through or not obstacles.scanned:
                 return blocked or ()
-        return way_to(step, status.pose, settings, obstacles)
+        return detour_to(step, status.pose, settings, obstacles)
 
-    def _note_way(self, way: tuple[Waypoint, ...], in_one: bool) -> None:
+    def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:
         """Report a detour once, and again after a new obstacle.
 
         A detour in one curve has no stops.
         """
         goal, progress = self.goal, self.goal.progress
         blocking = progress.blocking
-        progress.begin_leg(bool(way), in_one)
-        if way and (blocking is not None or progress.untried):
-            what = "obstacles" if blocking is None else blocking.obstacle.title
-            listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in way)
-            goal.life.advance(progress.step, goal.step_count, f"detour around {what} by {listing}")
+        progress.begin_leg(bool(path), in_one)
+        if path and (blocking is not None or progress.untried):
+            what = "obstacles" if blocking is None else blocking.obstacle.label
+            listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in path)
+            goal.lifecycle.advance(
+                progress.step, goal.step_count, f"detour around {what} by {listing}"
+            )
 
 
 class Turn(_MotionLeaf):
     """Turns on the spot: towards the target, or to the final heading."""
 
-    late = Reason.TURN_DEADLINE
+    timeout_reason = Reason.TURN_DEADLINE
 
     def __init__(self, name: str, context: Context, final: bool) -> None:
         super().__init__(name, context)
@@ -345,12 +349,12 @@ class Turn(_MotionLeaf):
     def begin(self) -> float:
         """Start the turn, if the leg has one."""
         return self._begin(
-            self.context.locomotion.turn(self.goal.command, self.goal.leg, self._final)
+            self.context.locomotion.make_turn(self.goal.command, self.goal.leg, self._final)
         )
 
     def act(self) -> Status:
         """Continue until the heading is reached; a final turn ends at standstill."""
-        return self._go_on(standing=self._final)
+        return self._run_motion(standing=self._final)
 
 
 class Drive(_MotionLeaf):
@@ -358,46 +362,46 @@ class Drive(_MotionLeaf):
 
     def begin(self) -> float:
         """Start the line, if the leg has one."""
-        return self._begin(self.context.locomotion.line(self.goal.command, self.goal.leg))
+        return self._begin(self.context.locomotion.make_line(self.goal.command, self.goal.leg))
 
     def act(self) -> Status:
         """Continue until the target is reached; end at standstill if no turn follows."""
-        met = self._met()
+        met = self._blocking_obstacle()
         if met is None:
-            return self._go_on(standing=self.goal.leg.heading_rad is None)
+            return self._run_motion(standing=self.goal.leg.heading_rad is None)
         progress = self.goal.progress
         progress.stop_before(met)
-        if progress.obstacle_stops > MOST_EVADED:
-            text = f"path blocked by {met.obstacle.title} after {MOST_EVADED} detours"
-            figures = Figure("way", met.way_m, "m"), Figure("gap", met.gap_m, "m")
+        if progress.obstacle_stops > MAX_DETOURS:
+            text = f"path blocked by {met.obstacle.label} after {MAX_DETOURS} detours"
+            figures = Figure("way", met.distance_m, "m"), Figure("gap", met.gap_m, "m")
             return self.fail(Refusal(Reason.PATH_BLOCKED, text, figures))
         return Status.FAILURE
 
-    def _met(self) -> ClearanceViolation | None:
+    def _blocking_obstacle(self) -> ClearanceViolation | None:
         """Return the scanned obstacle that blocks the rest of a line to a target, or None."""
         goal, settings, status = self.goal, self.context.settings, self.context.status
         leg, motion = goal.leg, self._motion
-        if leg.target is None or leg.toward_rad is None or self._elsewhere:
+        if leg.target is None or leg.toward_rad is None or self._executed_by_relay:
             return None
-        if motion is None or motion.evades:
+        if motion is None or motion.avoids_obstacles:
             return None
         end = Pose(leg.target.x_m, leg.target.y_m, heading_rad=leg.toward_rad)
-        place = end.ahead(-settings.turn_drive.control_point_m)
-        obstacles = heeded(settings, status.obstacles)
-        return seen_ahead(status.pose.point, place, settings, obstacles)
+        point = end.ahead(-settings.turn_drive.control_point_m)
+        obstacles = avoided_obstacles(settings, status.obstacles)
+        return scanned_obstacle_ahead(status.pose.point, point, settings, obstacles)
 
 
 class FinishLeg(_MotionLeaf):
     """Advances the goal to its next step, or ends it successfully.
 
-    A missed waypoint is retried from the rover's present pose, up to `ATTEMPTS` times. A goal
+    A missed waypoint is retried from the rover's present pose, up to `MAX_ATTEMPTS` times. A goal
     off its target never succeeds. A second odometry must agree with the whole goal.
     """
 
     def begin(self) -> float:
         """Allow the time of a second-odometry frame."""
-        self._ended()
-        return self._allow(WAIT_S)
+        self._note_motion_end()
+        return self._deadline_for(WAIT_S)
 
     def act(self) -> Status:
         """Complete the step, unless the rover ended off its target."""
@@ -409,18 +413,18 @@ class FinishLeg(_MotionLeaf):
             return Status.RUNNING
         if isinstance(verified, Refusal):
             return self.fail(verified)
-        place_m, near_m, heading_rad = self._errors()
-        if place_m > near_m or heading_rad > OFF_RAD:
+        position_error_m, near_m, heading_rad = self._errors()
+        if position_error_m > near_m or heading_rad > HEADING_TOLERANCE_RAD:
             progress.attempts += 1
             relative = not isinstance(goal.command.request, MoveTo | FollowPath)
-            if not relative and progress.attempts < ATTEMPTS:
+            if not relative and progress.attempts < MAX_ATTEMPTS:
                 return Status.FAILURE
-            text = f"off target by {place_m:.3f} m and {heading_rad:.3f} rad"
+            text = f"off target by {position_error_m:.3f} m and {heading_rad:.3f} rad"
             figures = (
-                Figure("position error", place_m, "m"),
+                Figure("position error", position_error_m, "m"),
                 Figure("bound", near_m, "m"),
                 Figure("heading error", heading_rad, "rad"),
-                Figure("heading bound", OFF_RAD, "rad"),
+                Figure("heading bound", HEADING_TOLERANCE_RAD, "rad"),
             )
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
         if progress.at_detour:
@@ -433,14 +437,14 @@ class FinishLeg(_MotionLeaf):
         if progress.step < goal.step_count:
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
-        known_by = f"{self._known_by}{self._from_where(goal.origin)}"
-        self.queue.execute(
+        known_by = f"{self._evidence_sources}{self._from_where(goal.origin)}"
+        self.queue.complete_active(
             f"{goal.command.name} done in {took_s:.2f} s, {known_by}",
             (
                 Figure("duration", took_s, "s"),
-                Figure("position error", place_m, "m"),
+                Figure("position error", position_error_m, "m"),
                 Figure("heading error", heading_rad, "rad"),
-                *self._where,
+                *self._pose_figures,
                 *verified.figures,
             ),
         )
@@ -462,19 +466,22 @@ class FinishLeg(_MotionLeaf):
         If the pose is corrected, a turn on the spot must end at its start position.
         """
         context, goal, leg = self.context, self.goal, self.goal.leg
-        place_m, heading_rad = leg_errors(leg, context.settings, context.status)
+        position_error_m, heading_rad = leg_errors(leg, context.settings, context.status)
         if isinstance(goal.command.request, MoveForward):
-            turned_rad = context.status.pose.heading_rad - goal.begun.heading_rad
+            turned_rad = context.status.pose.heading_rad - goal.start_pose.heading_rad
             heading_rad = abs(wrap_rad(turned_rad))
         near_m, fusion, pose = leg.tolerance_m, context.status.fusion, context.status.pose
         if fusion is not None and fusion.fused:
-            near_m = max(near_m, FUSED_NEAR_M)
+            near_m = max(near_m, FUSED_TOLERANCE_M)
             if leg.target is None and isinstance(goal.command.request, RotateTo | RotateBy):
-                place_m, near_m = goal.begun.point.distance_m(pose.point), TURN_NEAR_M
+                position_error_m, near_m = (
+                    goal.start_pose.point.distance_m(pose.point),
+                    TURN_TOLERANCE_M,
+                )
             elif leg.target is None:
                 ahead_m = context.settings.turn_drive.control_point_m
-                place_m = goal.begun.ahead(ahead_m).distance_m(pose.ahead(ahead_m))
-        return place_m, near_m, heading_rad
+                position_error_m = goal.start_pose.ahead(ahead_m).distance_m(pose.ahead(ahead_m))
+        return position_error_m, near_m, heading_rad
 
 
 class HoldVelocity(_MotionLeaf):
@@ -483,7 +490,7 @@ class HoldVelocity(_MotionLeaf):
     def begin(self) -> float:
         """Allow the time of the wait for odometry."""
         self._begun = False
-        return self._allow(0.0)
+        return self._deadline_for(0.0)
 
     def _hold(self) -> None:
         command, request = self.goal.command, self.goal.command.request
@@ -495,69 +502,72 @@ class HoldVelocity(_MotionLeaf):
         self.goal.verification = MotionVerification.begin(settings, self.context.status)
         self.goal.slid_m = self._slid_m
         self._held, self._begun = False, True
-        self._request, self._from = request, self.context.safety.history.driven
+        self._request, self._from = request, self.context.safety.history.total_motion
         self._start = pose
-        self.allow(self._begin(self.context.locomotion.hold(command, request)))
+        self.set_deadline(self._begin(self.context.locomotion.make_velocity_hold(command, request)))
 
     def act(self) -> Status:
         """Continue until its time is over and the rover is stationary."""
         if not self._begun:
-            if self._unsure:
+            if self._odometry_late:
                 return Status.RUNNING
             self._hold()
         if self._blocked is not None:
             return self.fail(self._blocked)
         if not self._held:
-            status = self._go_on(standing=True)
+            status = self._run_motion(standing=True)
             if status is not Status.SUCCESS:
                 return status
-            short = self._short()
+            short = self._shortfall()
             if short is not None:
                 return self.fail(short)
             self._held = True
-            self._ended()
-            self.allow(self._allow(WAIT_S))
+            self._note_motion_end()
+            self.set_deadline(self._deadline_for(WAIT_S))
         verified = self._verify()
         if verified is None:
             return Status.RUNNING
         if isinstance(verified, Refusal):
             return self.fail(verified)
-        figures = (*self._where, *verified.figures)
-        text = f"velocity held for its time, {self._known_by}{self._from_where(self._start)}"
-        self.queue.execute(text, figures)
+        figures = (*self._pose_figures, *verified.figures)
+        text = (
+            f"velocity held for its time, {self._evidence_sources}{self._from_where(self._start)}"
+        )
+        self.queue.complete_active(text, figures)
         return Status.SUCCESS
 
-    def _short(self) -> Refusal | None:
+    def _shortfall(self) -> Refusal | None:
         """Return a refusal if the motion by odometry deviates from the velocity, or None."""
         request, (way0_m, turn0_rad) = self._request, self._from
-        way1_m, turn1_rad = self.context.safety.history.driven
-        way_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
+        way1_m, turn1_rad = self.context.safety.history.total_motion
+        distance_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
         wanted_m = request.travel_mps * request.duration_s
         wanted_rad = request.rotate_radps * request.duration_s
-        end = on_arc(self._start, wanted_m, wanted_rad).point
+        end = arc_end(self._start, wanted_m, wanted_rad).point
         off_m = end.distance_m(self.context.status.pose.point)
-        bound_m = HELD_M + HELD_PER_M * abs(wanted_m)
-        off_bound_m = HELD_OFF_M + HELD_OFF_PER_M * abs(wanted_m)
-        turned = abs(turn_rad - wanted_rad) <= OFF_RAD
-        if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
+        bound_m = HOLD_TRAVEL_TOLERANCE_M + HOLD_TRAVEL_TOLERANCE_PER_M * abs(wanted_m)
+        off_bound_m = HOLD_POSITION_TOLERANCE_M + HOLD_POSITION_TOLERANCE_PER_M * abs(wanted_m)
+        turned = abs(turn_rad - wanted_rad) <= HEADING_TOLERANCE_RAD
+        if abs(distance_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
         # Nothing here distinguishes a deviating rover from deviating odometry.
         self.context.status.grow_uncertainty(
-            max(off_m, abs(way_m - wanted_m)),
+            max(off_m, abs(distance_m - wanted_m)),
             abs(turn_rad - wanted_rad),
             "a drive that ended off its target",
         )
         return Refusal(
             Reason.OFF_TARGET,
-            f"moved {way_m:.2f} m and turned {turn_rad:.2f} rad, commanded {wanted_m:.2f} m and"
+            f"moved {distance_m:.2f} m and turned {turn_rad:.2f} rad, commanded {wanted_m:.2f} m"
+            " and"
             f" {wanted_rad:.2f} rad; {off_m:.2f} m from the end of the arc",
             (
                 Figure("commanded", wanted_m, "m"),
-                Figure("odometry", way_m, "m"),
+                Figure("odometry", distance_m, "m"),
                 Figure("bound", bound_m, "m"),
                 Figure("turn commanded", wanted_rad, "rad"),
                 Figure("turn", turn_rad, "rad"),
-                Figure("turn bound", OFF_RAD, "rad"),
+                Figure("turn bound", HEADING_TOLERANCE_RAD, "rad"),
                 Figure("position error", off_m, "m"),
                 Figure("position bound", off_bound_m, "m"),
             ),

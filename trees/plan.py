@@ -75,7 +75,7 @@ class CommandLeaf(ContainedNode):
         command = self._execution.command_of(self._key)
         self.feedback_message = "" if command is None else str(command)
         if allowed_s is not None and progress is StepStatus.RUNNING and self._passed(allowed_s):
-            progress = self._execution.overdue(self._key, self._step, allowed_s)
+            progress = self._execution.fail_overdue(self._key, self._step, allowed_s)
         return _STATUS[progress]
 
     def _passed(self, allowed_s: float) -> bool:
@@ -84,7 +84,7 @@ class CommandLeaf(ContainedNode):
     def terminate(self, new_status: Status) -> None:
         """Cancel the command, if halted while it is active."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
-            self._execution.halt(self._key)
+            self._execution.halt_step(self._key)
 
 
 class LoopDecorator(Decorator):
@@ -108,7 +108,7 @@ class LoopDecorator(Decorator):
         if self.status is not Status.RUNNING:
             self.initialise()
         yield from self.decorated.tick()
-        while self._goes_on:
+        while self._continues:
             self._cycle.now += 1
             self.decorated.stop(Status.INVALID)  # or the last cycle's results would be shown
             if self._execution.exhausted:
@@ -119,7 +119,7 @@ class LoopDecorator(Decorator):
         yield from _ended(self, self.update())
 
     @property
-    def _goes_on(self) -> bool:
+    def _continues(self) -> bool:
         return self.decorated.status is self._again and self._cycle.now < self._times
 
     def update(self) -> Status:
@@ -199,8 +199,8 @@ class ParallelBranch(composites.Composite):
         failed = ends[Status.FAILURE]
         if ends[Status.SUCCESS] >= self._parallel.successes:
             return Status.SUCCESS
-        most = len(self.children) - failed
-        if failed >= self._parallel.failures or most < self._parallel.successes:
+        maximum = len(self.children) - failed
+        if failed >= self._parallel.failures or maximum < self._parallel.successes:
             return Status.FAILURE
         return Status.RUNNING
 
@@ -235,7 +235,7 @@ def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -
             return LoopDecorator(node, below_it, execution, cycle)
         case TimeoutNode(_, _, child):
             return TimeoutDecorator(node, _node(child, execution, cycles), execution, cycles)
-        case InverterNode(place, child):
-            return Inverter(place.name, _node(child, execution, cycles))
+        case InverterNode(location, child):
+            return Inverter(location.name, _node(child, execution, cycles))
         case _:
             assert_never(node)

@@ -25,7 +25,7 @@ from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
 from executive.safety import FaultMonitor, summary, unmonitored
 from executive.settings import Settings
-from executive.state import FileFolder, listed
+from executive.state import FileFolder, join_sources
 from executive.state import Status as AssetStatus
 from executive.values.clock import ManualClock
 from executive.values.geometry import STANDING
@@ -40,7 +40,7 @@ from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfi
 ALMOST_S: Final = 1e-6
 AWAITED_S: Final = 3.0
 """Extra time to wait for a source: a second odometry has gaps of 4 s."""
-SHOWN_S: Final = 0.2
+ODOMETRY_RESPONSE_S: Final = 0.2
 """Acceleration time until odometry shows motion. A zero twist at 1 m/s ended a stop after 0 s."""
 
 
@@ -55,16 +55,16 @@ class StopRover(Leaf):
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
         self._began_s = self.context.clock.now_s()
-        self._told_s = 0
+        self._last_progress_s = 0
         self._bound_s = STOP_DEADLINE_S
-        self._believed_s = self._began_s
+        self._odometry_trusted_s = self._began_s
         limits, before = self.context.settings.drive, self.context.latches.stopped_from
         braking_s = max(
             abs(before.travel_mps) / limits.travel_acceleration_mps2,
             abs(before.rotate_radps) / limits.rotate_acceleration_radps2,
         )
-        if braking_s > SHOWN_S and self.context.status.standing:
-            self._believed_s += braking_s
+        if braking_s > ODOMETRY_RESPONSE_S and self.context.status.standing:
+            self._odometry_trusted_s += braking_s
         return STOP_DEADLINE_S
 
     def act(self) -> Status:
@@ -73,37 +73,37 @@ class StopRover(Leaf):
         now_s = self.context.clock.now_s()
         took_s = now_s - self._began_s
         found = sources(self.context)
-        if now_s < self._believed_s:
+        if now_s < self._odometry_trusted_s:
             return Status.RUNNING
         left = unconfirmed(self.context, found)
         if left:
-            self._tell(took_s, left)
+            self._report_progress(took_s, left)
             return Status.RUNNING
-        by = listed([each.source for each in found])
-        for life in self.context.latches.take_stopping():
-            life.execute(
+        by = join_sources([each.source for each in found])
+        for lifecycle in self.context.latches.take_stopping():
+            lifecycle.execute(
                 f"stationary after {took_s:.2f} s, {by}", (Figure("duration", took_s, "s"),)
             )
         return Status.SUCCESS
 
-    def give_up(self) -> Status:
+    def on_timeout(self) -> Status:
         """Fail the stop commands: zero was sent, but not every source shows standstill."""
         found = sources(self.context)
         if awaited(self.context, found) and self._bound_s == STOP_DEADLINE_S:
             self._bound_s += AWAITED_S
-            self.allow(AWAITED_S)
+            self.set_deadline(AWAITED_S)
             return Status.RUNNING
-        for life in self.context.latches.take_stopping():
-            life.fail(refusal(self.context, found, self._bound_s))
+        for lifecycle in self.context.latches.take_stopping():
+            lifecycle.fail(refusal(self.context, found, self._bound_s))
         return Status.FAILURE
 
-    def _tell(self, took_s: float, left: str) -> None:
+    def _report_progress(self, took_s: float, left: str) -> None:
         seconds = floor(took_s + ALMOST_S)
-        if self._told_s < seconds < self._bound_s:
-            self._told_s = seconds
+        if self._last_progress_s < seconds < self._bound_s:
+            self._last_progress_s = seconds
             text = f"standstill not confirmed {seconds} s after the stop: {left}"
-            for life in self.context.latches.stopping:
-                life.advance(seconds, round(self._bound_s), text)
+            for lifecycle in self.context.latches.stopping:
+                lifecycle.advance(seconds, round(self._bound_s), text)
 
 
 class HoldWhileUnsafe(Leaf):
@@ -118,7 +118,7 @@ class HoldWhileUnsafe(Leaf):
         self.context.intents.motion = STANDING
         return Status.RUNNING
 
-    def give_up(self) -> Status:
+    def on_timeout(self) -> Status:
         """Leave the stop to the latch, so that the camera can work again."""
         return Status.FAILURE
 
@@ -129,8 +129,8 @@ INSTANT_DEADLINE_S: Final = 5.0
 class RunInstantCommand(GoalLeaf):
     """Executes an instant command, and ends the goal."""
 
-    late = Reason.ERRAND_FAILED
-    late_text = "not done"
+    timeout_reason = Reason.ERRAND_FAILED
+    timeout_text = "not done"
 
     def begin(self) -> float:
         """Allow more than needed: it is executed in its first tick."""
@@ -144,7 +144,7 @@ class RunInstantCommand(GoalLeaf):
             refusal = Refusal(Reason.ERRAND_FAILED, f"command failed: {error.strerror}")
         if refusal is not None:
             return self.fail(refusal)
-        self.queue.execute()
+        self.queue.complete_active()
         return Status.SUCCESS
 
     def _do(self) -> Refusal | None:
@@ -235,7 +235,7 @@ def build(context: Context) -> Selector:
     stopping = Condition(
         "stopping?",
         lambda: bool(latches.stopping),
-        whose=lambda: latches.stopping[-1].command.identity,
+        identity_of=lambda: latches.stopping[-1].command.identity,
     )
     any_goal = Condition("any goal?", lambda: len(context.goals) > 0)
     side_by_side = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))

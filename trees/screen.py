@@ -14,8 +14,8 @@ from trees.snapshot import (
     TreeNodeSnapshot,
     TreeSnapshot,
     branches,
+    display_statuses,
     line,
-    looks,
 )
 
 STYLES: Final = {
@@ -53,17 +53,17 @@ class Screen:
     def show(self, snapshot: TreeSnapshot) -> None:
         """Draw a snapshot."""
         if self._console.is_terminal:
-            self._live.update(drawn(self._asset, snapshot, self._console.height), refresh=True)
+            self._live.update(render(self._asset, snapshot, self._console.height), refresh=True)
         else:
-            self._console.print(drawn(self._asset, snapshot), Text())
+            self._console.print(render(self._asset, snapshot), Text())
 
 
 def show_once(asset: str, snapshot: TreeSnapshot) -> None:
     """Print one complete snapshot."""
-    Console().print(drawn(asset, snapshot))
+    Console().print(render(asset, snapshot))
 
 
-def drawn(
+def render(
     asset: str, snapshot: TreeSnapshot, height: int | None = None, notes: Mapping[str, str] = _NONE
 ) -> RenderableType:
     """Render a snapshot for the terminal: a head line, the reason, faults, the tree.
@@ -74,11 +74,11 @@ def drawn(
         height: available lines; if they are too few, idle and failed branches are collapsed.
         notes: notes printed after nodes, by their paths.
     """
-    nodes, told = snapshot.nodes, list(snapshot.faults)
+    nodes, lines = snapshot.nodes, list(snapshot.faults)
     if snapshot.unmonitored:
-        told.append(f"not monitored: {snapshot.unmonitored}")
-    if height is not None and len(nodes) + len(told) + _HEAD_LINES >= height:
-        nodes = folded(nodes)
+        lines.append(f"not monitored: {snapshot.unmonitored}")
+    if height is not None and len(nodes) + len(lines) + _HEAD_LINES >= height:
+        nodes = collapse(nodes)
     minutes, second = divmod(int(snapshot.utc_s) % 86400, 60)
     at = f"{minutes // 60:02}:{minutes % 60:02}:{second:02}"
     head = Text.assemble(
@@ -88,19 +88,21 @@ def drawn(
         f"  {snapshot.active}" if snapshot.active is not None else "",
         (f"  tick {snapshot.tick}  {at} UTC", "dim"),
     )
-    return Group(head, *map(Text, (snapshot.why, *told)), Text(), drawn_nodes(nodes, notes))
+    return Group(head, *map(Text, (snapshot.why, *lines)), Text(), render_nodes(nodes, notes))
 
 
-def drawn_nodes(
+def render_nodes(
     nodes: Sequence[TreeNodeSnapshot], notes: Mapping[str, str] = _NONE
 ) -> RenderableType:
     """Render nodes for the terminal, one per line, followed by their notes."""
     return Group(
         *(
             Text.assemble(
-                (branch, "dim"), (line(node, look), STYLES[look]), (_note(node, notes), "dim")
+                (branch, "dim"), (line(node, display), STYLES[display]), (_note(node, notes), "dim")
             )
-            for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
+            for branch, node, display in zip(
+                branches(nodes), nodes, display_statuses(nodes), strict=True
+            )
         )
     )
 
@@ -110,7 +112,7 @@ def _note(node: TreeNodeSnapshot, notes: Mapping[str, str]) -> str:
     return f"  {note}" if note else ""
 
 
-def folded(nodes: Sequence[TreeNodeSnapshot]) -> tuple[TreeNodeSnapshot, ...]:
+def collapse(nodes: Sequence[TreeNodeSnapshot]) -> tuple[TreeNodeSnapshot, ...]:
     """Return the nodes without those below a node that failed or was not ticked."""
     seen: list[TreeNodeSnapshot] = []
     fold_depth: int | None = None

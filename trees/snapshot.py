@@ -179,7 +179,7 @@ COLOURS: Final = {
 _ROW, _INDENT, _BOX_HEIGHT, _CHARACTER = 34, 34, 26, 7.6
 
 
-def looks(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
+def display_statuses(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
     """Return the displayed status of each node.
 
     A false condition and an empty queue are no failures, nor is a branch that
@@ -195,17 +195,17 @@ def looks(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
         if found[index] is not DisplayStatus.FAILURE or node.kind not in _BRANCHES:
             continue
         leaves = set()
-        for below, look in zip(nodes[index + 1 :], found[index + 1 :], strict=True):
+        for below, display in zip(nodes[index + 1 :], found[index + 1 :], strict=True):
             if below.depth <= node.depth:
                 break
             if below.kind not in _BRANCHES:
-                leaves.add(look)
+                leaves.add(display)
         if DisplayStatus.FAILURE not in leaves and DisplayStatus.DECLINED in leaves:
             found[index] = DisplayStatus.DECLINED
     return tuple(found)
 
 
-def served(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
+def commands_by_node(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
     """Return the present or last command of each node, as SOURCE:NUMBER.
 
     It is named by the node itself if it is a leaf of a plan, otherwise by the guard at the start of
@@ -225,17 +225,19 @@ def served(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
     return tuple(found)
 
 
-def line(node: TreeNodeSnapshot, look: DisplayStatus) -> str:
+def line(node: TreeNodeSnapshot, display: DisplayStatus) -> str:
     """Return the text of a node: its mark, its name, its status."""
     message = f"  {node.message}" if node.message and node.status is NodeStatus.RUNNING else ""
-    return f"{_MARK[node.kind]} {node.name} {_SIGN[look]}{message}".rstrip()
+    return f"{_MARK[node.kind]} {node.name} {_SIGN[display]}{message}".rstrip()
 
 
 def as_text(nodes: Sequence[TreeNodeSnapshot]) -> str:
     """Return the tree drawn with box characters, one node per line."""
     return "\n".join(
-        branch + line(node, look)
-        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
+        branch + line(node, display)
+        for branch, node, display in zip(
+            branches(nodes), nodes, display_statuses(nodes), strict=True
+        )
     )
 
 
@@ -261,26 +263,26 @@ def as_mermaid(nodes: Sequence[TreeNodeSnapshot]) -> str:
     """Return a Mermaid flowchart."""
     lines = ["flowchart TD"]
     parents: list[int] = []
-    for index, (node, look) in enumerate(zip(nodes, looks(nodes), strict=True)):
+    for index, (node, display) in enumerate(zip(nodes, display_statuses(nodes), strict=True)):
         del parents[node.depth :]
         label = f"{_MARK[node.kind]} {node.name}".replace('"', "'")
-        lines.append(f'    n{index}["{label}"]:::{look.name.lower()}')
+        lines.append(f'    n{index}["{label}"]:::{display.name.lower()}')
         if parents:
             lines.append(f"    n{parents[-1]} --> n{index}")
         parents.append(index)
-    for look, (fill, stroke) in COLOURS.items():
-        lines.append(f"    classDef {look.name.lower()} fill:{fill},stroke:{stroke}")
+    for display, (fill, stroke) in COLOURS.items():
+        lines.append(f"    classDef {display.name.lower()} fill:{fill},stroke:{stroke}")
     return "\n".join(lines) + "\n"
 
 
 def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
     """Return an SVG of the tree, one row per node, coloured by status, with a legend if it ran."""
     top = 44 if title else 12
-    seen = looks(nodes)
-    lines = [line(node, look) for node, look in zip(nodes, seen, strict=True)]
+    seen = display_statuses(nodes)
+    lines = [line(node, display) for node, display in zip(nodes, seen, strict=True)]
     widths = [len(each) * _CHARACTER + 20 for each in lines]
     legend = list(DisplayStatus) if {*seen} != {DisplayStatus.IDLE} else []
-    across = [len(f"{_SIGN[look]} {look.value}") * _CHARACTER + 20 for look in legend]
+    across = [len(f"{_SIGN[display]} {display.value}") * _CHARACTER + 20 for display in legend]
     width = max(
         [12 + node.depth * _INDENT + box + 12 for node, box in zip(nodes, widths, strict=True)]
         + [len(title) * _CHARACTER + 24, sum(across) + 8 * len(across) + 24]
@@ -296,7 +298,7 @@ def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
     if title:
         parts.append(f'<text x="12" y="26" fill="#333333">{escape(title)}</text>')
     rows: list[int] = []
-    for index, (node, box, words) in enumerate(zip(nodes, widths, lines, strict=True)):
+    for index, (node, box, text) in enumerate(zip(nodes, widths, lines, strict=True)):
         x, y = 12 + node.depth * _INDENT, top + index * _ROW
         del rows[node.depth :]
         if rows:
@@ -306,17 +308,17 @@ def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
                 ' fill="none" stroke="#b8b8b2"/>'
             )
         rows.append(y)
-        parts += _box(x, y, box, words, seen[index])
-    for at, (look, box) in enumerate(zip(legend, across, strict=True)):
+        parts += _box(x, y, box, text, seen[index])
+    for at, (display, box) in enumerate(zip(legend, across, strict=True)):
         left = 12 + sum(across[:at]) + 8 * at
-        parts += _box(left, bottom, box, f"{_SIGN[look]} {look.value}", look)
+        parts += _box(left, bottom, box, f"{_SIGN[display]} {display.value}", display)
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def _box(x: float, y: float, width: float, words: str, look: DisplayStatus) -> tuple[str, str]:
-    fill, stroke = COLOURS[look]
+def _box(x: float, y: float, width: float, text: str, display: DisplayStatus) -> tuple[str, str]:
+    fill, stroke = COLOURS[display]
     return (
         f'<rect x="{x:.0f}" y="{y}" width="{width:.0f}" height="{_BOX_HEIGHT}" rx="5"'
         f' fill="{fill}" stroke="{stroke}"/>',
-        f'<text x="{x + 10:.0f}" y="{y + 17}" fill="#222222">{escape(words)}</text>',
+        f'<text x="{x + 10:.0f}" y="{y + 17}" fill="#222222">{escape(text)}</text>',
     )

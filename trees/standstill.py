@@ -30,7 +30,7 @@ def beside_odometry(context: Context) -> tuple[SourceMotion, ...]:
 
 def unconfirmed(context: Context, found: tuple[SourceMotion, ...]) -> str:
     """Return a text of the sources without confirmed standstill; empty if all confirm it."""
-    texts = [str(each) for each in found if not each.stands]
+    texts = [str(each) for each in found if not each.is_standing]
     if not _odometry_shows(context):
         texts.insert(0, "no odometry")
     if context.safety.sliding is not None:
@@ -47,7 +47,7 @@ def _odometry_shows(context: Context) -> bool:
 def awaited(context: Context, found: tuple[SourceMotion, ...]) -> bool:
     """Return whether no source shows motion, but one has not been received yet."""
     sure = _odometry_shows(context) and context.safety.sliding is None
-    return sure and all(each.stands or each.awaited for each in found)
+    return sure and all(each.is_standing or each.awaited for each in found)
 
 
 def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -> Refusal:
@@ -60,7 +60,7 @@ def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -
     )
     if awaited(context, found):
         return Refusal(Reason.UNVERIFIED, text, figures)
-    moving = {each.source for each in found if not each.stands}
+    moving = {each.source for each in found if not each.is_standing}
     if not context.status.odometry_fresh or moving & _BY_WHEELS:
         return Refusal(Reason.STOP_DEADLINE, text, figures)
     over_ground, slid = context.safety.history.over_ground, context.safety.sliding

@@ -20,7 +20,7 @@ from adapters.mrs.ground import (
     TransferError,
     UnknownHostError,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.recording import RecordingError, frames, read_history
 from executive.commands import (
     AbortPlan,

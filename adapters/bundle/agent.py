@@ -37,9 +37,9 @@ from adapters.bundle.node.store import Delivery, Queued
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
-_CONTACT_LOOK_S: Final = 0.2
+_CONTACT_POLL_S: Final = 0.2
 _TICK_S: Final = 1.0
-_READ_AT_ONCE: Final = 32
+_READ_BATCH: Final = 32
 _MISSING: Final = {
     LtpLink: "LTP: set listen.ltp",
     UdpLink: "UDP: set listen.udp",
@@ -57,7 +57,7 @@ class NeighbourHealth:
         override: the operator's override of the contact plan.
         next_contact_utc_s: begin of the next planned contact; infinity if none is planned, or if
             the operator has closed the link.
-        last_heard_s: time since the last reception; None for never.
+        last_received_s: time since the last reception; None for never.
         traffic: traffic counters of the link.
     """
 
@@ -66,7 +66,7 @@ class NeighbourHealth:
     contact: bool
     override: ContactOverride
     next_contact_utc_s: float
-    last_heard_s: float | None
+    last_received_s: float | None
     traffic: Traffic
 
 
@@ -81,7 +81,7 @@ class Health:
         expired: bundles that expired here, counted over restarts.
         malformed: received transmissions that could not be decoded, since the start.
         room_octets: free space of the store.
-        no_room: text of the reason if the store is full, otherwise empty.
+        full_text: text of the reason if the store is full, otherwise empty.
         refused: bundles rejected since the start: invalid signature, or a limit exceeded.
     """
 
@@ -91,7 +91,7 @@ class Health:
     expired: int
     malformed: int
     room_octets: int
-    no_room: str
+    full_text: str
     neighbours: tuple[NeighbourHealth, ...]
     refused: int = 0
 
@@ -187,7 +187,7 @@ class BundleAgent:
         self._arrived = asyncio.Event()
         self._settling = False
         self._timer: asyncio.TimerHandle | None = None
-        self._next_tick_s = self._next_look_s = 0.0
+        self._next_tick_s = self._next_poll_s = 0.0
         self._read = 0
 
     async def open(self, on_status: Callable[[DeliveryNotice], None]) -> None:
@@ -218,7 +218,7 @@ class BundleAgent:
             gate = ContactGate(settings.node, neighbour.next_hop, self._plan, utc_s)
             session.gates[neighbour.name] = gate
         self._session = session
-        self._look()
+        self._update_contacts()
         self._wake()
 
     @property
@@ -278,7 +278,7 @@ class BundleAgent:
             else:
                 committed.set_exception(failure)
 
-        self._opened.node.transaction.then(tell)
+        self._opened.node.transaction.on_commit(tell)
         self._wake()
         await committed
 
@@ -301,15 +301,18 @@ class BundleAgent:
 
     @asynccontextmanager
     async def receive_some(
-        self, most: int, *, only_expedited: bool = False
+        self, maximum: int, *, only_expedited: bool = False
     ) -> AsyncIterator[Sequence[Delivery]]:
-        """Wait for a delivery; hold it and those queued behind it, up to `most`. See `receive`."""
-        if self._read >= _READ_AT_ONCE:
+        """Wait for a delivery.
+
+        Hold it and those queued behind it, up to `maximum`. See `receive`.
+        """
+        if self._read >= _READ_BATCH:
             self._read = 0
             await asyncio.sleep(0)
         node = self._opened.node
         fetch = partial(node.fetch, only_expedited=only_expedited)
-        while not (deliveries := list(islice(iter(fetch, None), most))):
+        while not (deliveries := list(islice(iter(fetch, None), maximum))):
             self._arrived.clear()
             await self._arrived.wait()
             if self._session is None:
@@ -319,7 +322,7 @@ class BundleAgent:
             yield deliveries
         except BaseException:
             for delivery in reversed(deliveries):
-                node.give_back(delivery)
+                node.requeue_delivery(delivery)
             self._arrived.set()
             raise
         for delivery in deliveries:
@@ -350,7 +353,7 @@ class BundleAgent:
     def override(self, neighbour: Eid, override: ContactOverride) -> None:
         """Force contact with a neighbour up or down, or follow the plan."""
         self._opened.gates[str(neighbour)].override = override
-        self._look()
+        self._update_contacts()
         self._wake()
 
     @property
@@ -363,24 +366,26 @@ class BundleAgent:
         self._plan = plan
         for gate in self._opened.gates.values():
             gate.plan = plan
-        self._look()
+        self._update_contacts()
         self._wake()
 
     def health(self) -> Health:
         """Return the state of the agent."""
         session = self._opened
         node, database = session.node, session.node.database
-        oldest_utc_ms = node.outbox.oldest_utc_ms()
-        oldest_s = 0.0 if oldest_utc_ms is None else self._system.utc_s() - oldest_utc_ms / 1000
+        earliest_utc_ms = node.outbox.earliest_utc_ms()
+        max_age_s = (
+            0.0 if earliest_utc_ms is None else self._system.utc_s() - earliest_utc_ms / 1000
+        )
         return Health(
             queued=node.outbox.depth(),
-            oldest_s=max(0.0, oldest_s),
+            oldest_s=max(0.0, max_age_s),
             unread=node.inbox.depth(),
             expired=node.expired,
             malformed=node.receiving.malformed
             + sum(endpoint.malformed for endpoint in session.endpoints.values()),
-            room_octets=database.room_octets,
-            no_room=str(database.no_room()) if database.full else "",
+            room_octets=database.free_octets,
+            full_text=str(database.full_error()) if database.full else "",
             neighbours=tuple(
                 self._neighbour_health(neighbour.node) for neighbour in self._settings.neighbours
             ),
@@ -396,18 +401,18 @@ class BundleAgent:
     def _neighbour_health(self, node: Eid) -> NeighbourHealth:
         session, name = self._opened, str(node)
         link, gate = session.links[name], session.gates[name]
-        state, last_s = gate.state(), link.last_heard_s
+        state, last_s = gate.state(), link.last_received_s
         return NeighbourHealth(
             node=node,
             queued=session.node.outbox.depth(name),
             contact=state.contact and link.up,
             override=gate.override,
             next_contact_utc_s=state.next_contact_utc_s,
-            last_heard_s=None if last_s is None else asyncio.get_running_loop().time() - last_s,
+            last_received_s=None if last_s is None else asyncio.get_running_loop().time() - last_s,
             traffic=replace(session.node.traffic[name]),
         )
 
-    def _look(self) -> None:
+    def _update_contacts(self) -> None:
         """Update the state of contact of the links."""
         session = self._opened
         for name, link in session.links.items():
@@ -429,15 +434,15 @@ class BundleAgent:
             if transaction.pending:
                 self._arrived.set()
                 transaction.commit()
-            self._pass_time(session)
+            self._run_timers(session)
             for link in session.links.values():
-                link.pump()
+                link.send_waiting()
         except StoreError as error:
             _LOG.error("bundle store: %s", error)
         finally:
             if transaction.pending and not transaction.failing:
                 self._wake()
-            next_s = min([self._next_look_s, *(link.next_s for link in session.links.values())])
+            next_s = min([self._next_poll_s, *(link.next_s for link in session.links.values())])
             if self._timer is None or self._timer.when() != next_s:
                 if self._timer is not None:
                     self._timer.cancel()
@@ -447,11 +452,11 @@ class BundleAgent:
         self._timer = None
         self._wake()
 
-    def _pass_time(self, session: _Session) -> None:
+    def _run_timers(self, session: _Session) -> None:
         now_s = asyncio.get_running_loop().time()
-        if now_s >= self._next_look_s:
-            self._next_look_s = now_s + _CONTACT_LOOK_S
-            self._look()
+        if now_s >= self._next_poll_s:
+            self._next_poll_s = now_s + _CONTACT_POLL_S
+            self._update_contacts()
         for link in session.links.values():
             if link.next_s <= now_s:
                 link.tick()

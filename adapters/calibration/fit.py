@@ -16,14 +16,14 @@ from executive.settings import SlipSettings, YawResponse
 
 GRID_S: Final = 0.01
 """Time step of the model's integration."""
-FEWEST_TURNED_RAD: Final = 6.0
-FEWEST_DRIVEN_M: Final = 5.0
+MIN_TURNED_RAD: Final = 6.0
+MIN_DRIVEN_M: Final = 5.0
 """Minimum rotation and distance of a usable drive. Chosen, not measured."""
-PULL: Final = 0.01
+REGULARIZATION: Final = 0.01
 """Weight of the settings relative to the drive, as a fraction of a standard deviation."""
 _SETTLED: Final = ("offset_m", "gain_m")
 """Terms of the slip model that odometry with slip compensation uses."""
-LONGEST_LAG_S: Final = 0.3
+MAX_LAG_S: Final = 0.3
 TURNING_RADPS: Final = 0.2
 SPINNING_MPS: Final = 0.05
 WINDOW_S: Final = 0.5
@@ -87,14 +87,14 @@ def calibrate(log: DriveLog) -> Calibration:
     """
     turned_rad = float(np.sum(np.abs(np.diff(log.odometry.heading_rad))))
     driven_m = float(np.sum(np.hypot(np.diff(log.odometry.x_m), np.diff(log.odometry.y_m))))
-    if turned_rad < FEWEST_TURNED_RAD or driven_m < FEWEST_DRIVEN_M:
+    if turned_rad < MIN_TURNED_RAD or driven_m < MIN_DRIVEN_M:
         raise CalibrationError(
             f"the rover drove {driven_m:.1f} m and turned by {turned_rad:.1f} rad:"
-            f" {FEWEST_DRIVEN_M:g} m and {FEWEST_TURNED_RAD:g} rad are needed at least;"
+            f" {MIN_DRIVEN_M:g} m and {MIN_TURNED_RAD:g} rad are needed at least;"
             " `rover calibrate --plan` prints a pattern"
         )
     mpc = log.settings.mpc
-    figures, residuals = _answer(log)
+    figures, residuals = _fit_response(log)
     known, known_residual, _ = _slip(
         log, log.odometry, mpc.odometry_slip or SlipSettings(), settled=True
     )
@@ -181,7 +181,7 @@ _SCALE: Final = 0.1
 """Scale of the differences between rovers in the figures of rotation. Chosen, not measured."""
 
 
-def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
+def _fit_response(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     """Return latency and response to velocities."""
     settings, odometry = log.settings, log.odometry
     grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
@@ -207,7 +207,7 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     start = np.array([before.command_delay_s, *(getattr(before.yaw, n) for n in _FITTED)])
     scales = np.array([_DELAY_SCALE_S, *(_SCALE for _ in _FITTED)])
     sigma = [max(_rms(each), 1e-3) for each in apart(before.command_delay_s, before.yaw)]
-    weight = PULL * np.sqrt(len(turned))
+    weight = REGULARIZATION * np.sqrt(len(turned))
 
     def yaw_of(figures: Series) -> YawResponse:
         named = dict(zip(_FITTED, map(float, figures[1:]), strict=True))
@@ -254,7 +254,7 @@ def _slip(
 
     def solved(lag_s: float) -> tuple[Series, Series]:
         rows, wanted = columns.at(lag_s)
-        pull = PULL * np.linalg.norm(rows, axis=0)[free] + 1e-9
+        pull = REGULARIZATION * np.linalg.norm(rows, axis=0)[free] + 1e-9
         left = wanted - rows @ old
         change, *_ = np.linalg.lstsq(
             np.vstack([rows[:, free], np.diag(pull)]),
@@ -272,7 +272,7 @@ def _slip(
     if not settled:
         from scipy.optimize import minimize_scalar
 
-        bounds = (0.0, LONGEST_LAG_S)
+        bounds = (0.0, MAX_LAG_S)
         lag_s = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
     figures, left = solved(lag_s)
     rows, wanted = columns.at(before.lag_s)

@@ -52,7 +52,7 @@ def date_and_time(utc_s: float) -> str:
     return f"{at:%Y-%m-%d %H:%M:%S}.{at.microsecond // 10_000:02d}"
 
 
-async def ask(
+async def query_history(
     client: "MrsClient", command: str | None = None, *, everything: bool = False
 ) -> RunHistory:
     """Return the history of a rover, as `MrsClient.get_history` does.

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from adapters.cli.history_options import (
-    ask,
     date_and_time,
     file_option,
+    query_history,
     read_file,
     since_began,
 )
-from adapters.explanation import Entry, LogFilter, When, entries, entry_line
-from adapters.mrs.cli import RoverTarget, connect, echo_json, json_option, run, say, to_option
+from adapters.explanation import Entry, LogFilter, TimeFormatter, entries, entry_line
+from adapters.mrs.cli import RoverTarget, connect, echo_json, echo_line, json_option, run, to_option
 from executive.commands import Mode
 from executive.history import RunHistory
 from executive.values.reports import Severity
@@ -83,7 +83,7 @@ def log(
     if follow and (recording is not None or until_s is not None or mode is not None):
         raise click.UsageError("--follow excludes --file, --until and --mode")
     if recording is None:
-        run(_ask(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
+        run(_query(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
         return
     history, began_utc_s = read_file(recording)
     _Printer(unfold, as_json, since_began(began_utc_s)).list_all(
@@ -97,7 +97,7 @@ def log(
 
 
 class _Printer:
-    def __init__(self, unfold: bool, as_json: bool, when: When = date_and_time) -> None:
+    def __init__(self, unfold: bool, as_json: bool, when: TimeFormatter = date_and_time) -> None:
         self._unfold = unfold
         self._as_json = as_json
         self._when = when
@@ -110,10 +110,10 @@ class _Printer:
         if self._as_json:
             echo_json(entry)
         else:
-            say(entry_line(entry, self._when))
+            echo_line(entry_line(entry, self._when))
 
 
-async def _ask(
+async def _query(
     to: RoverTarget,
     wanted: LogFilter,
     since_s: float | None,
@@ -125,7 +125,7 @@ async def _ask(
 
     async with await connect(to) as client:
         stream = client.notifications()
-        history = await ask(client, wanted.command, everything=wanted.command is None)
+        history = await query_history(client, wanted.command, everything=wanted.command is None)
         now_utc_s = history.until_utc_s
         wanted = replace(
             wanted,
@@ -139,7 +139,7 @@ async def _ask(
         while follow:
             sys.stdout.flush()
             report = report_of(await anext(stream))
-            if report.sequence not in known and wanted.has(report):
+            if report.sequence not in known and wanted.matches(report):
                 printer.list(report)
 
 

@@ -10,14 +10,14 @@ from rich.text import Text
 
 from adapters.recording import Moment, RecordedMoments
 from trees import DisplayStatus
-from trees.screen import STYLES, drawn
+from trees.screen import STYLES, render
 
 KEYS: Final = "→ ← a tick   ↓ ↑ a report   > < a second   g G the ends   q ends"
 _SIGNS: Final = "legend: ● running  ✓ success  – nothing to do  ✕ failed"
 _STEPS: Final = {"\x1b[C": 1, "\x1b[D": -1, "l": 1, "h": -1}
 _EVENTS: Final = {"\x1b[B": 1, "\x1b[A": -1, "j": 1, "k": -1}
 _SECONDS: Final = {">": 1.0, "<": -1.0}
-_LONGEST: Final = 6
+_MAX_COMMANDS_SHOWN: Final = 6
 """Maximum commands shown: the last ones."""
 
 
@@ -46,7 +46,9 @@ def browse(path: Path, at: str) -> None:
     last = len(recorded.moments) - 1
     with console.screen() as screen:
         while True:
-            shown = _shown(recorded, recorded.moments[index], console.height - _LONGEST - 8)
+            shown = _shown(
+                recorded, recorded.moments[index], console.height - _MAX_COMMANDS_SHOWN - 8
+            )
             screen.update(Group(shown, Text(), Text(KEYS, "dim")))
             key = click.getchar()
             if key == "q":
@@ -84,12 +86,12 @@ def _shown(recorded: RecordedMoments, moment: Moment, height: int | None) -> Ren
     lines = [Text(f"{moment.time_s:.2f} of {end_s:.2f} s   {pose}", "bold")]
     lines += [
         Text(f"{each.identity}  {each.stage.name if each.stage else ''}  {each.text}")
-        for each in moment.commands[-_LONGEST:]
+        for each in moment.commands[-_MAX_COMMANDS_SHOWN:]
     ]
     lines += [
         Text(f"now: {each.text}", STYLES[DisplayStatus.RUNNING])
-        for each in moment.told
+        for each in moment.reports
         if each not in moment.commands
     ]
-    tree = drawn(recorded.asset, moment.snapshot, height, notes)
+    tree = render(recorded.asset, moment.snapshot, height, notes)
     return Group(*lines, Text(), tree, Text(_SIGNS, "dim"))

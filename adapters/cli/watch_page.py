@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from adapters.recording import Moment, RecordedMoments
 from executive.values.reports import Report
-from trees import COLOURS, branches, line, looks
+from trees import COLOURS, branches, display_statuses, line
 
 Row = tuple[str, str, str, float | None]
 """A row of a tree: branch, node, display style, start of its status in s."""
@@ -33,14 +33,16 @@ def write_page(recording: Path, page: Path) -> None:
                 "mode": moment.snapshot.mode,
                 "why": moment.snapshot.why,
                 "pose": pose and [round(x, 3) for x in (pose.x_m, pose.y_m, pose.heading_rad)],
-                "tree": _kept(trees, _rows(moment)),
-                "commands": _kept(commands, [_told(each) for each in moment.commands]),
-                "told": [_told(each) for each in moment.told],
+                "tree": _retained_rows(trees, _rows(moment)),
+                "commands": _retained_rows(
+                    commands, [_report_cells(each) for each in moment.commands]
+                ),
+                "told": [_report_cells(each) for each in moment.reports],
             }
         )
     run = {
         "title": f"{recorded.asset}: {recording.absolute().parent.name}/{recording.name}",
-        "looks": {look.value: edge for look, (_, edge) in COLOURS.items()},
+        "looks": {display.value: edge for display, (_, edge) in COLOURS.items()},
         "trees": trees,
         "commands": commands,
         "moments": moments,
@@ -50,7 +52,7 @@ def write_page(recording: Path, page: Path) -> None:
     page.write_text(frame.replace("@RUN@", text), encoding="utf-8")
 
 
-def _kept(known: list[_Value], value: _Value) -> int:
+def _retained_rows(known: list[_Value], value: _Value) -> int:
     """Return the index of a value; successive equal values are stored once."""
     if not known or known[-1] != value:
         known.append(value)
@@ -60,11 +62,13 @@ def _kept(known: list[_Value], value: _Value) -> int:
 def _rows(moment: Moment) -> list[Row]:
     nodes = moment.snapshot.nodes
     return [
-        (branch, line(node, look), look.value, moment.since_s.get(node.path))
-        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
+        (branch, line(node, display), display.value, moment.since_s.get(node.path))
+        for branch, node, display in zip(
+            branches(nodes), nodes, display_statuses(nodes), strict=True
+        )
     ]
 
 
-def _told(report: Report) -> tuple[str, ...]:
+def _report_cells(report: Report) -> tuple[str, ...]:
     stage = report.stage.name if report.stage is not None else report.severity.name
     return str(report.identity or ""), stage, report.text

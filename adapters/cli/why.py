@@ -4,16 +4,22 @@ from pathlib import Path
 
 import click
 
-from adapters.cli.history_options import ask, date_and_time, file_option, read_file, since_began
+from adapters.cli.history_options import (
+    date_and_time,
+    file_option,
+    query_history,
+    read_file,
+    since_began,
+)
 from adapters.explanation import (
     Explanation,
+    TimeFormatter,
     UnknownCommandError,
-    When,
     explain_command,
     explain_now,
     explanation_lines,
 )
-from adapters.mrs.cli import RoverTarget, connect, echo_json, json_option, run, say, to_option
+from adapters.mrs.cli import RoverTarget, connect, echo_json, echo_line, json_option, run, to_option
 from executive.history import RunHistory
 
 
@@ -51,17 +57,17 @@ def why(
     """
     if recording is not None:
         history, began_utc_s = read_file(recording, at_s)
-        _tell(_explained(history, command), since_began(began_utc_s), as_json)
+        _print_explanation(_explained(history, command), since_began(began_utc_s), as_json)
     elif at_s is not None:
         raise click.UsageError("--at needs --file RUN.mcap: a rover only explains the present")
     else:
-        run(_ask(to, command, as_json))
+        run(_query(to, command, as_json))
 
 
-async def _ask(to: RoverTarget, command: str | None, as_json: bool) -> None:
+async def _query(to: RoverTarget, command: str | None, as_json: bool) -> None:
     async with await connect(to) as client:
-        history = await ask(client, command)
-    _tell(_explained(history, command), date_and_time, as_json)
+        history = await query_history(client, command)
+    _print_explanation(_explained(history, command), date_and_time, as_json)
 
 
 def _explained(history: RunHistory, command: str | None) -> Explanation:
@@ -71,9 +77,9 @@ def _explained(history: RunHistory, command: str | None) -> Explanation:
         raise click.UsageError(f"{error}; `rover log` lists all") from error
 
 
-def _tell(explanation: Explanation, when: When, as_json: bool) -> None:
+def _print_explanation(explanation: Explanation, when: TimeFormatter, as_json: bool) -> None:
     if as_json:
         echo_json(explanation)
         return
     for line in explanation_lines(explanation, when):
-        say(line)
+        echo_line(line)

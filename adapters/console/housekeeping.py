@@ -55,10 +55,10 @@ class ConsoleHousekeeping:
     async def run(self) -> None:
         """Publish the figures periodically."""
         while True:
-            self._tell()
+            self._publish()
             await asyncio.sleep(EVERY_S)
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         utc_s, figures = self._utc(), self._measure()
         for key, value in figures.items():
             quality = Quality.INVALID if value is None else Quality.GOOD
@@ -75,5 +75,5 @@ class ConsoleHousekeeping:
             "CONSOLE_WAITING": self._archive.waiting,
             "CONSOLE_LOST": self._archive.lost,
             "CONSOLE_SAMPLES": (written - before) / passed_s if passed_s > 1.0 else None,
-            **usage_figures(CONSOLE, self._usage.look()),
+            **usage_figures(CONSOLE, self._usage.measure()),
         }

@@ -9,13 +9,13 @@ from aiohttp import web
 
 from adapters.console.rovers import AssetEntry
 from adapters.console.web import (
-    MOST_OCTETS,
+    MAX_BODY_OCTETS,
     Access,
     Handler,
     Hub,
     Sockets,
-    answer,
-    refusals,
+    error_middleware,
+    json_response,
     refused,
 )
 
@@ -50,8 +50,8 @@ class Server:
     def application(self) -> web.Application:
         """Return the aiohttp application."""
         application = web.Application(
-            middlewares=[refusals, self._access.middleware, _compressed],
-            client_max_size=MOST_OCTETS,
+            middlewares=[error_middleware, self._access.middleware, _compressed],
+            client_max_size=MAX_BODY_OCTETS,
         )
         sockets = Sockets(self._hub, self._access)
         application.on_shutdown.append(sockets.close)
@@ -70,11 +70,11 @@ class Server:
         return application
 
     async def _health(self, _: web.Request) -> web.Response:
-        return answer({"instance": self._hub.instance})
+        return json_response({"instance": self._hub.instance})
 
     async def _dictionary(self, _: web.Request) -> web.Response:
         assets = {each.asset: each for each in self._entries()}
-        return answer({"assets": assets, "console": self._own})
+        return json_response({"assets": assets, "console": self._own})
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         response = web.FileResponse(STATIC / _PAGES[request.path])

@@ -20,7 +20,7 @@ from adapters.console.archive import (
     RetentionPolicy,
     last_notification,
     open_database,
-    retain,
+    run_retention,
 )
 from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
 from adapters.console.messages import Broadcast, LinkKind, Notified, Sample, TreeState
@@ -48,8 +48,8 @@ from adapters.console.rovers import (
     SharedCommands,
 )
 from adapters.console.server import Server
-from adapters.console.tasks import begin, end
-from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
+from adapters.console.tasks import cancel_tasks, start_task
+from adapters.console.web import MAX_REPLAYED_COMMANDS, Access, Hub, SharedPresence, read_tokens
 from adapters.mal import CertificateError, address_to_listen, is_loopback
 from adapters.mrs.cli import RoverTarget
 from adapters.mrs.ground import CommandIdGenerator, parse_address
@@ -57,7 +57,7 @@ from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 from adapters.system import System
 
-READ_AGAIN_S: Final = 1.0
+READ_RETRY_S: Final = 1.0
 """Retry interval for reads of the archive that must succeed, s."""
 LOCK: Final = "console.lock"
 FILES: Final = "files"
@@ -142,17 +142,17 @@ async def _serving(
         hub.publish(message)
         archive.put(message)
         if isinstance(message, Notified):
-            alarms.hear_report(message)
+            alarms.on_report(message)
 
     def sample(value: Sample) -> None:
         hub.sample(value)
         archive.put(value)
-        alarms.hear_sample(value)
+        alarms.on_sample(value)
 
     def tree(state: TreeState) -> None:
         hub.tree(state)
         archive.put_tree(state)
-        alarms.hear_tree(state)
+        alarms.on_tree(state)
 
     def limits_of(asset: str, key: str) -> tuple[float | None, float | None]:
         known = fleet.assets.get(asset)
@@ -165,11 +165,11 @@ async def _serving(
             with suppress(SQLAlchemyError):  # retried: without it missed notifications are unknown
                 found = await archive.read(last)
                 return None if found is None else LastNotification(*found)
-            await asyncio.sleep(READ_AGAIN_S)
+            await asyncio.sleep(READ_RETRY_S)
 
     tracker = CommandTracker(publish, system.utc_s)
     commands = SharedCommands(archive, tracker)
-    await commands.restore(KEPT_COMMANDS)
+    await commands.restore(MAX_REPLAYED_COMMANDS)
     desk = OperatorAuthority(publish, hub.is_present, system.utc_s)
     uris = [_uri(target) for target in options.to]
     try:
@@ -219,9 +219,9 @@ async def _serving(
         commands.run(),
         objects.run(),
         presence.run(),
-        retain(archive, options.retention),
+        run_retention(archive, options.retention),
     ]
-    tasks = [begin(each) for each in working]
+    tasks = [start_task(each) for each in working]
     try:
         try:
             for path in options.recordings:
@@ -240,7 +240,7 @@ async def _serving(
     finally:
         await commanding.close()
         await transfers.close()
-        await end(tasks)
+        await cancel_tasks(tasks)
         await fleet.close()
         await alarms.close()
         await presence.close()

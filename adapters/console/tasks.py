@@ -10,17 +10,17 @@ from typing import Any, Final
 
 _LOG: Final = logging.getLogger(__name__)
 
-AGAIN_S: Final = 0.5
+CANCEL_POLL_S: Final = 0.5
 
 
-def begin(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+def start_task(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
     """Start a task. The caller must hold the returned reference."""
     task = asyncio.create_task(work)
-    task.add_done_callback(_tell_fault)
+    task.add_done_callback(_log_fault)
     return task
 
 
-async def end(tasks: Iterable[asyncio.Task[None]]) -> None:
+async def cancel_tasks(tasks: Iterable[asyncio.Task[None]]) -> None:
     """Cancel tasks in their order and wait until they have ended.
 
     Cancellation is repeated: before Python 3.13 a TaskGroup that fails at that moment loses a
@@ -30,10 +30,10 @@ async def end(tasks: Iterable[asyncio.Task[None]]) -> None:
     while left:
         for task in left:
             task.cancel()
-        await asyncio.wait(left, timeout=AGAIN_S)
+        await asyncio.wait(left, timeout=CANCEL_POLL_S)
         left = [task for task in left if not task.done()]
 
 
-def _tell_fault(task: asyncio.Task[None]) -> None:
+def _log_fault(task: asyncio.Task[None]) -> None:
     if not task.cancelled() and (fault := task.exception()) is not None:
         _LOG.error("a part of the console ended: %s", task.get_coro(), exc_info=fault)

@@ -9,10 +9,10 @@ from adapters.explanation.explain import ExplanationStep as ExplanationStep
 from adapters.explanation.explain import UnknownCommandError as UnknownCommandError
 from adapters.explanation.explain import explain_command as explain_command
 from adapters.explanation.explain import explain_now as explain_now
+from adapters.explanation.formatting import TimeFormatter as TimeFormatter
+from adapters.explanation.formatting import entry_line as entry_line
+from adapters.explanation.formatting import explanation_lines as explanation_lines
 from adapters.explanation.log import Entry as Entry
 from adapters.explanation.log import LogFilter as LogFilter
 from adapters.explanation.log import entries as entries
-from adapters.explanation.relevance import relevant as relevant
-from adapters.explanation.words import When as When
-from adapters.explanation.words import entry_line as entry_line
-from adapters.explanation.words import explanation_lines as explanation_lines
+from adapters.explanation.selection import select_for as select_for

@@ -8,17 +8,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.explanation.log import names, situation_at
-from executive.commands import Family, Mode, declared
+from adapters.explanation.log import matches_command, situation_at
+from executive.commands import Family, Mode, all_declarations
 from executive.faults import DECLARED
 from executive.history import CommandHistory, LeafRun, RunHistory, Situation
 from executive.state import Uncertainty
 from executive.values.reasons import PREDICTED, Figure, Reason
 from executive.values.reports import Identity, Report, ReportKind, Stage
 
-MOMENT_S: Final = 0.1
+MIN_WAIT_S: Final = 0.1
 """Minimum wait that is mentioned."""
-_FAMILIES: Final = {each.name: each.family for each in declared()}
+_FAMILIES: Final = {each.name: each.family for each in all_declarations()}
 _BRANCHES: Final = {
     Family.MOTION: "/motion/",
     Family.CAMERA: "/camera/",
@@ -29,7 +29,7 @@ _BRANCHES: Final = {
 _HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
 _BY_REASON: Final = {each.reason: each for each in DECLARED.values()}
 _UNCERTAINTY: Final = {each.name for each in Uncertainty().figures}
-_WAY_OUT: Final = (
+_RECOVERY: Final = (
     "until then motions to positions and headings are refused: correct the pose by"
     " setPositionCompensation, or confirm it by confirmPose"
 )
@@ -85,14 +85,14 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
     Raises:
         UnknownCommandError: no command or several match.
     """
-    lives = history.lives()
-    found = [each for identity, each in lives.items() if names(command, identity)]
-    declined = [each for each in history.declined if names(command, each.identity)]
+    histories = history.command_histories()
+    found = [each for identity, each in histories.items() if matches_command(command, identity)]
+    declined = [each for each in history.declined if matches_command(command, each.identity)]
     if len(found) > 1:
         which = ", ".join(str(each.identity) for each in found)
         raise UnknownCommandError(f"{command} is the number of several: name one of {which}")
     if found:
-        explained = _CommandExplainer(history, lives, found[0]).explain()
+        explained = _CommandExplainer(history, histories, found[0]).explain()
         others = tuple(
             ExplanationStep(
                 each.utc_s, f"another command under this number was refused: {each.refusal.text}"
@@ -109,38 +109,40 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
             (ExplanationStep(last.utc_s, f"refused at reception: {reason.name} {reason.value}"),),
             last.refusal.figures,
         )
-    known = [str(identity) for identity in lives][-5:]
+    known = [str(identity) for identity in histories][-5:]
     which = f"the latest known: {', '.join(known)}" if known else "none is known"
     raise UnknownCommandError(f"no command {command}; {which}")
 
 
 def explain_now(history: RunHistory) -> Explanation:
     """Return why the rover is stationary, or what moves it, at the end of a history."""
-    lives = history.lives()
+    histories = history.command_histories()
     now = history.situations[-1] if history.situations else None
     if now is None:
         return Explanation("the state of the rover is unknown", None, ())
     headline = f"{now.mode.name}: {now.why}"
-    if now.active is not None and now.active in lives and now.mode not in _HOLDING:
-        life = _CommandExplainer(history, lives, lives[now.active]).explain()
-        return Explanation(headline, life.reason, (*life.steps, *_conditions(history)), ())
+    if now.active is not None and now.active in histories and now.mode not in _HOLDING:
+        explanation = _CommandExplainer(history, histories, histories[now.active]).explain()
+        return Explanation(
+            headline, explanation.reason, (*explanation.steps, *_conditions(history)), ()
+        )
     cause = cause_of(history, now)
     steps: list[ExplanationStep] = []
     reason: Reason | None = None
     evidence: tuple[Figure, ...] = ()
     if isinstance(cause, CommandHistory):
         reason = Reason.STOPPED
-        steps += _asked(cause)
+        steps += _received_text(cause)
     elif cause is not None:
         reason, evidence = cause.reason, cause.figures
         steps.append(_event(cause))
         steps += [
             ExplanationStep(end.utc_s, _ending(each))
-            for each in lives.values()
+            for each in histories.values()
             if (end := each.end) is not None
             if end.reason is cause.reason and end.utc_s >= cause.utc_s
         ]
-    elif (last := last_ended(lives.values())) is not None and last.end is not None:
+    elif (last := last_ended(histories.values())) is not None and last.end is not None:
         reason = last.end.reason
         steps.append(ExplanationStep(last.end.utc_s, f"the last command to end: {_ending(last)}"))
     shown = {each.text for each in steps}
@@ -152,38 +154,47 @@ class _CommandExplainer:
     """Explains one command."""
 
     def __init__(
-        self, history: RunHistory, lives: dict[Identity, CommandHistory], life: CommandHistory
+        self,
+        history: RunHistory,
+        histories: dict[Identity, CommandHistory],
+        command: CommandHistory,
     ) -> None:
         self._history = history
-        self._lives = lives
-        self._life = life
-        self._family = _FAMILIES.get(life.request)
-        self._end_s = end_s(life, history)
+        self._histories = histories
+        self._command = command
+        self._family = _FAMILIES.get(command.request)
+        self._end_s = end_s(command, history)
 
     def explain(self) -> Explanation:
-        life, end = self._life, self._life.end
-        steps = [*_asked(life), *self._waited(), *self._ran(), *self._met(), *self._limited()]
+        entry, end = self._command, self._command.end
+        steps = [
+            *_received_text(entry),
+            *self._waited(),
+            *self._ran(),
+            *self._events_during(),
+            *self._limited(),
+        ]
         steps.sort(key=lambda each: self._end_s if each.utc_s is None else each.utc_s)
         if end is None:
-            headline, reason = self._under_way()
+            headline, reason = self._in_progress()
             return Explanation(headline, reason, tuple(steps))
         if end.stage is not Stage.REJECTED:
-            steps.append(ExplanationStep(end.utc_s, _ending(life)))
-        steps += self._behind(end)
+            steps.append(ExplanationStep(end.utc_s, _ending(entry)))
+        steps += self._causes(end)
         return Explanation(
-            _headline(life, end), end.reason or _of_stage(end), tuple(steps), _shown(end.figures)
+            _headline(entry, end), end.reason or _of_stage(end), tuple(steps), _shown(end.figures)
         )
 
-    def _under_way(self) -> tuple[str, Reason | None]:
-        life = self._life
-        title = f"{life.identity} {life.name}"
-        if life.at(Stage.ACCEPTED) is None:
+    def _in_progress(self) -> tuple[str, Reason | None]:
+        entry = self._command
+        title = f"{entry.identity} {entry.name}"
+        if entry.report_at(Stage.ACCEPTED) is None:
             return f"{title} was received, and is not decided on yet", None
         if self._started_s is None:
             waits = [each.text for each in self._waited()]
             return f"{title} {waits[-1] if waits else 'waits for its turn'}", self._held()
         running = [each for each in self._leaves if each.ended_utc_s is None]
-        doing = f" in leaf {running[-1].name}{_said(running[-1])}" if running else ""
+        doing = f" in leaf {running[-1].name}{_leaf_message(running[-1])}" if running else ""
         return f"{title} is under way{doing}", None
 
     def _held(self) -> Reason | None:
@@ -196,29 +207,29 @@ class _CommandExplainer:
     @property
     def _started_s(self) -> float | None:
         """Start time by its report or, without one, by the active command."""
-        started = self._life.at(Stage.STARTED)
+        started = self._command.report_at(Stage.STARTED)
         if started is not None:
             return started.utc_s
         for each in self._history.situations:
-            if each.active == self._life.identity:
+            if each.active == self._command.identity:
                 return each.utc_s
-        later, end = self._life.at(Stage.PROGRESS), self._life.end
+        later, end = self._command.report_at(Stage.PROGRESS), self._command.end
         if later is None and end is not None and end.stage in {Stage.EXECUTED, Stage.FAILED}:
-            later = self._life.at(Stage.ACCEPTED)
+            later = self._command.report_at(Stage.ACCEPTED)
         return None if later is None else later.utc_s
 
     def _waited(self) -> Iterator[ExplanationStep]:
-        accepted = self._life.at(Stage.ACCEPTED)
+        accepted = self._command.report_at(Stage.ACCEPTED)
         if accepted is None:
             return
         began_s = accepted.utc_s
         until_s = self._started_s if self._started_s is not None else self._end_s
-        if until_s - began_s < MOMENT_S:
+        if until_s - began_s < MIN_WAIT_S:
             return
         blockers = [
             f"{each.identity} {each.name}"
-            for each in self._lives.values()
-            if each is not self._life and self._in_front(each, began_s)
+            for each in self._histories.values()
+            if each is not self._command and self._in_front(each, began_s)
         ]
         held = [
             each
@@ -226,7 +237,7 @@ class _CommandExplainer:
             if each.utc_s < until_s and next_s > began_s
             if each.mode in _HOLDING or (each.mode is Mode.MOVING and each.active is None)
         ]
-        verb = "waited" if self._started_s is not None or self._life.end else "waits"
+        verb = "waited" if self._started_s is not None or self._command.end else "waits"
         for_what = [f"for {', '.join(blockers)}"] if blockers else []
         whys = dict.fromkeys(f"as the rover was {each.mode.name}: {each.why}" for each in held)
         why = "; ".join([*for_what, *list(whys)[-1:]]) or "for its turn"
@@ -236,7 +247,7 @@ class _CommandExplainer:
         """Return whether another command of the same queue was earlier and active in the wait."""
         if _FAMILIES.get(other.request) is not self._family:
             return False
-        accepted, mine = other.at(Stage.ACCEPTED), self._life.at(Stage.ACCEPTED)
+        accepted, mine = other.report_at(Stage.ACCEPTED), self._command.report_at(Stage.ACCEPTED)
         if accepted is None or mine is None or accepted.sequence > mine.sequence:
             return False
         return end_s(other, self._history) > began_s
@@ -257,36 +268,38 @@ class _CommandExplainer:
 
     def _ran(self) -> Iterator[ExplanationStep]:
         began_s = self._started_s
-        started = self._life.at(Stage.STARTED)
+        started = self._command.report_at(Stage.STARTED)
         if started is not None:
             yield ExplanationStep(started.utc_s, "started")
         for each in self._leaves:
             ended_s = self._end_s if each.ended_utc_s is None else each.ended_utc_s
             took_s = min(ended_s, self._end_s) - each.began_utc_s
             at_s = max(each.began_utc_s, began_s or each.began_utc_s)
-            yield ExplanationStep(at_s, f"leaf {each.name} ran for {took_s:.2f} s{_said(each)}")
-        for report in self._life.reports:
+            yield ExplanationStep(
+                at_s, f"leaf {each.name} ran for {took_s:.2f} s{_leaf_message(each)}"
+            )
+        for report in self._command.reports:
             if report.stage is Stage.PROGRESS:
                 yield ExplanationStep(
                     report.utc_s, f"step {report.step} of {report.step_count}: {report.text}"
                 )
 
-    def _met(self) -> Iterator[ExplanationStep]:
+    def _events_during(self) -> Iterator[ExplanationStep]:
         """Yield the events during the command, except those that the end repeats."""
-        end = self._life.end
-        said = "" if end is None else end.text
+        end = self._command.end
+        text = "" if end is None else end.text
         for report in self._history.reports:
             if (
                 report.kind is not ReportKind.COMMAND
                 and report.identity is None
-                and self._life.utc_s <= report.utc_s <= self._end_s
-                and report.text != said
+                and self._command.utc_s <= report.utc_s <= self._end_s
+                and report.text != text
             ):
                 yield _event(report)
 
     def _limited(self) -> Iterator[ExplanationStep]:
         fastest = next(
-            (each for each in self._history.fastest if each.identity == self._life.identity),
+            (each for each in self._history.fastest if each.identity == self._command.identity),
             None,
         )
         began_s = self._started_s
@@ -297,7 +310,7 @@ class _CommandExplainer:
             for each in _active_faults(self._history, self._end_s, began_s)
             if each.reason in self._history.slowing
         ]
-        setting = last_speed_setting(self._lives.values(), self._end_s)
+        setting = last_speed_setting(self._histories.values(), self._end_s)
         if setting is not None:
             causes.append(f"{setting.name} of {setting.identity}")
         if fastest is not None and fastest.travel_mps > 0.0:
@@ -309,11 +322,11 @@ class _CommandExplainer:
         elif causes:
             yield ExplanationStep(None, f"its speed was limited: {'; '.join(causes)}")
 
-    def _behind(self, end: Report) -> Iterator[ExplanationStep]:
+    def _causes(self, end: Report) -> Iterator[ExplanationStep]:
         """Yield the cause of the end: the command that it names, or the mode of the rover."""
-        for other in self._lives.values():
-            if other is not self._life and mentions(end.text, other.identity):
-                yield from _asked(other)
+        for other in self._histories.values():
+            if other is not self._command and mentions(end.text, other.identity):
+                yield from _received_text(other)
         then = situation_at(self._history, end.utc_s)
         if end.reason is Reason.WRONG_MODE and then is not None:
             yield ExplanationStep(then.utc_s, f"the rover was {then.mode.name}: {then.why}")
@@ -322,69 +335,69 @@ class _CommandExplainer:
 
 
 def last_speed_setting(
-    lives: Iterable[CommandHistory], until_utc_s: float
+    histories: Iterable[CommandHistory], until_utc_s: float
 ) -> CommandHistory | None:
     """Return the command that set the speed limit in force at a time; None without one."""
     settings = [
         each
-        for each in lives
+        for each in histories
         if (end := each.end) is not None and end.stage is Stage.EXECUTED
         if end.utc_s <= until_utc_s and each.name.startswith("setTravelSpeed")
     ]
     return settings[-1] if settings else None
 
 
-def last_ended(lives: Iterable[CommandHistory]) -> CommandHistory | None:
+def last_ended(histories: Iterable[CommandHistory]) -> CommandHistory | None:
     """Return the command that ended last; None if none did."""
-    ended = ((each.end.sequence, each) for each in lives if each.end is not None)
+    ended = ((each.end.sequence, each) for each in histories if each.end is not None)
     _, last = max(ended, key=lambda each: each[0], default=(0, None))
     return last
 
 
-def end_s(life: CommandHistory, history: RunHistory) -> float:
+def end_s(entry: CommandHistory, history: RunHistory) -> float:
     """Return the time of a command's end, or of the history's if it has not ended."""
-    return history.until_utc_s if life.end is None else life.end.utc_s
+    return history.until_utc_s if entry.end is None else entry.end.utc_s
 
 
 def _of_stage(end: Report) -> Reason | None:
     return Reason.EXPIRED if end.stage is Stage.EXPIRED else None
 
 
-def _headline(life: CommandHistory, end: Report) -> str:
-    said = f": {life.outcome}" if life.outcome else ""
+def _headline(entry: CommandHistory, end: Report) -> str:
+    text = f": {entry.outcome}" if entry.outcome else ""
     assert end.stage is not None
-    return f"{life.identity} {life.name} {_ENDED[end.stage]}{said}"
+    return f"{entry.identity} {entry.name} {_ENDED[end.stage]}{text}"
 
 
-def _ending(life: CommandHistory) -> str:
-    end = life.end
+def _ending(entry: CommandHistory) -> str:
+    end = entry.end
     assert end is not None
     assert end.stage is not None
-    took_s = end.utc_s - life.utc_s
-    said = f": {life.outcome}" if life.outcome else ""
+    took_s = end.utc_s - entry.utc_s
+    text = f": {entry.outcome}" if entry.outcome else ""
     why = in_brackets(end.reason or _of_stage(end))
-    return f"{life.identity} {_ENDED[end.stage]} after {took_s:.2f} s{said}{why}"
+    return f"{entry.identity} {_ENDED[end.stage]} after {took_s:.2f} s{text}{why}"
 
 
-def _asked(life: CommandHistory) -> Iterator[ExplanationStep]:
-    asked, first, link = life.received, life.reports[0], life.link
+def _received_text(entry: CommandHistory) -> Iterator[ExplanationStep]:
+    received, first, link = entry.received, entry.reports[0], entry.link
     over = "" if link is None else f" over the {link} link"
     wait = (
         ""
-        if asked is None or asked.lifetime_s is None
-        else f", to start within {asked.lifetime_s:g} s"
+        if received is None or received.lifetime_s is None
+        else f", to start within {received.lifetime_s:g} s"
     )
     yield ExplanationStep(
-        first.utc_s if asked is None else asked.utc_s,
-        f"{life.identity.source} requested {life.name}{over}, as number"
-        f" {life.identity.command_id}{wait}",
+        first.utc_s if received is None else received.utc_s,
+        f"{entry.identity.source} requested {entry.name}{over}, as number"
+        f" {entry.identity.command_id}{wait}",
     )
-    accepted, end = life.at(Stage.ACCEPTED), life.end
+    accepted, end = entry.report_at(Stage.ACCEPTED), entry.end
     if accepted is not None:
-        yield ExplanationStep(accepted.utc_s, f"{life.identity} was accepted")
+        yield ExplanationStep(accepted.utc_s, f"{entry.identity} was accepted")
     elif end is not None and end.stage is Stage.REJECTED:
         why = in_brackets(end.reason)
-        yield ExplanationStep(end.utc_s, f"{life.identity} was refused: {end.text}{why}")
+        yield ExplanationStep(end.utc_s, f"{entry.identity} was refused: {end.text}{why}")
 
 
 def in_brackets(reason: Reason | None) -> str:
@@ -397,7 +410,7 @@ def _event(report: Report) -> ExplanationStep:
     return ExplanationStep(report.utc_s, text)
 
 
-def _said(run: LeafRun) -> str:
+def _leaf_message(run: LeafRun) -> str:
     return f": {run.message}" if run.message else ""
 
 
@@ -430,8 +443,8 @@ def cause_of(history: RunHistory, now: Situation) -> Report | CommandHistory | N
     ]
     if events:
         return events[-1]
-    lives = history.lives()
-    named = [each for identity, each in lives.items() if mentions(now.why, identity)]
+    histories = history.command_histories()
+    named = [each for identity, each in histories.items() if mentions(now.why, identity)]
     if not named or now.mode is not Mode.STOPPED:
         return None
     return min(named, key=lambda each: now.why.find(str(each.identity)))
@@ -473,7 +486,7 @@ def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[ExplanationSt
         elif report.reason in _BY_REASON:
             faults.append(report)
     steps = dict.fromkeys(_event(report) for reports in begun for report in reports)
-    return [*steps, ExplanationStep(None, _WAY_OUT)] if steps else []
+    return [*steps, ExplanationStep(None, _RECOVERY)] if steps else []
 
 
 def _is_of_pose(report: Report) -> bool:
@@ -485,7 +498,7 @@ def _is_named(fault: Report, text: str) -> bool:
     return any(text.endswith(f" {each}") for each in names)
 
 
-def says_who_moves(report: Report) -> bool:
+def is_foreign_motion_event(report: Report) -> bool:
     """Return whether a report is on other velocity publishers, or on their absence."""
     return "move the rover" in report.text or "nobody else moves" in report.text
 
@@ -494,7 +507,7 @@ def _conditions(history: RunHistory) -> list[ExplanationStep]:
     """Return the active faults and other velocity publishers."""
     steps = [_event(each) for each in _active_faults(history, history.until_utc_s)]
     steps += _uncertain_since(history, history.until_utc_s)
-    foreign = [each for each in history.reports if says_who_moves(each)]
+    foreign = [each for each in history.reports if is_foreign_motion_event(each)]
     if foreign and foreign[-1].text.startswith("others"):
         steps.append(_event(foreign[-1]))
     return steps

@@ -26,11 +26,14 @@ class LogFilter:
     until_utc_s: float | None = None
     mode: Mode | None = None
 
-    def has(self, report: Report) -> bool:
+    def matches(self, report: Report) -> bool:
         """Return whether a report passes the filter, apart from the mode."""
         identity = report.identity
         return (
-            (self.command is None or (identity is not None and names(self.command, identity)))
+            (
+                self.command is None
+                or (identity is not None and matches_command(self.command, identity))
+            )
             and (self.source is None or (identity is not None and identity.source == self.source))
             and report.severity.value >= self.severity.value
             and (self.since_utc_s is None or report.utc_s >= self.since_utc_s)
@@ -38,7 +41,7 @@ class LogFilter:
         )
 
 
-def names(command: str, identity: Identity) -> bool:
+def matches_command(command: str, identity: Identity) -> bool:
     """Return whether a text is the number of a command, or its source and number."""
     return command in {str(identity), str(identity.command_id)}
 
@@ -51,17 +54,17 @@ def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Ite
 
     A command passes if one of its reports does; with `unfold`, its reports are yielded instead.
     """
-    lives = history.lives()
+    histories = history.command_histories()
     chosen = [
-        each for each in history.reports if wanted.has(each) and _in_mode(each, history, wanted)
+        each for each in history.reports if wanted.matches(each) and _in_mode(each, history, wanted)
     ]
     listed: set[Identity | int | Report] = set()
     for report in sorted(chosen, key=lambda each: each.sequence):
-        life = None if unfold or report.identity is None else lives.get(report.identity)
-        key = (report.sequence or report) if life is None else life.identity
+        entry = None if unfold or report.identity is None else histories.get(report.identity)
+        key = (report.sequence or report) if entry is None else entry.identity
         if key not in listed:
             listed.add(key)
-            yield report if life is None else life
+            yield report if entry is None else entry
 
 
 def _in_mode(report: Report, history: RunHistory, wanted: LogFilter) -> bool:

@@ -66,15 +66,15 @@ class Quota:
     """
 
     def __init__(
-        self, what: str, total: int, share: int, keeps: Callable[[Connection], bool]
+        self, what: str, total: int, share: int, is_priority: Callable[[Connection], bool]
     ) -> None:
         self._what = what
         self._total = total
         self._share = share
-        self._keeps = keeps
+        self._is_priority = is_priority
         self._held: Counter[Connection] = Counter()
 
-    def take(self, connection: Connection, count: int = 1) -> None:
+    def reserve(self, connection: Connection, count: int = 1) -> None:
         """Reserve more for a connection, or release (negative).
 
         Raises:
@@ -89,44 +89,46 @@ class Quota:
         if wanted <= 0:
             del self._held[connection]
 
-    def drop(self, connection: Connection) -> None:
+    def release(self, connection: Connection) -> None:
         """Release everything of a closed connection."""
         self._held.pop(connection, None)
 
     def _take_from_others(self, connection: Connection, wanted: int) -> None:
-        others = [c for c in self._held if c is not connection and not self._keeps(c)]
-        most = max(others, key=self._held.__getitem__, default=None)
-        if most is None or (self._held[most] <= wanted and not self._keeps(connection)):
+        others = [c for c in self._held if c is not connection and not self._is_priority(c)]
+        largest = max(others, key=self._held.__getitem__, default=None)
+        if largest is None or (self._held[largest] <= wanted and not self._is_priority(connection)):
             raise too_many(f"at most {self._total} {self._what} over all connections together")
-        held = self._held.pop(most)
-        most.give_up(f"it has {held} of {self._total} {self._what}, and others need some")
+        held = self._held.pop(largest)
+        largest.abort(f"it has {held} of {self._total} {self._what}, and others need some")
 
 
 class LimitedLog:
     """Rate-limited log of peers' errors: `most` records of a kind in `period_s`, then a count."""
 
-    def __init__(self, warn: Callable[..., None], most: int = 10, period_s: float = 10.0) -> None:
+    def __init__(
+        self, warn: Callable[..., None], maximum: int = 10, period_s: float = 10.0
+    ) -> None:
         self._warn = warn
-        self._most = most
+        self._max_records = maximum
         self._period_s = period_s
         self._counts: dict[str, int] = {}
         self._began_s = 0.0
 
     def warn(self, text: str, *arguments: object) -> None:
         """Log a record, or count it beyond `most` of the same text."""
-        self.tell()
+        self.flush()
         count = self._counts[text] = self._counts.get(text, 0) + 1
-        if count <= self._most:
+        if count <= self._max_records:
             self._warn(text, *arguments)
 
-    def tell(self) -> None:
+    def flush(self) -> None:
         """Log the number of omitted records, once a period."""
         now_s = asyncio.get_running_loop().time()
         if now_s - self._began_s < self._period_s:
             return
         for text, count in self._counts.items():
-            if count > self._most:
-                self._warn("%d more in %g s: " + text.replace("%", "%%"), count - self._most,
+            if count > self._max_records:
+                self._warn("%d more in %g s: " + text.replace("%", "%%"), count - self._max_records,
                            now_s - self._began_s)  # fmt: skip
         self._counts.clear()
         self._began_s = now_s
@@ -135,14 +137,14 @@ class LimitedLog:
 _CONNECTIONS_A_VICTIM: Final = 32
 _KNOWN: Final = 16
 """Maximum message count that matters in the choice of a victim; chosen, not measured."""
-_ROOM: Final = 64 << 10
+_RECEIVE_BUFFER_OCTETS: Final = 64 << 10
 """Receive buffer of a consumer under load, in octets."""
 _NO_SUCH_ADDRESS: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 _RETRY_S: Final = 0.1
 """Pause after a failed accept."""
 _SWEEP_S: Final = 1.0
 """Maximum period of the check for stalled connections."""
-_WORTH_TRIMMING: Final = 4 << 20
+_TRIM_THRESHOLD_OCTETS: Final = 4 << 20
 """Freed octets after which memory is returned to the operating system; chosen, not measured."""
 
 
@@ -167,8 +169,8 @@ class Connections(ConnectionGuard):
         warn: Callable[..., None],
         system: System,
     ) -> None:
-        super().__init__(limits.message_octets, _ROOM)
-        self.keeps: Callable[[Connection], bool] = lambda _: False
+        super().__init__(limits.message_octets, _RECEIVE_BUFFER_OCTETS)
+        self.is_priority: Callable[[Connection], bool] = lambda _: False
         self._limits = limits
         self._on_message = on_message
         self._on_refused = on_refused
@@ -184,14 +186,16 @@ class Connections(ConnectionGuard):
         self._listeners: list[Socket] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._tls: ssl.SSLContext | None = None
-        self._given_back = 0
+        self._released = 0
         descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         unbounded = descriptors == resource.RLIM_INFINITY
-        self._most = limits.connections if unbounded else min(limits.connections, descriptors // 2)
+        self._max_connections = (
+            limits.connections if unbounded else min(limits.connections, descriptors // 2)
+        )
 
     def quota(self, what: str, total: int, share: int) -> Quota:
         """Return a new bound on a resource of the connections."""
-        return Quota(what, total, share, lambda connection: self.keeps(connection))
+        return Quota(what, total, share, lambda connection: self.is_priority(connection))
 
     async def listen(self, host: str, port: int, tls: ssl.SSLContext | None) -> int:
         """Accept connections from now on, and return the port.
@@ -240,8 +244,8 @@ class Connections(ConnectionGuard):
 
     def reserve(self, connection: Connection, octets: int) -> None:
         """Called by a connection that reserves or releases memory for a long message."""
-        self._unfinished.take(connection, octets)
-        self._given_back += max(-octets, 0)
+        self._unfinished.reserve(connection, octets)
+        self._released += max(-octets, 0)
 
     def refused(self, connection: Connection, header: Header, error: MalError) -> None:
         """Called by a connection that receives a message beyond a bound."""
@@ -258,10 +262,10 @@ class Connections(ConnectionGuard):
                 accepted, address = await loop.sock_accept(listener)
             except OSError as fault:
                 self.warn("cannot accept a connection: %s", fault.strerror)
-                self._make_room()
+                self._evict()
                 await asyncio.sleep(_RETRY_S)
                 continue
-            if len(self._hosts) >= self._most and not self._make_room():
+            if len(self._hosts) >= self._max_connections and not self._evict():
                 accepted.close()
                 continue
             connection = Connection(self._on_message, self)
@@ -283,26 +287,32 @@ class Connections(ConnectionGuard):
                 self._hosts.pop(connection, None)
                 taken.close()
 
-    def _make_room(self) -> bool:
+    def _evict(self) -> bool:
         """Abort connections; return whether one could be aborted.
 
         With many connections several are aborted at once, since repeated connection attempts would
         otherwise sort all of them each time.
         """
-        candidates = [connection for connection in self._hosts if not self.keeps(connection)]
+        candidates = [connection for connection in self._hosts if not self.is_priority(connection)]
         if not candidates:
             self.warn("a connection is refused: all %d have priority", len(self._hosts))
             return False
         crowd = Counter(map(self._peer, candidates))
         for victim in nsmallest(
-            max(1, self._most // _CONNECTIONS_A_VICTIM),
+            max(1, self._max_connections // _CONNECTIONS_A_VICTIM),
             candidates,
-            key=lambda c: (-crowd[self._peer(c)], min(c.heard, _KNOWN), c.heard_s),
+            key=lambda c: (
+                -crowd[self._peer(c)],
+                min(c.messages_received, _KNOWN),
+                c.last_received_s,
+            ),
         ):
             del self._hosts[victim]
             if victim in self._handshakes:
                 self._handshakes[victim].cancel()
-            victim.give_up(f"{self._most} connections are open, and another peer needs one")
+            victim.abort(
+                f"{self._max_connections} connections are open, and another peer needs one"
+            )
         return True
 
     def _peer(self, connection: Connection) -> str:
@@ -311,8 +321,8 @@ class Connections(ConnectionGuard):
     def _forget(self, connection: Connection) -> None:
         self._hosts.pop(connection, None)
         self._open.pop(connection, None)
-        self._given_back += _ROOM
-        self._unfinished.drop(connection)
+        self._released += _RECEIVE_BUFFER_OCTETS
+        self._unfinished.release(connection)
         self._on_lost(connection)
 
     async def _watch(self) -> None:
@@ -320,25 +330,25 @@ class Connections(ConnectionGuard):
         loop, limits = asyncio.get_running_loop(), self._limits
         while True:
             await asyncio.sleep(min(_SWEEP_S, limits.silence_s, limits.stall_s))
-            self._log.tell()
+            self._log.flush()
             now_s = loop.time()
             for connection, opened_s in list(self._open.items()):
-                if not connection.heard and now_s - opened_s > limits.silence_s:
-                    connection.give_up(f"no message within {limits.silence_s:g} s")
+                if not connection.messages_received and now_s - opened_s > limits.silence_s:
+                    connection.abort(f"no message within {limits.silence_s:g} s")
                 elif connection.waits_for_more and now_s - connection.arrived_s > limits.stall_s:
-                    connection.give_up(f"a message is incomplete for {limits.stall_s:g} s")
+                    connection.abort(f"a message is incomplete for {limits.stall_s:g} s")
             self._bound_unread()
-            if self._given_back > _WORTH_TRIMMING:
-                self._given_back = 0
+            if self._released > _TRIM_THRESHOLD_OCTETS:
+                self._released = 0
                 _trim()
 
     def _bound_unread(self) -> None:
-        unread = Counter({c: c.unread_octets for c in self._open if not self.keeps(c)})
+        unread = Counter({c: c.unread_octets for c in self._open if not self.is_priority(c)})
         for connection, octets in unread.most_common():
             if unread.total() <= self._limits.unread_octets:
                 return
             del unread[connection]
-            connection.give_up(f"{octets} octets are unread, and other peers need the memory")
+            connection.abort(f"{octets} octets are unread, and other peers need the memory")
 
 
 def _trim() -> None:

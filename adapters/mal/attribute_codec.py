@@ -68,7 +68,7 @@ class Reader:
         at: Index of the next octet.
     """
 
-    __slots__ = ("_depth", "_elements", "_most_elements", "_octets", "at")
+    __slots__ = ("_depth", "_elements", "_max_elements", "_octets", "at")
 
     def __init__(
         self, octets: bytes | memoryview, at: int = 0, elements: int = MAX_ELEMENTS
@@ -77,7 +77,7 @@ class Reader:
         self.at = at
         self._depth = 0
         self._elements = 0
-        self._most_elements = elements
+        self._max_elements = elements
 
     def fail(self, what: str) -> DecodeError:
         """Return the error with the position of the octet."""
@@ -111,8 +111,8 @@ class Reader:
         """Return the number of elements of a list."""
         count = self.uinteger()
         self._elements += count
-        if self._elements > self._most_elements:
-            raise self.fail(f"{count} list elements, {self._most_elements} allowed in a message")
+        if self._elements > self._max_elements:
+            raise self.fail(f"{count} list elements, {self._max_elements} allowed in a message")
         return count
 
     def boolean(self) -> bool:

@@ -251,7 +251,7 @@ class Broker:
             connection, header.from_uri, header.to_uri, header.transaction_id
         )
         if subscription.subscriptionId not in subscriber.subscriptions.get(names, {}):
-            self._subscriptions.take(connection)
+            self._subscriptions.reserve(connection)
         self._subscribers.setdefault(connection, {})[header.from_uri] = subscriber
         own = subscriber.subscriptions.setdefault(names, {})
         own[subscription.subscriptionId] = subscription
@@ -270,7 +270,7 @@ class Broker:
         own = subscriber.subscriptions.get(names, {})
         for subscription_id in ids:
             if own.pop(subscription_id, None) is not None:
-                self._subscriptions.take(connection, -1)
+                self._subscriptions.reserve(connection, -1)
         if not own:
             subscriber.subscriptions.pop(names, None)
         if not subscriber.subscriptions:
@@ -283,8 +283,8 @@ class Broker:
         self._subscribers.pop(connection, None)
         for known in [known for known in self._publishers if known.connection is connection]:
             del self._publishers[known]
-        self._subscriptions.drop(connection)
-        self._publications.drop(connection)
+        self._subscriptions.release(connection)
+        self._publications.release(connection)
 
     def publish(
         self,
@@ -332,7 +332,7 @@ class Broker:
             raise _unknown(f"the keys of {operation.name} are {wanted}")
         registration = _Registration(connection, header.from_uri, operation)
         if registration not in self._publishers:
-            self._publications.take(connection)
+            self._publications.reserve(connection)
         self._publishers[registration] = {name: keys[name] for name in names}
 
     def deregister_publisher(
@@ -340,7 +340,7 @@ class Broker:
     ) -> None:
         """Remove a publisher; an unknown one is ignored."""
         if self._publishers.pop(_Registration(connection, header.from_uri, operation), None):
-            self._publications.take(connection, -1)
+            self._publications.reserve(connection, -1)
 
     def publish_for(
         self,

@@ -369,7 +369,7 @@ _SUPPLEMENT_CAP: Final = 256
 """Maximum supplements and parts of them in one header."""
 _COPIED_OCTETS: Final = 4096
 """Maximum octets of a message that is copied first, since many small views are slower."""
-SHORTEST: Final = _HEAD.size + _LENGTH.size
+MIN_MESSAGE_OCTETS: Final = _HEAD.size + _LENGTH.size
 """Octets of the minimum message: no URI, no timestamp, no supplement, no body."""
 
 

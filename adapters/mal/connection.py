@@ -10,7 +10,7 @@ from functools import partial
 from typing import Final, cast
 from urllib.parse import urlsplit
 
-from adapters.mal.codec import SHORTEST, Header, decode_header, decode_message
+from adapters.mal.codec import MIN_MESSAGE_OCTETS, Header, decode_header, decode_message
 from adapters.mal.errors import DecodeError, MalError, too_many
 from adapters.mal.tls import certificate_name
 
@@ -29,9 +29,9 @@ MESSAGE_CAP: Final = 64 << 20
 """Maximum octets of an accepted message, and of a skipped one."""
 HEADER_OCTETS: Final = 4096
 """Octets that are read of a message that is too long, to find its sender."""
-_LEAST_ROOM: Final = 16 << 10
+_MIN_BUFFER_OCTETS: Final = 16 << 10
 """Initial octets of a framer's buffer."""
-ROOM_AT_ONCE: Final = 256 << 10
+BUFFER_STEP_OCTETS: Final = 256 << 10
 """Buffer size under load; larger only for a longer message."""
 
 
@@ -51,12 +51,12 @@ class Framer:
         self,
         cap: int = MESSAGE_CAP,
         reserve: Callable[[int], None] = lambda _: None,
-        room: int = ROOM_AT_ONCE,
+        capacity: int = BUFFER_STEP_OCTETS,
     ) -> None:
         self._cap = cap
-        self._room = room
+        self._capacity = capacity
         self._reserve = reserve
-        self._buffer = memoryview(bytearray(_LEAST_ROOM))
+        self._buffer = memoryview(bytearray(_MIN_BUFFER_OCTETS))
         self._begin = 0
         self._end = 0
         self._skip = 0
@@ -96,8 +96,8 @@ class Framer:
         self._begin += length
         if self._begin == self._end:
             self._begin = self._end = 0
-            if len(self._buffer) > self._room:
-                self._resize(_LEAST_ROOM)
+            if len(self._buffer) > self._capacity:
+                self._resize(_MIN_BUFFER_OCTETS)
         return message
 
     def skip(self) -> memoryview:
@@ -117,25 +117,27 @@ class Framer:
             raise DecodeError(
                 f"first octet {begin[0]:#04x}: the header of 521.0-B-2, not of 521.0-B-3"
             )
-        if not SHORTEST <= length <= MESSAGE_CAP:
-            raise DecodeError(f"message length {length} is outside {SHORTEST} to {MESSAGE_CAP}")
+        if not MIN_MESSAGE_OCTETS <= length <= MESSAGE_CAP:
+            raise DecodeError(
+                f"message length {length} is outside {MIN_MESSAGE_OCTETS} to {MESSAGE_CAP}"
+            )
         return length
 
     def _arrange(self, length: int) -> None:
         """Move an incomplete message to free space after it, into a larger buffer if necessary."""
         begun = self._buffer[self._begin : self._end]
         size = len(self._buffer)
-        if len(begun) == size or (self._end == size and size < self._room):
-            self._resize(min(2 * size, max(length, self._room)))
-        elif not begun and size > self._room:
-            self._resize(_LEAST_ROOM)
+        if len(begun) == size or (self._end == size and size < self._capacity):
+            self._resize(min(2 * size, max(length, self._capacity)))
+        elif not begun and size > self._capacity:
+            self._resize(_MIN_BUFFER_OCTETS)
         elif self._begin == 0 or (begun and self._end <= size // 2):
             return
         self._begin, self._end = 0, len(begun)
         self._buffer[: self._end] = begun
 
     def _resize(self, size: int) -> None:
-        before, after = (max(octets - self._room, 0) for octets in (len(self._buffer), size))
+        before, after = (max(octets - self._capacity, 0) for octets in (len(self._buffer), size))
         if after != before:
             self._reserve(after - before)
         self._buffer = memoryview(bytearray(size))
@@ -179,7 +181,7 @@ class FairScheduler:
         self._waiting.add(job)
         self._fresh.append(job)
 
-    def forget(self, job: Job) -> None:
+    def remove(self, job: Job) -> None:
         """Remove a waiting job."""
         if job in self._waiting:
             self._waiting.remove(job)
@@ -215,10 +217,10 @@ class ConnectionGuard:
         room: Octets of each connection's buffer without a reservation.
     """
 
-    def __init__(self, message_cap: int = MESSAGE_CAP, room: int = ROOM_AT_ONCE) -> None:
+    def __init__(self, message_cap: int = MESSAGE_CAP, capacity: int = BUFFER_STEP_OCTETS) -> None:
         self.turns = FairScheduler()
         self.message_cap = message_cap
-        self.room = room
+        self.buffer_octets = capacity
 
     def opened(self, connection: "Connection") -> None:
         """Called when a connection is ready for use."""
@@ -254,15 +256,15 @@ class Connection(asyncio.BufferedProtocol):
             certificate.
         arrived_s: Time of the last received octets, by the loop's clock.
         heard: Number of complete received messages.
-        heard_s: Time of the last of them, by the loop's clock.
+        last_received_s: Time of the last of them, by the loop's clock.
     """
 
     def __init__(self, on_message: OnMessage, guard: ConnectionGuard | None = None) -> None:
         self._on_message = on_message
         self._guard = guard = ConnectionGuard() if guard is None else guard
-        self._framer = Framer(guard.message_cap, partial(guard.reserve, self), guard.room)
+        self._framer = Framer(guard.message_cap, partial(guard.reserve, self), guard.buffer_octets)
         self._transport: asyncio.Transport | None = None
-        self._notifications = NotificationQueue(self._gather, self.give_up)
+        self._notifications = NotificationQueue(self._gather, self.abort)
         self._gathered: list[bytes] = []
         self._gathered_octets = 0
         self._serving = False
@@ -277,7 +279,7 @@ class Connection(asyncio.BufferedProtocol):
         self.peer_host = ""
         self.peer_name: str | None = None
         self.arrived_s = loop.time()
-        self.heard, self.heard_s = 0, 0.0
+        self.messages_received, self.last_received_s = 0, 0.0
 
     @property
     def is_open(self) -> bool:
@@ -304,7 +306,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
-            self.give_up(f"more than {_UNREAD_CAP} octets are unread by the peer")
+            self.abort(f"more than {_UNREAD_CAP} octets are unread by the peer")
             return
         self._transport.write(message)
 
@@ -380,7 +382,7 @@ class Connection(asyncio.BufferedProtocol):
             assert self._transport is not None
             self._transport.close()
 
-    def give_up(self, reason: str) -> None:
+    def abort(self, reason: str) -> None:
         """Abort the connection, with the reason in the log; unsent octets are lost."""
         if self.is_open:
             self._guard.warn("connection with %s aborted: %s", self.peer, reason)
@@ -432,7 +434,10 @@ class Connection(asyncio.BufferedProtocol):
             message = self._framer.take()
             if message is not None:
                 header, body = decode_message(message)
-                self.heard, self.heard_s = self.heard + 1, self.arrived_s
+                self.messages_received, self.last_received_s = (
+                    self.messages_received + 1,
+                    self.arrived_s,
+                )
                 self._on_message(self, header, body)
                 if self._framer.unfinished:
                     return self.is_open
@@ -471,7 +476,7 @@ class Connection(asyncio.BufferedProtocol):
         self._transport = None
         self._writable.set()
         for job in self._jobs:
-            self._guard.turns.forget(job)
+            self._guard.turns.remove(job)
         self._framer.release()
         self.lost.set_result(None)
 
@@ -530,19 +535,19 @@ class NotificationQueue:
         paused: Whether the peer accepts no data now.
     """
 
-    def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
+    def __init__(self, write: Callable[[bytes], None], on_failure: Callable[[str], None]) -> None:
         self.paused = False
         self._write = write
-        self._give_up = give_up
+        self._abort = on_failure
         self._waiting: OrderedDict[int, Callable[[], Iterable[bytes]]] = OrderedDict()
         self._droppable: deque[int] = deque()
         self._number = 0
-        self._under_way: Iterator[bytes] | None = None
+        self._in_flight: Iterator[bytes] | None = None
 
     def put(self, messages: Callable[[], Iterable[bytes]], droppable: bool) -> bool:
         """Queue messages, and return whether they can be sent now."""
-        if self._under_way is None and not self._waiting and not self.paused:
-            self._under_way = iter(messages())
+        if self._in_flight is None and not self._waiting and not self.paused:
+            self._in_flight = iter(messages())
             return True
         self._number += 1
         self._waiting[self._number] = messages
@@ -552,23 +557,23 @@ class NotificationQueue:
             self._droppable.append(self._number)
         while len(self._waiting) - len(self._droppable) > BACKLOG_CAP:
             if not self.send_one():
-                self._give_up(f"{BACKLOG_CAP} queued messages may not be dropped")
+                self._abort(f"{BACKLOG_CAP} queued messages may not be dropped")
                 return False
         return not self.paused
 
     def send_one(self) -> bool:
         """Write one message, and return whether more can be written now."""
         while not self.paused:
-            if self._under_way is None:
+            if self._in_flight is None:
                 if not self._waiting:
                     break
                 number, messages = self._waiting.popitem(last=False)
                 if self._droppable and self._droppable[0] == number:
                     self._droppable.popleft()
-                self._under_way = iter(messages())
-            message = next(self._under_way, None)
+                self._in_flight = iter(messages())
+            message = next(self._in_flight, None)
             if message is not None:
                 self._write(message)
                 return True
-            self._under_way = None
+            self._in_flight = None
         return False

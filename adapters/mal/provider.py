@@ -200,7 +200,7 @@ _UNREADABLE: Final = {
         StandardError.UNSUPPORTED_OPERATION,
     )
 }
-_ANSWERED_ELSEWHERE: Final = (
+_ANSWERED_SEPARATELY: Final = (
     InteractionStage.SEND,
     InteractionStage.INVOKE,
     InteractionStage.PROGRESS,
@@ -245,7 +245,7 @@ class Provider:
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
         self._logged = {*_UNREADABLE, self._not_served.number, *logged}
         self._connections = connections = Connections(
-            limits, self._receive, self._no_room, self._lose, _LOG.warning, system
+            limits, self._receive, self._reject_oversized, self._lose, _LOG.warning, system
         )
         self._interactions = connections.quota(
             "active interactions", limits.interactions, limits.share
@@ -334,9 +334,9 @@ class Provider:
             )
         self._uri = MalUri(host, await self._connections.listen(host, port, tls), self._name)
 
-    def keep(self, keeps: Callable[[Connection], bool]) -> None:
+    def set_priority_check(self, is_priority: Callable[[Connection], bool]) -> None:
         """Set the check for connections with priority, which are never aborted for other peers."""
-        self._connections.keeps = keeps
+        self._connections.is_priority = is_priority
 
     @property
     def uri(self) -> MalUri:
@@ -358,10 +358,10 @@ class Provider:
         return found
 
     def _lose(self, connection: Connection) -> None:
-        self._interactions.drop(connection)
+        self._interactions.release(connection)
         self._broker.drop(connection)
 
-    def _no_room(self, connection: Connection, header: Header, error: MalError) -> None:
+    def _reject_oversized(self, connection: Connection, header: Header, error: MalError) -> None:
         """Answer a skipped message."""
         self._connections.warn("%s from %s skipped: %s", header.stage.name, connection.peer, error)
         if header.stage in REPLY and not header.is_error:
@@ -473,7 +473,7 @@ class Provider:
             MalError: TOO_MANY; the work is cancelled.
         """
         try:
-            self._interactions.take(connection)
+            self._interactions.reserve(connection)
         except MalError:
             if not work.cancel() and not work.cancelled():
                 work.exception()
@@ -485,7 +485,7 @@ class Provider:
         def end(_ended: "asyncio.Future[Any]") -> None:
             connection.lost.remove_done_callback(cancel)
             if not connection.lost.done():
-                self._interactions.take(connection, -1)
+                self._interactions.reserve(connection, -1)
 
         connection.lost.add_done_callback(cancel)
         work.add_done_callback(end)
@@ -506,5 +506,5 @@ class Provider:
 
 
 def _reply(back: ReplyPath, operation: Operation, parts: Parts | None) -> None:
-    if back.header.stage not in _ANSWERED_ELSEWHERE:
+    if back.header.stage not in _ANSWERED_SEPARATELY:
         back.send(operation, REPLY[back.header.stage], parts)

@@ -30,7 +30,7 @@ def transaction_ids(system: System) -> Iterator[int]:
 Parts = tuple[Any, ...]
 
 
-HELD_CAP: Final = 4 << 20
+MAX_BUFFERED_OCTETS: Final = 4 << 20
 """Maximum octets of buffered updates; beyond it reading pauses. Chosen, not measured."""
 _OVERHEAD: Final = 512
 """Octets that a buffered message counts in addition to its body."""
@@ -81,7 +81,7 @@ class Transaction:
         """Buffer a message; `octets` is the size of its body."""
         self._expect(_FOLLOWERS.get(stage, ()))
         self._octets += octets + _OVERHEAD
-        if self._octets > HELD_CAP:
+        if self._octets > MAX_BUFFERED_OCTETS:
             self._connection.pause_reading(self)
         self._arrived.put_nowait((stage, parts, octets + _OVERHEAD))
 
@@ -118,7 +118,7 @@ class Transaction:
             raise arrived
         stage, parts, octets = arrived
         self._octets -= octets
-        if self._octets <= HELD_CAP // 2:
+        if self._octets <= MAX_BUFFERED_OCTETS // 2:
             self._connection.resume_reading(self)
         return stage, parts
 
@@ -187,8 +187,8 @@ class ProgressStream(Invocation):
     """An acknowledged PROGRESS; iteration yields the parts of each update until the response.
 
     Iteration and `response` both raise an error of an update or of the response. While more than
-    `HELD_CAP` octets of updates are buffered, the connection is not read: a consumer that does not
-    consume them receives no other reply either.
+    `MAX_BUFFERED_OCTETS` octets of updates are buffered, the connection is not read: a consumer
+    that does not consume them receives no other reply either.
     """
 
     def __aiter__(self) -> "ProgressStream":

@@ -57,14 +57,14 @@ RETRANSMIT_S: Final = 1.0
 """Period of repeating an unanswered command and camera angles. Chosen, not measured."""
 ANSWER_TIMEOUT_S: Final = 3.0
 """Timeout of the reply to a command that is not a motion. Chosen, not measured."""
-MOST_ASKED: Final = 64
+MAX_PENDING: Final = 64
 """Maximum number of commands with a pending reply."""
-MOST_UNCONFIRMED: Final = 200
+MAX_UNCONFIRMED: Final = 200
 """Maximum number of last reports that are published until `rover-nxt` acknowledges them."""
 MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
-_TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
+_ANNOUNCED_STAGES: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class MocupRover:
         self._numbers = count(round(clock.utc_s() * 1e6))
         self._waiting: deque[_BrickRequest] = deque()
         self._counters = count(1)
-        self._asked: dict[_ReplyKey, _BrickRequest] = {}
+        self._pending: dict[_ReplyKey, _BrickRequest] = {}
         self._last: _ReplyKey | None = None
         self._unanswered: Message | None = None
         self._last_at_s = self._sent_at_s = 0.0
@@ -121,7 +121,7 @@ class MocupRover:
         self._camera: CameraIntent | None = None
         self._camera_at_s = 0.0
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         """Queue a motion for the brick.
 
         Its speed is set first if it differs or belongs to another command: the other link may have
@@ -146,14 +146,14 @@ class MocupRover:
     @property
     def moving(self) -> bool:
         """Whether the brick executes a motion of the executive, or one is queued."""
-        requests = (*self._asked.values(), *self._waiting)
+        requests = (*self._pending.values(), *self._waiting)
         return any(pending.motion is not None for pending in requests)
 
     def halt(self) -> None:
         """Send a stop at once; the queue is cleared."""
         self._waiting.clear()
         self._speeds.clear()
-        self._ask(_BrickRequest(Stop()))
+        self._send_request(_BrickRequest(Stop()))
 
     def emergency_stop(self) -> None:
         """Send a stop at once, from any thread; changes no state here."""
@@ -171,7 +171,7 @@ class MocupRover:
         self._camera, self._camera_at_s = wanted, now_s
         self._put(_BrickRequest(SetCameraAngles(wanted.pan_rad, wanted.tilt_rad), wanted.command))
 
-    def remind(self) -> None:
+    def retransmit(self) -> None:
         """Retransmit an unanswered command under its number; call regularly.
 
         A command may be lost before it reaches `rover-nxt`, which sends each command to the brick
@@ -182,7 +182,7 @@ class MocupRover:
             self._send(self._unanswered)
         self._next()
 
-    def take(self, reply: Message) -> None:
+    def on_reply(self, reply: Message) -> None:
         """Process a reply of the brick; one that answers no command is ignored.
 
         Raises:
@@ -200,9 +200,9 @@ class MocupRover:
         if key is None:
             _LOG.debug("reply to no command: %s", reply)
             return
-        if key not in self._asked:
+        if key not in self._pending:
             if key.counter is None:
-                self._hear_of(key.identity, reply)
+                self._on_external_report(key.identity, reply)
             return
         if key == self._last:
             self._unanswered = None
@@ -210,28 +210,28 @@ class MocupRover:
             self._end(key, reply)
             self._next()
         elif reply.outputs[:1] == (Stage.STARTED.name,):
-            motion = self._asked[key].motion
+            motion = self._pending[key].motion
             if motion is not None:
                 self._observe(MotionStarted(motion.number))
 
     def _on_external_stop(self, stop: Message) -> None:
         """End all commands sent to the brick, as the other link has stopped it."""
         self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
-        requests = (*self._asked.values(), *self._waiting)
-        self._asked = {k: e for k, e in self._asked.items() if isinstance(e.request, Stop)}
+        requests = (*self._pending.values(), *self._waiting)
+        self._pending = {k: e for k, e in self._pending.items() if isinstance(e.request, Stop)}
         self._waiting.clear()
         self._speeds.clear()
-        if self._last not in self._asked:
+        if self._last not in self._pending:
             self._last = self._unanswered = None
         for pending in requests:
-            self._tell_end(pending, stop)
+            self._report_end(pending, stop)
 
     def _is_anothers_stop(self, reply: Message) -> bool:
         """Return whether a reply is the notification of a stop over the other link."""
         begun = reply.outputs[:1] == (Stage.STARTED.name,)
         return begun and reply.code == self._stop and reply.dest != self._source
 
-    def _hear_of(self, command: Identity, reply: Message) -> None:
+    def _on_external_report(self, command: Identity, reply: Message) -> None:
         if is_last(reply):
             self._on_external_result(command, reply)
         else:
@@ -241,71 +241,71 @@ class MocupRover:
         """End the requests of a command that the brick received over the other link."""
         theirs = [pending for pending in self._waiting if pending.command == command]
         self._waiting = deque(e for e in self._waiting if e.command != command)
-        for key in [key for key, pending in self._asked.items() if pending.command == command]:
+        for key in [key for key, pending in self._pending.items() if pending.command == command]:
             self._end(key, reply)
         for pending in theirs:
-            self._tell_end(pending, reply)
+            self._report_end(pending, reply)
         self._observe(CommandEnded(command, reply.executed, _why(reply)))
         self._next()
 
     def _end(self, key: _ReplyKey, reply: Message) -> None:
-        pending = self._asked.pop(key)
+        pending = self._pending.pop(key)
         if not reply.executed:
             level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
             _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
             self._speeds.pop(type(pending.request), None)
             self._drop_motion_after(pending, reply)
-        self._tell_end(pending, reply)
+        self._report_end(pending, reply)
         if key == self._last:
             self._last = self._unanswered = None
 
-    def _drop_motion_after(self, asked: _BrickRequest, reply: Message) -> None:
+    def _drop_motion_after(self, pending: _BrickRequest, reply: Message) -> None:
         """Drop a queued motion after the brick refused its speed."""
         following = self._waiting[0] if self._waiting else None
         if (
-            isinstance(asked.request, SetTravelSpeed | SetRotateSpeed)
+            isinstance(pending.request, SetTravelSpeed | SetRotateSpeed)
             and following is not None
             and following.motion is not None
-            and following.command == asked.command
+            and following.command == pending.command
         ):
-            self._tell_end(self._waiting.popleft(), reply)
+            self._report_end(self._waiting.popleft(), reply)
 
-    def _tell_end(self, asked: _BrickRequest, reply: Message) -> None:
-        if asked.motion is not None:
-            self._observe(MotionEnded(asked.motion.number, reply.executed, _why(reply)))
+    def _report_end(self, pending: _BrickRequest, reply: Message) -> None:
+        if pending.motion is not None:
+            self._observe(MotionEnded(pending.motion.number, reply.executed, _why(reply)))
 
     def _set(self, speed: SetTravelSpeed | SetRotateSpeed, command: Identity) -> None:
         if self._speeds.get(type(speed)) != speed:
             self._speeds[type(speed)] = speed
             self._put(_BrickRequest(speed, command))
 
-    def _put(self, asked: _BrickRequest) -> None:
-        self._waiting.append(asked)
+    def _put(self, pending: _BrickRequest) -> None:
+        self._waiting.append(pending)
         self._next()
 
     def _next(self) -> None:
         if self._waiting and not self._busy:
-            self._ask(self._waiting.popleft())
+            self._send_request(self._waiting.popleft())
 
     @property
     def _busy(self) -> bool:
         """Whether the next command has to wait for a reply of the brick."""
-        sent = None if self._last is None else self._asked.get(self._last)
+        sent = None if self._last is None else self._pending.get(self._last)
         if sent is None:
             return False
         return sent.motion is not None or self._clock.now_s() - self._last_at_s < ANSWER_TIMEOUT_S
 
-    def _ask(self, asked: _BrickRequest) -> None:
-        command = asked.command
+    def _send_request(self, pending: _BrickRequest) -> None:
+        command = pending.command
         key = None if command is None else _ReplyKey(command, next(self._counters))
-        if key is None or not self._can_be_sent(asked.request, key):
+        if key is None or not self._can_be_sent(pending.request, key):
             key = _ReplyKey(Identity(self._source, next(self._numbers)), None)
         self._last = key
         self._last_at_s = self._sent_at_s = self._clock.now_s()
-        self._asked[key] = asked
-        if len(self._asked) > MOST_ASKED:
-            del self._asked[next(iter(self._asked))]
-        self._unanswered = self._message(asked.request, key)
+        self._pending[key] = pending
+        if len(self._pending) > MAX_PENDING:
+            del self._pending[next(iter(self._pending))]
+        self._unanswered = self._message(pending.request, key)
         self._send(self._unanswered)
 
     def _can_be_sent(self, request: Request, key: _ReplyKey) -> bool:
@@ -335,7 +335,7 @@ def relay_authority(settings: AuthoritySettings, grant: Grant) -> RelayAuthority
     """Return the authority of the relay's commands after the last grant."""
     if grant.holder != settings.relay:
         return RelayAuthority(bool(settings.needed), grant.holder)
-    return RelayAuthority(bool(settings.needed), grant.holder, grant.epoch, grant.given_by)
+    return RelayAuthority(bool(settings.needed), grant.holder, grant.epoch, grant.granted_by)
 
 
 class ClaimAnnouncer:
@@ -372,7 +372,7 @@ class ClaimAnnouncer:
         self._dictionary = dictionary
         self._request_of = request_of
         self._authority = authority
-        self._told_authority: RelayAuthority | None = None
+        self._announced_authority: RelayAuthority | None = None
         self._publish = publish
         self._source = source
         self._brick = brick
@@ -384,18 +384,18 @@ class ClaimAnnouncer:
         """Publish new reports on commands, and the authority after a hand-over."""
         for report in reports:
             if report.identity is None:
-                self._tell_authority()
+                self._announce_authority()
             else:
-                self._tell(report, report.identity)
+                self._announce(report, report.identity)
 
-    def again(self, reports: Iterable[Report]) -> None:
+    def resend(self, reports: Iterable[Report]) -> None:
         """Publish the authority and the last report on each command, for a new subscriber."""
-        self._told_authority = None
-        self._tell_authority()
-        last = {each.identity: each for each in reports if each.stage in _TOLD}
+        self._announced_authority = None
+        self._announce_authority()
+        last = {each.identity: each for each in reports if each.stage in _ANNOUNCED_STAGES}
         for identity, report in last.items():
             if identity is not None:
-                self._tell(report, identity)
+                self._announce(report, identity)
 
     def taken(self, mark: int) -> None:
         """Process the acknowledgement of the string with this fingerprint."""
@@ -404,22 +404,22 @@ class ClaimAnnouncer:
                 del self._unconfirmed[key]
                 return
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Publish again the strings that were unacknowledged at the last call already."""
         for key, text in self._unconfirmed.items():
             if self._before.get(key) == text:
                 self._publish(text)
         self._before = dict(self._unconfirmed)
 
-    def _tell_authority(self) -> None:
+    def _announce_authority(self) -> None:
         authority = self._authority()
-        if authority != self._told_authority:
-            self._told_authority = authority
+        if authority != self._announced_authority:
+            self._announced_authority = authority
             entry = self._dictionary.spelling.authority
             self._send(None, authority_message(authority, entry, self._source, self._brick))
 
-    def _tell(self, report: Report, identity: Identity) -> None:
-        if report.stage not in _TOLD:
+    def _announce(self, report: Report, identity: Identity) -> None:
+        if report.stage not in _ANNOUNCED_STAGES:
             return
         request = self._request_of(identity)
         if request is None:
@@ -438,7 +438,7 @@ class ClaimAnnouncer:
         text = "".join(map(str, messages))
         self._unconfirmed.pop(key, None)
         self._unconfirmed[key] = text
-        if len(self._unconfirmed) > MOST_UNCONFIRMED:
+        if len(self._unconfirmed) > MAX_UNCONFIRMED:
             del self._unconfirmed[next(iter(self._unconfirmed))]
         self._publish(text)
 

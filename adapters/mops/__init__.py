@@ -21,8 +21,8 @@ from adapters.mops.dictionary import mark_overtaken as mark_overtaken
 from adapters.mops.housekeeping import Housekeeping as Housekeeping
 from adapters.mops.housekeeping import housekeeping_message as housekeeping_message
 from adapters.mops.housekeeping import housekeeping_of as housekeeping_of
-from adapters.mops.reports import HIGHEST_SEQUENCE as HIGHEST_SEQUENCE
 from adapters.mops.reports import LINK as LINK
+from adapters.mops.reports import MAX_SEQUENCE as MAX_SEQUENCE
 from adapters.mops.reports import TO_ALL as TO_ALL
 from adapters.mops.reports import UNNUMBERED as UNNUMBERED
 from adapters.mops.reports import event_of as event_of

@@ -7,7 +7,7 @@ the executive after each command under the orbiter's authority, because that ren
 
 from dataclasses import dataclass
 
-from adapters.mops.codec import Message, made_of, values_of
+from adapters.mops.codec import Message, from_values, values_of
 from adapters.mops.dictionary import OtherEntry
 
 
@@ -59,5 +59,5 @@ def authority_of(message: Message) -> RelayAuthority:
     Raises:
         MopsError: the inputs are not an authority.
     """
-    found: RelayAuthority = made_of(RelayAuthority, message.inputs)
+    found: RelayAuthority = from_values(RelayAuthority, message.inputs)
     return found

@@ -21,12 +21,12 @@ from executive.commands import RELAYED
 SEPARATOR: Final = "|"
 END: Final = "#"
 COMMA: Final = ","
-LONGEST: Final = 4096
+MAX_MESSAGE_OCTETS: Final = 4096
 """Maximum length of a message in octets, including the `#`."""
-HIGHEST_CODE: Final = 0xFFF
-HIGHEST_ID: Final = (1 << 63) - 1
-HIGHEST_COUNTER: Final = (1 << 32) - 1
-LATEST_UTC_S: Final = 5e9
+MAX_CODE: Final = 0xFFF
+MAX_ID: Final = (1 << 63) - 1
+MAX_COUNTER: Final = (1 << 32) - 1
+MAX_UTC_S: Final = 5e9
 """Year 2128: shortly after it the 16-bit day count of a MAL time overflows."""
 
 _CODE: Final = re.compile("[0-9A-F]{3}")
@@ -106,17 +106,17 @@ def encode(message: Message) -> bytes:
     Raises:
         MopsError: a field is invalid or the message is too long.
     """
-    if not 0 <= message.code <= HIGHEST_CODE:
-        raise MopsError(f"code: {message.code} is not within 0 and {HIGHEST_CODE:#x}")
+    if not 0 <= message.code <= MAX_CODE:
+        raise MopsError(f"code: {message.code} is not within 0 and {MAX_CODE:#x}")
     names = (("source", message.source), ("dest", message.dest), ("command", message.command))
     fields = [f"{message.code:03X}", *(_checked(_NAME, name, value) for name, value in names)]
     fields += [_joined("inputs", message.inputs), _joined("outputs", message.outputs)]
     fields += [str(message.received), str(message.executed)]
-    fields.append(_digits("moeinputsid", message.moe_inputs_id, HIGHEST_ID))
-    fields.append(_digits("moeinputscounter", message.moe_inputs_counter, HIGHEST_COUNTER))
+    fields.append(_digits("moeinputsid", message.moe_inputs_id, MAX_ID))
+    fields.append(_digits("moeinputscounter", message.moe_inputs_counter, MAX_COUNTER))
     octets = (SEPARATOR.join(fields) + END).encode("ascii")
-    if len(octets) > LONGEST:
-        raise MopsError(f"{len(octets)} octets: a message has {LONGEST} at most")
+    if len(octets) > MAX_MESSAGE_OCTETS:
+        raise MopsError(f"{len(octets)} octets: a message has {MAX_MESSAGE_OCTETS} at most")
     return octets
 
 
@@ -126,8 +126,8 @@ def decode(octets: bytes) -> Message:
     Raises:
         MopsError: the octets are not a message in its canonical spelling.
     """
-    if len(octets) > LONGEST:
-        raise MopsError(f"{len(octets)} octets: a message has {LONGEST} at most")
+    if len(octets) > MAX_MESSAGE_OCTETS:
+        raise MopsError(f"{len(octets)} octets: a message has {MAX_MESSAGE_OCTETS} at most")
     text = octets.decode("ascii", "replace")
     if not text.endswith(END):
         raise MopsError(f"no {END} at the end")
@@ -144,8 +144,8 @@ def decode(octets: bytes) -> Message:
         _split("outputs", outputs),
         _flag("received", received),
         _flag("executed", executed),
-        _number("moeinputsid", number, HIGHEST_ID),
-        _number("moeinputscounter", counter, HIGHEST_COUNTER),
+        _number("moeinputsid", number, MAX_ID),
+        _number("moeinputscounter", counter, MAX_COUNTER),
     )
 
 
@@ -175,18 +175,18 @@ def _flag(name: str, text: str) -> bool:
     return _FLAGS[text]
 
 
-def _digits(name: str, value: int | None, highest: int) -> str:
-    if value is not None and not 0 <= value <= highest:
-        raise MopsError(f"{name}: {value} is not within 0 and {highest}")
+def _digits(name: str, value: int | None, maximum: int) -> str:
+    if value is not None and not 0 <= value <= maximum:
+        raise MopsError(f"{name}: {value} is not within 0 and {maximum}")
     return "" if value is None else str(value)
 
 
-def _number(name: str, text: str, highest: int) -> int | None:
+def _number(name: str, text: str, maximum: int) -> int | None:
     if not text:
         return None
     _checked(_NUMBER, name, text)
-    if len(text) > len(str(highest)) or int(text) > highest:
-        raise MopsError(f"{name}: {text[:40]} is above {highest}")
+    if len(text) > len(str(maximum)) or int(text) > maximum:
+        raise MopsError(f"{name}: {text[:40]} is above {maximum}")
     return int(text)
 
 
@@ -208,8 +208,8 @@ class MopsStream:
         dropped_octets, dropped_pieces: totals of invalid input.
     """
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, notify: Callable[[str], None]) -> None:
+        self._on_dropped = notify
         self._begun = b""
         self._skipped = 0
         self.dropped_octets = 0
@@ -222,7 +222,7 @@ class MopsStream:
             message = self._whole(piece + _END)
             if message is not None:
                 yield message
-        if len(self._begun) >= LONGEST:
+        if len(self._begun) >= MAX_MESSAGE_OCTETS:
             self._skipped += len(self._begun)
             self._begun = b""
 
@@ -247,25 +247,25 @@ class MopsStream:
     def _drop(self, shown: bytes, octets: int, why: str) -> None:
         self.dropped_octets += octets
         self.dropped_pieces += 1
-        self._tell(f"{octets} octets are no MOPS message ({why}): {shown!r}")
+        self._on_dropped(f"{octets} octets are no MOPS message ({why}): {shown!r}")
 
 
-def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
+def messages_in(text: str, notify: Callable[[str], None]) -> Iterator[Message]:
     """Yield the messages of a text that contains complete messages only.
 
     Args:
         text: one message or several.
-        tell: called with one line for each invalid piece.
+        notify: called with one line for each invalid piece.
     """
-    stream = MopsStream(tell)
+    stream = MopsStream(notify)
     yield from stream.feed(text.encode("utf-8", "replace"))
     stream.cut()
 
 
-def require_within(name: str, value: float | None, least: int, most: float) -> None:
+def require_within(name: str, value: float | None, least: int, maximum: float) -> None:
     """Raise MopsError unless a value is None or within the range that is stored and sent."""
-    if value is not None and not least <= value <= most:
-        raise MopsError(f"{name}: {value} is not within {least} and {most:.0f}")
+    if value is not None and not least <= value <= maximum:
+        raise MopsError(f"{name}: {value} is not within {least} and {maximum:.0f}")
 
 
 def fingerprint(text: str) -> int:
@@ -273,12 +273,12 @@ def fingerprint(text: str) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8])
 
 
-_KEPT: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
-_PLAIN: Final = re.compile(f"[0-9A-Za-z{re.escape(_KEPT)}]*")
+_UNQUOTED: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
+_PLAIN: Final = re.compile(f"[0-9A-Za-z{re.escape(_UNQUOTED)}]*")
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
-_LONGEST_NUMBER: Final = 40
-_WORDS: Final = {float: "number", int: "whole number", bool: "True or False"}
+_MAX_NUMBER_LENGTH: Final = 40
+_TYPE_NAMES: Final = {float: "number", int: "whole number", bool: "True or False"}
 
 
 def names_of(kind: type, before: str = "") -> Iterator[str]:
@@ -295,7 +295,7 @@ def names_of(kind: type, before: str = "") -> Iterator[str]:
 
 def encoded(text: str) -> str:
     """Return a text percent-encoded for a message; numbers and base64 are unchanged."""
-    return text if _PLAIN.fullmatch(text) else quote(text, safe=_KEPT)
+    return text if _PLAIN.fullmatch(text) else quote(text, safe=_UNQUOTED)
 
 
 def values_of(item: Any) -> Iterator[str]:
@@ -332,7 +332,7 @@ def values_of(item: Any) -> Iterator[str]:
                 yield from values_of(composite)
 
 
-def made_of(kind: type, values: Sequence[str]) -> Any:
+def from_values(kind: type, values: Sequence[str]) -> Any:
     """Return the dataclass with these values.
 
     Raises:
@@ -402,11 +402,11 @@ def _read(name: str, hint: Any, text: str) -> Any:
             return None
         kinds.remove(type(None))
     (kind,) = kinds
-    if kind is float and _FLOAT.fullmatch(text) and len(text) <= _LONGEST_NUMBER:
+    if kind is float and _FLOAT.fullmatch(text) and len(text) <= _MAX_NUMBER_LENGTH:
         number = float(text)
         if isfinite(number):
             return number
-    elif kind is int and _INTEGER.fullmatch(text) and len(text) <= _LONGEST_NUMBER:
+    elif kind is int and _INTEGER.fullmatch(text) and len(text) <= _MAX_NUMBER_LENGTH:
         return int(text)
     elif kind is bool and text in _FLAGS:
         return _FLAGS[text]
@@ -414,7 +414,7 @@ def _read(name: str, hint: Any, text: str) -> Any:
         return _unquoted(name, text)
     elif kind is bytes:
         return _octets(name, text)
-    raise MopsError(f"{name}: {text[:40]!r} is no {_WORDS[kind]}")
+    raise MopsError(f"{name}: {text[:40]!r} is no {_TYPE_NAMES[kind]}")
 
 
 def _unquoted(name: str, text: str) -> str:

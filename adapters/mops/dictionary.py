@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mops.codec import (
-    HIGHEST_CODE,
-    LATEST_UTC_S,
+    MAX_CODE,
+    MAX_UTC_S,
     Message,
     MopsError,
-    made_of,
+    from_values,
     names_of,
     require_name,
     require_within,
     values_of,
 )
-from executive.commands import Request, declared
+from executive.commands import Request, all_declarations
 from executive.settings import SettingsError, config_folder, read_yaml
 from executive.values.parameters import Parameter
 from executive.values.reports import Identity
@@ -79,8 +79,8 @@ class Spelling:
         """Check what holds for every dictionary; `Dictionary` checks the set of commands."""
         seen: dict[str, str] = {}
         for key, code, command in self._by_key():
-            if not 0 <= code <= HIGHEST_CODE:
-                raise ValueError(f"{key} has the code {code:#x}: 0x0 to {HIGHEST_CODE:#x}")
+            if not 0 <= code <= MAX_CODE:
+                raise ValueError(f"{key} has the code {code:#x}: 0x0 to {MAX_CODE:#x}")
             require_name(f"{key}.command", command)
             for what in (f"code {code:#x}", f"command {command}"):
                 if (other := seen.setdefault(what, key)) != key:
@@ -111,7 +111,7 @@ def message_name(command: str) -> str:
     return re.sub(r"(?=[A-Z])", "_", command).upper()
 
 
-_KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()}
+_KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in all_declarations()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class CommandConditions:
 
 
 UNCONDITIONAL: Final = CommandConditions()
-_HIGHEST_EPOCH: Final = (1 << 63) - 1
+_MAX_EPOCH: Final = (1 << 63) - 1
 
 
 class Dictionary:
@@ -206,7 +206,7 @@ class Dictionary:
         """
         self.entry(message)
         _, kind = self._by_code[message.code]
-        request: Request = made_of(kind, message.inputs)
+        request: Request = from_values(kind, message.inputs)
         return request
 
     def is_stop(self, message: Message) -> bool:
@@ -243,9 +243,9 @@ def conditions_of(command: Message) -> CommandConditions:
         MopsError: its outputs are not conditions.
     """
     missing = ("",) * (len(CommandConditions.__slots__) - len(command.outputs))
-    found: CommandConditions = made_of(CommandConditions, (*command.outputs, *missing))
-    require_within("authority", found.authority, 0, _HIGHEST_EPOCH)
-    require_within("created_utc_s", found.created_utc_s, 0, LATEST_UTC_S)
+    found: CommandConditions = from_values(CommandConditions, (*command.outputs, *missing))
+    require_within("authority", found.authority, 0, _MAX_EPOCH)
+    require_within("created_utc_s", found.created_utc_s, 0, MAX_UTC_S)
     return found
 
 

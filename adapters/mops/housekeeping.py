@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, require_within
+from adapters.mops.codec import MAX_UTC_S, Message, MopsError, require_within
 from adapters.mops.dictionary import OtherEntry
 from adapters.mops.reports import TO_ALL
 
 _NAME: Final = re.compile(r"[A-Z][A-Z0-9_]{0,39}", re.ASCII)
-_MOST: Final = 64
+_MAX_FIGURES: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +27,10 @@ class Housekeeping:
     figures: Mapping[str, float | None]
 
 
-def housekeeping_message(told: Housekeeping, entry: OtherEntry, source: str) -> Message:
+def housekeeping_message(housekeeping: Housekeeping, entry: OtherEntry, source: str) -> Message:
     """Return the message that carries housekeeping."""
-    outputs = [repr(told.utc_s)]
-    for name, figure in told.figures.items():
+    outputs = [repr(housekeeping.utc_s)]
+    for name, figure in housekeeping.figures.items():
         outputs += [name, "" if figure is None else repr(float(figure))]
     return Message(entry.code, source, TO_ALL, entry.command, outputs=tuple(outputs), received=True)
 
@@ -45,9 +45,9 @@ def housekeeping_of(message: Message, entry: OtherEntry) -> Housekeeping:
         raise MopsError(f"{message.code:03X} {message.command} is no housekeeping")
     time, *pairs = message.outputs or ("",)
     utc_s = _figure("utc_s", time)
-    require_within("utc_s", utc_s, 0, LATEST_UTC_S)
-    if len(pairs) % 2 or len(pairs) > 2 * _MOST:
-        raise MopsError(f"outputs: a time, and {_MOST} names at most with a value each")
+    require_within("utc_s", utc_s, 0, MAX_UTC_S)
+    if len(pairs) % 2 or len(pairs) > 2 * _MAX_FIGURES:
+        raise MopsError(f"outputs: a time, and {_MAX_FIGURES} names at most with a value each")
     figures: dict[str, float | None] = {}
     for name, text in zip(pairs[::2], pairs[1::2], strict=True):
         if not _NAME.fullmatch(name) or name in figures:

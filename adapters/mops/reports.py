@@ -4,7 +4,14 @@ import re
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
+from adapters.mops.codec import (
+    MAX_UTC_S,
+    Message,
+    MopsError,
+    from_values,
+    require_within,
+    values_of,
+)
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
 from executive.commands import RELAY_LINK
 from executive.values.reasons import Reason
@@ -13,13 +20,13 @@ from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Sev
 TO_ALL: Final = "ALL"
 """Destination of unsolicited messages: events, telemetry."""
 LINK: Final = RELAY_LINK
-LONGEST_TEXT: Final = 250
+MAX_TEXT_LENGTH: Final = 250
 """Maximum length of a report's text; percent-encoded, it still fits into a message."""
 UNNUMBERED: Final = 0
 """Sequence of a report of a sender without numbered reports."""
-HIGHEST_SEQUENCE: Final = 999_999_999
+MAX_SEQUENCE: Final = 999_999_999
 """Maximum sequence of a report, above any ledger's count; the orbiter's stride between ledgers."""
-HIGHEST_STEP: Final = (1 << 32) - 1
+MAX_STEP: Final = (1 << 32) - 1
 _LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
 _ENDS: Final = {stage.name for stage in TERMINAL}
@@ -91,7 +98,7 @@ def reply_of(
         source,
         report.identity.source,
         entry.command,
-        outputs=_said(outputs),
+        outputs=_output_values(outputs),
         received=True,
         executed=report.stage is Stage.EXECUTED,
         moe_inputs_id=report.identity.command_id,
@@ -147,16 +154,18 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
         report.utc_s,
         ledger,
     )
-    return Message(entry.code, source, TO_ALL, entry.command, outputs=_said(outputs), received=True)
+    return Message(
+        entry.code, source, TO_ALL, entry.command, outputs=_output_values(outputs), received=True
+    )
 
 
-def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> Report:
+def report_of(message: Message, dictionary: Dictionary, received_utc_s: float) -> Report:
     """Return the report that a reply or an event carries.
 
     Args:
         message: reply or event of the asset.
         dictionary: spelling of the messages.
-        heard_utc_s: time of reception, s UTC; used for a report without a time.
+        received_utc_s: time of reception, s UTC; used for a report without a time.
 
     Returns:
         The report, without figures. A reply with at most three outputs, as sent by a brick, is
@@ -175,11 +184,11 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
     if len(message.outputs) > _REPLY_OUTPUTS:
         raise MopsError(f"outputs: {len(message.outputs)}, at most {_REPLY_OUTPUTS}")
     filled = message.outputs + ("",) * (_REPLY_OUTPUTS - len(message.outputs))
-    outputs: _Reply = made_of(_Reply, filled)
-    require_within("sequence", outputs.sequence, 1, HIGHEST_SEQUENCE)
-    require_within("utc_s", outputs.utc_s, 0, LATEST_UTC_S)
-    require_within("step", outputs.step, 0, HIGHEST_STEP)
-    require_within("step_count", outputs.step_count, 0, HIGHEST_STEP)
+    outputs: _Reply = from_values(_Reply, filled)
+    require_within("sequence", outputs.sequence, 1, MAX_SEQUENCE)
+    require_within("utc_s", outputs.utc_s, 0, MAX_UTC_S)
+    require_within("step", outputs.step, 0, MAX_STEP)
+    require_within("step_count", outputs.step_count, 0, MAX_STEP)
     stage = _named(Stage, outputs.stage) if outputs.stage else _by_flags(message)
     if message.executed != (stage is Stage.EXECUTED) or (message.executed and not message.received):
         raise MopsError(f"executed: {message.executed}, and the stage is {stage.name}")
@@ -187,7 +196,7 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
         raise MopsError(f"received: False, and the stage is {stage.name}")
     return Report(
         sequence=UNNUMBERED if outputs.sequence is None else outputs.sequence,
-        utc_s=heard_utc_s if outputs.utc_s is None else outputs.utc_s,
+        utc_s=received_utc_s if outputs.utc_s is None else outputs.utc_s,
         kind=ReportKind.COMMAND,
         severity=_named(Severity, outputs.severity) if outputs.severity else _severity(stage),
         text=outputs.text,
@@ -223,9 +232,9 @@ def _event(message: Message, entry: OtherEntry) -> Report:
     if len(message.outputs) not in (_EVENT_OUTPUTS - 1, _EVENT_OUTPUTS):
         wanted = f"{_EVENT_OUTPUTS - 1} or {_EVENT_OUTPUTS}"
         raise MopsError(f"outputs: {len(message.outputs)}, not {wanted}")
-    outputs: _Event = made_of(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
-    require_within("sequence", outputs.sequence, 1, HIGHEST_SEQUENCE)
-    require_within("utc_s", outputs.utc_s, 0, LATEST_UTC_S)
+    outputs: _Event = from_values(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
+    require_within("sequence", outputs.sequence, 1, MAX_SEQUENCE)
+    require_within("utc_s", outputs.utc_s, 0, MAX_UTC_S)
     return Report(
         sequence=outputs.sequence,
         utc_s=outputs.utc_s,
@@ -236,14 +245,14 @@ def _event(message: Message, entry: OtherEntry) -> Report:
     )
 
 
-def _said(outputs: _Reply | _Event) -> tuple[str, ...]:
+def _output_values(outputs: _Reply | _Event) -> tuple[str, ...]:
     """Return outputs as values; an empty ledger is omitted."""
     values = tuple(values_of(outputs))
     return values if outputs.ledger else values[:-1]
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + _CUT
+    return text if len(text) <= MAX_TEXT_LENGTH else text[: MAX_TEXT_LENGTH - 1] + _CUT
 
 
 def _named(kind: type[N], name: str) -> N:

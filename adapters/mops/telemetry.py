@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
+from adapters.mops.codec import (
+    MAX_UTC_S,
+    Message,
+    MopsError,
+    from_values,
+    require_within,
+    values_of,
+)
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
 from adapters.mops.reports import TO_ALL
 from executive.commands import Mode
@@ -51,7 +58,7 @@ class LinkHealth:
     round_trip_s: float | None = None
 
 
-_ALWAYS_TOLD: Final = 7
+_REQUIRED_VALUES: Final = 7
 """Number of values of LinkHealth that every version sends."""
 
 
@@ -74,10 +81,10 @@ def health_of(message: Message, entry: OtherEntry) -> LinkHealth:
     if (message.code, message.command) != (entry.code, entry.command) or message.inputs:
         raise MopsError(f"{message.code:03X} {message.command} is no link health")
     missing = len(LinkHealth.__slots__) - len(message.outputs)
-    if missing and len(message.outputs) != _ALWAYS_TOLD:
+    if missing and len(message.outputs) != _REQUIRED_VALUES:
         raise MopsError(f"outputs: {len(message.outputs)}, not {len(LinkHealth.__slots__)}")
-    health: LinkHealth = made_of(LinkHealth, (*message.outputs, *missing * ("",)))
-    require_within("utc_s", health.utc_s, 0, LATEST_UTC_S)
+    health: LinkHealth = from_values(LinkHealth, (*message.outputs, *missing * ("",)))
+    require_within("utc_s", health.utc_s, 0, MAX_UTC_S)
     return health
 
 
@@ -117,7 +124,7 @@ def parameters_of(
     Raises:
         MopsError: it is not telemetry, or a value is not a number.
     """
-    values = _told(message, spelling)
+    values = _values(message, spelling)
     for parameter, value in values.items():
         if value is not None and not isfinite(value):
             raise MopsError(f"{parameter.value}: {value!r} is no finite number")
@@ -150,7 +157,7 @@ def facts_of(
     Raises:
         MopsError: it is not telemetry, or a value is not a number.
     """
-    known = {name: value for name, value in _told(message, spelling).items() if value is not None}
+    known = {name: value for name, value in _values(message, spelling).items() if value is not None}
     position = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
     speeds = _all(known, (Parameter.CURRENT_TRAVEL_SPEED, Parameter.CURRENT_ROTATE_SPEED))
     if position and speeds:
@@ -169,7 +176,7 @@ def _all(known: dict[Parameter, float], wanted: Sequence[Parameter]) -> list[flo
     return found if len(found) == len(wanted) else []
 
 
-def _told(message: Message, spelling: TelemetryEntry) -> dict[Parameter, float | None]:
+def _values(message: Message, spelling: TelemetryEntry) -> dict[Parameter, float | None]:
     """Return the value of each parameter in a telemetry message, in order; None if unknown.
 
     Raises:

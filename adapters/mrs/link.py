@@ -23,7 +23,7 @@ from adapters.mrs.aboard import (
 )
 from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.core.runner import Executive
 from executive.history import HistoryBuilder
@@ -63,7 +63,7 @@ class HousekeepingSource(Protocol):
         """Return figures by parameter name, None if unknown; called on the core's thread."""
 
 
-async def _keep_house(
+async def _publish_housekeeping(
     gateway: CoreGateway, asset: AssetServices, housekeeping: HousekeepingSource
 ) -> None:
     def measured(executive: Executive) -> tuple[float, Mapping[str, float | None]]:
@@ -72,8 +72,8 @@ async def _keep_house(
 
     while True:
         with suppress(MalError):  # the core is busy: the values become stale, visibly
-            utc_s, figures = await gateway.ask(measured)
-            asset.keep_house(housekeeping_values(housekeeping.parameters, figures, utc_s))
+            utc_s, figures = await gateway.query(measured)
+            asset.publish_housekeeping(housekeeping_values(housekeeping.parameters, figures, utc_s))
         await asyncio.sleep(HOUSEKEEPING_S)
 
 
@@ -142,31 +142,31 @@ class MrsLink:
         """Close all connections and stop listening."""
         if self._thread is not None:
             if self._serving is not None:
-                self._serving.gateway.post(self._serving.end)
+                self._serving.gateway.call_on_loop(self._serving.end)
             self._thread.join()
             self._thread = None
 
     def report(self, reports: Sequence[Report]) -> None:
         """Send reports to their subscribers."""
         if self._serving is not None:
-            self._serving.gateway.post(self._serving.asset.report, reports)
+            self._serving.gateway.call_on_loop(self._serving.asset.report, reports)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values to their subscribers."""
         if self._serving is not None:
-            self._serving.gateway.post(self._serving.asset.telemetry, values)
+            self._serving.gateway.call_on_loop(self._serving.asset.telemetry, values)
 
     def file(self, event: FileEvent) -> None:
         """Send a file event to its subscribers."""
         if self._serving is not None:
             files = self._serving.files
             found = files.inspect(event.path)
-            self._serving.gateway.post(files.watch.notify, event.kind, event.path, *found)
+            self._serving.gateway.call_on_loop(files.watch.notify, event.kind, event.path, *found)
 
     def plan(self, update: PlanUpdate) -> None:
         """Send the status of a plan to its subscribers."""
         if self._serving is not None:
-            self._serving.gateway.post(self._serving.asset.plan, update)
+            self._serving.gateway.call_on_loop(self._serving.asset.plan, update)
 
     def _run(self, executive: Executive, listening: "Future[MalUri]") -> None:
         try:
@@ -186,7 +186,9 @@ class MrsLink:
         """
         settings, over = self._settings, asyncio.Event()
         tls = self._terms.for_provider()
-        served = ServedOperations(self._terms.encoding, executive.ground.hear, self._system)
+        served = ServedOperations(
+            self._terms.encoding, executive.ground.record_contact, self._system
+        )
         gateway = CoreGateway(executive, asyncio.get_running_loop())
         housekeeping = self._housekeeping
         parameters = () if housekeeping is None else housekeeping.parameters
@@ -198,18 +200,18 @@ class MrsLink:
             HistoryService(served, gateway, self._history)
         serve_authority(served, gateway)
         files = FileServices(
-            served, executive.files, settings, partial(gateway.ask, _holder), system=self._system
+            served, executive.files, settings, partial(gateway.query, _holder), system=self._system
         )
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)
         listening.set_result(served.provider.uri)
         if self._service_layer is not None:
             fleet.join(self._service_layer)
-        keeping = None
+        task = None
         if housekeeping is not None:
-            keeping = asyncio.create_task(_keep_house(gateway, asset, housekeeping))
+            task = asyncio.create_task(_publish_housekeeping(gateway, asset, housekeeping))
         await over.wait()
-        if keeping is not None:
-            keeping.cancel()
+        if task is not None:
+            task.cancel()
         await fleet.leave()
         await served.provider.close()

@@ -20,7 +20,7 @@ from adapters.ros import GUARD_NAME, RosMotionRover, RosVelocityRover, declare_t
 from adapters.ros.node import clock_of
 from executive.settings import LocomotionKind, Settings
 
-PAUSE_S: Final = 0.05
+PERIOD_S: Final = 0.05
 """Publication period of zero."""
 ZERO_S: Final = 0.3
 """Duration of that publication, until the base's own timeout has passed."""
@@ -102,7 +102,7 @@ def guarded(settings: Settings, *arguments: Any) -> Iterator[Guard | None]:
         yield guard
 
 
-def _supervise(reading: int, telling: int, *arguments: Any) -> None:
+def _supervise(reading: int, write_fd: int, *arguments: Any) -> None:
     """Fork guards until one exits by itself; write the signal that killed each one."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
@@ -110,7 +110,7 @@ def _supervise(reading: int, telling: int, *arguments: Any) -> None:
     while True:
         child = os.fork()
         if child == 0:
-            os.close(telling)
+            os.close(write_fd)
             try:
                 if not first or os.read(reading, 1) == _ARM:
                     _guard(reading, *arguments)
@@ -121,7 +121,7 @@ def _supervise(reading: int, telling: int, *arguments: Any) -> None:
         _, status = os.waitpid(child, 0)
         if not os.WIFSIGNALED(status):
             return
-        _write(telling, bytes([os.WTERMSIG(status)]))
+        _write(write_fd, bytes([os.WTERMSIG(status)]))
         first = False
         time.sleep(RESTART_S)
 
@@ -148,15 +148,15 @@ def _guard(
             return
         until_s, subscribed = time.monotonic() + DISCOVERY_S, False
         while time.monotonic() < until_s:
-            if not subscribed and _is_heard(node, settings):
+            if not subscribed and _lock_has_subscriber(node, settings):
                 until_s, subscribed = time.monotonic() + ZERO_S, True
             rover.emergency_stop()
-            time.sleep(PAUSE_S)
+            time.sleep(PERIOD_S)
         by = "" if subscribed else "; no mux was subscribed to its lock"
         _LOG.error("the executive has ended: zero was published instead%s", by)
 
 
-def _is_heard(node: Node, settings: Settings) -> bool:
+def _lock_has_subscriber(node: Node, settings: Settings) -> bool:
     """Return whether the mux is subscribed to its lock; True without a mux."""
     mux = settings.mux
     if mux is None:

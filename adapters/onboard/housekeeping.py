@@ -44,7 +44,7 @@ class ExecutiveHousekeeping:
     ) -> None:
         self.parameters = parameters
         self.rover: HousekeepingProvider | None = None
-        self.tell: Callable[[Mapping[str, float | None]], None] = lambda _: None
+        self.publish: Callable[[Mapping[str, float | None]], None] = lambda _: None
         self._data = data
         self._usage = ResourceMonitor(data)
         self._ticks: list[TickStatistics] = []
@@ -56,21 +56,21 @@ class ExecutiveHousekeeping:
     def measure(self, executive: Executive) -> dict[str, float | None]:
         """Return the figures since the last call, by the names of the parameters."""
         ticks, self._ticks = self._ticks, []
-        max_tick_s = max((each.longest_tick_s for each in ticks), default=None)
+        max_tick_s = max((each.max_tick_s for each in ticks), default=None)
         figures = {
             "EXEC_TICK": max_tick_s,
-            "EXEC_TICK_PERIOD": max((each.longest_period_s for each in ticks), default=None),
+            "EXEC_TICK_PERIOD": max((each.max_period_s for each in ticks), default=None),
             "EXEC_OVERRUNS": ticks[-1].overruns if ticks else None,
             "EXEC_WAITING": executive.waiting,
             "EXEC_GOALS": executive.goal_count,
             "EXEC_LEDGER": self._ledger_octets(),
             "EXEC_REPORTS": executive.last_sequence,
             **uncertainty_figures(executive.status.uncertainty.figures),
-            **usage_figures(EXECUTIVE, self._usage.look()),
+            **usage_figures(EXECUTIVE, self._usage.measure()),
         }
         if self.rover is not None:
             figures |= self.rover.housekeeping()
-        self.tell(figures)
+        self.publish(figures)
         return figures
 
     def _ledger_octets(self) -> int:

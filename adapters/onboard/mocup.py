@@ -34,9 +34,9 @@ from executive.values.ports import CameraIntent, Downlink, WholeMotion
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
-SILENT_S: Final = 15.0
+HOUSEKEEPING_TIMEOUT_S: Final = 15.0
 """Timeout of the housekeeping of `rover-nxt`, which is sent every 5 s."""
-TOLD_AGAIN: Final = 200
+REPLAYED_REPORTS: Final = 200
 """Number of reports searched for those that `rover-nxt` needs after a reconnect."""
 
 
@@ -70,15 +70,15 @@ class MocupOnRos(RosFrames):
         self._brick, self._dictionary = settings.asset.upper(), load_dictionary()
         self._authority = settings.authority
         self._rover = MocupRover(
-            self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
+            self._dictionary, clock, self._send, self._observe_fact, SOURCE, self._brick
         )
         self._claims: ClaimAnnouncer | None = None
-        self._claim_again: Callable[[], None] = lambda: None
-        self._told: Housekeeping | None = None
+        self._resend_claims: Callable[[], None] = lambda: None
+        self._last_housekeeping: Housekeeping | None = None
         self._listeners = 0
-        node.create_timer(REMIND_S, self._look)
+        node.create_timer(REMIND_S, self._poll)
 
-    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the brick's replies."""
         self._observe = observe
         subscribe(String, self._replies, self._on_reply)
@@ -101,14 +101,14 @@ class MocupOnRos(RosFrames):
 
         def again() -> None:
             with suppress(LedgerError):  # the core detects and reports that too
-                claims.again(ledger.reports(ledger.last_sequence - TOLD_AGAIN + 1))
+                claims.resend(ledger.reports(ledger.last_sequence - REPLAYED_REPORTS + 1))
 
-        self._claims, self._claim_again = claims, again
+        self._claims, self._resend_claims = claims, again
         return (claims,)
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         """Have the brick execute a motion."""
-        self._rover.carry_out(motion)
+        self._rover.execute_motion(motion)
 
     def halt(self) -> None:
         """Stop the brick."""
@@ -122,7 +122,7 @@ class MocupOnRos(RosFrames):
         """Point the camera."""
         self._rover.point_camera(wanted)
 
-    def stand(self) -> None:
+    def stop(self) -> None:
         """Stop the brick's motion for the executive; a motion for the relay continues."""
         if self._rover.moving:
             self.halt()
@@ -133,17 +133,21 @@ class MocupOnRos(RosFrames):
 
     def housekeeping(self) -> Mapping[str, float | None]:
         """Return the last housekeeping of `rover-nxt`; empty after a timeout."""
-        last = self._told
-        return {} if last is None or time.time() - last.utc_s > SILENT_S else last.figures
+        last = self._last_housekeeping
+        return (
+            {}
+            if last is None or time.time() - last.utc_s > HOUSEKEEPING_TIMEOUT_S
+            else last.figures
+        )
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         listeners = self._commands.get_subscription_count()
         if listeners > self._listeners:
-            self._claim_again()
+            self._resend_claims()
         self._listeners = listeners
         if self._claims is not None and listeners:
-            self._claims.look()
-        self._rover.remind()
+            self._claims.poll()
+        self._rover.retransmit()
 
     def _send(self, message: Message) -> None:
         self._publish(str(message))
@@ -155,15 +159,15 @@ class MocupOnRos(RosFrames):
         if self._claims is not None:
             self._claims.taken(mark.data)
 
-    def _tell(self, fact: MocupFact) -> None:
+    def _observe_fact(self, fact: MocupFact) -> None:
         self._observe(fact)
 
     def _on_reply(self, text: String) -> None:
         try:
             message, entry = decode(text.data.encode()), self._dictionary.spelling.housekeeping
             if message.code == entry.code:
-                self._told = housekeeping_of(message, entry)
+                self._last_housekeeping = housekeeping_of(message, entry)
             else:
-                self._rover.take(message)
+                self._rover.on_reply(message)
         except MopsError as fault:
             raise MessageError(f"no MOPS reply: {fault}") from fault

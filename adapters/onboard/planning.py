@@ -33,20 +33,20 @@ class BackgroundSolver:
         """Whether it is solving a problem, and accepts no other."""
         return self._answer is not None and not self._answer.done()
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Start to solve a problem; an earlier result that was not read is dropped."""
         self._answer = self._thread.submit(self._solve, problem)
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the result of the last problem, once; None if there is none, or none yet."""
         if self._answer is None or self.busy:
             return None
         answer, self._answer = self._answer, None
         return answer.result()
 
-    def beside(self, apart: bool = False) -> "BackgroundSolver":
+    def fork(self, apart: bool = False) -> "BackgroundSolver":
         """Return a second solver on the same thread, in turn with this one."""
-        return BackgroundSolver(self._solver.beside(apart), self._thread)
+        return BackgroundSolver(self._solver.fork(apart), self._thread)
 
     def close(self) -> None:
         """End the thread, after the present problem."""
@@ -54,8 +54,8 @@ class BackgroundSolver:
 
     def _solve(self, problem: TrajectoryProblem) -> Trajectory | None:
         try:
-            self._solver.ask(problem)
-            return self._solver.answer()
+            self._solver.request(problem)
+            return self._solver.take_result()
         except Exception:
             _LOG.exception("no plan: the solver raised")
             return None

@@ -9,7 +9,7 @@ import click
 from adapters.mal import is_loopback
 from adapters.mrs.cli import add_terms_options
 from adapters.mrs.spec import PORT
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,

@@ -19,7 +19,7 @@ from adapters.mal import MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
-from adapters.mrs.terms import CLEAR, TransportSettings, start_fault
+from adapters.mrs.transport import CLEAR, TransportSettings, start_fault
 from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, HousekeepingProvider
 from adapters.onboard.planning import planning
@@ -58,9 +58,9 @@ from trees import RoverTree, leaf_paths
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
 LAST_STOPS: Final = 4
-MOST_REMEMBERED: Final = 1000
+MAX_HISTORY: Final = 1000
 """Maximum number of commands, reports, modes and leaf executions in the history."""
-BEATS: Final = 2
+BEATS_PER_TIMEOUT: Final = 2
 """Heartbeats of the core's thread within the watchdog's bound, if nothing else wakes it."""
 GUARD_CHECK_S: Final = 1.0
 """Publication period of the guard's state."""
@@ -107,7 +107,7 @@ def serve(
         SettingsError: the class of the rover is missing or does not fit.
     """
     settings = options.settings
-    history = HistoryBuilder(leaf_paths, MOST_REMEMBERED)
+    history = HistoryBuilder(leaf_paths, MAX_HISTORY)
     kind = rover_kind(settings)
     has_housekeeping = isinstance(kind, type) and issubclass(kind, HousekeepingProvider)
     parameters = ABOARD_HOUSEKEEPING if has_housekeeping else EXECUTIVE_HOUSEKEEPING
@@ -208,8 +208,8 @@ def executive_on(
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
     with recorded(settings, recordings) as tape:
         if history is not None:
-            since = ledger.last_sequence - MOST_REMEMBERED + 1
-            history.restore(ledger.reports(since, count=MOST_REMEMBERED))
+            since = ledger.last_sequence - MAX_HISTORY + 1
+            history.restore(ledger.reports(since, count=MAX_HISTORY))
         tapes = [each for each in (tape, history) if each is not None]
         executive = Executive(
             settings=settings,
@@ -224,14 +224,14 @@ def executive_on(
             tape=Tapes(*tapes) if tapes else None,
         )
         if tape is not None:
-            tape.tell = partial(_tell_of_recording, executive)
+            tape.on_fault = partial(_report_recording_fault, executive)
         served = ExecutiveNode(node, topics, sensors, rover, executive)
         if housekeeping is not None:
             served.on_ticks = housekeeping.note
             housekeeping.rover = rover if isinstance(rover, HousekeepingProvider) else None
         if relay is not None:
             if housekeeping is not None:
-                housekeeping.tell = relay.housekeeping
+                housekeeping.publish = relay.housekeeping
             relay.serve(executive.submit, lambda: executive.mode)
             relay_topics.serve(relay, served)
         try:
@@ -261,8 +261,8 @@ def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundReco
         yield tape
 
 
-def _tell_of_recording(executive: Executive, text: str) -> None:
-    executive.ask(partial(executive.event, Severity.WARNING, text))
+def _report_recording_fault(executive: Executive, text: str) -> None:
+    executive.query(partial(executive.event, Severity.WARNING, text))
 
 
 @contextmanager
@@ -292,7 +292,7 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
         publish("guard", level, guard.state, {})
 
     with Watchdog(executive, bound_s, tell) as watchdog:
-        steady_timer(node, bound_s / BEATS, watchdog.beat)
+        steady_timer(node, bound_s / BEATS_PER_TIMEOUT, watchdog.beat)
         if guard is not None:
             steady_timer(node, GUARD_CHECK_S, partial(check_guard, guard))
         yield watchdog
@@ -301,7 +301,7 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
 def _stop_until_acknowledged(rover: RosAsset) -> bool:
     """Stop the rover until it acknowledges: after this process a lost stop is not repeated."""
     for _ in range(LAST_STOPS):
-        rover.stand()
+        rover.stop()
         if rover.flush(LAST_STOP_S):
             return True
     return False
@@ -347,14 +347,14 @@ def rover_kind(settings: Settings) -> RosRoverKind:
     return kind
 
 
-def _port(way: LocomotionKind) -> type:
-    match way:
+def _port(locomotion: LocomotionKind) -> type:
+    match locomotion:
         case LocomotionKind.VELOCITY:
             return RosVelocityRover
         case LocomotionKind.WHOLE_MOTION:
             return RosMotionRover
         case _:
-            assert_never(way)
+            assert_never(locomotion)
 
 
 def _named(name: str, port: type) -> type:

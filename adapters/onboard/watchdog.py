@@ -11,7 +11,7 @@ from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Severity
 
-LOOKS: Final = 10
+MISSED_POLLS: Final = 10
 """Consecutive polls without a heartbeat that raise an alarm."""
 _LOG = logging.getLogger(__name__)
 
@@ -30,10 +30,10 @@ class Watchdog:
         tell: called with one line at each alarm, on the watchdog's thread.
     """
 
-    def __init__(self, executive: Executive, bound_s: float, tell: Callable[[str], None]) -> None:
+    def __init__(self, executive: Executive, bound_s: float, notify: Callable[[str], None]) -> None:
         self._executive = executive
-        self._look_s = bound_s / LOOKS
-        self._tell = tell
+        self._poll_s = bound_s / MISSED_POLLS
+        self._publish = notify
         self._beats = 0
         self._silent_s = 0.0
         self._stopped = False
@@ -54,13 +54,13 @@ class Watchdog:
 
     def _watch(self) -> None:
         seen = polls = 0
-        while not self._closing.wait(self._look_s):
+        while not self._closing.wait(self._poll_s):
             polls = polls + 1 if self._beats == seen > 0 else 0
             seen = self._beats
-            if polls >= LOOKS:
-                self._silent_s = polls * self._look_s
+            if polls >= MISSED_POLLS:
+                self._silent_s = polls * self._poll_s
                 with suppress(Exception):  # no error may end the watchdog
-                    self._act(first=polls == LOOKS)
+                    self._act(first=polls == MISSED_POLLS)
 
     def _act(self, first: bool) -> None:
         moving = self._executive.moving or self._executive.velocity != STANDING
@@ -70,8 +70,8 @@ class Watchdog:
         if first:
             text = f"the core has not ticked for {self._silent_s:.1f} s"
             _LOG.error("%s%s", text, "; the rover is stopped" if moving else "")
-            self._executive.ask(self._report)
-            self._tell(text)
+            self._executive.query(self._report)
+            self._publish(text)
 
     def _report(self) -> None:
         """Report to the core, once its thread continues."""
@@ -79,7 +79,7 @@ class Watchdog:
         figures = (Figure("silent", self._silent_s, "s"),)
         if self._stopped:
             text = f"{text}; the watchdog stopped the rover"
-            self._executive.make_safe(Refusal(Reason.CORE_HUNG, text, figures))
+            self._executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, text, figures))
         else:
             self._executive.event(Severity.WARNING, text, figures)
         self._stopped = False

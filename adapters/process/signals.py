@@ -18,9 +18,9 @@ class Termination:
     def __init__(self) -> None:
         self.requested = False
         for number in _SIGNALS:
-            signal.signal(number, self._ask)
+            signal.signal(number, self._on_signal)
 
-    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)

@@ -7,7 +7,7 @@ from typing import Final
 
 from adapters.system import OPERATING_SYSTEM, System
 
-_LEAST_S: Final = 1.0
+_MIN_WINDOW_S: Final = 1.0
 """Minimum window of the average processor load."""
 
 
@@ -33,17 +33,17 @@ class ResourceMonitor:
 
     def __init__(self, data: Path, system: System = OPERATING_SYSTEM) -> None:
         self._data, self._system = data, system
-        self._began_s = self._looked_s = system.now_s()
+        self._began_s = self._measured_s = system.now_s()
         self._cpu_s = system.cpu_s()
         self._cpu_ratio: float | None = None
 
-    def look(self) -> ResourceUsage:
+    def measure(self) -> ResourceUsage:
         """Return the present usage; call it on one thread."""
         now_s = self._system.now_s()
-        if (passed_s := now_s - self._looked_s) >= _LEAST_S:
+        if (passed_s := now_s - self._measured_s) >= _MIN_WINDOW_S:
             cpu_s = self._system.cpu_s()
             self._cpu_ratio = (cpu_s - self._cpu_s) / passed_s
-            self._looked_s, self._cpu_s = now_s, cpu_s
+            self._measured_s, self._cpu_s = now_s, cpu_s
         free_octets = None
         with suppress(OSError):
             free_octets = self._system.free_octets(self._data)

@@ -11,7 +11,7 @@ from adapters.recording.run_file import SUFFIX as SUFFIX
 from adapters.recording.run_file import RunFile as RunFile
 from adapters.recording.run_file import RunReader as RunReader
 from adapters.recording.tables import frames as frames
-from adapters.recording.timed import TimedItem as TimedItem
-from adapters.recording.timed import read_history as read_history
-from adapters.recording.timed import read_timed as read_timed
+from adapters.recording.timed_items import TimedItem as TimedItem
+from adapters.recording.timed_items import read_history as read_history
+from adapters.recording.timed_items import read_timed as read_timed
 from adapters.recording.tree import RecordedTree as RecordedTree

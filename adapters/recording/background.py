@@ -23,10 +23,10 @@ from executive.settings import RecordingSettings
 
 _LOG: Final = logging.getLogger(__name__)
 
-PAUSE_S: Final = 0.1
+POLL_S: Final = 0.1
 """Poll period of the queue: short bursts of work do not delay a tick."""
 FLUSH_S: Final = 0.9
-MOST_WAITING: Final = 200_000
+MAX_QUEUED: Final = 200_000
 """Maximum number of queued items; more mean that the disk has stalled, and end the recording."""
 PARTS: Final = 10
 """Number of files into which the size limit of all recordings is divided."""
@@ -50,7 +50,7 @@ class BackgroundRecorder:
 
     def __init__(self, folder: Path, bounds: RecordingSettings) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.tell: Callable[[str], None] = lambda _: None
+        self.on_fault: Callable[[str], None] = lambda _: None
         self._folder = folder
         self._first = _new_file(folder)
         self._bounds = bounds
@@ -77,12 +77,12 @@ class BackgroundRecorder:
             self._complete()
             self._prune()
             flushed_s = -inf
-            while not self._closing.wait(PAUSE_S):
+            while not self._closing.wait(POLL_S):
                 self._drain()
                 if time.monotonic() - flushed_s >= FLUSH_S:
                     flushed_s = time.monotonic()
                     self._file.flush()
-                self._look()
+                self._poll()
                 if self._ended:
                     return
             self._drain()
@@ -97,10 +97,10 @@ class BackgroundRecorder:
             while True:
                 item = self._items.get_nowait()
                 if isinstance(item, Entry) and not is_within(item):
-                    self._turn_over()
+                    self._rotate()
                 self._file.put(item)
 
-    def _turn_over(self) -> None:
+    def _rotate(self) -> None:
         """Continue in another file if this one is full."""
         if self._file.size_octets < self._bounds.most_mb * MEGA / PARTS:
             return
@@ -108,10 +108,10 @@ class BackgroundRecorder:
         self._file = self._file.continued(part_of(self._first, self._part))
         self._prune()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         if self._file.ended:
             self._end("it cannot be written")
-        elif self._items.qsize() > MOST_WAITING:
+        elif self._items.qsize() > MAX_QUEUED:
             self._end("the disk is too slow")
 
     def _end(self, why: str) -> None:
@@ -119,7 +119,7 @@ class BackgroundRecorder:
         self._items = SimpleQueue()
         text = f"the recording {self._first.name} ends: {why}; the rover continues"
         _LOG.warning(text)
-        self.tell(text)
+        self.on_fault(text)
 
     def _complete(self) -> None:
         """Complete the recordings of earlier processes that were killed."""
@@ -140,10 +140,10 @@ class BackgroundRecorder:
         found.sort()
         left = sum(size for _, size, _ in found)
         limit = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
-        oldest_s = time.time() - self._bounds.most_days * DAY_S
+        max_age_s = time.time() - self._bounds.most_days * DAY_S
         own = {self._first, part_of(self._first, self._part)}
         for changed_s, size, path in found:
-            if path not in own and (left > limit or changed_s < oldest_s):
+            if path not in own and (left > limit or changed_s < max_age_s):
                 path.unlink(missing_ok=True)
                 left -= size
 

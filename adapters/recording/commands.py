@@ -61,7 +61,7 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
             click.echo(f"Error: {error}", err=True)
             statuses.append(BAD_FILE)
             continue
-        click.echo(f"{path}: {_told(replayed)}")
+        click.echo(f"{path}: {_summary(replayed)}")
         if replayed.difference is None:
             statuses.append(SAME)
         else:
@@ -90,10 +90,10 @@ def _recordings(files: tuple[str, ...]) -> list[Path]:
     return found
 
 
-def _told(replayed: "ReplayResult") -> str:
+def _summary(replayed: "ReplayResult") -> str:
     found = replayed.difference
     if found is None:
-        starts = "" if replayed.lives == 1 else f", {replayed.lives} starts"
+        starts = "" if replayed.starts == 1 else f", {replayed.starts} starts"
         end = "" if replayed.whole else "; the recording is truncated there"
         return (
             f"{replayed.decisions} decisions in {replayed.ticks} ticks are the same"
@@ -108,9 +108,9 @@ def _show(difference: "Difference") -> None:
     if difference.then:
         from rich.console import Console
 
-        from trees.screen import drawn_nodes
+        from trees.screen import render_nodes
 
-        Console(highlight=False).print(drawn_nodes(difference.tree, difference.then))
+        Console(highlight=False).print(render_nodes(difference.tree, difference.then))
 
 
 def _list(reports: "tuple[ChangedReport, ...]") -> None:

@@ -19,7 +19,7 @@ from adapters.recording.container import (
     Unpacker,
     read_records,
 )
-from adapters.recording.run_file import BROKE_OFF, LIBRARY, PROFILE
+from adapters.recording.run_file import LIBRARY, PROFILE, TRUNCATED
 
 
 def complete(path: Path) -> bool:
@@ -69,7 +69,7 @@ def _copy(torn: IO[bytes], file: IO[bytes]) -> bool:
             for record in records:
                 _write(record, writer, schemas, channels)
     writer.flush()
-    writer.add_metadata(BROKE_OFF, {})
+    writer.add_metadata(TRUNCATED, {})
     writer.finish()
     return True
 

@@ -203,14 +203,14 @@ class Color:
     a: float = 1.0
 
 
-def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
+def line(points: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
     """Return a polyline in the plane, for `entity`."""
     return {
         "type": _LINE_STRIP,
         "pose": _pose(Pose()),
         "thickness": width_m,
         "scale_invariant": False,
-        "points": [_vector(point.x_m, point.y_m) for point in places],
+        "points": [_vector(point.x_m, point.y_m) for point in points],
         "color": asdict(color),
         "colors": [],
         "indices": [],

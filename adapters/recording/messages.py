@@ -40,7 +40,7 @@ from executive.settings import Settings, structure, unstructure
 from executive.values.facts import Fact, Frame
 from trees import NodeStatus
 
-LIFE: Final = "/life"
+START: Final = "/life"
 DECISIONS: Final = "/out/"
 TRUTH: Final = "/truth/pose"
 KIND: Final = "kind"
@@ -71,7 +71,7 @@ _ENTRIES: Final = tuple(kind for kind in get_args(Entry) if kind not in {Called,
 TOPICS: Final[Mapping[str, RecordingTopic]] = {
     topic.name: topic
     for topic in (
-        RecordingTopic(LIFE, Life),
+        RecordingTopic(START, Life),
         *(RecordingTopic(f"/in/{call.value}", Called) for call in Call),
         *(RecordingTopic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
         *(RecordingTopic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),

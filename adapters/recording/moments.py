@@ -6,7 +6,7 @@ from pathlib import Path
 
 from adapters.recording.container import RecordingError
 from adapters.recording.run_file import RunReader
-from adapters.recording.timed import read_timed
+from adapters.recording.timed_items import read_timed
 from adapters.recording.tree import RecordedTree
 from executive.core.recording import (
     Call,
@@ -41,7 +41,7 @@ class Moment:
     since_s: dict[str, float]
     pose: Pose | None
     commands: tuple[Report, ...]
-    told: tuple[Report, ...]
+    reports: tuple[Report, ...]
 
 
 class RecordedMoments:
@@ -68,7 +68,7 @@ class RecordedMoments:
         """Return the first moment that reports a reason, or the last report of `SOURCE:NUMBER`."""
         found = None
         for index, moment in enumerate(self.moments):
-            for report in moment.told:
+            for report in moment.reports:
                 if report.reason is not None and report.reason.name == name:
                     return index
                 if report.kind is ReportKind.COMMAND and str(report.identity) == name:
@@ -79,7 +79,7 @@ class RecordedMoments:
         """Return the next (step 1) or previous (-1) moment with reports; without one, `index`."""
         at = index + step
         while 0 <= at < len(self.moments):
-            if self.moments[at].told:
+            if self.moments[at].reports:
                 return at
             at += step
         return index

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from adapters.recording.container import RecordingError
-from adapters.recording.messages import DECISIONS, LIFE, TRUTH, topic_of
-from adapters.recording.run_file import RecordedMessage, RunReader
-from adapters.recording.scripted import (
+from adapters.recording.messages import DECISIONS, START, TRUTH, topic_of
+from adapters.recording.replay_ports import (
     Decisions,
     NullRover,
     NullVideo,
@@ -22,6 +21,7 @@ from adapters.recording.scripted import (
     ReplaySolver,
     notice,
 )
+from adapters.recording.run_file import RecordedMessage, RunReader
 from executive.core.recording import (
     Call,
     Called,
@@ -43,7 +43,7 @@ from executive.values.reports import Report
 from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
-LONGEST: Final = 200
+MAX_SHOWN_LENGTH: Final = 200
 """Maximum characters shown of a decision."""
 
 
@@ -84,7 +84,7 @@ class Difference:
         """Both decisions, a line each; for two of one type, a line for each field that differs."""
         then, now = self.recorded, self.replayed
         if self.raised:
-            return f"recorded: {_told(then)}", f"replayed: {self.raised}"
+            return f"recorded: {_decision_line(then)}", f"replayed: {self.raised}"
         if then is not None and now is not None and then.topic == now.topic:
             before, after = dict(_parts(json.loads(then.data))), dict(_parts(json.loads(now.data)))
             return tuple(
@@ -93,7 +93,7 @@ class Difference:
                 for part in {**before, **after}
                 if before.get(part, NOTHING) != after.get(part, NOTHING)
             )
-        return f"recorded: {_told(then)}", f"replayed: {_told(now)}"
+        return f"recorded: {_decision_line(then)}", f"replayed: {_decision_line(now)}"
 
 
 def _parts(value: object, path: str = "") -> Iterator[tuple[str, str]]:
@@ -108,12 +108,12 @@ def _parts(value: object, path: str = "") -> Iterator[tuple[str, str]]:
         yield path, json.dumps(value, ensure_ascii=False)
 
 
-def _told(message: RecordedMessage | None) -> str:
+def _decision_line(message: RecordedMessage | None) -> str:
     return NOTHING if message is None else _short(f"{message.topic.name} {message.data.decode()}")
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[:MAX_SHOWN_LENGTH]}…"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ class ReplayResult:
         reports: reports that differ, if other settings were given.
     """
 
-    lives: int
+    starts: int
     entries: int
     ticks: int
     decisions: int
@@ -165,7 +165,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
         RecordingError: the file cannot be used as a recording, or is of another asset.
     """
     reader = RunReader(path)
-    lives = entries = ticks = decisions = 0
+    histories = entries = ticks = decisions = 0
     began_s = time_s = 0.0
     difference = None
     reports: list[ChangedReport] = []
@@ -173,16 +173,16 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
         core = None
         for each in _entries(reader):
             if isinstance(each, Life):
-                lives += 1
+                histories += 1
                 try:
                     core = _ReplayedCore(
-                        _with(each, settings, path), Path(folder, str(lives)), reader
+                        _with(each, settings, path), Path(folder, str(histories)), reader
                     )
                 except (OSError, ValueError) as error:
                     raise RecordingError(f"{path}: cannot create its files: {error}") from error
                 continue
             if core is None:
-                raise RecordingError(f"{path}: begins in the middle, without {LIFE}")
+                raise RecordingError(f"{path}: begins in the middle, without {START}")
             began_s = each.entry.utc_s if entries == 0 else began_s
             time_s = each.entry.utc_s - began_s
             entries += 1
@@ -197,19 +197,19 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
                 break
         if core is not None:
             core.end()
-    if lives == 0:
+    if histories == 0:
         raise RecordingError(f"{path}: contains no run")
     return ReplayResult(
-        lives, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
+        histories, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
     )
 
 
-def _with(life: Life, settings: Settings | None, path: Path) -> Life:
+def _with(lifecycle: Life, settings: Settings | None, path: Path) -> Life:
     if settings is None:
-        return life
-    if settings.asset != life.settings.asset:
-        raise RecordingError(f"{path}: is of {life.settings.asset}, not of {settings.asset}")
-    return replace(life, settings=settings)
+        return lifecycle
+    if settings.asset != lifecycle.settings.asset:
+        raise RecordingError(f"{path}: is of {lifecycle.settings.asset}, not of {settings.asset}")
+    return replace(lifecycle, settings=settings)
 
 
 def _other_reports(
@@ -266,24 +266,24 @@ class _ReplayedCore:
         raised: exception of the last entry as text; empty if there was none.
     """
 
-    def __init__(self, life: Life, folder: Path, reader: RunReader) -> None:
+    def __init__(self, lifecycle: Life, folder: Path, reader: RunReader) -> None:
         self.raised = ""
         self._reader = reader
-        self._life = life
+        self._start_item = lifecycle
         self._folder = folder
         self._clock = RecordedClock()
         self._tape = Decisions()
         self._inbox = ReplayInbox()
-        lead_ticks = life.solver_lead_ticks
+        lead_ticks = lifecycle.solver_lead_ticks
         self._solver = None if lead_ticks is None else ReplaySolver(lead_ticks)
         self._ledger: ReplayLedger | None = None
         self._executive: Executive | None = None
         self._states: dict[str, NodeState] = {}
         (folder / "files").mkdir(parents=True)
-        (folder / "ledger.sqlite").write_bytes(life.ledger)
-        if life.latch:
-            (folder / "ledger.stop").write_bytes(life.latch)
-        for each in life.files:
+        (folder / "ledger.sqlite").write_bytes(lifecycle.ledger)
+        if lifecycle.latch:
+            (folder / "ledger.stop").write_bytes(lifecycle.latch)
+        for each in lifecycle.files:
             target = (folder / "files" / each.path).resolve()
             if not target.is_relative_to((folder / "files").resolve()):
                 raise ValueError(f"{each.path} is outside of its folder")
@@ -342,7 +342,7 @@ class _ReplayedCore:
     def end(self) -> None:
         """End it like a crash."""
         if self._executive is not None:
-            self._executive.abandon()
+            self._executive.simulate_crash()
 
     def _enter(self, recorded: RecordedEntry) -> None:
         entry = recorded.entry
@@ -353,14 +353,14 @@ class _ReplayedCore:
         if executive is None:
             raise RecordingError(f"{topic_of(entry).name} precedes /in/start")
         if any(isinstance(each, GroundHeard) for each in recorded.inputs):
-            executive.ground.hear()
+            executive.ground.record_contact()
         match entry:
             case Observed(fact=fact):
                 executive.observe(fact)
             case Noticed() | MadeSafe():
                 notice(executive, entry)
             case Called(call=Call.TURN):
-                executive.turn()
+                executive.serve_inbox()
             case Called(call=Call.TICK):
                 executive.tick()
             case Called():
@@ -368,7 +368,7 @@ class _ReplayedCore:
                 self._executive = None
 
     def _start(self) -> Executive:
-        settings = self._life.settings
+        settings = self._start_item.settings
         self._ledger = ReplayLedger(self._folder / "ledger.sqlite")
         executive = Executive(
             settings=settings,
@@ -378,7 +378,7 @@ class _ReplayedCore:
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
-            video=NullVideo() if self._life.video else None,
+            video=NullVideo() if self._start_item.video else None,
             solver=self._solver,
             inbox=self._inbox,
             tape=self._tape,

@@ -32,14 +32,14 @@ _LOG = logging.getLogger(__name__)
 PROFILE: Final = "rover-run-2"
 """MCAP profile of the files written and read here; names the version of their messages."""
 LIBRARY: Final = "rover-executive"
-BROKE_OFF: Final = "broke off"
+TRUNCATED: Final = "broke off"
 """Name of the metadata record in a file that was completed later."""
 RUN: Final = "/run"
 """Topic of the batches."""
 MIN_ROWS: Final = 20_000
 """Rows allowed in any file; beyond that one for each packed octet. Measured: 0.2 at rest."""
 BATCH_S: Final = 1.0
-LARGEST_BATCH: Final = 1 << 18
+MAX_BATCH_OCTETS: Final = 1 << 18
 SUFFIX: Final = ".mcap"
 _NO_SCHEMA: Final = 0
 
@@ -108,7 +108,7 @@ class RunFile:
             return self
         following._entries, following._time_ns = self._entries, self._time_ns
         following._view = self._view
-        following._view.again()
+        following._view.restart_file()
         return following
 
     def close(self) -> None:
@@ -143,7 +143,7 @@ class RunFile:
             if self._time_ns - self._batch_ns > BATCH_S * 1e9:
                 self._write_batch()
         self._rows.put(topic_of(item).name, plain_of(item))
-        if self._rows.size_octets > LARGEST_BATCH:
+        if self._rows.size_octets > MAX_BATCH_OCTETS:
             self._write_batch()
         for shown in self._view.of(item):
             with suppress(ValueError):  # JSON has no NaN
@@ -261,7 +261,7 @@ class RunReader:
                     f" MCAP of profile {profile!r}"
                 )
             if record.opcode == METADATA:
-                broke_off |= record.parsed(Metadata).name == BROKE_OFF
+                broke_off |= record.parsed(Metadata).name == TRUNCATED
             self.whole = record.opcode == DATA_END and not broke_off
             for each in unpacker.records(record) if record.opcode == CHUNK else ():
                 if each.opcode == CHANNEL and (channel := each.parsed(Channel)).topic == RUN:

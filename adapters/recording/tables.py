@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from adapters.recording.messages import KIND, LIFE, TOPICS, plain_of, topic_of
+from adapters.recording.messages import KIND, START, TOPICS, plain_of, topic_of
 from adapters.recording.run_file import RunReader
-from adapters.recording.timed import read_timed
+from adapters.recording.timed_items import read_timed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -34,7 +34,7 @@ def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, Dat
     for timed in read_timed(RunReader(Path(path)), kinds):
         began_utc_s = timed.utc_s if began_utc_s is None else began_utc_s
         name = topic_of(timed.item).name
-        if name in topics and name != LIFE:
+        if name in topics and name != START:
             times_s.setdefault(name, []).append(timed.time_s)
             rows.setdefault(name, []).append(dict(_columns(plain_of(timed.item))))
     made = {}

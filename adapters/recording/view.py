@@ -74,14 +74,14 @@ ODOM: Final = "odom"
 BASE_LINK: Final = "base_link"
 CAMERA: Final = "camera"
 
-OFTEN_S: Final = 0.1
-SELDOM_S: Final = 0.5
-RARELY_S: Final = 1.0
+FAST_PERIOD_S: Final = 0.1
+SLOW_PERIOD_S: Final = 0.5
+RARE_PERIOD_S: Final = 1.0
 TRACK_S: Final = 3.0
 """Minimum periods between two messages of a topic."""
 
 _TRACK_M: Final = 0.2
-_MOST_PLACES: Final = 200
+_MAX_TRACK_POINTS: Final = 200
 _THUMBNAIL_PX: Final = (160, 120)
 _HEIGHT_M: Final = 0.3
 _GREEN, _RED = Color(0.2, 0.7, 0.3), Color(0.85, 0.2, 0.2)
@@ -160,10 +160,10 @@ class ViewBuilder:
         self._nodes: dict[str, NodeState] = {}
         self._tree_changed = False
         self._mode: Plain = {}
-        self._asked: dict[Identity, Motion] = {}
+        self._requests: dict[Identity, Motion] = {}
         self._aim: Identity | None = None
 
-    def again(self) -> None:
+    def restart_file(self) -> None:
         """Prepare for another file, which must contain the unchanged content, too."""
         self._still_shown = False
         self._tree_changed = True
@@ -183,23 +183,23 @@ class ViewBuilder:
                 self._motion["commanded"] = _velocity(velocity.travel_mps, velocity.rotate_radps)
             case Served(command=command):
                 if isinstance(command.request, Motion):
-                    self._asked[command.identity] = command.request
+                    self._requests[command.identity] = command.request
             case Reported(report=report):
                 yield from self._of_report(report)
             case ToldParameters(values=values):
                 known = ((each.parameter.name, each.value) for each in values)
                 yield ViewMessage("/parameters", _known(known))
             case ModeChanged(mode=mode, active=active, why=why):
-                whose = "" if active is None else str(active)
-                self._mode = {"mode": mode.name, "command": whose, "why": why}
+                prefix = "" if active is None else str(active)
+                self._mode = {"mode": mode.name, "command": prefix, "why": why}
                 yield ViewMessage("/mode", self._mode)
-            case TreeChanged(nodes=nodes, gone=gone):
+            case TreeChanged(nodes=nodes, gone=removed):
                 self._nodes |= {each.path: each for each in nodes}
-                for path in gone:
+                for path in removed:
                     self._nodes.pop(path, None)
                 self._tree_changed = True
             case Truth(pose=pose):
-                if self._due("/pose/truth", SELDOM_S):
+                if self._due("/pose/truth", SLOW_PERIOD_S):
                     yield ViewMessage("/pose/truth", pose_in_frame(self._utc_s, ODOM, pose))
             case _:
                 pass
@@ -219,9 +219,9 @@ class ViewBuilder:
                 yield ViewMessage("/mode", self._mode)
         if call is not Call.TICK:
             return
-        if self._motion and self._due("/motion", OFTEN_S):
+        if self._motion and self._due("/motion", FAST_PERIOD_S):
             yield ViewMessage("/motion", dict(self._motion))
-        if self._tree_changed and self._due("/tree", RARELY_S):
+        if self._tree_changed and self._due("/tree", RARE_PERIOD_S):
             self._tree_changed = False
             active = (each for each in self._nodes.values() if each.status != "IDLE")
             nodes = [{"path": n.path, "status": n.status, "message": n.message} for n in active]
@@ -238,10 +238,10 @@ class ViewBuilder:
                     "y_m": fine(pose.y_m),
                     "heading_rad": fine(pose.heading_rad),
                 }
-                if self._due("/tf", OFTEN_S):
+                if self._due("/tf", FAST_PERIOD_S):
                     yield ViewMessage("/tf", frame_transform(now_s, ODOM, BASE_LINK, pose))
                 if self._track.takes(pose.point) and self._due("/scene/track", TRACK_S):
-                    drawn = line(self._track.places, _BLUE)
+                    drawn = line(self._track.points, _BLUE)
                     track = entity(now_s, ODOM, "track", lines=[drawn])
                     yield ViewMessage("/scene/track", scene(now_s, track))
             case Imu():
@@ -265,10 +265,10 @@ class ViewBuilder:
             case CameraAngles(pan_rad=pan_rad, tilt_rad=tilt_rad):
                 self._motion["camera"] = {"pan_rad": fine(pan_rad), "tilt_rad": fine(tilt_rad)}
             case SecondOdometry(pose=pose) if pose.finite:
-                if self._due("/pose/second_odometry", SELDOM_S):
+                if self._due("/pose/second_odometry", SLOW_PERIOD_S):
                     yield ViewMessage("/pose/second_odometry", pose_in_frame(now_s, ODOM, pose))
             case LaserScan():
-                if self._due("/scan", SELDOM_S):
+                if self._due("/scan", SLOW_PERIOD_S):
                     yield ViewMessage("/scan", _scan(now_s, fact))
             case Frame(data=data):
                 thumbnail = _thumbnail(data)
@@ -284,19 +284,19 @@ class ViewBuilder:
         yield ViewMessage("/log", log(self._utc_s, report.severity, text, name))
         if report.identity is None or report.stage is None:
             return
-        if report.stage is Stage.STARTED and report.identity in self._asked:
-            if points := self._places(self._asked[report.identity]):
+        if report.stage is Stage.STARTED and report.identity in self._requests:
+            if points := self._track_points(self._requests[report.identity]):
                 self._aim = report.identity
                 drawn = line([self._pose.point, *points], _GREEN)
                 goal = entity(self._utc_s, ODOM, "goal", lines=[drawn])
                 yield ViewMessage("/scene/goal", scene(self._utc_s, goal))
         elif report.stage.terminal:
-            self._asked.pop(report.identity, None)
+            self._requests.pop(report.identity, None)
             if report.identity == self._aim:
                 self._aim = None
                 yield ViewMessage("/scene/goal", scene(self._utc_s))
 
-    def _places(self, request: Motion) -> list[Point]:
+    def _track_points(self, request: Motion) -> list[Point]:
         """Return the line ends of a motion that starts at the present pose."""
         segments = request.segments(self._pose)
         return [each.end.point for each in segments if isinstance(each, Line)]
@@ -310,18 +310,18 @@ class _Track:
     """
 
     def __init__(self) -> None:
-        self.places: list[Point] = []
+        self.points: list[Point] = []
         self._apart_m = _TRACK_M
 
-    def takes(self, place: Point) -> bool:
+    def takes(self, point: Point) -> bool:
         """Add a point that is far enough from the last; return whether a line can be drawn."""
-        if self.places and place.distance_m(self.places[-1]) < self._apart_m:
+        if self.points and point.distance_m(self.points[-1]) < self._apart_m:
             return False
-        if len(self.places) == _MOST_PLACES:
-            self.places = self.places[::2]
+        if len(self.points) == _MAX_TRACK_POINTS:
+            self.points = self.points[::2]
             self._apart_m *= 2
-        self.places.append(place)
-        return len(self.places) > 1
+        self.points.append(point)
+        return len(self.points) > 1
 
 
 def _velocity(travel_mps: float, rotate_radps: float) -> Plain:
@@ -353,7 +353,7 @@ def _still(settings: Settings, utc_s: float) -> Iterator[ViewMessage]:
         yield ViewMessage(
             "/scene/rover", scene(utc_s, entity(utc_s, BASE_LINK, settings.asset, cubes=[body]))
         )
-    if settings.zones.any:
+    if settings.zones.not_empty:
         drawn = [_zone(utc_s, each) for each in settings.zones]
         yield ViewMessage("/scene/zones", scene(utc_s, *drawn))
 
@@ -362,10 +362,10 @@ def _zone(utc_s: float, zone: KeepIn | KeepOut | KnownRock) -> Plain:
     if isinstance(zone, KnownRock):
         middle = Pose(zone.x_m, zone.y_m, _HEIGHT_M / 2)
         rock = cylinder(middle, zone.radius_m, _HEIGHT_M, _RED)
-        return entity(utc_s, ODOM, zone.title, cylinders=[rock])
+        return entity(utc_s, ODOM, zone.label, cylinders=[rock])
     corners = [Point(*corner) for corner in zone.corners_m]
     color = _RED if isinstance(zone, KeepOut) else _GREEN
-    return entity(utc_s, ODOM, zone.title, lines=[line([*corners, corners[0]], color)])
+    return entity(utc_s, ODOM, zone.label, lines=[line([*corners, corners[0]], color)])
 
 
 def _thumbnail(picture: bytes) -> bytes | None:

@@ -28,7 +28,7 @@ from adapters.ros.robot_model import ROBOT_DESCRIPTION as ROBOT_DESCRIPTION
 from adapters.ros.robot_model import RobotModelPublisher as RobotModelPublisher
 from adapters.ros.robot_model import base_transform as base_transform
 from adapters.ros.robot_model import camera_transforms as camera_transforms
-from adapters.ros.robot_model import kept_for_late_joiners as kept_for_late_joiners
+from adapters.ros.robot_model import latched_qos as latched_qos
 from adapters.ros.rover import GUARD_NAME as GUARD_NAME
 from adapters.ros.rover import LOCK_QOS as LOCK_QOS
 from adapters.ros.rover import RosAsset as RosAsset

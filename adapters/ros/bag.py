@@ -111,7 +111,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     parameters = config_folder() / f"{settings.asset}.ros.yaml"
     with ros_node(NODE_NAME, settings.asset, parameters=parameters) as node:
         converter = _Converter(node, settings, store)
-    latched = _said_once()
+    latched = _latched_qos()
     counts: dict[str, int] = {}
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
@@ -121,7 +121,9 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
                     each.topic,
                     each.type,
                     typestore=store,
-                    offered_qos_profiles=[latched] if each.topic in converter.said_once else [],
+                    offered_qos_profiles=[latched]
+                    if each.topic in converter.latched_topics
+                    else [],
                 )
             bag.write(connections[each.topic], round(each.utc_s * 1e9), each.cdr)
             counts[each.topic] = counts.get(each.topic, 0) + 1
@@ -142,7 +144,7 @@ def _merged(
         raise RecordingError(text) from error
 
 
-def _said_once() -> Any:
+def _latched_qos() -> Any:
     """Return the quality of service of latched topics: late subscribers get the last message."""
     from rosbags.interfaces import (
         Qos,
@@ -183,7 +185,7 @@ class _Converter:
         store: serializes message types that the PyPI wheels lack.
 
     Attributes:
-        said_once: latched topics, with the last message for late subscribers.
+        latched_topics: latched topics, with the last message for late subscribers.
     """
 
     def __init__(self, node: Node, settings: Settings, store: Any) -> None:
@@ -199,7 +201,7 @@ class _Converter:
         self._description = str(node.resolve_topic_name(ROBOT_DESCRIPTION))
         self._urdf = urdf(settings)
         self._tree = str(node.resolve_topic_name(TREE_TOPIC))
-        self.said_once = {self._description, self._tree, TF_STATIC}
+        self.latched_topics = {self._description, self._tree, TF_STATIC}
         self._name = node.get_fully_qualified_name()
         self._store = store
 

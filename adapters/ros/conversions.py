@@ -61,18 +61,18 @@ class Precision(IntEnum):
     DEVIATION = 6
 
 
-def measured(value: float, kept: Precision) -> float:
+def round_measurement(value: float, precision: Precision) -> float:
     """Return a figure rounded to its stored precision."""
-    return round(value, kept)
+    return round(value, precision)
 
 
 def stamp_s(stamp: Time) -> float:
     """Return a stamp in seconds."""
-    return measured(stamp.sec + stamp.nanosec * 1e-9, Precision.STAMP)
+    return round_measurement(stamp.sec + stamp.nanosec * 1e-9, Precision.STAMP)
 
 
 def angles(
-    quaternion: Quaternion, kept: Precision = Precision.HEADING
+    quaternion: Quaternion, precision: Precision = Precision.HEADING
 ) -> tuple[float, float, float]:
     """Return roll, pitch and heading in rad (REP 103: about x, y, z, fixed axes).
 
@@ -84,9 +84,9 @@ def angles(
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
         raise MessageError(f"orientation ({x}, {y}, {z}, {w}) is not a rotation")
     return (
-        measured(atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y)), kept),
-        measured(asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm))), kept),
-        measured(atan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z)), kept),
+        round_measurement(atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y)), precision),
+        round_measurement(asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm))), precision),
+        round_measurement(atan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z)), precision),
     )
 
 
@@ -98,7 +98,9 @@ def pose_of(message: PoseMessage) -> Pose:
     """
     point = message.position
     roll_rad, pitch_rad, heading_rad = angles(message.orientation)
-    x_m, y_m, z_m = (measured(each, Precision.LENGTH) for each in (point.x, point.y, point.z))
+    x_m, y_m, z_m = (
+        round_measurement(each, Precision.LENGTH) for each in (point.x, point.y, point.z)
+    )
     return Pose(x_m, y_m, z_m, heading_rad, roll_rad, pitch_rad)
 
 
@@ -113,7 +115,8 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
         stamp_s(message.header.stamp),
         pose_of(message.pose.pose),
         Velocity(
-            measured(twist.linear.x, Precision.SPEED), measured(twist.angular.z, Precision.SPEED)
+            round_measurement(twist.linear.x, Precision.SPEED),
+            round_measurement(twist.angular.z, Precision.SPEED),
         ),
         *pose_sd(message.pose.covariance),
     )
@@ -135,7 +138,7 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
         float(covariance[at]) if isfinite(covariance[at]) else 0.0 for at in (0, 7, 35)
     )
     position_sd_m, heading_sd_rad = sqrt(max(x_m2, y_m2, 0.0)), sqrt(max(heading_rad2, 0.0))
-    return measured(position_sd_m, Precision.DEVIATION), measured(
+    return round_measurement(position_sd_m, Precision.DEVIATION), round_measurement(
         heading_sd_rad, Precision.DEVIATION
     )
 
@@ -158,7 +161,10 @@ class BatteryReader:
         A charge of 0 means an empty battery if a charge was reported before, or if the battery is
         present with a voltage: drivers that measure no charge set neither.
         """
-        charge, voltage_v = message.percentage, measured(message.voltage, Precision.VOLTAGE)
+        charge, voltage_v = (
+            message.percentage,
+            round_measurement(message.voltage, Precision.VOLTAGE),
+        )
         if OVERFULL < charge <= PERCENT and not self.percent:
             self.percent = True
             self._on_percent(f"the battery reports its charge as {charge:g}: taken as percent")
@@ -168,7 +174,7 @@ class BatteryReader:
             charge = 1.0
         self._known |= charge > 0.0 or (message.present and voltage_v > 0.0)
         usable = 0.0 < charge <= 1.0 or (charge == 0.0 and self._known)
-        return Battery(voltage_v, measured(charge, Precision.RATIO) if usable else None)
+        return Battery(voltage_v, round_measurement(charge, Precision.RATIO) if usable else None)
 
 
 def frame_fact(message: CompressedImage) -> Frame:

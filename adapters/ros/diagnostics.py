@@ -29,8 +29,8 @@ class TickStatistics:
     ticks: int = 0
     periods: int = 0
     elapsed_s: float = 0.0
-    longest_period_s: float = 0.0
-    longest_tick_s: float = 0.0
+    max_period_s: float = 0.0
+    max_tick_s: float = 0.0
     overruns: int = 0
 
     @property
@@ -62,7 +62,7 @@ class TickMonitor:
             period_s = began_s - self._last_s
             now.periods += 1
             now.elapsed_s += period_s
-            now.longest_period_s = max(now.longest_period_s, period_s)
+            now.max_period_s = max(now.max_period_s, period_s)
             late = period_s > 1.5 * self._period_s
         self._last_s = began_s
         now.ticks += 1
@@ -70,7 +70,7 @@ class TickMonitor:
             yield
         finally:
             took_s = perf_counter() - began_s
-            now.longest_tick_s = max(now.longest_tick_s, took_s)
+            now.max_tick_s = max(now.max_tick_s, took_s)
             now.overruns += late or took_s > self._period_s
 
     def take(self) -> TickStatistics:
@@ -101,7 +101,7 @@ def diagnose(
         stamp: time on the node's clock.
     """
     status = executive.status
-    late = ticks.ticks == 0 or ticks.longest_tick_s > executive.settings.tick_s
+    late = ticks.ticks == 0 or ticks.max_tick_s > executive.settings.tick_s
     if executive.mode is Mode.SAFE:
         level, text = DiagnosticStatus.ERROR, executive.why
     elif late:
@@ -116,8 +116,8 @@ def diagnose(
         "mode": executive.mode.name,
         "why": executive.why,
         "tick period [s]": "none" if ticks.period_s is None else f"{ticks.period_s:.4f}",
-        "longest tick period [s]": f"{ticks.longest_period_s:.4f}",
-        "longest tick [s]": f"{ticks.longest_tick_s:.4f}",
+        "longest tick period [s]": f"{ticks.max_period_s:.4f}",
+        "longest tick [s]": f"{ticks.max_tick_s:.4f}",
         "overruns": str(ticks.overruns),
         "odometry age [s]": f"{status.odometry_age_s:.3f}",
         "goals": str(executive.goal_count),

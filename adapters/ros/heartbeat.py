@@ -38,15 +38,15 @@ class HeartbeatMonitor:
     """
 
     def __init__(self, silent_s: float, silent: Callable[[], None]) -> None:
-        self._most = round(silent_s / HEARTBEAT_S)
+        self._max_misses = round(silent_s / HEARTBEAT_S)
         self._silent = silent
         self._sender: int | None = None
-        self._misses = self._most
+        self._misses = self._max_misses
 
     @property
     def alive(self) -> bool:
         """Whether the commander is within its timeout."""
-        return self._misses < self._most
+        return self._misses < self._max_misses
 
     def heartbeat(self, sender: int) -> None:
         """Record a heartbeat of a process."""
@@ -59,10 +59,10 @@ class HeartbeatMonitor:
         """Record a command, which counts as a heartbeat."""
         self._misses = 0
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Count a poll without a message; call every `HEARTBEAT_S`."""
         self._misses += 1
-        if self._misses == self._most:
+        if self._misses == self._max_misses:
             self._silent()
 
 
@@ -80,7 +80,7 @@ def watch(node: Node, commands: Topic, monitor: HeartbeatMonitor) -> None:
         with waiting:
             while (taken := waiting.take_message(UInt64, False)) is not None:
                 hear(taken[0])
-        monitor.look()
+        monitor.update()
 
     steady_timer(node, HEARTBEAT_S, look)
 

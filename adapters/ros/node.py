@@ -25,8 +25,8 @@ from adapters.ros.conversions import (
     Precision,
     finite,
     frame_fact,
-    measured,
     odometry_fact,
+    round_measurement,
 )
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_flag, declare_rate
@@ -37,7 +37,7 @@ from adapters.ros.sensors import MESSAGES, PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
 from executive.commands import Command, Mode, Stop
 from executive.core.runner import Executive
-from executive.values.clock import Clock, SystemClock, kept_s
+from executive.values.clock import Clock, SystemClock, round_for_recording_s
 from executive.values.facts import CameraAngles, Fact, ForeignPublishers, Frame, Source
 from executive.values.facts import Odometry as OdometryFact
 from executive.values.reasons import Reason, Refusal
@@ -119,12 +119,12 @@ class ExecutiveNode:
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
         rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
-        rover.listen(self.subscribe, self._observe)
+        rover.subscribe(self.subscribe, self._observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
         node.create_timer(HEALTH_S, self.contained(self._publish_health), clock=steady)
-        woken = node.create_guard_condition(self.contained(executive.turn))
+        woken = node.create_guard_condition(self.contained(executive.serve_inbox))
         executive.wake = woken.trigger
         self._serve_stop()
 
@@ -148,7 +148,7 @@ class ExecutiveNode:
             try:
                 callback(message)
             except Exception as error:
-                self._executive.ask(partial(self._handle, error))
+                self._executive.query(partial(self._handle, error))
 
         name = self._node.resolve_topic_name(topic.name)
         self._node_apart(name).create_subscription(kind, name, call, topic.qos)
@@ -205,11 +205,11 @@ class ExecutiveNode:
         self._executive.observe(fact)
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = measured(finite(message.data, "camera pan"), Precision.LEAN)
+        self._pan_rad = round_measurement(finite(message.data, "camera pan"), Precision.LEAN)
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = measured(finite(message.data, "camera tilt"), Precision.LEAN)
+        self._tilt_rad = round_measurement(finite(message.data, "camera tilt"), Precision.LEAN)
         self._observe_camera()
 
     def _observe_camera(self) -> None:
@@ -245,7 +245,7 @@ class ExecutiveNode:
 
     def _publish_health(self) -> None:
         names = foreign_publishers(self._node, self._topics.cmd_vel.name)
-        if names != self._executive.status.foreign:
+        if names != self._executive.status.foreign_publishers:
             self._executive.observe(ForeignPublishers(names))
         ticks = self._ticks.take()
         self.on_ticks(ticks)
@@ -282,12 +282,14 @@ class ExecutiveNode:
         self._rejected += 1
 
     def _contain(self, error: Exception) -> None:
-        self._rover.stand()
+        self._rover.stop()
         fault = repr(error)
         if fault != self._last_fault:
             _LOG.error("a callback raised %s", fault, exc_info=error)
             self._last_fault = fault
-        self._executive.make_safe(Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}"))
+        self._executive.enter_safe_mode(
+            Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}")
+        )
 
 
 class RosClock:
@@ -312,8 +314,8 @@ class RosClock:
         if now_ns < self._last_ns:
             self._offset_ns += self._last_ns - now_ns
         self._last_ns = now_ns
-        return kept_s((now_ns + self._offset_ns) * 1e-9)
+        return round_for_recording_s((now_ns + self._offset_ns) * 1e-9)
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""
-        return kept_s(time.time())
+        return round_for_recording_s(time.time())

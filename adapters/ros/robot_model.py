@@ -39,7 +39,7 @@ _WHEEL_M: Final = 0.04
 _LOG: Final = logging.getLogger(__name__)
 
 
-def kept_for_late_joiners(depth: int = 1) -> QoSProfile:
+def latched_qos(depth: int = 1) -> QoSProfile:
     """Return the quality of service of latched topics."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # type: ignore[no-untyped-call]
 
@@ -123,10 +123,10 @@ def _joint(robot: Xml.Element, name: str, kind: str, parent: str, child: str) ->
 
 
 def _turning(
-    joint: Xml.Element, axis: str, least_rad: float, most_rad: float, speed_radps: float
+    joint: Xml.Element, axis: str, least_rad: float, max_rad: float, speed_radps: float
 ) -> None:
     Xml.SubElement(joint, "axis", xyz=axis)
-    lower, upper, velocity = (f"{each:g}" for each in (least_rad, most_rad, speed_radps))
+    lower, upper, velocity = (f"{each:g}" for each in (least_rad, max_rad, speed_radps))
     Xml.SubElement(joint, "limit", lower=lower, upper=upper, velocity=velocity, effort="1")
 
 
@@ -137,8 +137,8 @@ class RobotModelPublisher:
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
-        self._said = node.create_publisher(String, ROBOT_DESCRIPTION, kept_for_late_joiners())
-        self._said.publish(String(data=urdf(settings)))
+        self._urdf_publisher = node.create_publisher(String, ROBOT_DESCRIPTION, latched_qos())
+        self._urdf_publisher.publish(String(data=urdf(settings)))
         self._message: Any = None
         try:
             from tf2_msgs.msg import TFMessage
@@ -147,7 +147,7 @@ class RobotModelPublisher:
             return
         self._message = TFMessage
         self._frames = node.create_publisher(TFMessage, TF, 100)
-        self._still = node.create_publisher(TFMessage, TF_STATIC, kept_for_late_joiners())
+        self._still = node.create_publisher(TFMessage, TF_STATIC, latched_qos())
         self._still.publish(TFMessage(transforms=static_transforms(0.0)))
 
     def moved(self, transforms: list[TransformStamped]) -> None:

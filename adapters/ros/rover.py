@@ -32,7 +32,7 @@ SENT: Final = 100
 """Number of own velocities recognised when they are received again: five seconds."""
 NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
 """Node name that ROS gives for a publisher before its discovery is complete."""
-LOOK_UP_S: Final = 1.0
+GRAPH_REFRESH_S: Final = 1.0
 """Silence of a topic after which its publishers are queried again."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes a callback: message type, topic, callback for the messages."""
@@ -47,7 +47,7 @@ class RosAsset(Protocol):
 
     on_frame: Callable[[CompressedImage], None]
 
-    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the topics that only this kind of rover has."""
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
@@ -56,7 +56,7 @@ class RosAsset(Protocol):
     def frame_taken(self) -> None:
         """Unsubscribe from the camera."""
 
-    def stand(self) -> None:
+    def stop(self) -> None:
         """Stop the rover, if the executive moves it."""
 
     def flush(self, timeout_s: float) -> bool:
@@ -161,7 +161,9 @@ class RosMux:
         for name, entry in self._settings.topics.items():
             if name not in (self._settings.input, self._settings.stop):
                 publishers = _Publishers(self._node, self._clock, entry.topic)
-                on_velocity = partial(_tell_of, observe, name, entry.priority > above, publishers)
+                on_velocity = partial(
+                    _mux_input_observer, observe, name, entry.priority > above, publishers
+                )
                 subscribe(Twist, Topic(entry.topic, self._qos), on_velocity)
 
     def hold(self, held: bool) -> None:
@@ -170,7 +172,7 @@ class RosMux:
         if held:
             self._zero()
 
-    def take(self) -> None:
+    def lock(self) -> None:
         """Lock the mux, from any thread; changes no state here."""
         self._zero()
         self._lock.publish(Bool(data=True))
@@ -189,21 +191,21 @@ class _Publishers:
 
     def __init__(self, node: Node, clock: Clock, topic: str) -> None:
         self._node, self._clock, self._topic = node, clock, topic
-        self._heard_s, self._names = -inf, ""
+        self._last_message_s, self._names = -inf, ""
 
     def now(self) -> str:
         """Return the names, at a message."""
         now_s = self._clock.now_s()
-        if now_s - self._heard_s > LOOK_UP_S or not self._names:
+        if now_s - self._last_message_s > GRAPH_REFRESH_S or not self._names:
             self._names = ", ".join(foreign_publishers(self._node, self._topic))
-        self._heard_s = now_s
+        self._last_message_s = now_s
         return self._names
 
 
-def _tell_of(
-    observe: Callable[[Fact], None], name: str, above: bool, who: _Publishers, _: Twist
+def _mux_input_observer(
+    observe: Callable[[Fact], None], name: str, above: bool, publishers: _Publishers, _: Twist
 ) -> None:
-    observe(OtherInput(name, above, who.now()))
+    observe(OtherInput(name, above, publishers.now()))
 
 
 def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
@@ -245,7 +247,7 @@ class RosRover(RosCamera):
         self._sent: deque[tuple[float, float]] = deque(maxlen=SENT)
         self._others = _Publishers(node, clock, velocity.name)
 
-    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Detect other publishers of velocities, also on this topic; ignores zero."""
 
         def hear(twist: Twist) -> None:
@@ -264,7 +266,7 @@ class RosRover(RosCamera):
         self._sent.append((velocity.travel_mps, velocity.rotate_radps))
         self._velocity.publish(self._twist)
 
-    def stand(self) -> None:
+    def stop(self) -> None:
         """Publish zero."""
         self.drive(STANDING)
 
@@ -272,7 +274,7 @@ class RosRover(RosCamera):
         """Publish zero and lock the mux, from any thread: publishers of rclpy may be shared."""
         self._velocity.publish(Twist())
         if self._mux is not None:
-            self._mux.take()
+            self._mux.lock()
 
     def lock(self, held: bool) -> None:
         """Hold or release the lock of the mux."""

@@ -20,18 +20,18 @@ from adapters.ros.conversions import (
     MessageError,
     Precision,
     angles,
-    measured,
     pose_covariance,
     pose_of,
     pose_sd,
     quaternion,
+    round_measurement,
     stamp_s,
     time_message,
 )
 from executive.values.facts import Imu, Joints, LaserScan, SecondOdometry
 from executive.values.geometry import Pose
 
-MOST_RAYS: Final = 20_000
+MAX_RAYS: Final = 20_000
 UNKNOWN: Final = -1.0
 """First element of the covariance of an unmeasured quantity (sensor_msgs/Imu)."""
 
@@ -68,8 +68,8 @@ def imu_fact(message: ImuMessage) -> Imu:
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
     if not any(figures):
         raise MessageError("the IMU's rates and accelerations are all zero")
-    rates = (measured(each, Precision.SPEED) for each in figures[:3])
-    forces = (measured(each, Precision.ACCELERATION) for each in figures[3:])
+    rates = (round_measurement(each, Precision.SPEED) for each in figures[:3])
+    forces = (round_measurement(each, Precision.ACCELERATION) for each in figures[3:])
     return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
 
 
@@ -103,8 +103,8 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
     return Joints(stamp_s(message.header.stamp), speeds[0], speeds[1], efforts[0], efforts[1])
 
 
-def _at(values: Sequence[float], places: Sequence[int], kept: Precision) -> tuple[float, ...]:
-    return tuple(measured(values[index], kept) for index in places)
+def _at(values: Sequence[float], digits: Sequence[int], precision: Precision) -> tuple[float, ...]:
+    return tuple(round_measurement(values[index], precision) for index in digits)
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
@@ -136,8 +136,8 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
     finite = all(map(isfinite, figures[:3]))
     if not (finite and 0 <= min_m < max_m and message.angle_increment):
         raise MessageError(f"angles and bounds of the scan are {figures}")
-    if not 0 < len(message.ranges) <= MOST_RAYS:
-        raise MessageError(f"a scan of {len(message.ranges)} rays is not in 1 .. {MOST_RAYS}")
+    if not 0 < len(message.ranges) <= MAX_RAYS:
+        raise MessageError(f"a scan of {len(message.ranges)} rays is not in 1 .. {MAX_RAYS}")
     free_m = {inf}
     if zero_is_free and any(0.0 < each < inf for each in message.ranges):
         free_m.add(0.0)
@@ -147,7 +147,7 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
         tuple(
             inf
             if each in free_m or each > max_m
-            else measured(each, Precision.RANGE)
+            else round_measurement(each, Precision.RANGE)
             if 0.0 < each >= min_m
             else each
             if each == -inf

@@ -14,8 +14,8 @@ from adapters.ros.tree_topic import from_json, tree_qos
 from trees import TreeSnapshot
 from trees.screen import Screen, show_once
 
-PATIENCE_S: Final = 5.0
-LOOK_S: Final = 0.2
+SNAPSHOT_TIMEOUT_S: Final = 5.0
+POLL_S: Final = 0.2
 """Maximum delay of a Ctrl-C."""
 
 
@@ -28,13 +28,13 @@ class TreeSubscriber:
         start: advice to the operator if no snapshot is received.
     """
 
-    def __init__(self, executor: SingleThreadedExecutor, whose: str, start: str) -> None:
+    def __init__(self, executor: SingleThreadedExecutor, prefix: str, start: str) -> None:
         self._executor = executor
-        self._whose = whose
+        self._sender = prefix
         self._start = start
         self._newest: TreeSnapshot | None = None
 
-    def hear(self, message: String) -> None:
+    def on_snapshot(self, message: String) -> None:
         """Process a message."""
         self._newest = from_json(message.data)
 
@@ -44,12 +44,12 @@ class TreeSubscriber:
         Raises:
             ConnectionError: none was received in time.
         """
-        deadline_s = monotonic() + PATIENCE_S
+        deadline_s = monotonic() + SNAPSHOT_TIMEOUT_S
         while self._newest is None:
             left_s = deadline_s - monotonic()
             if left_s <= 0:
-                raise ConnectionError(f"no message from {self._whose}. {self._start}")
-            self._executor.spin_once(timeout_sec=min(left_s, LOOK_S))
+                raise ConnectionError(f"no message from {self._sender}. {self._start}")
+            self._executor.spin_once(timeout_sec=min(left_s, POLL_S))
         snapshot, self._newest = self._newest, None
         return snapshot
 
@@ -87,6 +87,9 @@ def _listening(asset: str, domain_id: int) -> Iterator[TreeSubscriber]:
             f"Start one with `rover-executive --asset {asset}`, or `rover demo --stay`",
         )
         node.create_subscription(
-            String, f"/{asset}/executive/tree", listener.hear, tree_qos(DurabilityPolicy.VOLATILE)
+            String,
+            f"/{asset}/executive/tree",
+            listener.on_snapshot,
+            tree_qos(DurabilityPolicy.VOLATILE),
         )
         yield listener

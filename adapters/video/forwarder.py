@@ -13,7 +13,7 @@ import socket
 import threading
 from typing import Any, Final
 
-from executive.settings import HIGHEST_PORT, VideoSettings
+from executive.settings import MAX_PORT, VideoSettings
 
 SocketAddress = tuple[Any, ...]
 _DATAGRAM: Final = socket.SOCK_DGRAM
@@ -27,7 +27,7 @@ class Destination:
         self._found: tuple[socket.AddressFamily, SocketAddress] | None = None
         self._fault = ""
         self._search: threading.Thread | None = None
-        if not self._look_up(socket.AI_NUMERICHOST):
+        if not self._resolve(socket.AI_NUMERICHOST):
             self._begin()
 
     def __str__(self) -> str:
@@ -51,10 +51,10 @@ class Destination:
         )
 
     def _begin(self) -> None:
-        self._search = threading.Thread(target=self._look_up, name="host", daemon=True)
+        self._search = threading.Thread(target=self._resolve, name="host", daemon=True)
         self._search.start()
 
-    def _look_up(self, flags: int = 0) -> bool:
+    def _resolve(self, flags: int = 0) -> bool:
         try:
             found = socket.getaddrinfo(self.host, self.port, type=_DATAGRAM, flags=flags)
         except OSError as error:
@@ -65,7 +65,7 @@ class Destination:
         return True
 
 
-LONGEST: Final = 1 << 16
+MAX_DATAGRAM_OCTETS: Final = 1 << 16
 """Maximum size of a datagram in octets."""
 _LOG: Final = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ class ForwardingThread:
         with self._source, self._sink, self._wake_receiver, selectors.DefaultSelector() as ready:
             ready.register(self._source, selectors.EVENT_READ)
             ready.register(self._wake_receiver, selectors.EVENT_READ)
-            buffer = memoryview(bytearray(LONGEST))
+            buffer = memoryview(bytearray(MAX_DATAGRAM_OCTETS))
             try:
                 while self._wanted:
                     ready.select()
@@ -147,17 +147,17 @@ class VideoForwarder:
         self._relay: ForwardingThread | None = None
 
     @property
-    def on(self) -> bool:
+    def enabled(self) -> bool:
         """Whether it forwards."""
         return self._relay is not None and self._relay.runs
 
-    def switch(self, on: bool) -> None:
+    def set_enabled(self, on: bool) -> None:
         """Switch the forwarding on or off; returns at once.
 
         Raises:
             OSError: the port is in use, the host is unknown, or it would forward to itself.
         """
-        if on and self.on:
+        if on and self.enabled:
             return
         self.close()
         if on:
@@ -227,6 +227,6 @@ def parse_address(text: str) -> tuple[str, int]:
         ValueError: the text does not have this form.
     """
     host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) <= HIGHEST_PORT:
-        raise ValueError(f"{text!r} is not HOST:PORT, with a port of 1 to {HIGHEST_PORT}")
+    if not host or not port.isdecimal() or not 0 < int(port) <= MAX_PORT:
+        raise ValueError(f"{text!r} is not HOST:PORT, with a port of 1 to {MAX_PORT}")
     return host.strip("[]"), int(port)

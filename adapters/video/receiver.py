@@ -6,8 +6,8 @@ from typing import Final
 import click
 
 ADDRESS: Final = "127.0.0.1:5006"
-QUIET_S: Final = 5.0
-TELL_S: Final = 1.0
+NO_PICTURE_S: Final = 5.0
+PROGRESS_S: Final = 1.0
 HINT: Final = (
     "no datagrams at {}: send `rover command action VIDEO ON`,"
     " and check that the rover forwards to this address"
@@ -64,7 +64,7 @@ def video(at: str, save: Path, pictures: int | None, sdp: bool) -> None:
     _receive(host, port, save, pictures)
 
 
-def _receive(host: str, port: int, save: Path, most: int | None) -> None:
+def _receive(host: str, port: int, save: Path, maximum: int | None) -> None:
     import socket
     from time import monotonic
 
@@ -77,8 +77,8 @@ def _receive(host: str, port: int, save: Path, most: int | None) -> None:
             receiver.bind((host, port))
         except OSError as error:
             raise click.ClickException(f"cannot listen at {host}:{port}: {error}") from error
-        receiver.settimeout(QUIET_S)
-        while most is None or count < most:
+        receiver.settimeout(NO_PICTURE_S)
+        while maximum is None or count < maximum:
             try:
                 picture = stream.add(receiver.recv(1 << 16))
             except TimeoutError:
@@ -91,7 +91,7 @@ def _receive(host: str, port: int, save: Path, most: int | None) -> None:
             if count == 1:
                 click.echo(f"the first picture is in {save}")
                 shown, shown_at_s = 1, now_s
-            elif now_s - shown_at_s >= TELL_S:
+            elif now_s - shown_at_s >= PROGRESS_S:
                 rate_hz = (count - shown) / (now_s - shown_at_s)
                 click.echo(f"{rate_hz:.1f} pictures a second, {stream.lost} lost")
                 shown, shown_at_s = count, now_s

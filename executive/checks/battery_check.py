@@ -24,13 +24,13 @@ from executive.commands import (
 )
 from executive.motion import Bounds, duration_s
 from executive.obstacles.zones import Zones
-from executive.plans import PlanNode, PlanStep, expected_course
+from executive.plans import PlanNode, PlanStep, nominal_steps
 from executive.settings import MotionExtent, Settings, curved_m
 from executive.state import Status
 from executive.values.geometry import Pose
 from executive.values.reasons import Figure, Reason, Refusal
 
-DETOUR: Final = 1.5
+RETURN_PATH_FACTOR: Final = 1.5
 """Ratio of the permitted energy of a return motion to the direct path home; chosen."""
 
 
@@ -68,18 +68,18 @@ class _EnergyEstimator:
                 case _:
                     assert_never(segment)
             length_m, turned_rad = abs(segment.by_m), abs(segment.by_rad)
-            way = MotionExtent(took_s, length_m, turned_rad, curved_m(length_m, turned_rad))
-            self.energy_j += self._settings.prediction.energy_j(way) or 0.0
+            extent = MotionExtent(took_s, length_m, turned_rad, curved_m(length_m, turned_rad))
+            self.energy_j += self._settings.prediction.energy_j(extent) or 0.0
             self.pose = segment.end
 
 
-def reckoned_j(
+def estimate_energy_j(
     request: Motion, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones
 ) -> float:
     """Return the energy of a motion from a pose in joules; 0 without figures in the settings."""
-    reckoning = _EnergyEstimator(pose, speeds, settings, zones)
-    reckoning.add(request)
-    return reckoning.energy_j
+    estimator = _EnergyEstimator(pose, speeds, settings, zones)
+    estimator.add(request)
+    return estimator.energy_j
 
 
 def check_battery(
@@ -97,38 +97,40 @@ def check_battery(
         status: provides the charge, the speed limits and the obstacles.
         settings: provide the energy figures and the battery's reserve.
     """
-    battery, told = settings.battery, status.battery
-    if battery is None or told is None or told.charge_ratio is None:
+    battery, last_battery = settings.battery, status.battery
+    if battery is None or last_battery is None or last_battery.charge_ratio is None:
         return None
-    left_j = battery.left_j(told.charge_ratio)
+    left_j = battery.available_j(last_battery.charge_ratio)
     speeds = SpeedLimits(status.travel_limit_mps, status.rotate_limit_radps)
     if isinstance(what, Motion):
         requests: Iterable[object] = (what,)
         zones = status.obstacles
     else:
-        course, zones = expected_course(what), Zones()
+        course, zones = nominal_steps(what), Zones()
         requests = (each.request for each in course if isinstance(each, PlanStep))
-    reckoning = _EnergyEstimator(pose, speeds, settings, zones)
-    for request in _motions(requests, reckoning):
-        reckoning.add(request)
-        if reckoning.energy_j > battery.capacity_j:
+    estimator = _EnergyEstimator(pose, speeds, settings, zones)
+    for request in _motions(requests, estimator):
+        estimator.add(request)
+        if estimator.energy_j > battery.capacity_j:
             break
-    home, end = battery.home, reckoning.pose.point
+    home, end = battery.home, estimator.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
-    back_j = reckoned_j(to_home, reckoning.pose, speeds, settings, zones)
+    back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, zones)
     if status.uncertainty:  # home may be farther away by that much
         farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
-        back_j += reckoned_j(farther, Pose(), speeds, settings, Zones())
-    needed_j = reckoning.energy_j + back_j
-    if reckoning.energy_j == 0.0 or needed_j <= left_j:
+        back_j += estimate_energy_j(farther, Pose(), speeds, settings, Zones())
+    needed_j = estimator.energy_j + back_j
+    if estimator.energy_j == 0.0 or needed_j <= left_j:
         return None
     nearer = end.distance_m(home) <= pose.point.distance_m(home)
-    if nearer and needed_j <= DETOUR * reckoned_j(to_home, pose, speeds, settings, zones):
+    if nearer and needed_j <= RETURN_PATH_FACTOR * estimate_energy_j(
+        to_home, pose, speeds, settings, zones
+    ):
         return None
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(
         Reason.BATTERY_SHORT,
-        f"battery too low: motion {reckoning.energy_j:.0f} J + return {back_j:.0f} J, available"
+        f"battery too low: motion {estimator.energy_j:.0f} J + return {back_j:.0f} J, available"
         f" {left_j:.0f} J above the {battery.reserve_ratio:.0%} reserve",
         (
             Figure("needed", needed_j, "J"),
@@ -139,14 +141,14 @@ def check_battery(
     )
 
 
-def _motions(requests: Iterable[object], reckoning: _EnergyEstimator) -> Iterator[Motion]:
+def _motions(requests: Iterable[object], estimator: _EnergyEstimator) -> Iterator[Motion]:
     """Yield the motions among requests, and apply the speeds that requests between them set."""
     for request in requests:
         match request:
             case SetTravelSpeed(speed_mps):
-                reckoning.speeds = replace(reckoning.speeds, travel_mps=speed_mps)
+                estimator.speeds = replace(estimator.speeds, travel_mps=speed_mps)
             case SetRotateSpeed(speed_radps):
-                reckoning.speeds = replace(reckoning.speeds, rotate_radps=speed_radps)
+                estimator.speeds = replace(estimator.speeds, rotate_radps=speed_radps)
             case _ if isinstance(request, Motion):
                 yield request
             case _:

@@ -25,22 +25,22 @@ from executive.commands import (
     Waypoint,
 )
 from executive.goals import Goal
-from executive.obstacles.detour import Detour, find_way
+from executive.obstacles.detour import Detour, shortest_detour
 from executive.obstacles.zones import ClearanceViolation, Obstacle, ScannedObstacle, Zones
 from executive.settings import LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose, arc
 from executive.values.reasons import Figure, Reason, Refusal
 
-ROOM_M: Final = 0.02
+DETOUR_CLEARANCE_M: Final = 0.02
 """Extra clearance of a detour beyond the margin, for the accuracy of its corners; chosen."""
-LOOK_M: Final = 2.0
+LOOKAHEAD_M: Final = 2.0
 """Lookahead distance within which a scanned obstacle stops a motion; chosen, not measured."""
 
 
 def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refusal | None:
     """Return a refusal if a path of line segments violates the clearance, or None."""
-    if not zones.any or settings.footprint is None:
+    if not zones.not_empty or settings.footprint is None:
         return None
     met = zones.encounter(path, settings.footprint.radius_m, zones.margin_m)
     if met is None:
@@ -50,19 +50,20 @@ def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refus
     because = f" ({uncertain_m:.2f} m of it for the position uncertainty)"
     return Refusal(
         Reason.PATH_BLOCKED,
-        f"path blocked by {met.obstacle.title}: after {met.way_m:.2f} m the clearance falls below"
+        f"path blocked by {met.obstacle.label}: after {met.distance_m:.2f} m the clearance falls"
+        " below"
         f" {zones.margin_m:g} m{because if uncertain_m > 0.0 else ''}, {gap}",
         (
-            Figure("way", met.way_m, "m"),
+            Figure("way", met.distance_m, "m"),
             Figure("gap", met.gap_m, "m"),
             Figure("bound", zones.margin_m, "m"),
             *((Figure("position uncertainty", uncertain_m, "m"),) if uncertain_m > 0.0 else ()),
-            *_place_of(met.obstacle),
+            *_position_figures(met.obstacle),
         ),
     )
 
 
-def _place_of(obstacle: Obstacle) -> tuple[Figure, ...]:
+def _position_figures(obstacle: Obstacle) -> tuple[Figure, ...]:
     """Return the position figures of an obstacle without a name."""
     if not isinstance(obstacle, ScannedObstacle):
         return ()
@@ -71,112 +72,114 @@ def _place_of(obstacle: Obstacle) -> tuple[Figure, ...]:
 
 def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
     """Return a refusal if a motion from a start pose violates the clearance, or None."""
-    if not zones.any:
+    if not zones.not_empty:
         return None
-    zones = heeded(settings, zones)
+    zones = avoided_obstacles(settings, zones)
     if isinstance(request, MoveTo):
-        way = way_to(request.target, pose, settings, zones)
-        return way if isinstance(way, Refusal) else None
-    told, law = zones.told, settings.turn_drive
-    refusal = check_path(path_of(request.segments(pose, law.reverse), law), settings, told)
+        detour = detour_to(request.target, pose, settings, zones)
+        return detour if isinstance(detour, Refusal) else None
+    known, law = zones.known, settings.turn_drive
+    refusal = check_path(path_of(request.segments(pose, law.reverse), law), settings, known)
     if refusal is None and isinstance(request, FollowPath):
-        return _unreachable(request.waypoints, settings, zones)
+        return _blocked_waypoint(request.waypoints, settings, zones)
     return refusal
 
 
-def heeded(settings: Settings, zones: Zones) -> Zones:
+def avoided_obstacles(settings: Settings, zones: Zones) -> Zones:
     """Return the obstacles that a motion to a target avoids; scanned ones only if it can detour."""
-    return zones if settings.locomotion is LocomotionKind.VELOCITY else zones.told
+    return zones if settings.locomotion is LocomotionKind.VELOCITY else zones.known
 
 
-def way_to(
+def detour_to(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...] | Refusal:
-    """Return the corners of the detour to a target, as `way_around`, or a refusal without one."""
-    way, law = way_around(target, pose, settings, zones), settings.turn_drive
-    path = path_of(FollowPath((*way, target)).segments(pose, law.reverse), law)
+    """Return the corners of the detour to a target, as `best_detour`, or a refusal without one."""
+    waypoints, law = best_detour(target, pose, settings, zones), settings.turn_drive
+    path = path_of(FollowPath((*waypoints, target)).segments(pose, law.reverse), law)
     refusal = check_path(path, settings, zones)
     if refusal is None:
-        return way
-    return replace(refusal, text=f"{refusal.text}; {_why_no_way(target, settings, zones)}")
+        return waypoints
+    return replace(refusal, text=f"{refusal.text}; {_no_detour_text(target, settings, zones)}")
 
 
-def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones) -> Refusal | None:
+def _blocked_waypoint(
+    waypoints: Sequence[Waypoint], settings: Settings, zones: Zones
+) -> Refusal | None:
     """Return a refusal that names a waypoint too near to a scanned obstacle, or None."""
     needed_m = _needed_m(settings, zones)
     for each in waypoints:
-        place = Point(each.x_m, each.y_m)
-        for seen in zones.seen:
-            gap_m = seen.clearance_m(place, place) - needed_m + zones.margin_m
+        point = Point(each.x_m, each.y_m)
+        for seen in zones.scanned:
+            gap_m = seen.clearance_m(point, point) - needed_m + zones.margin_m
             if gap_m < zones.margin_m:
                 at = f"the waypoint ({each.x_m:g}, {each.y_m:g})"
                 near = "in" if gap_m <= 0 else f"{gap_m:.2f} m from"
                 return Refusal(
                     Reason.PATH_BLOCKED,
-                    f"at {at} the rover would be {near} {seen.title}, nearer than"
+                    f"at {at} the rover would be {near} {seen.label}, nearer than"
                     f" {zones.margin_m:g} m",
                     (
                         Figure("gap", gap_m, "m"),
                         Figure("bound", zones.margin_m, "m"),
-                        *_place_of(seen),
+                        *_position_figures(seen),
                     ),
                 )
     return None
 
 
-def seen_ahead(
-    place: Point, end: Point, settings: Settings, zones: Zones
+def scanned_obstacle_ahead(
+    point: Point, end: Point, settings: Settings, zones: Zones
 ) -> ClearanceViolation | None:
     """Return the scanned obstacle that blocks the rest of a straight drive, or None.
 
     Half of the margin is left for detections that appear during the drive.
 
     Args:
-        place: position of base_link.
+        point: position of base_link.
         end: its target.
         settings: settings of the asset.
         zones: obstacles, including scanned ones.
     """
-    seen = zones.seen
+    seen = zones.scanned
     if not seen or settings.footprint is None:
         return None
-    met = Zones(rocks=seen).encounter((place, end), settings.footprint.radius_m, zones.margin_m / 2)
-    return met if met is not None and met.way_m <= LOOK_M else None
+    met = Zones(rocks=seen).encounter((point, end), settings.footprint.radius_m, zones.margin_m / 2)
+    return met if met is not None and met.distance_m <= LOOKAHEAD_M else None
 
 
-def way_around(
+def best_detour(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...]:
     """Return the corners of a detour to a target whose lines all have the clearance.
 
     Empty if the straight line is free. Without a complete detour, the one that ends nearest to it.
     """
-    if not zones.any:
+    if not zones.not_empty:
         return ()
     law = settings.turn_drive
     line = path_of(target.segments(pose, law.reverse), law)
     if check_path(line, settings, zones) is None:
         return ()
     needed_m = _needed_m(settings, zones)
-    through = _search(target, pose, law, needed_m, zones).through
+    through = _cached_detour(target, pose, law, needed_m, zones).corners
     return tuple(Waypoint(each.x_m, each.y_m) for each in through)
 
 
 @lru_cache(maxsize=4)
-def _search(
+def _cached_detour(
     target: Waypoint, pose: Pose, law: TurnDriveSettings, least_m: float, zones: Zones
 ) -> Detour:
     """Plan a detour with this clearance. Cached: one command requests it several times."""
-    place = Point(target.x_m, target.y_m)
-    if _too_near(place, least_m, zones) is not None:
-        return Detour((), complete=False)
-    needed_m = least_m + ROOM_M
+    point = Point(target.x_m, target.y_m)
+    if _obstacle_within(point, least_m, zones) is not None:
+        return Detour((), reaches_goal=False)
+    needed_m = least_m + DETOUR_CLEARANCE_M
     turning_m = abs(law.control_point_m)  # turns move base_link by this much
 
-    leaves = _too_near(pose.point, least_m, zones) is not None
+    leaves = _obstacle_within(pose.point, least_m, zones) is not None
 
     def leads(node: Point) -> bool:
-        to = target if node == place else Waypoint(node.x_m, node.y_m)
+        to = target if node == point else Waypoint(node.x_m, node.y_m)
         path = path_of(to.segments(pose, law.reverse), law)
         if leaves:
             return zones.encounter(path, least_m - zones.margin_m, zones.margin_m) is None
@@ -186,10 +189,10 @@ def _search(
             for each in zones
         )
 
-    way = find_way(pose.point, place, zones, needed_m + turning_m, leads)
-    if way.complete:
-        return way
-    return find_way(pose.point, place, zones, needed_m, leads)
+    detour = shortest_detour(pose.point, point, zones, needed_m + turning_m, leads)
+    if detour.reaches_goal:
+        return detour
+    return shortest_detour(pose.point, point, zones, needed_m, leads)
 
 
 def _needed_m(settings: Settings, zones: Zones) -> float:
@@ -197,15 +200,15 @@ def _needed_m(settings: Settings, zones: Zones) -> float:
     return radius_m + zones.margin_m
 
 
-def _too_near(place: Point, needed_m: float, zones: Zones) -> str | None:
+def _obstacle_within(point: Point, needed_m: float, zones: Zones) -> str | None:
     """Return the title of an obstacle nearer to a place than needed, or None."""
-    near = (each for each in zones if each.clearance_m(place, place) < needed_m)
-    return next((each.title for each in near), None)
+    near = (each for each in zones if each.clearance_m(point, point) < needed_m)
+    return next((each.label for each in near), None)
 
 
-def _why_no_way(target: Waypoint, settings: Settings, zones: Zones) -> str:
-    place = Point(target.x_m, target.y_m)
-    near = _too_near(place, _needed_m(settings, zones), zones)
+def _no_detour_text(target: Waypoint, settings: Settings, zones: Zones) -> str:
+    point = Point(target.x_m, target.y_m)
+    near = _obstacle_within(point, _needed_m(settings, zones), zones)
     return "no detour found" if near is None else f"target too near to {near}"
 
 
@@ -214,8 +217,8 @@ def detoured_segments(
 ) -> tuple[Segment, ...]:
     """Return the segments of a motion from a pose, including its detour if it has one."""
     if isinstance(request, MoveTo):
-        way = way_around(request.target, pose, settings, heeded(settings, zones))
-        request = FollowPath((*way, request.target))
+        path = best_detour(request.target, pose, settings, avoided_obstacles(settings, zones))
+        request = FollowPath((*path, request.target))
     return request.segments(pose, settings.turn_drive.reverse)
 
 
@@ -237,8 +240,8 @@ def _left_of(segment: Segment, goal: Goal, clock: Clock, settings: Settings) -> 
     match segment:
         case Line(reference=Reference.START) if leg.target is not None:
             target = replace(end, x_m=leg.target.x_m, y_m=leg.target.y_m)
-            place = target.ahead(-settings.turn_drive.control_point_m)
-            return replace(segment, end=replace(end, x_m=place.x_m, y_m=place.y_m))
+            point = target.ahead(-settings.turn_drive.control_point_m)
+            return replace(segment, end=replace(end, x_m=point.x_m, y_m=point.y_m))
         case Turn(reference=Reference.START) if leg.heading_rad is not None:
             return replace(segment, end=replace(end, heading_rad=leg.heading_rad))
         case Arc(duration_s=duration_s) if goal.started_s:

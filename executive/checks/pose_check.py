@@ -67,9 +67,9 @@ def check_target(
 
 
 def _uncertain(uncertainty: Uncertainty, text: str, bound: Figure) -> Refusal:
-    way_out = "correct the pose by setPositionCompensation, or confirm it by confirmPose"
+    recovery = "correct the pose by setPositionCompensation, or confirm it by confirmPose"
     return Refusal(
         Reason.POSE_UNCERTAIN,
-        f"{text}, since {uncertainty.cause}: {way_out}",
+        f"{text}, since {uncertainty.cause}: {recovery}",
         (*uncertainty.figures, bound),
     )

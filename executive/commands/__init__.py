@@ -17,12 +17,12 @@ from executive.commands.declaration import Limit as Limit
 from executive.commands.declaration import Mode as Mode
 from executive.commands.declaration import SymmetricRange as SymmetricRange
 from executive.commands.declaration import ValueRange as ValueRange
+from executive.commands.declaration import all_declarations as all_declarations
 from executive.commands.declaration import argument as argument
 from executive.commands.declaration import arguments_of as arguments_of
+from executive.commands.declaration import bounded as bounded
 from executive.commands.declaration import declaration_of as declaration_of
-from executive.commands.declaration import declared as declared
 from executive.commands.declaration import record as record
-from executive.commands.declaration import within as within
 from executive.commands.formatting import request_text as request_text
 from executive.commands.segments import Arc as Arc
 from executive.commands.segments import Line as Line

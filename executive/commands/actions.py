@@ -21,15 +21,15 @@ HELP: Final = {
 }
 
 
-def offered(video: Video | None) -> tuple[Action, ...]:
+def supported_actions(video: Video | None) -> tuple[Action, ...]:
     """Return the actions that an asset supports."""
     return () if video is None else (Action.VIDEO_ON, Action.VIDEO_OFF)
 
 
-def action_of(text: str, video: Video | None) -> Action | Refusal:
+def parse_action(text: str, video: Video | None) -> Action | Refusal:
     """Parse an action from a line of text, ignoring case and extra spaces."""
     wanted = " ".join(text.upper().split())
-    there = offered(video)
+    there = supported_actions(video)
     for action in there:
         if action.value == wanted:
             return action
@@ -43,9 +43,9 @@ def perform(text: str, video: Video | None) -> Refusal | None:
     Raises:
         OSError: the action failed.
     """
-    action = action_of(text, video)
+    action = parse_action(text, video)
     if isinstance(action, Refusal):
         return action
     if video is not None:
-        video.switch(action is Action.VIDEO_ON)
+        video.set_enabled(action is Action.VIDEO_ON)
     return None

@@ -20,17 +20,17 @@ from executive.commands.declaration import (
     Family,
     SymmetricRange,
     argument,
+    bounded,
     command,
     declaration_of,
     record,
-    within,
 )
 from executive.commands.segments import Arc, Line, Reference, Segment, Turn
 from executive.settings import Controller
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
 from executive.values.reports import Identity
 
-SLOWEST = 0.01
+MIN_SPEED = 0.01
 
 
 @record
@@ -40,7 +40,9 @@ class Waypoint:
     x_m: float = argument(help="odometry frame")
     y_m: float = argument(help="odometry frame")
     heading_rad: float | None = argument(ANGLE, "to take at the end", default=None)
-    tolerance_m: float | None = argument(within(SLOWEST, 1.0), "position tolerance", default=None)
+    tolerance_m: float | None = argument(
+        bounded(MIN_SPEED, 1.0), "position tolerance", default=None
+    )
 
     @property
     def point(self) -> Point:
@@ -92,12 +94,12 @@ class MoveTo:
 class MoveForward:
     """Drive straight."""
 
-    distance_m: float = argument(within("drive.distance_m"), "negative is backward")
+    distance_m: float = argument(bounded("drive.distance_m"), "negative is backward")
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
         """See the module."""
-        place = start.ahead(self.distance_m)
-        end = replace(start, x_m=place.x_m, y_m=place.y_m)
+        point = start.ahead(self.distance_m)
+        end = replace(start, x_m=point.x_m, y_m=point.y_m)
         return (Line(start, end, self.distance_m, Reference.START),)
 
 
@@ -128,9 +130,9 @@ class RotateBy:
 class DriveFor:
     """Hold a velocity for a time, then stand."""
 
-    travel_mps: float = argument(within("drive.travel_speed_mps"))
-    rotate_radps: float = argument(within("drive.rotate_speed_radps"))
-    duration_s: float = argument(within(0.0, "drive.duration_s"))
+    travel_mps: float = argument(bounded("drive.travel_speed_mps"))
+    rotate_radps: float = argument(bounded("drive.rotate_speed_radps"))
+    duration_s: float = argument(bounded(0.0, "drive.duration_s"))
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
         """See the module."""
@@ -145,7 +147,7 @@ class DriveFor:
 class FollowPath:
     """Reach waypoints in order."""
 
-    waypoints: tuple[Waypoint, ...] = argument(within(1, "drive.path_waypoints"))
+    waypoints: tuple[Waypoint, ...] = argument(bounded(1, "drive.path_waypoints"))
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
@@ -171,23 +173,23 @@ class Resume:
 class SetTravelSpeed:
     """Set the maximum linear speed."""
 
-    speed_mps: float = argument(within(SLOWEST, "drive.travel_speed_mps"))
+    speed_mps: float = argument(bounded(MIN_SPEED, "drive.travel_speed_mps"))
 
 
 @command(Family.SETTING, "MotionControl.setRotateSpeed", examples=("30deg",))
 class SetRotateSpeed:
     """Set the maximum angular speed."""
 
-    speed_radps: float = argument(within(SLOWEST, "drive.rotate_speed_radps"))
+    speed_radps: float = argument(bounded(MIN_SPEED, "drive.rotate_speed_radps"))
 
 
 @command(Family.POSE, "MotionControl.setPositionCompensation", examples=("0.1 -0.2 0 5deg",))
 class SetPositionCompensation:
     """Set the offset that is added to the measured pose before it is used and reported."""
 
-    x_m: float = argument(within("drive.compensation_m"))
-    y_m: float = argument(within("drive.compensation_m"))
-    z_m: float = argument(within("drive.compensation_m"))
+    x_m: float = argument(bounded("drive.compensation_m"))
+    y_m: float = argument(bounded("drive.compensation_m"))
+    z_m: float = argument(bounded("drive.compensation_m"))
     heading_rad: float = argument(ANGLE)
 
 
@@ -195,8 +197,8 @@ class SetPositionCompensation:
 class ConfirmPose:
     """Confirm the reported pose, as an operator who has checked it; a resume does not."""
 
-    position_m: float = argument(within(0.0, 100.0), "remaining uncertainty")
-    heading_rad: float = argument(within(0.0, pi), "remaining uncertainty")
+    position_m: float = argument(bounded(0.0, 100.0), "remaining uncertainty")
+    heading_rad: float = argument(bounded(0.0, pi), "remaining uncertainty")
 
 
 @command(
@@ -206,12 +208,12 @@ class SetCameraAngles:
     """Point the camera; an omitted axis stays as it is."""
 
     pan_rad: float | None = argument(
-        within("camera.pan_min_rad", "camera.pan_max_rad"),
+        bounded("camera.pan_min_rad", "camera.pan_max_rad"),
         "counter-clockwise positive",
         default=None,
     )
     tilt_rad: float | None = argument(
-        within("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward positive", default=None
+        bounded("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward positive", default=None
     )
 
 
@@ -231,7 +233,7 @@ class MoveCameraAngles:
 class SetCameraRotateSpeed:
     """Set the maximum angular speed of the camera."""
 
-    speed_radps: float = argument(within(SLOWEST, "camera.rotate_speed_radps"))
+    speed_radps: float = argument(bounded(MIN_SPEED, "camera.rotate_speed_radps"))
 
 
 @command(
@@ -259,7 +261,7 @@ class TakePicture:
 class SetStatusInterval:
     """Set the interval of telemetry."""
 
-    interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 sends it on change only")
+    interval_s: float = argument(bounded(0.05, 3600.0, or_zero=True), "0 sends it on change only")
 
 
 @command(Family.INSTANT, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
@@ -366,7 +368,7 @@ PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan |
 Request = Motion | CameraWork | InstantCommand | Setting | ConfirmPose | PlanRequest | Stop | Resume
 
 
-def controller_of(request: Request, default: Controller) -> Controller | None:
+def requested_controller(request: Request, default: Controller) -> Controller | None:
     """Return the controller of a request; None if it uses none.
 
     Args:

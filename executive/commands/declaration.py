@@ -97,14 +97,14 @@ class FilePath:
 Bound = ValueRange | SymmetricRange | AssetChoice | FilePath
 
 
-def within(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> ValueRange:
+def bounded(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> ValueRange:
     """Return the range between two limits, or symmetric about zero for a single limit."""
     return (
         ValueRange(None, first, or_zero) if second is None else ValueRange(first, second, or_zero)
     )
 
 
-ANGLE: Final = within(2 * pi)
+ANGLE: Final = bounded(2 * pi)
 PATH: Final = FilePath()
 
 Choices = range | tuple[str, ...]
@@ -169,7 +169,7 @@ class Argument:
     unit: str
     position: int
     kind: type
-    many: bool
+    repeated: bool
     optional: bool
     bound: Bound | None = None
     help: str = ""
@@ -218,19 +218,19 @@ class CommandDeclaration:
     @property
     def composite(self) -> type[Any] | None:
         """Class of its first argument, if it is a `record`: the user types its parts."""
-        if not self.arguments or self.arguments[0].many:
+        if not self.arguments or self.arguments[0].repeated:
             return None
         kind = self.arguments[0].kind
         return kind if arguments_of(kind) else None
 
     @property
-    def written(self) -> tuple[Argument, ...]:
+    def user_arguments(self) -> tuple[Argument, ...]:
         """The arguments as the user types them."""
         if self.composite is None:
             return self.arguments
         return (*arguments_of(self.composite), *self.arguments[1:])
 
-    def make(self, *values: Any) -> Any:
+    def build_request(self, *values: Any) -> Any:
         """Build the request from the values that the user typed."""
         if self.composite is None:
             return self.kind(*values)
@@ -294,7 +294,7 @@ def command(
     return declare
 
 
-def declared() -> tuple[CommandDeclaration, ...]:
+def all_declarations() -> tuple[CommandDeclaration, ...]:
     """Return all declarations in order."""
     return tuple(_DECLARATIONS.values())
 

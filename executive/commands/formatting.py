@@ -7,9 +7,9 @@ from typing import Final
 from executive.commands.catalogue import Request
 from executive.commands.declaration import CommandDeclaration, arguments_of, declaration_of
 
-LONGEST_VALUE: Final = 40
+MAX_VALUE_LENGTH: Final = 40
 """Maximum length in characters of a displayed argument, such as a path."""
-MOST_READ: Final = 4 * LONGEST_VALUE
+MAX_READ_LENGTH: Final = 4 * MAX_VALUE_LENGTH
 """Maximum number of characters read of an argument: formatting runs between the ticks, too."""
 
 
@@ -17,7 +17,8 @@ def request_text(request: Request) -> str:
     """Return a request with its arguments and their units, on one line."""
     declared = declaration_of(type(request))
     given = [
-        _argument(declared, request, each.field, each.name, each.unit) for each in declared.written
+        _argument(declared, request, each.field, each.name, each.unit)
+        for each in declared.user_arguments
     ]
     return " ".join([declared.name, *filter(None, given)])
 
@@ -44,7 +45,7 @@ def _argument(
         case bytes():
             return f"{name} of {len(value)} octets"
         case _:
-            shown = " ".join(str(value)[:MOST_READ].split())
-    if len(shown) > LONGEST_VALUE:
-        shown = f"{shown[:LONGEST_VALUE]}…"
+            shown = " ".join(str(value)[:MAX_READ_LENGTH].split())
+    if len(shown) > MAX_VALUE_LENGTH:
+        shown = f"{shown[:MAX_VALUE_LENGTH]}…"
     return f"{name} {shown} {unit}".rstrip()

@@ -28,9 +28,9 @@ from executive.commands.declaration import (
     Mode,
     SymmetricRange,
     ValueRange,
+    all_declarations,
     arguments_of,
     declaration_of,
-    declared,
 )
 from executive.settings import Controller, LocomotionKind, Settings
 from executive.state import Status, check_path
@@ -149,10 +149,10 @@ def _check_of(argument: Argument) -> _Check:
         value = value_of(item)
         if value is None and argument.optional:
             return None
-        refusal = judge(len(value) if argument.many else value, settings)
+        refusal = judge(len(value) if argument.repeated else value, settings)
         if refusal is not None or not parts:
             return refusal
-        for composite in value if argument.many else (value,):
+        for composite in value if argument.repeated else (value,):
             if refusal := _first(parts, composite, settings):
                 return replace(refusal, argument=argument.position)
         return None
@@ -197,8 +197,8 @@ def _judge(argument: Argument) -> _Check:
             assert_never(argument.bound)
 
 
-_CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in declared()}
-_FAMILIES: Final = {each.kind: each.family for each in declared()}
+_CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in all_declarations()}
+_FAMILIES: Final = {each.kind: each.family for each in all_declarations()}
 _COUNT: Final = _judge(declaration_of(FollowPath).arguments[0])
 _CONTROLLER: Final = declaration_of(FollowPath).arguments[1]
 _WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
@@ -211,10 +211,10 @@ ABOARD_PREFIX: Final = "aboard:"
 """Prefix of the sources of the executive's own commands, reserved for it."""
 _RESERVED: Final = {SOURCE_PREFIX: "plans", ABOARD_PREFIX: "the rover itself"}
 
-QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
-LOCATED: Final = {Family.MOTION, Family.PLAN_START}
+QUEUED_FAMILIES: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
+NEEDS_LOCALIZATION: Final = {Family.MOTION, Family.PLAN_START}
 """Families that need a known position: a plan would fail at its first motion."""
-_WAY_OUT: Final = {
+_RECOVERY_HINT: Final = {
     Mode.STOPPED: "; send resume first",
     Mode.SAFE: "; send resume first",
     Mode.PLAN: "; suspend the plan first",
@@ -238,7 +238,7 @@ class Expirable(Protocol):
         """Lifetime in seconds; None for no limit."""
 
 
-def expired(
+def check_lifetime(
     command: Expirable, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
 ) -> Refusal | None:
     """Return a refusal if it is too late to start the command, or None.
@@ -261,17 +261,17 @@ def expired(
     )
 
 
-LONGEST_SOURCE: Final = 256
+MAX_SOURCE_LENGTH: Final = 256
 """Maximum length in characters of a source name, which every report on its commands repeats."""
 
 
-def is_source(name: str) -> bool:
+def is_valid_source(name: str) -> bool:
     """Whether a source name is valid: short, printable, and not reserved."""
-    short = 0 < len(name) <= LONGEST_SOURCE and bool(name.strip())
+    short = 0 < len(name) <= MAX_SOURCE_LENGTH and bool(name.strip())
     return short and name.isprintable() and not name.startswith(tuple(_RESERVED))
 
 
-def bad_identity(command: Command) -> Refusal | None:
+def check_identity(command: Command) -> Refusal | None:
     """Return a refusal if the sender may not use this source and number, or None.
 
     Only plans use a plan's source and only the executive its own. A sender that the link has
@@ -285,18 +285,18 @@ def bad_identity(command: Command) -> Refusal | None:
         return None
     elif reserved := next(filter(source.startswith, _RESERVED), None):
         why = f"sources that begin with {reserved} are reserved for {_RESERVED[reserved]}"
-    elif number == 0 or not is_source(source):
+    elif number == 0 or not is_valid_source(source):
         why = (
             "a command needs a number other than 0 and a source of at most"
-            f" {LONGEST_SOURCE} printable characters"
+            f" {MAX_SOURCE_LENGTH} printable characters"
         )
     else:
         return None
-    named = f"{source[:LONGEST_SOURCE]}:{number}"
+    named = f"{source[:MAX_SOURCE_LENGTH]}:{number}"
     return Refusal(Reason.BAD_IDENTITY, printable(f"{named}: {why}"), argument=0)
 
 
-def made_in_future(command: Expirable, utc_s: float, tolerance_s: float) -> Refusal | None:
+def check_creation_time(command: Expirable, utc_s: float, tolerance_s: float) -> Refusal | None:
     """Return a refusal if the creation time is too far ahead of the clock, or None."""
     if command.created_utc_s is None or command.created_utc_s - utc_s <= tolerance_s:
         return None
@@ -309,7 +309,7 @@ def made_in_future(command: Expirable, utc_s: float, tolerance_s: float) -> Refu
     )
 
 
-def not_located(status: Status, settings: Settings) -> Refusal | None:
+def check_localized(status: Status, settings: Settings) -> Refusal | None:
     """Return a refusal if odometry is stale, so that the position is unknown, or None."""
     if status.odometry_fresh:
         return None
@@ -335,18 +335,18 @@ def validate(
     family = _FAMILIES[type(request)]
     refusal = (
         check_arguments(request, settings, status.pose.point)
-        or made_in_future(command, utc_s, settings.clock_tolerance_s)
-        or expired(command, utc_s, utc_s)
+        or check_creation_time(command, utc_s, settings.clock_tolerance_s)
+        or check_lifetime(command, utc_s, utc_s)
     )
     if refusal:
         return refusal
     if mode not in ACCEPTED[family]:
         accepted = ", ".join(sorted(each.name for each in ACCEPTED[family]))
-        text = f"not accepted in mode {mode.name} (needs {accepted}){_WAY_OUT.get(mode, '')}"
+        text = f"not accepted in mode {mode.name} (needs {accepted}){_RECOVERY_HINT.get(mode, '')}"
         return Refusal(Reason.WRONG_MODE, text)
-    if family in LOCATED and (refusal := not_located(status, settings)):
+    if family in NEEDS_LOCALIZATION and (refusal := check_localized(status, settings)):
         return refusal
-    if family in QUEUED and queued >= settings.drive.queue_length:
+    if family in QUEUED_FAMILIES and queued >= settings.drive.queue_length:
         return Refusal(
             Reason.QUEUE_FULL,
             f"queue full: {queued} goals wait; retry later, or send stop",

@@ -154,7 +154,7 @@ class CommandLifecycle:
         self._notify(self.command, self.stage, note)
 
 
-def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
+def terminal_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
     """Return the states without outgoing edges."""
     sources = {edge.source for edge in edges}
     return tuple(state for state in type(edges[0].source) if state not in sources)
@@ -164,7 +164,7 @@ def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
 class Admitted:
     """The command was accepted and committed; its life cycle reports follow."""
 
-    life: CommandLifecycle
+    lifecycle: CommandLifecycle
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +181,7 @@ class Repeated:
     It is not executed again, except a stop, which always acts.
     """
 
-    last: Report
+    last_report: Report
 
 
 SubmitResult = Admitted | Refused | Repeated

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
-from executive.values.geometry import Pose, Velocity, on_arc
+from executive.values.geometry import Pose, Velocity, arc_end
 
 
 class Reference(Enum):
@@ -74,7 +74,7 @@ class Arc:
     @property
     def end(self) -> Pose:
         """End pose of the arc."""
-        return on_arc(self.start, self.by_m, self.by_rad)
+        return arc_end(self.start, self.by_m, self.by_rad)
 
 
 @dataclass(frozen=True, slots=True)

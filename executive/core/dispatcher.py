@@ -27,8 +27,8 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.commands.actions import action_of
-from executive.commands.intake import bad_identity, check_arguments, validate
+from executive.commands.actions import parse_action
+from executive.commands.intake import check_arguments, check_identity, validate
 from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, Repeated, SubmitResult
 from executive.core.authority import Authority
 from executive.core.pose_keeper import PoseKeeper
@@ -42,11 +42,11 @@ from executive.values.geometry import Pose
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity
 
-NOT_HELD: Final = Refusal(
+NOTHING_TO_RESUME: Final = Refusal(
     Reason.WRONG_MODE, "no stop or fault holds the rover: resume a plan by resumePlan"
 )
 OVERTAKEN: Final = Refusal(Reason.STOPPED, "overtaken by a stop that was created after it")
-UNWRITTEN: Final = Refusal(
+LEDGER_UNAVAILABLE: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written: only a stop is executed"
 )
 
@@ -84,52 +84,52 @@ class Dispatcher:
             overtaken: whether a stop was served that arrived after the command. The rover is then
                 STOPPED, so only a resume needs an extra check.
         """
-        unusable = bad_identity(command)
+        unusable = check_identity(command)
         if unusable is not None:
-            return self._not_taken(command, unusable)
+            return self._reject_unrecorded(command, unusable)
         try:
             if self._ledger.failing:
                 self._ledger.commit()
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
         except LedgerError:
-            return Refused(unwritten(command))
+            return Refused(ledger_refusal(command))
         if last is not None and known == digest(command):
-            self._notifications.again(last)
+            self._notifications.resend(last)
             if isinstance(command.request, Stop):
                 text = f"duplicate of {command.identity}: the rover was stopped again"
                 self._notifications.event(Severity.WARNING, text, Reason.DUPLICATE, foreign=True)
             return Repeated(last)
         if known is not None:
-            return self._not_taken(command, _used(command.identity, known))
-        life = CommandLifecycle(command, self._notifications.command)
-        refusal = self._examine(command, overtaken)
+            return self._reject_unrecorded(command, _duplicate_refusal(command.identity, known))
+        lifecycle = CommandLifecycle(command, self._notifications.command)
+        refusal = self._check(command, overtaken)
         if refusal is not None:
-            refusal = _as_told(refusal, command)
-            life.reject(refusal)
+            refusal = _with_stop_note(refusal, command)
+            lifecycle.reject(refusal)
             return Refused(refusal)
-        life.accept()
-        self._admit(life)
-        return Admitted(life)
+        lifecycle.accept()
+        self._accept(lifecycle)
+        return Admitted(lifecycle)
 
     def restore_settings(self) -> None:
         """Apply the settings again that the ledger holds."""
         for setting in self._ledger.last_settings():
             self._restore(setting)
 
-    def _not_taken(self, command: Command, refusal: Refusal) -> Refused:
+    def _reject_unrecorded(self, command: Command, refusal: Refusal) -> Refused:
         """Reject a command under the id of another: it has no life cycle reports."""
-        refusal = _as_told(refusal, command)
+        refusal = _with_stop_note(refusal, command)
         self._notifications.event(
             Severity.WARNING, refusal.text, refusal.reason, refusal.figures, foreign=True
         )
         return Refused(refusal)
 
-    def _examine(self, command: Command, overtaken: bool) -> Refusal | None:
+    def _check(self, command: Command, overtaken: bool) -> Refusal | None:
         if not isinstance(command.request, Stop):
             if command.overtaken:
                 return OVERTAKEN
-            refusal = self._authority.judge(command)
+            refusal = self._authority.check_command(command)
             if refusal is not None:
                 return refusal
         context = self._context
@@ -148,24 +148,26 @@ class Dispatcher:
             refusal
             or check_pose(
                 command.request,
-                self._start_of(command),
+                self._expected_start_pose(command),
                 context.status.uncertainty,
                 context.settings,
             )
-            or self._blocked(command)
-            or self._obstacle(command.request)
-            or self._short(command)
+            or self._check_path(command)
+            or self._check_state(command.request)
+            or self._check_battery(command)
         )
 
-    def _blocked(self, command: Command) -> Refusal | None:
+    def _check_path(self, command: Command) -> Refusal | None:
         """Return a refusal if a motion is blocked at its expected start pose, or None."""
         request, context = command.request, self._context
         if not isinstance(request, Motion):
             return None
         obstacles = context.status.obstacles
-        return check_request(request, self._start_of(command), context.settings, obstacles)
+        return check_request(
+            request, self._expected_start_pose(command), context.settings, obstacles
+        )
 
-    def _short(self, command: Command) -> Refusal | None:
+    def _check_battery(self, command: Command) -> Refusal | None:
         """Return a refusal if the battery lacks energy for a motion or plan with the return."""
         request, context = command.request, self._context
         what: Motion | PlanNode | None = None
@@ -175,9 +177,11 @@ class Dispatcher:
             what = self._planner.root(request.plan_id)
         if what is None or context.settings.battery is None:
             return None
-        return check_battery(what, self._start_of(command), context.status, context.settings)
+        return check_battery(
+            what, self._expected_start_pose(command), context.status, context.settings
+        )
 
-    def _start_of(self, command: Command) -> Pose:
+    def _expected_start_pose(self, command: Command) -> Pose:
         """Return the expected pose of the rover when a motion begins."""
         context, status = self._context, self._context.status
         pose, goals = status.pose, context.goals.motion
@@ -185,72 +189,75 @@ class Dispatcher:
             return pose
         return expected_pose(goals, pose, context.clock, context.settings, status.obstacles)
 
-    def _obstacle(self, request: Request) -> Refusal | None:
+    def _check_state(self, request: Request) -> Refusal | None:
         """Return a refusal if the present state does not permit a request, or None."""
         if isinstance(request, PlanRequest):
-            return self._planner.obstacle(request)
+            return self._planner.check_request(request)
         files = self._context.files
         match request:
             case Resume():
-                return self._hazard_left()
+                return self._check_resume()
             case DeleteFile(path):
                 return _refusal(files.find(path))
             case MoveFile(path, target):
                 return _refusal(files.find(path)) or _refusal(files.target(target))
             case ExecuteAction(action):
-                return _refusal(action_of(action, self._context.video))
+                return _refusal(parse_action(action, self._context.video))
             case _:
                 return None
 
-    def _hazard_left(self) -> Refusal | None:
+    def _check_resume(self) -> Refusal | None:
         latches, safety = self._context.latches, self._context.safety
         by_fault = latches.hazard is not None or latches.paused is not None
         if not by_fault and latches.stopped_by is None:
-            return NOT_HELD
-        safety.history.accept()
-        danger = safety.cause_left() if by_fault else None
+            return NOTHING_TO_RESUME
+        safety.history.reset_reference()
+        danger = safety.unresolved_cause() if by_fault else None
         if danger is None:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
 
-    def _admit(self, life: CommandLifecycle) -> None:
-        request, context = life.command.request, self._context
-        named = f"{life.command.identity} {life.command.name}"
+    def _accept(self, lifecycle: CommandLifecycle) -> None:
+        request, context = lifecycle.command.request, self._context
+        named = f"{lifecycle.command.identity} {lifecycle.command.name}"
         if isinstance(request, PlanRequest):
-            life.start()
-            life.execute(self._planner.grant(request, life.command.identity))
+            lifecycle.start()
+            lifecycle.execute(self._planner.apply(request, lifecycle.command.identity))
             return
         if isinstance(request, Motion | CameraWork | InstantCommand):
-            if isinstance(request, Motion) and life.command.arrival is PreemptionPolicy.REPLACE:
+            if (
+                isinstance(request, Motion)
+                and lifecycle.command.arrival is PreemptionPolicy.REPLACE
+            ):
                 context.goals.motion.cancel_all(
-                    Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
+                    Refusal(Reason.REPLACED, f"replaced by {lifecycle.command.identity}")
                 )
-            start = self._start_of(life.command)
-            goal = context.goals.add(request, life)
+            start = self._expected_start_pose(lifecycle.command)
+            goal = context.goals.add(request, lifecycle)
             if isinstance(request, Motion):
-                self._predictions.of_motion(goal, request, start)
+                self._predictions.predict_motion(goal, request, start)
         elif isinstance(request, Setting):
-            life.start()
-            self._set(request)
+            lifecycle.start()
+            self._apply_setting(request)
             if isinstance(request, SetPositionCompensation):
                 self._pose.confirm(Uncertainty(cause=named))
-            life.execute()
+            lifecycle.execute()
         elif isinstance(request, ConfirmPose):
-            life.start()
+            lifecycle.start()
             left = Uncertainty(request.position_m, request.heading_rad, named)
             self._pose.confirm(left)
-            life.execute()
+            lifecycle.execute()
         elif isinstance(request, Stop):
-            life.start()
-            context.latches.stopping.append(life)
+            lifecycle.start()
+            context.latches.stopping.append(lifecycle)
         elif isinstance(request, Resume):
-            life.start()
+            lifecycle.start()
             self._reactions.resume()
-            life.execute()
+            lifecycle.execute()
         else:
             assert_never(request)
 
-    def _set(self, setting: Setting) -> None:
+    def _apply_setting(self, setting: Setting) -> None:
         status = self._context.status
         match setting:
             case SetTravelSpeed(speed_mps):
@@ -259,7 +266,7 @@ class Dispatcher:
                 status.rotate_speed_radps = speed_radps
             case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
                 status.compensation = Pose(x_m, y_m, z_m, heading_rad)
-                status.forget_seen()
+                status.clear_local_map()
             case SetCameraRotateSpeed(speed_radps):
                 status.camera_speed_radps = speed_radps
             case SetStatusInterval(interval_s):
@@ -271,19 +278,19 @@ class Dispatcher:
         """Restore a setting from before a restart, if it is still within the asset's bounds."""
         refusal = check_arguments(setting, self._context.settings, self._context.status.pose.point)
         if refusal is None:
-            self._set(setting)
+            self._apply_setting(setting)
         else:
             self._notifications.event(
                 Severity.WARNING, f"stored setting is out of range and was dropped: {refusal.text}"
             )
 
 
-def unwritten(command: Command) -> Refusal:
+def ledger_refusal(command: Command) -> Refusal:
     """Return the refusal of a command that the ledger failed to record."""
-    return _as_told(UNWRITTEN, command)
+    return _with_stop_note(LEDGER_UNAVAILABLE, command)
 
 
-def _as_told(refusal: Refusal, command: Command) -> Refusal:
+def _with_stop_note(refusal: Refusal, command: Command) -> Refusal:
     """Add to a refusal that the stop was executed nevertheless, if the command is one."""
     if not isinstance(command.request, Stop):
         return refusal
@@ -291,7 +298,7 @@ def _as_told(refusal: Refusal, command: Command) -> Refusal:
     return replace(refusal, text=text, argument=None)
 
 
-def _used(identity: Identity, known: bytes) -> Refusal:
+def _duplicate_refusal(identity: Identity, known: bytes) -> Refusal:
     what = "and its command is no longer stored" if known == PRUNED else "by another command"
     return Refusal(
         Reason.DUPLICATE,

@@ -9,7 +9,7 @@ from typing import Final
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import SubmitResult
 
-MOST_A_TURN: Final = 32
+MAX_ITEMS_PER_TURN: Final = 32
 """Maximum number of commands and queries served in one turn, so that ticks stay on time."""
 
 
@@ -28,7 +28,7 @@ class Submission:
     prepare: Callable[[], None]
 
 
-Question = Callable[[], None]
+Query = Callable[[], None]
 """A function that reads or acts on the executive's thread, which owns the objects it uses."""
 
 
@@ -36,7 +36,7 @@ class Inbox:
     """Commands and queries from any thread, which the core's thread serves."""
 
     def __init__(self) -> None:
-        self._items: SimpleQueue[Submission | Question] = SimpleQueue()
+        self._items: SimpleQueue[Submission | Query] = SimpleQueue()
         self._stops: SimpleQueue[Submission] = SimpleQueue()
         self._arrivals = count(1)
         self._stopped_at = 0
@@ -52,12 +52,12 @@ class Inbox:
         stops = isinstance(command.request, Stop)
         (self._stops if stops else self._items).put(submission)
 
-    def ask(self, question: Question) -> None:
+    def put_query(self, question: Query) -> None:
         """Add a query, from any thread."""
         self._items.put(question)
 
     @property
-    def stop_waits(self) -> bool:
+    def stop_pending(self) -> bool:
         """Whether a stop is pending."""
         return not self._stops.empty()
 
@@ -72,14 +72,14 @@ class Inbox:
         return self._items.qsize() + self._stops.qsize()
 
     @property
-    def stops_now(self) -> int:
+    def pending_stops(self) -> int:
         """Number of stops to serve now."""
-        return min(self._stops.qsize(), MOST_A_TURN)
+        return min(self._stops.qsize(), MAX_ITEMS_PER_TURN)
 
     @property
-    def items_now(self) -> int:
+    def pending_items(self) -> int:
         """Number of commands and queries to serve in this turn."""
-        return min(self._items.qsize(), MOST_A_TURN)
+        return min(self._items.qsize(), MAX_ITEMS_PER_TURN)
 
     def take_stop(self) -> Submission:
         """Remove and return the next stop."""
@@ -87,10 +87,10 @@ class Inbox:
         self._stopped_at = stop.arrival
         return stop
 
-    def take(self) -> Submission | Question:
+    def take(self) -> Submission | Query:
         """Remove and return the next command other than a stop, or the next query."""
         return self._items.get_nowait()
 
-    def overtaken(self, submission: Submission) -> bool:
+    def superseded_by_stop(self, submission: Submission) -> bool:
         """Whether a stop that was submitted after the command has been served."""
         return submission.arrival < self._stopped_at

@@ -14,9 +14,9 @@ from executive.settings import LinkLossSettings, LinkLossStage
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose
 
-SHORTEST_M: Final = 0.3
+MIN_SEGMENT_M: Final = 0.3
 """Minimum length of a line segment of the return path; chosen, not measured."""
-ASIDE_M: Final = 0.1
+MAX_CROSS_TRACK_M: Final = 0.1
 """Maximum lateral deviation of the track from a line segment of the return path."""
 
 
@@ -37,30 +37,30 @@ class ReturnPath:
         self._ahead: Point | None = None
         self._last = Point(0.0, 0.0)
 
-    def follow(self, pose: Pose) -> None:
+    def extend(self, pose: Pose) -> None:
         """Extend the track to the present pose; frequent calls make it more accurate."""
         point = pose.point
         if self._began is None:
             self._began, self._corners = pose, [point]
         corner = self._corners[-1]
         if self._ahead is None:
-            if corner.distance_m(point) >= SHORTEST_M:
+            if corner.distance_m(point) >= MIN_SEGMENT_M:
                 self._ahead = point
-        elif _aside_m(corner, self._ahead, point) > ASIDE_M:
+        elif _cross_track_m(corner, self._ahead, point) > MAX_CROSS_TRACK_M:
             self._corners.append(self._last)
             self._ahead = None
         self._last = point
 
     @property
-    def back(self) -> tuple[Waypoint, ...]:
+    def path_back(self) -> tuple[Waypoint, ...]:
         """Waypoints back to the start of the track and its heading; empty without a track."""
         if self._began is None:
             return ()
-        *way, end = (Waypoint(corner.x_m, corner.y_m) for corner in reversed(self._corners))
-        return (*way, Waypoint(end.x_m, end.y_m, self._began.heading_rad))
+        *path, end = (Waypoint(corner.x_m, corner.y_m) for corner in reversed(self._corners))
+        return (*path, Waypoint(end.x_m, end.y_m, self._began.heading_rad))
 
 
-def _aside_m(start: Point, ahead: Point, point: Point) -> float:
+def _cross_track_m(start: Point, ahead: Point, point: Point) -> float:
     """Return the lateral distance of a point from the line through two others."""
     return start.distance_m(point) * abs(sin(start.bearing_rad(point) - start.bearing_rad(ahead)))
 
@@ -69,7 +69,7 @@ class GroundMonitor:
     """Measures the time since the last contact with the ground.
 
     Attributes:
-        heard: whether the last `look` found a contact.
+        heard: whether the last `update` found a contact.
         stage: the last stage reached since the last contact; None before the first.
         trail: track since the last contact, if the settings use it.
     """
@@ -77,23 +77,23 @@ class GroundMonitor:
     def __init__(self, clock: Clock, settings: LinkLossSettings) -> None:
         self._clock = clock
         self._settings = settings
-        self._heard_s = clock.now_s()
-        self._sign = False
+        self._last_contact_s = clock.now_s()
+        self._contact_flag = False
         self._mode = Mode.IDLE
-        self.heard = False
+        self.in_contact = False
         self.stage: LinkLossStage | None = None
         self.trail = ReturnPath()
 
-    def hear(self) -> None:
+    def record_contact(self) -> None:
         """Note a contact with the ground, from any thread."""
-        self._sign = True
+        self._contact_flag = True
 
     @property
     def silent_s(self) -> float:
         """Seconds since the last contact."""
-        return self._clock.now_s() - self._heard_s
+        return self._clock.now_s() - self._last_contact_s
 
-    def look(self, mode: Mode, pose: Pose | None, returning: bool) -> LinkLossStageReached | None:
+    def update(self, mode: Mode, pose: Pose | None, returning: bool) -> LinkLossStageReached | None:
         """Return the stage that is newly reached, or None.
 
         Args:
@@ -101,12 +101,12 @@ class GroundMonitor:
             pose: the present pose; None if it is not known.
             returning: whether the only motion is the reaction to an earlier stage.
         """
-        self.heard = self._sign
-        if self.heard:
-            self._sign, self._heard_s, self.stage = False, self._clock.now_s(), None
+        self.in_contact = self._contact_flag
+        if self.in_contact:
+            self._contact_flag, self._last_contact_s, self.stage = False, self._clock.now_s(), None
             self.trail = ReturnPath()
         if pose is not None and not returning and self._settings.returns:
-            self.trail.follow(pose)
+            self.trail.extend(pose)
         if not returning and (self.stage is None or self._stages(mode)):
             self._mode = mode
         silent_s = self.silent_s

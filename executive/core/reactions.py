@@ -6,7 +6,7 @@ from math import inf
 from typing import Final
 
 from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, MoveTo, RotateTo
-from executive.commands.intake import ABOARD_PREFIX, LONGEST_SOURCE
+from executive.commands.intake import ABOARD_PREFIX, MAX_SOURCE_LENGTH
 from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, SubmitResult
 from executive.core.link_loss import GroundMonitor
 from executive.core.pose_keeper import PoseKeeper
@@ -22,7 +22,7 @@ from executive.record import (
     Notifications,
     StopLatch,
 )
-from executive.safety import HOLDING, Fault, OdometryWindow
+from executive.safety import HOLDING_REACTIONS, Fault, OdometryWindow
 from executive.settings import LinkLossAction, LocomotionKind
 from executive.values.facts import CommandEnded, Stopped
 from executive.values.reasons import Figure, Reason, Refusal
@@ -83,7 +83,7 @@ class Reactions:
         self._obey_faults()
         if self._context.latches.held:
             self._arbiter.stop()
-        self._planner.take_over()
+        self._planner.recover()
         if self._latch.stopped_by == UNWRITTEN_LEDGER:
             text = "the ledger could not be written before the restart"
             self.enter_safe_mode(Refusal(Reason.LEDGER_FAILED, text))
@@ -91,20 +91,20 @@ class Reactions:
         left = self._ledger.unfinished()
         by_velocity = self._context.settings.locomotion is LocomotionKind.VELOCITY
         if left or (by_velocity and self._ledger.last_sequence):
-            self._arbiter.stand()
+            self._arbiter.zero_velocity()
         for command, stage in left:
-            life = CommandLifecycle(command, self._notifications.command, stage)
+            lifecycle = CommandLifecycle(command, self._notifications.command, stage)
             match stage:
                 case Stage.RECEIVED:
-                    life.reject(refusal)
+                    lifecycle.reject(refusal)
                 case Stage.ACCEPTED:
-                    life.cancel(refusal)
+                    lifecycle.cancel(refusal)
                 case _:
-                    life.fail(refusal)
+                    lifecycle.fail(refusal)
 
     def stop(self, by: Identity) -> None:
         """Stop the rover until resumed, for any command; `Dispatcher.submit` validates it."""
-        stopped_by = printable(f"{by.source[:LONGEST_SOURCE]}:{by.command_id}")
+        stopped_by = printable(f"{by.source[:MAX_SOURCE_LENGTH]}:{by.command_id}")
         if not self._context.latches.stopping:
             self._context.latches.stopped_from = self._arbiter.velocity
         self._arbiter.stop()
@@ -151,17 +151,17 @@ class Reactions:
         ground, lost, status = self._ground, self._ground.stage, self._context.status
         motion = self._context.goals.motion
         pose = status.pose if status.odometry_fresh else None
-        reached = ground.look(self._context.mode, pose, self._update_return())
+        reached = ground.update(self._context.mode, pose, self._update_return())
         if reached is not None:
             action, silent_s = reached.stage.then, reached.silent_s
             done = _LINK_LOSS_TEXT[action]
             text = f"no contact with the ground for {silent_s:.1f} s: {done}"
             why = Refusal(Reason.LINK_LOST, text, (Figure("silent", silent_s, "s"),))
             self._on_link_lost(action, why, submit)
-            motion.held = why if action is LinkLossAction.HOLD else None
+            motion.blocked_by = why if action is LinkLossAction.HOLD else None
         elif lost is not None and ground.stage is None:
             self._on_link_recovered()
-            motion.held = None
+            motion.blocked_by = None
 
     def _on_link_lost(
         self, action: LinkLossAction, why: Refusal, submit: Callable[[Command], SubmitResult]
@@ -189,16 +189,16 @@ class Reactions:
 
     def _update_return(self) -> bool:
         """Return whether the rover is returning; report the end of the return."""
-        life = self._return
-        if life is None or not life.stage.terminal:
-            return life is not None
+        lifecycle = self._return
+        if lifecycle is None or not lifecycle.stage.terminal:
+            return lifecycle is not None
         self._return = None
-        if life.refusal is None:
+        if lifecycle.refusal is None:
             text = "the rover is back at the position of the last ground contact"
             self._notifications.event(Severity.INFORMATIONAL, text)
         else:
-            text = f"the rover did not return: {life.refusal.text}"
-            self._notifications.event(Severity.ALARM, text, life.refusal.reason)
+            text = f"the rover did not return: {lifecycle.refusal.text}"
+            self._notifications.event(Severity.ALARM, text, lifecycle.refusal.reason)
         return False
 
     def _start_return(
@@ -212,9 +212,9 @@ class Reactions:
         self._ledger.unlatch(stage_before)
         self._obey_faults()
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
-        answer = submit(Command(identity, FollowPath(self._ground.trail.back), ABOARD_LINK))
+        answer = submit(Command(identity, FollowPath(self._ground.trail.path_back), ABOARD_LINK))
         if isinstance(answer, Admitted):
-            self._return = answer.life
+            self._return = answer.lifecycle
         return answer.refusal if isinstance(answer, Refused) else None
 
     def _begin_fault(self, fault: Fault) -> None:
@@ -223,18 +223,18 @@ class Reactions:
         if row.then in {Reaction.STOP, Reaction.SAFE}:
             self._arbiter.stop()
         if row.then is Reaction.PAUSE and fault.name in HARD_STOP_FAULTS:
-            self._arbiter.stand()
+            self._arbiter.zero_velocity()
         self._notifications.event(fault.severity, why.text, why.reason, why.figures)
         if row.clears is ClearPolicy.ON_RESUME:
             self._ledger.latch(LatchedFault(fault.name, row.then, why, fault.begun_utc_s))
         self._obey_faults()
-        if row.then in HOLDING:
+        if row.then in HOLDING_REACTIONS:
             self._planner.suspend(why)
             motion = self._context.goals.motion
             if row.then is not Reaction.PAUSE:
                 motion.fail_all(why)
             elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
-                motion.fail(why)  # a motion relative to its start cannot continue
+                motion.fail_active(why)  # a motion relative to its start cannot continue
 
     def _end_fault(self, fault: Fault) -> None:
         """Report the end of a fault, and release what no other fault requires."""
@@ -252,15 +252,15 @@ class Reactions:
         latches.paused = first[Reaction.PAUSE]
         latches.hazard = first[Reaction.SAFE] or first[Reaction.STOP]
         latches.safe = first[Reaction.SAFE] is not None
-        self._context.status.slow_ratio = SLOW_RATIO if first[Reaction.SLOW_DOWN] else 1.0
+        self._context.status.speed_limit_ratio = SLOW_RATIO if first[Reaction.SLOW_DOWN] else 1.0
         if self._arbiter.latched and not latches.held:
             self._arbiter.release()
 
     def fail_active(self, refusal: Refusal) -> None:
         """Fail the active goals and stops."""
         self._context.goals.fail_active(refusal)
-        for life in self._context.latches.take_stopping():
-            life.fail(refusal)
+        for lifecycle in self._context.latches.take_stopping():
+            lifecycle.fail(refusal)
 
     def on_external_result(self, ended: CommandEnded) -> None:
         """End the goal of a command that the rover received over another link first."""
@@ -270,9 +270,9 @@ class Reactions:
                 continue
             text = f"received over another link first: {ended.text}"
             if ended.executed:
-                queue.execute(text)
+                queue.complete_active(text)
             else:
-                queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
+                queue.fail_active(Refusal(Reason.MOTION_NOT_EXECUTED, text))
 
     def on_external_stop(self, stopped: Stopped) -> None:
         """Cancel goals after a stop over another link; later commands may move the rover."""
@@ -285,8 +285,8 @@ class Reactions:
         """Suspend the executing plan, and cancel every goal and active stop."""
         self._planner.suspend(refusal)
         self._context.goals.cancel_all(refusal)
-        for life in self._context.latches.take_stopping():
-            life.cancel(refusal)
+        for lifecycle in self._context.latches.take_stopping():
+            lifecycle.cancel(refusal)
 
     def resume(self) -> None:
         """Release the rover, except for faults that end by themselves and are still active."""
@@ -298,7 +298,7 @@ class Reactions:
     def suspend_plan_if_held(self) -> None:
         """Suspend a plan between two of its steps if motion is held."""
         goals, executing = self._context.goals, self._context.plans.executing
-        if goals.motion.held is not None and goals.active is None and executing is not None:
+        if goals.motion.blocked_by is not None and goals.active is None and executing is not None:
             text = "no contact with the ground: the plan is held at the end of a step"
             self._planner.suspend(Refusal(Reason.LINK_LOST, text))
 
@@ -307,7 +307,7 @@ class Reactions:
         history = self._context.safety.history
         moved = OdometryWindow(*history.moved.sums)
         for severity, text, figures in history.other_drivers.update(
-            history.drivers, moved.pose_m, moved.turned_rad, history.commanding
+            history.drivers, moved.pose_path_m, moved.turned_rad, history.commanding
         ):
             self._notifications.event(severity, text, figures=figures, foreign=True)
 
@@ -319,7 +319,7 @@ class Reactions:
         changes = safety.check(self._context.goals.motion.active is not None)
         for fault in changes.begun:
             self._begin_fault(fault)
-        for fault in changes.over:
+        for fault in changes.ended:
             self._end_fault(fault)
         self._pose.update(safety.active)
 

@@ -121,9 +121,9 @@ class Recorder:
             for path, each in nodes.items()
             if not _same(before.get(path), each)
         )
-        gone = tuple(path for path in before if path not in nodes)
-        if changed or gone:
-            self.put(TreeChanged(changed, gone))
+        removed = tuple(path for path in before if path not in nodes)
+        if changed or removed:
+            self.put(TreeChanged(changed, removed))
         if self._mode is None or _without_figures(self._mode) != _without_figures(mode):
             self._mode = mode
             self.put(mode)
@@ -137,7 +137,7 @@ def _without_figures(mode: ModeChanged) -> tuple[object, ...]:
     return mode.mode, mode.active, without_figures(mode.why)
 
 
-def life_of(
+def process_start(
     settings: Settings,
     ledger: Ledger,
     files: FileFolder,
@@ -212,9 +212,9 @@ class _RecordedVelocityRover(_RecordedRover[VelocityRover]):
 
 
 class _RecordedMotionRover(_RecordedRover[DelegatedMotionRover]):
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         self._tape.put(CarriedOut(motion))
-        self._rover.carry_out(motion)
+        self._rover.execute_motion(motion)
 
     def halt(self) -> None:
         self._tape.put(Halted())
@@ -227,12 +227,12 @@ class _RecordedVideo:
         self._tape = tape
 
     @property
-    def on(self) -> bool:
-        return self._video.on
+    def enabled(self) -> bool:
+        return self._video.enabled
 
-    def switch(self, on: bool) -> None:
+    def set_enabled(self, on: bool) -> None:
         self._tape.put(SwitchedVideo(on))
-        self._video.switch(on)
+        self._video.set_enabled(on)
 
 
 class _RecordedDownlink:
@@ -265,16 +265,16 @@ class _RecordedSolver:
         self._tape.put(SolverBusy(busy))
         return busy
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         digest = hashlib.sha256(repr(problem).encode()).hexdigest()
         self._tape.put(AskedSolver(problem.start, problem.target, digest))
-        self._solver.ask(problem)
+        self._solver.request(problem)
 
-    def answer(self) -> Trajectory | None:
-        plan = self._solver.answer()
+    def take_result(self) -> Trajectory | None:
+        plan = self._solver.take_result()
         self._tape.put(SolverAnswered(plan))
         return plan
 
-    def beside(self, apart: bool = False) -> SharedSolver:
-        solver = self._solver.beside(apart)
+    def fork(self, apart: bool = False) -> SharedSolver:
+        solver = self._solver.fork(apart)
         return solver if apart else _RecordedSolver(solver, self._tape)

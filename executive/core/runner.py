@@ -12,15 +12,15 @@ from typing import Final
 
 from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
-from executive.commands.intake import not_located
+from executive.commands.intake import check_localized
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.core.authority import Authority, AuthorityRequest, AuthorityState
-from executive.core.dispatcher import Dispatcher, unwritten
-from executive.core.inbox import MOST_A_TURN, Inbox, Question, Submission
+from executive.core.dispatcher import Dispatcher, ledger_refusal
+from executive.core.inbox import MAX_ITEMS_PER_TURN, Inbox, Query, Submission
 from executive.core.link_loss import GroundMonitor
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
-from executive.core.recorder import Recorder, life_of, recorded_ports
+from executive.core.recorder import Recorder, process_start, recorded_ports
 from executive.core.recording import (
     Call,
     Called,
@@ -74,19 +74,19 @@ from executive.values.reports import (
 
 _LOG = logging.getLogger(__name__)
 
-LONGEST_EVENT: Final = 4096
+MAX_EVENT_LENGTH: Final = 4096
 """Maximum length in characters of a text reported by `Executive.event`; the rest is cut."""
 
 
 class Executive:
     """One asset's executive.
 
-    Within each call of `observe`, `turn`, `tick`, `event`, `make_safe` and `close`, and during
-    construction, the clock is latched: every decision sees the same time.
+    Within each call of `observe`, `serve_inbox`, `tick`, `event`, `enter_safe_mode` and `close`,
+    and during construction, the clock is latched: every decision sees the same time.
 
-    The core's thread calls `observe`, `turn` and `tick`, and owns all attributes; other threads
-    call `submit` and `ask`. A stop overtakes all pending commands, and stops the rover before
-    `submit` returns, regardless of the core's thread.
+    The core's thread calls `observe`, `serve_inbox` and `tick`, and owns all attributes; other
+    threads call `submit` and `query`. A stop overtakes all pending commands, and stops the rover
+    before `submit` returns, regardless of the core's thread.
 
     Commands that the ledger holds unfinished end as interrupted. The rover is commanded to zero
     velocity if a previous process may have left it moving. The state of the stop is stored in a
@@ -99,7 +99,7 @@ class Executive:
         authority: the command authority.
         ground: monitor of the time since the last contact with the ground.
         safety: the active faults.
-        wake: called after each `submit` or `ask`, on its thread; must be thread-safe
+        wake: called after each `submit` or `query`, on its thread; must be thread-safe
             and quick.
     """
 
@@ -121,9 +121,9 @@ class Executive:
         self.settings = settings
         self._clock = clock = LatchedClock(clock)
         self._recorder = Recorder(tape, clock)
-        self.files = FileFolder(files, self._tell_of_file)
+        self.files = FileFolder(files, self._send_file_event)
         if tape is not None:
-            tape.put(life_of(settings, ledger, self.files, solver, video))
+            tape.put(process_start(settings, ledger, self.files, solver, video))
             ledger.on_commit = self._recorder.on_commit
             rover, downlinks, video, solver = recorded_ports(
                 tape, settings, rover, downlinks, video, solver
@@ -141,7 +141,7 @@ class Executive:
         self._answers: list[tuple[Submission, SubmitResult]] = []
         self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
-        self._latch = _latch_beside(ledger)
+        self._latch = _open_stop_latch(ledger)
         self._downlinks = downlinks
         self._arbiter = Arbiter(clock, settings, rover, mover, self._stop_waits)
         self._notifications = Notifications(clock, ledger, downlinks)
@@ -158,7 +158,7 @@ class Executive:
             self._context.plans,
             self.tree,
             self._context.goals.cancel,
-            self._predictions.of_plan,
+            self._predictions.predict_plan,
         )
         self.authority = Authority(
             clock,
@@ -192,7 +192,7 @@ class Executive:
         )
         for each in unmonitored(settings):
             _LOG.info("%s (%s)", each, ", ".join(each.faults))
-        self.files.tidy()
+        self.files.remove_partial_files()
         self._dispatcher.restore_settings()
         self._reactions.recover()
         self._notifications.flush()
@@ -213,7 +213,7 @@ class Executive:
                 its writes to the ledger are committed with the command.
         """
         if command.link in GROUND_LINKS:
-            self.ground.hear()
+            self.ground.record_contact()
         self._inbox.put(command, reply, prepare)
         if isinstance(command.request, Stop):
             try:
@@ -222,9 +222,9 @@ class Executive:
                 _LOG.exception("the emergency stop raised: the core's thread stops the rover")
         self.wake()
 
-    def ask(self, question: Question) -> None:
+    def query(self, question: Query) -> None:
         """Run a query on the executive's thread, from any other thread."""
-        self._inbox.ask(question)
+        self._inbox.put_query(question)
         self.wake()
 
     def emergency_stop(self) -> None:
@@ -258,7 +258,7 @@ class Executive:
         return None if goal is None else goal.command.identity
 
     @property
-    def goals_waiting(self) -> int:
+    def queued_goals(self) -> int:
         """Number of accepted commands that wait."""
         return self._context.goals.waiting
 
@@ -298,7 +298,7 @@ class Executive:
         return self._ledger.last_sequence
 
     @property
-    def recording(self) -> bool:
+    def ledger_writable(self) -> bool:
         """Whether the last commit of the ledger succeeded."""
         return not self._ledger.failing
 
@@ -320,17 +320,17 @@ class Executive:
         """Return the request of a command, if the ledger still stores it; see `Ledger.request`."""
         return self._ledger.request(identity)
 
-    def preview(self, asked: Motion | PlanDefinition) -> PreviewRun | Refusal:
+    def preview(self, request: Motion | PlanDefinition) -> PreviewRun | Refusal:
         """Return a run that computes the preview of a motion or a plan, or the refusal.
 
         The preview begins where the waiting and active motions end. Mode, queue and authority do
         not matter, since nothing is commanded.
         """
         status, settings, context = self.status, self.settings, self._context
-        what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
+        what = check_plan(request, settings) if isinstance(request, PlanDefinition) else request
         if isinstance(what, Refusal):
             return what
-        refusal = not_located(status, settings)
+        refusal = check_localized(status, settings)
         if refusal is not None:
             return refusal
         goals, clock = context.goals.motion, context.clock
@@ -343,7 +343,7 @@ class Executive:
         """Process a fact."""
         with self._clock:
             self._recorder.enter(Observed, fact)
-            if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
+            if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign_publishers:
                 others = ", ".join(fact.names)
                 self._notifications.event(
                     Severity.WARNING,
@@ -355,22 +355,22 @@ class Executive:
             jump = self.safety.history.jump
             self.safety.observe(fact)
             if self.safety.history.jump is not jump:
-                self.status.forget_seen()
+                self.status.clear_local_map()
             if isinstance(fact, CommandEnded):
                 self._reactions.on_external_result(fact)
             if isinstance(fact, Stopped):
                 self._reactions.on_external_stop(fact)
             if isinstance(fact, AuthorityUsed):
-                self.ground.hear()
-                self.authority.used(fact.epoch)
+                self.ground.record_contact()
+                self.authority.renew_lease(fact.epoch)
             if isinstance(fact, LaserScan):
                 self._reactions.run_monitors()  # immediately, without waiting for the tick
             self._arbiter.guard()
 
-    def ask_authority(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
+    def request_authority(self, request: AuthorityRequest) -> AuthorityState | Refusal:
         """Request, take, hand over or release the authority; on the executive's thread."""
-        self._recorder.put(asked)
-        return self.authority.perform(asked)
+        self._recorder.put(request)
+        return self.authority.perform(request)
 
     def event(
         self,
@@ -380,26 +380,26 @@ class Executive:
         kind: ReportKind = ReportKind.EVENT,
     ) -> None:
         """Report an event of another component or of a link."""
-        within = self._clock.held
+        within = self._clock.latched
         with self._clock:
             self._recorder.enter(Noticed, severity, text, figures, kind, within)
-            text = text[:LONGEST_EVENT]
+            text = text[:MAX_EVENT_LENGTH]
             figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
             self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
-    def make_safe(self, danger: Refusal) -> None:
+    def enter_safe_mode(self, danger: Refusal) -> None:
         """Enter SAFE until resumed; without effect if the same reason is already active."""
-        within = self._clock.held
+        within = self._clock.latched
         with self._clock:
             self._recorder.enter(MadeSafe, danger, within)
             self._reactions.enter_safe_mode(danger)
 
-    def turn(self) -> None:
+    def serve_inbox(self) -> None:
         """Serve pending commands and queries; an accepted command is ticked immediately.
 
-        Items that arrive during the turn, or exceed `MOST_A_TURN`, wait for the next one; stops are
-        served before each other item. Then predictions advance by a slice; if more work remains,
-        the executive wakes itself.
+        Items that arrive during the turn, or exceed `MAX_ITEMS_PER_TURN`, wait for the next one;
+        stops are served before each other item. Then predictions advance by a slice; if more work
+        remains, the executive wakes itself.
         """
         with self._clock:
             self._recorder.enter(Called, Call.TURN)
@@ -411,14 +411,14 @@ class Executive:
         """Serve pending commands and queries."""
         self._serve_stops()
         self._reactions.check_ground_link(self._dispatcher.submit)
-        if self.ground.heard:
+        if self.ground.in_contact:
             self._recorder.put(GroundHeard())
-        for _ in range(self._inbox.items_now):
-            if len(self._answers) >= MOST_A_TURN:
+        for _ in range(self._inbox.pending_items):
+            if len(self._answers) >= MAX_ITEMS_PER_TURN:
                 break
             item = self._inbox.take()
             if isinstance(item, Submission):
-                overtaken = self._inbox.overtaken(item)
+                overtaken = self._inbox.superseded_by_stop(item)
                 self._recorder.put(Served(item.command, overtaken))
                 item.prepare()
                 self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
@@ -432,7 +432,7 @@ class Executive:
                 self._run_tree()
         written = self._flush()
         for submission, admission in answers:
-            answer = admission if written else Refused(unwritten(submission.command))
+            answer = admission if written else Refused(ledger_refusal(submission.command))
             self._recorder.on_answer(submission.command.identity, answer)
             submission.reply(answer)
         if not self._inbox.empty:
@@ -478,14 +478,14 @@ class Executive:
                 self._ledger.abandon()
             self._latch.close()
 
-    def abandon(self) -> None:
+    def simulate_crash(self) -> None:
         """End as `kill -9` would: nothing further is written."""
         self._ledger.abandon()
         self._latch.close()
 
     def _serve_stops(self) -> None:
         """Stop the rover for pending stops, and process their records and replies."""
-        for _ in range(self._inbox.stops_now):
+        for _ in range(self._inbox.pending_stops):
             stop = self._inbox.take_stop()
             self._recorder.put(Served(stop.command, overtaken=False))
             self._reactions.stop(stop.command.identity)
@@ -493,7 +493,7 @@ class Executive:
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
     def _stop_waits(self) -> bool:
-        waits = self._inbox.stop_waits
+        waits = self._inbox.stop_pending
         self._recorder.on_stop_check(waits)
         return waits
 
@@ -506,7 +506,7 @@ class Executive:
         for downlink in self._downlinks:
             downlink.telemetry(values)
 
-    def _tell_of_file(self, event: FileEvent) -> None:
+    def _send_file_event(self, event: FileEvent) -> None:
         for downlink in self._downlinks:
             downlink.file(event)
 
@@ -566,7 +566,7 @@ class Executive:
         return True
 
 
-def _latch_beside(ledger: Ledger) -> StopLatch:
+def _open_stop_latch(ledger: Ledger) -> StopLatch:
     path = Path(ledger.path).with_suffix(".stop")
     try:
         latch = StopLatch(path)

@@ -58,12 +58,12 @@ class FaultParameter:
         low, high: bounds of the value in a file.
     """
 
-    what: str
+    description: str
     unit: str
     low: float
     high: float
 
-    def fault_of(self, value: float) -> str | None:
+    def check(self, value: float) -> str | None:
         """Return the error of a value, or None."""
         if self.low <= value <= self.high:
             return None
@@ -176,8 +176,8 @@ class FaultDeclaration:
                     "is missing" if value is None else f"is not known; known are {', '.join(had)}"
                 )
                 raise ValueError(f"{path}.{key} {lack}")
-            if bound is not None and value is not None and (wrong := bound.fault_of(value)):
-                raise ValueError(f"{path}.{key}: {wrong} ({bound.what})")
+            if bound is not None and value is not None and (wrong := bound.check(value)):
+                raise ValueError(f"{path}.{key}: {wrong} ({bound.description})")
 
 
 FIGURES: Final = ("beyond", "below", "ratio", "within", "for")

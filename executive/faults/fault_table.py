@@ -55,14 +55,14 @@ def _within(low_s: float = 0.1) -> FaultParameter:
 
 
 _RATIO: Final = FaultParameter("ratio of the distance or turn, added to the bound", "", 0.0, 2.0)
-_HELD: Final = (Reaction.SAFE, ClearPolicy.ON_RESUME)
-_STOPPED: Final = (Reaction.STOP, ClearPolicy.ON_RESUME)
-_ENDED: Final = (Reaction.STOP, ClearPolicy.ITSELF)
-_TOLD: Final = (Reaction.WARN, ClearPolicy.ITSELF)
+_SAFE_UNTIL_RESUME: Final = (Reaction.SAFE, ClearPolicy.ON_RESUME)
+_STOP_UNTIL_RESUME: Final = (Reaction.STOP, ClearPolicy.ON_RESUME)
+_STOP_WHILE_ACTIVE: Final = (Reaction.STOP, ClearPolicy.ITSELF)
+_WARN_WHILE_ACTIVE: Final = (Reaction.WARN, ClearPolicy.ITSELF)
 
 
 def _rejected(what: str) -> Any:
-    row = _row(MonitoredWhen.ALWAYS, _TOLD, Window(for_s=1.1))
+    row = _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(for_s=1.1))
     summary = f"{what} cannot be used, or is not received."
     return _fault(Reason.DATA_REJECTED, summary, row, source="The rate is known after a second.")
 
@@ -74,7 +74,7 @@ class FaultTable:
     odometry_jumped: FaultResponse = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry is longer than the rover can have driven.",
-        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.2)),
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("step that the speed does not explain", "m", 0.02, 5.0),
         source=(
@@ -85,7 +85,7 @@ class FaultTable:
     odometry_turned: FaultResponse = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry turns further than the rover can have turned.",
-        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.2)),
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("turn that the rate does not explain", "rad", 0.02, 1.5),
         source="Judgement, as `odometry_jumped`; recorded runs with 0.05 rad.",
@@ -93,14 +93,14 @@ class FaultTable:
     odometry_not_finite: FaultResponse = _fault(
         Reason.ODOMETRY_NOT_FINITE,
         "Odometry has figures that are not finite.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(for_s=0.1)),
         disproves=Disproves.SENSORS,
         source="Recorded runs: three messages in a row, 0.06 s; 0.1 s are two ticks.",
     )
     odometry_stale: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
         "No odometry arrives, or the same message repeats.",
-        _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.3)),
+        _row(MonitoredWhen.MOVING, _SAFE_UNTIL_RESUME, Window(beyond=0.3)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
         source=(
@@ -111,7 +111,7 @@ class FaultTable:
     odometry_behind: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
         "Odometry is older than the data of other sensors, which arrive in time.",
-        _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.25)),
+        _row(MonitoredWhen.MOVING, _SAFE_UNTIL_RESUME, Window(beyond=0.25)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter(
             "age of the newest odometry relative to theirs, by the stamps", "s", 0.05, 10.0
@@ -123,7 +123,7 @@ class FaultTable:
     odometry_late: FaultResponse = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry arrives too late for control.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(for_s=0.15, beyond=0.13)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter("age on arrival, by its stamp, beyond the usual", "s", 0.02, 10.0),
         source=(
@@ -134,7 +134,7 @@ class FaultTable:
     odometry_slow: FaultResponse = _fault(
         Reason.ODOMETRY_SLOW,
         "Odometry arrives too rarely for control.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, below=10.0, within_s=1.0)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(for_s=0.2, below=10.0, within_s=1.0)),
         disproves=Disproves.SENSORS,
         below=FaultParameter("message rate", "Hz", 0.5, 1000.0),
         within=_within(0.5),
@@ -146,7 +146,7 @@ class FaultTable:
     odometry_frozen: FaultResponse = _fault(
         Reason.ODOMETRY_FROZEN,
         "Odometry does not change although motion is commanded.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(within_s=0.3)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
         source="As `odometry_stale`; no measurement of its own.",
     )
@@ -155,7 +155,7 @@ class FaultTable:
         "The odometry pose deviates from the integral of its own velocity.",
         _row(
             MonitoredWhen.MOVING,
-            _STOPPED,
+            _STOP_UNTIL_RESUME,
             Window("quick", beyond=0.05, ratio=0.1, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
         ),
@@ -173,7 +173,9 @@ class FaultTable:
         Reason.ODOMETRY_INCONSISTENT,
         "The odometry heading deviates from the integral of its own rate.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("angle between heading and its integrated rate", "rad", 0.01, 1.5),
@@ -183,7 +185,9 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The speed by odometry deviates from the commanded speed.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("speed outside the commanded range", "m/s", 0.02, 2.0),
@@ -194,7 +198,9 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The turning rate by odometry deviates from the commanded rate.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("rate outside the commanded range", "rad/s", 0.05, 3.0),
@@ -206,7 +212,7 @@ class FaultTable:
         "A rover with whole motions drives steadily slower or faster than commanded.",
         _row(
             MonitoredWhen.MOVING,
-            _STOPPED,
+            _STOP_UNTIL_RESUME,
             Window(for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
         ),
         disproves=Disproves.COMMANDS,
@@ -217,7 +223,9 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "A rover with whole motions turns steadily slower or faster than commanded.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("integrated rate relative to the command", "rad", 0.005, 3.0),
@@ -227,7 +235,9 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The rover turns more or less than commanded, by odometry.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("turn relative to the command", "rad", 0.05, 3.0),
@@ -239,7 +249,7 @@ class FaultTable:
     no_progress: FaultResponse = _fault(
         Reason.NO_PROGRESS,
         "The rover does not move as commanded, by odometry.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(below=0.3, within_s=3.0)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(below=0.3, within_s=3.0)),
         disproves=Disproves.COMMANDS,
         below=FaultParameter("ratio of the commanded distance or turn", "", 0.01, 1.0),
         within=_within(1.0),
@@ -248,7 +258,9 @@ class FaultTable:
     drives_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover drives although it should be stationary and has no other velocity publisher.",
-        _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
+        _row(
+            MonitoredWhen.ALWAYS, _STOP_UNTIL_RESUME, Window(for_s=0.1, beyond=0.04, within_s=1.0)
+        ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("speed", "m/s", 0.005, 1.0),
         source=(
@@ -259,7 +271,9 @@ class FaultTable:
     turns_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover should be stationary without another publisher, but turns by odometry or gyro.",
-        _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
+        _row(
+            MonitoredWhen.ALWAYS, _STOP_UNTIL_RESUME, Window(for_s=0.1, beyond=0.01, within_s=1.0)
+        ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("rate", "rad/s", 0.001, 1.0),
         source="Normal driving: 58 %; recorded runs with 0.006 rad/s.",
@@ -267,7 +281,7 @@ class FaultTable:
     odometry_silent: FaultResponse = _fault(
         Reason.ODOMETRY_SILENT,
         "Odometry no longer arrives, in motion or at rest.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=1.0)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=1.0)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter("time since the last odometry", "s", 0.1, 3600.0),
         source="Judgement; check: 22 %.",
@@ -275,7 +289,7 @@ class FaultTable:
     tilted: FaultResponse = _fault(
         Reason.TILTED,
         "The rover is tilted too far.",
-        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.49)),
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
         source="As `tilted_by_imu`.",
@@ -283,7 +297,7 @@ class FaultTable:
     battery_low: FaultResponse = _fault(
         Reason.BATTERY_LOW,
         "The battery is nearly empty.",
-        _row(MonitoredWhen.ALWAYS, _HELD, Window(below=22.0)),
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(below=22.0)),
         below=FaultParameter("voltage", "V", 1.0, 1000.0),
         source="3.14 V for each of the Jackal's seven cells; judgement. An asset sets its own.",
     )
@@ -296,14 +310,14 @@ class FaultTable:
     battery_silent: FaultResponse = _fault(
         Reason.BATTERY_SILENT,
         "The battery no longer reports its voltage.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=5.0)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=5.0)),
         beyond=FaultParameter("time since its last report", "s", 0.5, 3600.0),
         source="Judgement; check: 18 %.",
     )
     battery_not_finite: FaultResponse = _fault(
         Reason.BATTERY_NOT_FINITE,
         "The battery voltage is not a number, or impossible for a battery.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(for_s=0.5, beyond=60.0)),
         beyond=FaultParameter("voltage impossible for this battery", "V", 1.0, 10_000.0),
         source="Judgement, below 65.535 V, which is 0xFFFF mV and no measurement.",
     )
@@ -312,7 +326,9 @@ class FaultTable:
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("speed outside the commanded range in the window", "m/s", 0.02, 5.0),
@@ -325,7 +341,9 @@ class FaultTable:
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side gradually turn less or further than commanded.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4),
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the distances", "m", 0.01, 5.0),
@@ -334,7 +352,7 @@ class FaultTable:
     wheels_unpowered: FaultResponse = _fault(
         Reason.WHEELS_UNPOWERED,
         "The wheels of a side deviate from their command, and their motors have no torque.",
-        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
+        _row(MonitoredWhen.MOVING, _STOP_UNTIL_RESUME, Window(for_s=0.1, below=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         below=FaultParameter("mean torque of a side", "Nm", 0.001, 100.0),
         source=(
@@ -347,7 +365,7 @@ class FaultTable:
         "The odometry reports another distance than the wheels.",
         _row(
             MonitoredWhen.MOVING,
-            _STOPPED,
+            _STOP_UNTIL_RESUME,
             Window("quick", beyond=0.02, ratio=0.04, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
         ),
@@ -363,7 +381,7 @@ class FaultTable:
         "The odometry reports another turn than the gyro.",
         _row(
             MonitoredWhen.MOVING,
-            _STOPPED,
+            _STOP_UNTIL_RESUME,
             Window("quick", beyond=0.04, ratio=0.04, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
         ),
@@ -378,7 +396,9 @@ class FaultTable:
         Reason.WHEELS_OFF_GYRO,
         "The rover does not turn as its wheels do.",
         _row(
-            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6)
+            MonitoredWhen.MOVING,
+            _STOP_UNTIL_RESUME,
+            Window(for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6),
         ),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
@@ -393,7 +413,7 @@ class FaultTable:
         "The wheels gain or lose speed without a matching acceleration of the rover.",
         _row(
             MonitoredWhen.MOVING,
-            _ENDED,
+            _STOP_WHILE_ACTIVE,
             Window("quick", for_s=0.05, beyond=0.48, within_s=0.6),
             Window("slow", for_s=0.05, beyond=1.0, within_s=2.0),
         ),
@@ -408,7 +428,9 @@ class FaultTable:
         Reason.BLOCKED,
         "The wheels push with a force that does not move the rover.",
         _row(
-            MonitoredWhen.MOVING, _ENDED, Window(for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4)
+            MonitoredWhen.MOVING,
+            _STOP_WHILE_ACTIVE,
+            Window(for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4),
         ),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the forces", "N", 1.0, 100_000.0),
@@ -421,7 +443,7 @@ class FaultTable:
     tilted_by_imu: FaultResponse = _fault(
         Reason.TILTED,
         "The rover is tilted too far, by its inertial sensors.",
-        _row(MonitoredWhen.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(for_s=0.1, beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
         source=(
@@ -434,7 +456,7 @@ class FaultTable:
         "The second odometry reports another distance; if it corrects the pose, a gross deviation.",
         _row(
             MonitoredWhen.MOVING,
-            _ENDED,
+            _STOP_WHILE_ACTIVE,
             Window("quick", beyond=0.1, ratio=0.2, within_s=1.0),
             Window("slow", beyond=0.1, ratio=0.1, within_s=4.0),
             Window("quick_fused", beyond=0.25, ratio=0.3, within_s=1.0),
@@ -453,7 +475,7 @@ class FaultTable:
         "The second odometry reports another turn.",
         _row(
             MonitoredWhen.MOVING,
-            _ENDED,
+            _STOP_WHILE_ACTIVE,
             Window("quick", beyond=0.06, ratio=0.05, within_s=1.0),
             Window("slow", beyond=0.07, ratio=0.04, within_s=4.0),
         ),
@@ -465,7 +487,7 @@ class FaultTable:
     slides: FaultResponse = _fault(
         Reason.SLIDES,
         "The rover moves although it should be stationary, unseen by its odometry.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.05, within_s=0.4)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("distance between two second-odometry frames", "m", 0.01, 10.0),
         within=_within(0.2),
@@ -477,35 +499,35 @@ class FaultTable:
     joints_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "No wheel sensor data: the wheels are not monitored.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=0.5)),
         beyond=FaultParameter("age of the last wheel sensor data", "s", 0.1, 60.0),
         source="Judgement; check: 4 %.",
     )
     imu_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "No inertial sensor data: slip, turns and tilt are not monitored by it.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=0.5)),
         beyond=FaultParameter("age of the last inertial sensor data", "s", 0.1, 60.0),
         source="Judgement; check: 2 %.",
     )
     second_odometry_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "No second odometry: slip is not monitored.",
-        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=6.0)),
+        _row(MonitoredWhen.ALWAYS, _WARN_WHILE_ACTIVE, Window(beyond=6.0)),
         beyond=FaultParameter("age of the last second odometry", "s", 0.5, 60.0),
         source="Judgement, above the gaps of the simulated one, up to 4 s; check: 82 %.",
     )
     zone_ahead: FaultResponse = _fault(
         Reason.ZONE_AHEAD,
         "The rover must brake soon to stop before a zone or a known rock.",
-        _row(MonitoredWhen.ALWAYS, _ENDED, Window(within_s=0.16)),
+        _row(MonitoredWhen.ALWAYS, _STOP_WHILE_ACTIVE, Window(within_s=0.16)),
         within=FaultParameter("time until the rover brakes", "s", 0.0, 5.0),
         source="Judgement.",
     )
     obstacle_ahead: FaultResponse = _fault(
         Reason.OBSTACLE_AHEAD,
         "The laser detects an obstacle that the rover would reach before it stops.",
-        _row(MonitoredWhen.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
+        _row(MonitoredWhen.ALWAYS, _STOP_WHILE_ACTIVE, Window(below=0.05, within_s=0.25)),
         below=FaultParameter("distance left once the rover is stationary", "m", 0.0, 5.0),
         within=FaultParameter("time from a scan until the rover brakes", "s", 0.0, 5.0),
         source="Recorded runs; normal driving: 72 %.",
@@ -520,14 +542,14 @@ class FaultTable:
     laser_silent: FaultResponse = _fault(
         Reason.LASER_SILENT,
         "No laser scan arrives, or the same one repeats.",
-        _row(MonitoredWhen.MOVING, _ENDED, Window(beyond=0.35)),
+        _row(MonitoredWhen.MOVING, _STOP_WHILE_ACTIVE, Window(beyond=0.35)),
         beyond=FaultParameter("age of the newest scan", "s", 0.05, 10.0),
         source="Judgement, above three periods at 10 Hz; check: 24 %.",
     )
     laser_blind: FaultResponse = _fault(
         Reason.LASER_BLIND,
         "The laser has no usable measurement in a sector into which the rover drives or turns.",
-        _row(MonitoredWhen.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
+        _row(MonitoredWhen.ALWAYS, _STOP_WHILE_ACTIVE, Window(beyond=0.8, within_s=0.3)),
         beyond=FaultParameter("ratio of the rays of a sector of 15 degrees", "", 0.05, 1.0),
         within=_within(0.0),
         source=(

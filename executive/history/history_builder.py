@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from executive.commands import Command, request_text
-from executive.commands.intake import LONGEST_SOURCE
+from executive.commands.intake import MAX_SOURCE_LENGTH
 from executive.core.recording import (
     Answered,
     Call,
@@ -47,21 +47,21 @@ class HistoryBuilder:
     """
 
     def __init__(
-        self, leaf_paths: Callable[[Settings], frozenset[str]], most: int | None = None
+        self, leaf_paths: Callable[[Settings], frozenset[str]], maximum: int | None = None
     ) -> None:
-        self._paths_of, self._most = leaf_paths, most
+        self._paths_of, self._max_items = leaf_paths, maximum
         self._utc_s = 0.0
-        self._gone_utc_s: float | None = None
-        self._absences: deque[tuple[float, float]] = deque(maxlen=most)
+        self._ended_utc_s: float | None = None
+        self._absences: deque[tuple[float, float]] = deque(maxlen=maximum)
         self._allowed_mps = 0.0
         self._slowing: frozenset[Reason] = frozenset()
         self._leaf_paths: frozenset[str] = frozenset()
         self._active: Identity | None = None
         self._reports: dict[int, Report] = {}
-        self._received: deque[ReceivedCommand] = deque(maxlen=most)
-        self._declined: deque[RejectedSubmission] = deque(maxlen=most)
-        self._situations: deque[Situation] = deque(maxlen=most)
-        self._leaves: deque[LeafRun] = deque(maxlen=most)
+        self._received: deque[ReceivedCommand] = deque(maxlen=maximum)
+        self._declined: deque[RejectedSubmission] = deque(maxlen=maximum)
+        self._situations: deque[Situation] = deque(maxlen=maximum)
+        self._leaves: deque[LeafRun] = deque(maxlen=maximum)
         self._running: dict[str, LeafRun] = {}
         self._fastest: dict[Identity, float] = {}
 
@@ -73,18 +73,18 @@ class HistoryBuilder:
     def put(self, item: Item) -> None:
         """Process the next item."""
         if isinstance(item, Entry):
-            if self._gone_utc_s is not None:
-                self._absences.append((self._gone_utc_s, item.utc_s))
-                self._gone_utc_s = None
+            if self._ended_utc_s is not None:
+                self._absences.append((self._ended_utc_s, item.utc_s))
+                self._ended_utc_s = None
             self._utc_s = item.utc_s
         match item:
             case Drove(velocity=velocity):
                 self._note_speed(abs(velocity.travel_mps))
-            case TreeChanged(nodes=nodes, gone=gone):
+            case TreeChanged(nodes=nodes, gone=removed):
                 for node in nodes:
                     if node.path in self._leaf_paths:
                         self._follow(node)
-                for path in gone:
+                for path in removed:
                     self._end_leaf(path)
             case ModeChanged(mode=mode, active=active, why=why):
                 self._active = active
@@ -99,7 +99,7 @@ class HistoryBuilder:
                 for path in list(self._running):
                     self._end_leaf(path)
             case Life(settings=settings):
-                self._gone_utc_s = self._utc_s or None
+                self._ended_utc_s = self._utc_s or None
                 self._begin(settings)
             case _:
                 pass
@@ -107,8 +107,8 @@ class HistoryBuilder:
     def history(self) -> RunHistory:
         """Return the history up to now."""
         reports = tuple(self._reports[each] for each in sorted(self._reports))
-        lived = {each.identity for each in reports}
-        told = {(each.identity, each.text) for each in reports}
+        identities = {each.identity for each in reports}
+        known = {(each.identity, each.text) for each in reports}
         return RunHistory(
             until_utc_s=self._utc_s,
             reports=reports,
@@ -116,7 +116,8 @@ class HistoryBuilder:
             declined=tuple(
                 each
                 for each in self._declined
-                if each.identity not in lived or (each.identity, each.refusal.text) not in told
+                if each.identity not in identities
+                or (each.identity, each.refusal.text) not in known
             ),
             situations=tuple(self._situations),
             leaves=tuple(
@@ -146,9 +147,9 @@ class HistoryBuilder:
             self._fastest[self._active] = travel_mps
             self._trim(self._fastest)
 
-    def _trim(self, kept: dict[Any, Any]) -> None:
-        if self._most is not None and len(kept) > self._most:
-            del kept[next(iter(kept))]
+    def _trim(self, retained: dict[Any, Any]) -> None:
+        if self._max_items is not None and len(retained) > self._max_items:
+            del retained[next(iter(retained))]
 
     def _follow(self, node: NodeState) -> None:
         if node.status != _RUNNING:
@@ -166,7 +167,7 @@ class HistoryBuilder:
 
 def _bounded(identity: Identity) -> Identity:
     """Return an identity with its source truncated, which a stop's may need."""
-    return Identity(identity.source[:LONGEST_SOURCE], identity.command_id)
+    return Identity(identity.source[:MAX_SOURCE_LENGTH], identity.command_id)
 
 
 def _received(command: Command, utc_s: float) -> ReceivedCommand:

@@ -57,7 +57,7 @@ class CommandHistory:
         """The request with its arguments if known, otherwise its name."""
         if self.received is not None:
             return self.received.text
-        first = self.at(Stage.RECEIVED) or self.at(Stage.ACCEPTED)
+        first = self.report_at(Stage.RECEIVED) or self.report_at(Stage.ACCEPTED)
         return "command" if first is None else first.text
 
     @property
@@ -82,7 +82,7 @@ class CommandHistory:
         """The reports of its stages."""
         return tuple(each for each in self.reports if each.stage is not None)
 
-    def at(self, stage: Stage) -> Report | None:
+    def report_at(self, stage: Stage) -> Report | None:
         """Return the first report of a stage; None if it was not reached."""
         return next((each for each in self.reports if each.stage is stage), None)
 
@@ -178,7 +178,7 @@ class RunHistory:
     slowing: frozenset[Reason] = SLOWING
     absences: tuple[tuple[float, float], ...] = ()
 
-    def lives(self) -> dict[Identity, CommandHistory]:
+    def command_histories(self) -> dict[Identity, CommandHistory]:
         """Return the life cycle of each command, in the order of their first reports."""
         received: dict[Identity, ReceivedCommand] = {}
         for each in self.received:

@@ -1,6 +1,6 @@
 """Turns motion goals into actuator commands.
 
-    leaf ──> plan_leg ──> Leg ──> Locomotion.turn / line / hold ──> Motion
+    leaf ──> plan_leg ──> Leg ──> Locomotion.make_turn / line / hold ──> Motion
                                                                       │ want, each tick
     rover <── BaseDriver <── arbiter (latch, dead-man) <── intents <──+
 
@@ -8,8 +8,8 @@
 the rover with it.
 
 With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
-(`plan`) as a non-linear `programme`, from the initial guesses of `polylines`. `motion_model` and
-`motion_observer` model the rover and estimate its state. `obstacles` gives the constraints that
+(`plan`) as a non-linear `programme`, from the initial guesses of `initial_guesses`. `motion_model`
+and `motion_observer` model the rover and estimate its state. `obstacles` gives the constraints that
 hold each point of a trajectory off rocks and zones.
 """
 
@@ -30,17 +30,17 @@ from executive.motion.locomotion import leg_errors as leg_errors
 from executive.motion.locomotion import plan_leg as plan_leg
 from executive.motion.minimum_time import MinimumTimeSolver as MinimumTimeSolver
 from executive.motion.motion_model import MotionState as MotionState
-from executive.motion.plan import SharedSolver as SharedSolver
-from executive.motion.plan import Trajectory as Trajectory
-from executive.motion.plan import TrajectoryProblem as TrajectoryProblem
-from executive.motion.plan import TrajectorySolver as TrajectorySolver
-from executive.motion.plan import TrajectoryTarget as TrajectoryTarget
 from executive.motion.predictive_control import make_solver as make_solver
 from executive.motion.predictive_control import model_of as model_of
-from executive.motion.route import passes_by as passes_by
+from executive.motion.route import passes_within as passes_within
+from executive.motion.trajectory import SharedSolver as SharedSolver
+from executive.motion.trajectory import Trajectory as Trajectory
+from executive.motion.trajectory import TrajectoryProblem as TrajectoryProblem
+from executive.motion.trajectory import TrajectorySolver as TrajectorySolver
+from executive.motion.trajectory import TrajectoryTarget as TrajectoryTarget
 from executive.motion.velocity_control import VelocityLocomotion as VelocityLocomotion
-from executive.motion.verification import FUSED_NEAR_M as FUSED_NEAR_M
-from executive.motion.verification import TURN_NEAR_M as TURN_NEAR_M
+from executive.motion.verification import FUSED_TOLERANCE_M as FUSED_TOLERANCE_M
+from executive.motion.verification import TURN_TOLERANCE_M as TURN_TOLERANCE_M
 from executive.motion.verification import WAIT_S as WAIT_S
 from executive.motion.verification import MotionVerification as MotionVerification
 from executive.motion.verification import Verified as Verified

@@ -16,14 +16,20 @@ from typing import Final, assert_never
 from executive.commands.lifecycle import CommandLifecycle
 from executive.motion.delegated_motion import DelegatedDriver, DelegatedLocomotion
 from executive.motion.locomotion import BaseDriver, Locomotion
-from executive.motion.plan import TrajectorySolver
 from executive.motion.predictive_control import PredictiveLocomotion
+from executive.motion.trajectory import TrajectorySolver
 from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
 from executive.values.clock import Clock
 from executive.values.geometry import STANDING, Velocity
-from executive.values.ports import CameraIntent, DelegatedMotionRover, Rover, VelocityRover, Wanted
+from executive.values.ports import (
+    CameraIntent,
+    DelegatedMotionRover,
+    MotionIntent,
+    Rover,
+    VelocityRover,
+)
 from executive.values.reasons import Refusal
 
 NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started without one"
@@ -33,7 +39,7 @@ NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started
 class Intents:
     """The actuator commands that the leaves request in this tick; cleared before the next."""
 
-    motion: Wanted | None = None
+    motion: MotionIntent | None = None
     camera: CameraIntent | None = None
     frame: bool = False
 
@@ -48,7 +54,7 @@ class Arbiter:
     """Turns intents into actuator commands. While latched it holds zero velocity in each tick.
 
     Args:
-        stop_waits: whether a received stop is still pending in the core's queue.
+        stop_pending: whether a received stop is still pending in the core's queue.
     """
 
     def __init__(
@@ -62,39 +68,42 @@ class Arbiter:
         self._clock = clock
         self._settings = settings
         self._rover = rover
-        self._mover = mover
-        self._stop_waits = stop_waits
+        self._driver = mover
+        self._stop_pending = stop_waits
         self.latched = False
         self._committed_at_s = clock.now_s()
 
     @property
     def velocity(self) -> Velocity:
         """The velocity that is commanded now."""
-        return self._mover.velocity
+        return self._driver.velocity
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
         """The lower and upper bound of the expected velocity; equal where it is known exactly."""
-        return self._mover.expected
+        return self._driver.expected
 
     def emergency_stop(self) -> None:
-        """Command zero velocity, from any thread; a stop must be pending before (`stop_waits`)."""
+        """Command zero velocity, from any thread.
+
+        A stop must be pending before (`stop_pending`).
+        """
         self._rover.emergency_stop()
 
-    def stand(self) -> None:
+    def zero_velocity(self) -> None:
         """Command zero velocity now."""
-        self._mover.stop()
+        self._driver.stop()
 
     def stop(self) -> None:
         """Command zero velocity now, and hold it until `release`."""
         self.latched = True
-        self.stand()
+        self.zero_velocity()
         self._rover.lock(True)
 
     def release(self) -> None:
         """End the stop latch."""
         self.latched = False
-        if not self._stop_waits():
+        if not self._stop_pending():
             self._rover.lock(False)
 
     def commit(self, intents: Intents) -> None:
@@ -103,13 +112,13 @@ class Arbiter:
         step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
         self._committed_at_s = now_s
         if self.latched:
-            self._mover.hold()
+            self._driver.hold()
             self._rover.lock(True)
-        elif not self._stop_waits():
+        elif not self._stop_pending():
             self._rover.lock(False)
-            self._mover.commit(intents.motion, now_s, step_s)
-            if self._stop_waits():
-                self.stand()
+            self._driver.commit(intents.motion, now_s, step_s)
+            if self._stop_pending():
+                self.zero_velocity()
                 self._rover.lock(True)
         if intents.camera is not None:
             self._rover.point_camera(intents.camera)
@@ -120,7 +129,7 @@ class Arbiter:
         """Dead-man: stop if intents are stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
-            self.stand()
+            self.zero_velocity()
 
 
 class Latches:

@@ -12,14 +12,21 @@ from executive.state import Status, is_slow
 from executive.values.clock import Clock
 from executive.values.facts import MotionEnded
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.values.ports import Advance, DelegatedMotionRover, Hold, TurnBy, Wanted, WholeMotion
+from executive.values.ports import (
+    Advance,
+    DelegatedMotionRover,
+    Hold,
+    MotionIntent,
+    TurnBy,
+    WholeMotion,
+)
 from executive.values.reasons import Reason, Refusal
 
-BEGINS_WITHIN_S: Final = 4.0
+MAX_START_DELAY_S: Final = 4.0
 """Maximum start delay of a rover that does not report the start, also after lost messages."""
-STEADY_WITHIN_S: Final = 0.15
+RAMP_TOLERANCE_S: Final = 0.15
 """Tolerance of the times when the rover reaches full speed, and starts to brake."""
-TOLD_EVERY_S: Final = 0.3
+MAX_ODOMETRY_PERIOD_S: Final = 0.3
 """Maximum period of odometry. The end of a motion is detected this much in advance."""
 REPEAT_HALT_S: Final = 1.0
 """Retry interval of a halt while the rover still moves."""
@@ -29,22 +36,22 @@ SETTLE_S: Final = 2.0
 class DelegatedLocomotion:
     """Makes motions that command one whole motion and wait for the rover's reply."""
 
-    alone = True
+    excludes_camera = True
 
     def __init__(self, settings: Settings, status: Status) -> None:
         self._settings = settings
         self._status = status
         self._numbers = count(1)
 
-    def curves(self, _: Command, __: Waypoint) -> bool:
+    def supports_curve(self, _: Command, __: Waypoint) -> bool:
         """Return False: it drives straight lines only."""
         return False
 
-    def passes(self, _: Command, __: Waypoint) -> bool:
+    def can_pass_through(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stops at each waypoint."""
         return False
 
-    def turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
+    def make_turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
         """Return the turn of a leg, or None if it is at most half the tolerance."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
@@ -58,7 +65,7 @@ class DelegatedLocomotion:
         what = TurnBy(angle_rad, speed_radps)
         return self._awaited(command, what, abs(angle_rad) / speed_radps)
 
-    def line(self, command: Command, leg: Leg) -> "PendingMotion | None":
+    def make_line(self, command: Command, leg: Leg) -> "PendingMotion | None":
         """Return the straight line of a leg, or None if it has none."""
         if leg.target is None:
             return None
@@ -67,7 +74,7 @@ class DelegatedLocomotion:
         distance_m = -length_m if leg.reverse else length_m
         return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
 
-    def hold(self, command: Command, request: DriveFor) -> "PendingMotion":
+    def make_velocity_hold(self, command: Command, request: DriveFor) -> "PendingMotion":
         """Return a velocity hold, longer by the time of its deceleration.
 
         Its distance is then velocity times duration, as with a rover that accepts velocities.
@@ -96,7 +103,7 @@ class PendingMotion(Motion):
     def done(self) -> bool:
         """Whether the rover has executed it, and is stationary."""
         ended = self._ended
-        return ended is not None and ended.executed and self._status.stood_since_motion
+        return ended is not None and ended.executed and self._status.stationary_since_motion
 
     @property
     def fault(self) -> Refusal | None:
@@ -112,7 +119,7 @@ class PendingMotion(Motion):
         return ended if ended is not None and ended.number == self._motion.number else None
 
     @property
-    def left(self) -> str:
+    def remaining_text(self) -> str:
         """The motion in execution, for display."""
         match self._motion.what:
             case TurnBy(angle_rad):
@@ -122,7 +129,7 @@ class PendingMotion(Motion):
             case Hold(_, duration_s):
                 return f"rover holds a velocity for {duration_s:g} s"
 
-    def want(self, _: float) -> WholeMotion:
+    def intent(self, _: float) -> WholeMotion:
         """Return the motion as the intent of this tick."""
         return self._motion
 
@@ -141,7 +148,7 @@ class DelegatedDriver:
         self._begun = 0
         self._sent_at_s = 0.0
         self._from = Pose()
-        self._told_at_s: float | None = None
+        self._halt_sent_s: float | None = None
 
     @property
     def velocity(self) -> Velocity:
@@ -155,10 +162,10 @@ class DelegatedDriver:
         A command that the rover received over another link is unknown here: up to the speed limits.
         """
         motion, drive = self._motion, self._settings.drive
-        own = motion is not None and self._under_way
+        own = motion is not None and self._in_progress
         if not own and is_slow(self._status.velocity):
             return STANDING, STANDING
-        if motion is None or not own or self._status.elsewhere == motion.command:
+        if motion is None or not own or self._status.executed_by_relay == motion.command:
             fastest = Velocity(drive.travel_speed_mps, drive.rotate_speed_radps)
             return Velocity(-fastest.travel_mps, -fastest.rotate_radps), fastest
         full = profile_of(motion.what, drive).velocity
@@ -169,15 +176,15 @@ class DelegatedDriver:
         started, earliest_s, latest_s = (
             self._status.motion_started,
             self._sent_at_s,
-            BEGINS_WITHIN_S,
+            MAX_START_DELAY_S,
         )
         if started is not None and started.number == motion.number:
             earliest_s, latest_s = self._status.motion_started_at_s, 0.0
         since_s = self._clock.now_s() - earliest_s
         profile = profile_of(motion.what, self._settings.drive)
-        margin_s = profile.gain_s + STEADY_WITHIN_S
+        margin_s = profile.gain_s + RAMP_TOLERANCE_S
         in_time = latest_s + margin_s <= since_s <= profile.duration_s - margin_s
-        before_s = profile.gain_s / 2 + TOLD_EVERY_S
+        before_s = profile.gain_s / 2 + MAX_ODOMETRY_PERIOD_S
         return in_time and not self._near_end(motion.what, since_s, before_s)
 
     def _near_end(self, what: TurnBy | Advance | Hold, since_s: float, before_s: float) -> bool:
@@ -192,8 +199,8 @@ class DelegatedDriver:
                 beyond_rad = wrap_rad(pose.heading_rad - self._from.heading_rad - expected_rad)
                 return abs(angle_rad) - abs(expected_rad + beyond_rad) <= speed_radps * before_s
             case Advance(distance_m, speed_mps):
-                gone_m = self._from.point.distance_m(pose.point)
-                return abs(distance_m) - gone_m <= speed_mps * before_s
+                travelled_m = self._from.point.distance_m(pose.point)
+                return abs(distance_m) - travelled_m <= speed_mps * before_s
             case Hold():
                 return False
             case _:
@@ -202,19 +209,19 @@ class DelegatedDriver:
     def stop(self) -> None:
         """Halt the rover."""
         self._motion = None
-        self._told_at_s = self._clock.now_s()
+        self._halt_sent_s = self._clock.now_s()
         self._rover.halt()
 
     def hold(self) -> None:
         """Repeat the halt until the rover was stationary once: later motion is another link's."""
-        if self._told_at_s is None:
+        if self._halt_sent_s is None:
             return
         if self._status.standing:
-            self._told_at_s = None
-        elif self._clock.now_s() - self._told_at_s >= REPEAT_HALT_S:
+            self._halt_sent_s = None
+        elif self._clock.now_s() - self._halt_sent_s >= REPEAT_HALT_S:
             self.stop()
 
-    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+    def commit(self, wanted: MotionIntent | None, now_s: float, step_s: float) -> None:
         """Command a motion that is wanted for the first time; halt one that is no longer wanted.
 
         A halted motion is not started again, since the rover would repeat all of it.
@@ -226,18 +233,18 @@ class DelegatedDriver:
             if wanted.number > self._begun:
                 self._motion, self._begun, self._sent_at_s = wanted, wanted.number, now_s
                 self._from = self._status.pose
-                self._rover.carry_out(wanted)
-        elif self._under_way:
+                self._rover.execute_motion(wanted)
+        elif self._in_progress:
             self.stop()
         elif wanted is None:
             self._motion = None
-        elif self._told_at_s is None and not self._status.standing:
+        elif self._halt_sent_s is None and not self._status.standing:
             self.stop()
         else:
             self.hold()
 
     @property
-    def _under_way(self) -> bool:
+    def _in_progress(self) -> bool:
         if self._motion is None:
             return False
         ended = self._status.motion_ended
@@ -289,5 +296,5 @@ def profile_of(what: TurnBy | Advance | Hold, drive: DriveLimits) -> MotionProfi
             assert_never(what)
 
 
-def _profile(velocity: Velocity, bounds: Bounds, way: float) -> MotionProfile:
-    return MotionProfile(velocity, bounds.speed / bounds.acceleration, duration_s(way, bounds))
+def _profile(velocity: Velocity, bounds: Bounds, distance: float) -> MotionProfile:
+    return MotionProfile(velocity, bounds.speed / bounds.acceleration, duration_s(distance, bounds))

@@ -70,7 +70,7 @@ class LegProgress:
         self.detour_stops += 1
         self.attempts = 0
 
-    def give_up_curve(self, through: bool) -> None:
+    def abandon_curve(self, through: bool) -> None:
         """Abandon a curve without a solution: one to a single waypoint is not tried again."""
         self.attempts += 1
         self.turn_then_drive = not through

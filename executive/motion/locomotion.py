@@ -18,7 +18,7 @@ from executive.commands import Command, DriveFor, MoveForward, RotateBy, RotateT
 from executive.settings import Settings, SpeedProfileKind
 from executive.state import Status
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
-from executive.values.ports import Wanted
+from executive.values.ports import MotionIntent
 from executive.values.reasons import Refusal
 
 
@@ -30,15 +30,15 @@ class Bounds:
     acceleration: float
 
 
-def duration_s(way: float, bounds: Bounds) -> float:
+def duration_s(distance: float, bounds: Bounds) -> float:
     """Return the minimum time from rest to rest over a distance (bang-bang or trapezoid)."""
-    way = abs(way)
-    if way <= bounds.speed**2 / bounds.acceleration:
-        return 2.0 * sqrt(way / bounds.acceleration)
-    return way / bounds.speed + bounds.speed / bounds.acceleration
+    distance = abs(distance)
+    if distance <= bounds.speed**2 / bounds.acceleration:
+        return 2.0 * sqrt(distance / bounds.acceleration)
+    return distance / bounds.speed + bounds.speed / bounds.acceleration
 
 
-STEEPEST_PER_S: Final = 10.0
+MAX_SPEED_PER_DISTANCE: Final = 10.0
 """Maximum speed per remaining distance of `SquareRoot`: it reaches the end without hunting."""
 CATCH_UP_PER_S: Final = 2.0
 """Gain of `Trapezoid`: speed per unit of lag behind the schedule."""
@@ -60,7 +60,7 @@ class SquareRoot:
         """
         step = self.bounds.acceleration * self.tick_s / 2.0
         fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
-        return copysign(min(fastest, self.bounds.speed, STEEPEST_PER_S * abs(left)), left)
+        return copysign(min(fastest, self.bounds.speed, MAX_SPEED_PER_DISTANCE * abs(left)), left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Trapezoid:
     """
 
     bounds: Bounds
-    way: float
+    distance: float
 
     def speed(self, left: float, elapsed_s: float) -> float:
         """Return the scheduled speed, corrected by the lag behind the schedule.
@@ -80,21 +80,21 @@ class Trapezoid:
         Ahead of the schedule the rover waits. It reverses only beyond the target.
         """
         left_scheduled, speed = self._schedule(elapsed_s)
-        behind = left - copysign(left_scheduled, self.way)
-        wanted = copysign(speed, self.way) + CATCH_UP_PER_S * behind
+        behind = left - copysign(left_scheduled, self.distance)
+        wanted = copysign(speed, self.distance) + CATCH_UP_PER_S * behind
         if wanted * left < 0.0:
             return 0.0
         return max(-self.bounds.speed, min(self.bounds.speed, wanted))
 
     def _schedule(self, elapsed_s: float) -> tuple[float, float]:
-        way, acceleration = abs(self.way), self.bounds.acceleration
-        total_s = duration_s(way, self.bounds)
-        peak = min(self.bounds.speed, sqrt(way * acceleration))
+        distance, acceleration = abs(self.distance), self.bounds.acceleration
+        total_s = duration_s(distance, self.bounds)
+        peak = min(self.bounds.speed, sqrt(distance * acceleration))
         ramp_s = peak / acceleration
         if elapsed_s < ramp_s:
-            return way - acceleration * elapsed_s**2 / 2.0, acceleration * elapsed_s
+            return distance - acceleration * elapsed_s**2 / 2.0, acceleration * elapsed_s
         if elapsed_s < total_s - ramp_s:
-            return way - peak * (elapsed_s - ramp_s / 2.0), peak
+            return distance - peak * (elapsed_s - ramp_s / 2.0), peak
         left_s = max(total_s - elapsed_s, 0.0)
         return acceleration * left_s**2 / 2.0, acceleration * left_s
 
@@ -102,18 +102,20 @@ class Trapezoid:
 SpeedProfile = SquareRoot | Trapezoid
 
 
-def make_profile(kind: SpeedProfileKind, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:
+def make_profile(
+    kind: SpeedProfileKind, bounds: Bounds, distance: float, tick_s: float
+) -> SpeedProfile:
     """Return the profile that the settings name, for a signed distance."""
     match kind:
         case SpeedProfileKind.TRAPEZOID:
-            return Trapezoid(bounds, way)
+            return Trapezoid(bounds, distance)
         case SpeedProfileKind.SQUARE_ROOT:
             return SquareRoot(bounds, tick_s)
         case _:
             assert_never(kind)
 
 
-FINEST_M: Final = 0.005
+MIN_POSITION_TOLERANCE_M: Final = 0.005
 FORWARD_FAVOUR_S: Final = 0.05
 
 Step = Waypoint | MoveForward | RotateTo | RotateBy
@@ -142,15 +144,15 @@ class Leg:
     heading_rad: float | None
     tolerance_m: float
     turn_rad: float | None = None
-    aim: Point | None = None
-    through: tuple[Waypoint, ...] = ()
-    around: tuple[Point, ...] = ()
-    straight: bool = False
+    compensated_target: Point | None = None
+    via_points: tuple[Waypoint, ...] = ()
+    detour_points: tuple[Point, ...] = ()
+    force_turn_then_drive: bool = False
 
     @property
     def free(self) -> bool:
         """Whether base_link ends at the target, at any heading."""
-        return bool(self.through or self.around) and self.heading_rad is None
+        return bool(self.via_points or self.detour_points) and self.heading_rad is None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -184,7 +186,7 @@ def plan_leg(
             return Leg(None, None, False, heading_rad, near_m, angle_rad)
         case MoveForward(distance_m):
             target = pose.ahead(law.control_point_m + distance_m)
-            near_m = min(near_m, max(abs(distance_m) / 2, FINEST_M))
+            near_m = min(near_m, max(abs(distance_m) / 2, MIN_POSITION_TOLERANCE_M))
             return Leg(None, target, distance_m < 0, None, near_m)
         case Waypoint() if through or around:
             return _along_path(step, through, around, settings)
@@ -195,12 +197,12 @@ def plan_leg(
 def _along_path(
     waypoint: Waypoint, through: Sequence[Waypoint], around: Sequence[Point], settings: Settings
 ) -> Leg:
-    law, place = settings.turn_drive, Point(waypoint.x_m, waypoint.y_m)
+    law, point = settings.turn_drive, Point(waypoint.x_m, waypoint.y_m)
     before = [*around, *(Point(each.x_m, each.y_m) for each in through)]
-    toward_rad = before[-1].bearing_rad(place)
-    target, heading_rad = place, waypoint.heading_rad
+    toward_rad = before[-1].bearing_rad(point)
+    target, heading_rad = point, waypoint.heading_rad
     if heading_rad is not None:
-        target = Pose(place.x_m, place.y_m, heading_rad=heading_rad).ahead(law.control_point_m)
+        target = Pose(point.x_m, point.y_m, heading_rad=heading_rad).ahead(law.control_point_m)
     near_m = waypoint.tolerance_m or law.position_tolerance_m
     return Leg(
         toward_rad,
@@ -208,25 +210,28 @@ def _along_path(
         False,
         heading_rad,
         near_m,
-        through=tuple(through),
-        around=tuple(around),
+        via_points=tuple(through),
+        detour_points=tuple(around),
     )
 
 
 def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     pose, law = status.pose, settings.turn_drive
-    place = Point(waypoint.x_m, waypoint.y_m)
+    point = Point(waypoint.x_m, waypoint.y_m)
     near_m = waypoint.tolerance_m or law.position_tolerance_m
     start = pose.ahead(law.control_point_m)
-    end = replace(pose, x_m=place.x_m, y_m=place.y_m)
+    end = replace(pose, x_m=point.x_m, y_m=point.y_m)
     if waypoint.heading_rad is not None:
         end = replace(end, heading_rad=waypoint.heading_rad)
-    if start.distance_m(end.ahead(law.control_point_m)) <= aim_m(near_m, settings) / 2:
+    if (
+        start.distance_m(end.ahead(law.control_point_m))
+        <= effective_tolerance_m(near_m, settings) / 2
+    ):
         return Leg(None, None, False, waypoint.heading_rad, near_m)
-    forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
+    forward = _towards(pose, point, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
         return _uphill(forward, pose, settings, status)
-    backward = _towards(pose, place, waypoint, True, law.control_point_m, near_m)
+    backward = _towards(pose, point, waypoint, True, law.control_point_m, near_m)
     bounds = turn_bounds(settings, status)
     if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
         return _uphill(forward, pose, settings, status)
@@ -238,33 +243,33 @@ def _uphill(leg: Leg, pose: Pose, settings: Settings, status: Status) -> Leg:
     if leg.target is None or leg.toward_rad is None:
         return leg
     start = pose.ahead(settings.turn_drive.control_point_m)
-    first = status.slide(wrap_rad(leg.toward_rad - pose.heading_rad))
+    first = status.turn_slide(wrap_rad(leg.toward_rad - pose.heading_rad))
     last = Point(0.0, 0.0)
     if leg.heading_rad is not None:
-        last = status.slide(wrap_rad(leg.heading_rad - leg.toward_rad))
+        last = status.turn_slide(wrap_rad(leg.heading_rad - leg.toward_rad))
     if first == last == Point(0.0, 0.0):
         return leg
     start = Point(start.x_m + first.x_m, start.y_m + first.y_m)
     aim = Point(leg.target.x_m - last.x_m, leg.target.y_m - last.y_m)
     toward_rad = wrap_rad(start.bearing_rad(aim) + (pi if leg.reverse else 0.0))
-    return replace(leg, toward_rad=toward_rad, aim=aim)
+    return replace(leg, toward_rad=toward_rad, compensated_target=aim)
 
 
-def aim_m(tolerance_m: float, settings: Settings) -> float:
+def effective_tolerance_m(tolerance_m: float, settings: Settings) -> float:
     """Return the tolerance to drive to: the smaller of the requested one and the asset's."""
     return min(tolerance_m, settings.turn_drive.position_tolerance_m)
 
 
 def _towards(
-    pose: Pose, place: Point, waypoint: Waypoint, reverse: bool, ahead_m: float, near_m: float
+    pose: Pose, point: Point, waypoint: Waypoint, reverse: bool, ahead_m: float, near_m: float
 ) -> Leg:
     start = pose.ahead(ahead_m)
-    target = place
+    target = point
     if waypoint.heading_rad is not None:
-        target = Pose(place.x_m, place.y_m, heading_rad=waypoint.heading_rad).ahead(ahead_m)
+        target = Pose(point.x_m, point.y_m, heading_rad=waypoint.heading_rad).ahead(ahead_m)
     heading = wrap_rad(start.bearing_rad(target) + (pi if reverse else 0.0))
     if waypoint.heading_rad is None:
-        target = Pose(place.x_m, place.y_m, heading_rad=heading).ahead(ahead_m)
+        target = Pose(point.x_m, point.y_m, heading_rad=heading).ahead(ahead_m)
     return Leg(heading, target, reverse, waypoint.heading_rad, near_m)
 
 
@@ -279,13 +284,13 @@ def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
 
 def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, float]:
     """Return the distance of the rover from the end of a leg, in metres and radians."""
-    pose, place_m, heading_rad = status.pose, 0.0, 0.0
+    pose, position_error_m, heading_rad = status.pose, 0.0, 0.0
     if leg.target is not None:
         ahead_m = 0.0 if leg.free else settings.turn_drive.control_point_m
-        place_m = leg.target.distance_m(pose.ahead(ahead_m))
+        position_error_m = leg.target.distance_m(pose.ahead(ahead_m))
     if leg.heading_rad is not None:
         heading_rad = abs(wrap_rad(leg.heading_rad - pose.heading_rad))
-    return place_m, heading_rad
+    return position_error_m, heading_rad
 
 
 class Motion(ABC):
@@ -298,8 +303,8 @@ class Motion(ABC):
     """
 
     expected_s: float
-    notice: str | None = None
-    passed: int = 0
+    progress_note: str | None = None
+    waypoints_passed: int = 0
 
     @property
     @abstractmethod
@@ -307,7 +312,7 @@ class Motion(ABC):
         """Whether the rover is stationary at the end of the motion."""
 
     @property
-    def ending(self) -> bool:
+    def handover_allowed(self) -> bool:
         """Whether the next motion may start now; by default once this one is done."""
         return self.done
 
@@ -317,31 +322,31 @@ class Motion(ABC):
         return None
 
     @property
-    def evades(self) -> bool:
+    def avoids_obstacles(self) -> bool:
         """Whether the motion itself avoids newly detected obstacles."""
         return False
 
     @property
-    def abandoned(self) -> bool:
+    def aborted(self) -> bool:
         """Whether the rover is stationary and continues by a leg to the next waypoint alone."""
         return False
 
     @property
-    def again(self) -> bool:
+    def retry_as_curve(self) -> bool:
         """Whether the leg may be retried as a curve; otherwise turns and lines drive it."""
         return False
 
     @property
     @abstractmethod
-    def left(self) -> str:
+    def remaining_text(self) -> str:
         """The remaining part of the motion, for display."""
 
-    def renew(self, _: float) -> bool:
+    def update_limits(self, _: float) -> bool:
         """Plan again if the speed limit changed; return whether it did."""
         return False
 
     @abstractmethod
-    def want(self, now_s: float) -> Wanted:
+    def intent(self, now_s: float) -> MotionIntent:
         """Return the intent of this tick."""
 
 
@@ -352,21 +357,21 @@ class Locomotion(Protocol):
         alone: whether the camera must not be pointed during a motion.
     """
 
-    alone: bool
+    excludes_camera: bool
 
-    def curves(self, command: Command, waypoint: Waypoint) -> bool:
+    def supports_curve(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it drives to a waypoint in one curve, around obstacles between."""
 
-    def passes(self, command: Command, waypoint: Waypoint) -> bool:
+    def can_pass_through(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it passes an intermediate waypoint of a path without stopping."""
 
-    def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
+    def make_turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading; None without one."""
 
-    def line(self, command: Command, leg: Leg) -> Motion | None:
+    def make_line(self, command: Command, leg: Leg) -> Motion | None:
         """Return the straight line of a leg, or None if it has none."""
 
-    def hold(self, command: Command, request: DriveFor) -> Motion:
+    def make_velocity_hold(self, command: Command, request: DriveFor) -> Motion:
         """Return a velocity hold."""
 
 
@@ -387,5 +392,5 @@ class BaseDriver(Protocol):
     def hold(self) -> None:
         """Hold zero velocity, in each tick after a stop."""
 
-    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+    def commit(self, wanted: MotionIntent | None, now_s: float, step_s: float) -> None:
         """Command the intent of this tick; None: no motion is wanted."""

@@ -5,25 +5,25 @@ from copy import copy
 from itertools import islice, pairwise
 from typing import Final
 
+from executive.motion.initial_guess import Polyline, initial_guesses
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.obstacles import ObstacleConstraints
-from executive.motion.plan import (
-    PASSED_AT_ONCE,
-    SHORTEST_S,
+from executive.motion.obstacle_constraints import ObstacleConstraints
+from executive.motion.optimal_control import OptimalControlProblem
+from executive.motion.trajectory import (
+    MAX_VIA_POINTS,
+    MIN_DURATION_S,
     Trajectory,
     TrajectoryProblem,
     TrajectoryTarget,
 )
-from executive.motion.polylines import Polyline, polylines
-from executive.motion.programme import OptimalControlProblem
 from executive.values.geometry import Point, wrap_rad
 
-FASTEST_SHARE: Final = 0.6
+MIN_TIME_FACTOR: Final = 0.6
 """Minimum ratio of a duration to that of the commanded limits; a driving rover turns faster."""
-STARTS: Final = 3
+MAX_GUESSES: Final = 3
 """Maximum number of guesses; another is tried while the best plan misses the tolerance."""
-LOOKS: Final = 2
+OBSTACLE_REFINEMENTS: Final = 2
 """Number of solutions per guess, each with the obstacles near the one before."""
 NO_MISS: Final = 1e-3
 SLOW_MPS: Final = 0.01
@@ -54,23 +54,23 @@ class MinimumTimeSolver:
         steps: int,
         obstacles: bool = False,
     ) -> None:
-        self._most = (travel, rotate)
+        self._limits = (travel, rotate)
         self._steps = steps
         self._plan: Trajectory | None = None
         self._model = model
         self._among_none = self._built(False)
         self._among_obstacles = self._built(True) if obstacles else []
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Solve a problem."""
         self._plan = self.solve(problem)
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the result of the last request, once."""
         plan, self._plan = self._plan, None
         return plan
 
-    def beside(self, apart: bool = False) -> "MinimumTimeSolver":
+    def fork(self, apart: bool = False) -> "MinimumTimeSolver":
         """Return another solver that shares the compiled problems."""
         return copy(self)
 
@@ -80,18 +80,22 @@ class MinimumTimeSolver:
         If the guess collides with a newly detected obstacle, a detour around it is tried.
         """
         programmes = self._among_none if problem.obstacles is None else self._among_obstacles
-        programme = programmes[len(problem.through)]
+        programme = programmes[len(problem.via_points)]
         if problem.guess is not None:
-            least_s = (SHORTEST_S,) * len(problem.targets)
-            plan = self._led(programme, problem, self._onward(problem, problem.guess), least_s)
-            if plan is not None or programme.leads(problem.guess, problem.obstacles):
+            least_s = (MIN_DURATION_S,) * len(problem.targets)
+            plan = self._solve_clear_of_obstacles(
+                programme, problem, self._guess_via_points(problem, problem.guess), least_s
+            )
+            if plan is not None or programme.is_clear_of_obstacles(
+                problem.guess, problem.obstacles
+            ):
                 return plan
-        most = STARTS if problem.guess is None else 1
+        maximum = MAX_GUESSES if problem.guess is None else 1
         first, around = problem.targets[0], self._around(problem)
         best: Trajectory | None = None
-        for guess in self._guesses(problem, problem.start, first, around=around)[:most]:
-            whole = self._onward(problem, guess)
-            plan = self._led(programme, problem, whole, self._least_s(problem))
+        for guess in self._guesses(problem, problem.start, first, around=around)[:maximum]:
+            whole = self._guess_via_points(problem, guess)
+            plan = self._solve_clear_of_obstacles(programme, problem, whole, self._least_s(problem))
             if plan is not None and (best is None or plan.miss < best.miss):
                 best = plan
             if best is not None and best.miss <= NO_MISS:
@@ -99,7 +103,7 @@ class MinimumTimeSolver:
         return best
 
     @staticmethod
-    def _led(
+    def _solve_clear_of_obstacles(
         programme: OptimalControlProblem,
         problem: TrajectoryProblem,
         guess: Trajectory,
@@ -109,9 +113,9 @@ class MinimumTimeSolver:
 
         If the first one approaches other obstacles than its guess, it is the next guess.
         """
-        for _ in range(LOOKS):
+        for _ in range(OBSTACLE_REFINEMENTS):
             plan = programme.solve(problem, guess, least_s)
-            if plan is None or programme.leads(plan, problem.obstacles):
+            if plan is None or programme.is_clear_of_obstacles(plan, problem.obstacles):
                 return plan
             guess = plan
         return None
@@ -119,23 +123,23 @@ class MinimumTimeSolver:
     def _built(self, obstacles: bool) -> list[OptimalControlProblem]:
         """Return the optimal control problems for each number of via points."""
         return [
-            OptimalControlProblem(self._model, self._most, self._steps, passes, obstacles)
-            for passes in range(PASSED_AT_ONCE + 1)
+            OptimalControlProblem(self._model, self._limits, self._steps, passes, obstacles)
+            for passes in range(MAX_VIA_POINTS + 1)
         ]
 
     def _around(self, problem: TrajectoryProblem) -> tuple[Point, ...]:
         """Return the corners of a detour around obstacles to the first target of a problem."""
-        if problem.around or problem.obstacles is None:
-            return problem.around
+        if problem.detour_points or problem.obstacles is None:
+            return problem.detour_points
         ahead_m, first = self._model.ahead_m, problem.targets[0]
-        return problem.obstacles.way(problem.start.behind(ahead_m), first.base(ahead_m))
+        return problem.obstacles.detour(problem.start.point_behind(ahead_m), first.base(ahead_m))
 
-    def _onward(self, problem: TrajectoryProblem, guess: Trajectory) -> Trajectory:
+    def _guess_via_points(self, problem: TrajectoryProblem, guess: Trajectory) -> Trajectory:
         """Extend a guess by polylines to all targets of a problem."""
         for target in problem.targets[len(guess.passes_s) + 1 :]:
             end, speeds_mps = guess.states[-1], [each.travel_mps for each in guess.states]
             along = next((each for each in reversed(speeds_mps) if abs(each) > SLOW_MPS), 0.0)
-            guess = guess.extended(self._guesses(problem, end, target, along)[0])
+            guess = guess.joined_with(self._guesses(problem, end, target, along)[0])
         return guess
 
     def _guesses(
@@ -151,40 +155,46 @@ class MinimumTimeSolver:
         A guess that keeps the direction need not stop at the via point. Guesses that collide are
         left out, unless all do.
         """
-        travel = Bounds(problem.travel_mps, self._most[0])
-        rotate = Bounds(problem.rotate_radps, self._most[1])
-        place, stop_s = Point(start.x_m, start.y_m), travel.speed / travel.acceleration
+        travel = Bounds(problem.travel_mps, self._limits[0])
+        rotate = Bounds(problem.rotate_radps, self._limits[1])
+        point, stop_s = Point(start.x_m, start.y_m), travel.speed / travel.acceleration
         guesses = []
-        found = polylines(
-            place, start.heading_rad, target.point, target.polyline_rad, travel, rotate, around
+        found = initial_guesses(
+            point, start.heading_rad, target.point, target.polyline_rad, travel, rotate, around
         )
         found.sort(key=lambda each: each.duration_s + stop_s * (each.direction * along < 0.0))
-        for each in self._free(found, problem.obstacles) or found[:STARTS]:
+        for each in self._free(found, problem.obstacles) or found[:MAX_GUESSES]:
             times_s = (each.duration_s * index / self._steps for index in range(self._steps + 1))
             states = tuple(MotionState(*each.at(time_s, travel, rotate)) for time_s in times_s)
             guesses.append(Trajectory(each.duration_s, states, each.end_rad))
-        return guesses or [Trajectory(SHORTEST_S, (start,) * (self._steps + 1), start.heading_rad)]
+        return guesses or [
+            Trajectory(MIN_DURATION_S, (start,) * (self._steps + 1), start.heading_rad)
+        ]
 
     @staticmethod
     def _free(found: list[Polyline], obstacles: ObstacleConstraints | None) -> list[Polyline]:
         """Return the first polylines that are clear of obstacles."""
         if obstacles is None:
-            return found[:STARTS]
-        return list(islice((each for each in found if obstacles.free(each.corners)), STARTS))
+            return found[:MAX_GUESSES]
+        return list(
+            islice((each for each in found if obstacles.is_free(each.corners)), MAX_GUESSES)
+        )
 
     def _least_s(self, problem: TrajectoryProblem) -> tuple[float, ...]:
         """Return lower bounds of the durations from rest, so that none is zero."""
         start, target = problem.start, problem.target
-        travel = Bounds(problem.travel_mps, self._most[0])
-        places = [TrajectoryTarget(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]
-        ways_m = [
+        travel = Bounds(problem.travel_mps, self._limits[0])
+        targets = [TrajectoryTarget(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]
+        distances_m = [
             max(before.point.distance_m(after.point) - before.aim_m - after.aim_m, 0.0)
-            for before, after in pairwise(places)
+            for before, after in pairwise(targets)
         ]
-        if problem.through:
-            times_s = [way_m / travel.speed for way_m in ways_m]
+        if problem.via_points:
+            times_s = [distance_m / travel.speed for distance_m in distances_m]
         else:
             turn_rad = abs(wrap_rad(target.heading_rad - start.heading_rad)) - target.aim_rad
-            rotate = Bounds(problem.rotate_radps, self._most[1])
-            times_s = [max(duration_s(ways_m[0], travel), duration_s(max(turn_rad, 0.0), rotate))]
-        return tuple(max(SHORTEST_S, FASTEST_SHARE * time_s) for time_s in times_s)
+            rotate = Bounds(problem.rotate_radps, self._limits[1])
+            times_s = [
+                max(duration_s(distances_m[0], travel), duration_s(max(turn_rad, 0.0), rotate))
+            ]
+        return tuple(max(MIN_DURATION_S, MIN_TIME_FACTOR * time_s) for time_s in times_s)

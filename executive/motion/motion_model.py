@@ -39,9 +39,9 @@ class MotionState:
         speeds = (self.travel_mps, self.rotate_radps, self.lag_radps)
         return self.x_m, self.y_m, self.heading_rad, *speeds
 
-    def behind(self, way_m: float) -> Point:
+    def point_behind(self, distance_m: float) -> Point:
         """Return the point at a distance behind the control point."""
-        return Pose(self.x_m, self.y_m, heading_rad=self.heading_rad).ahead(-way_m)
+        return Pose(self.x_m, self.y_m, heading_rad=self.heading_rad).ahead(-distance_m)
 
 
 _PLAIN: Final = SimpleNamespace(sin=sin, cos=cos, sqrt=sqrt, tanh=tanh, exp=exp)
@@ -78,7 +78,7 @@ class MotionModel:
         travel_mps2, rotate_radps2 = controls
         x, y, heading, travel, rotate, lag = state
         midway = travel + travel_mps2 * step / 2, rotate + rotate_radps2 * step / 2
-        late, lag_s = self._late(*midway, travel_mps2, ops), self.yaw.lag_s
+        late, lag_s = self._lag_rate(*midway, travel_mps2, ops), self.yaw.lag_s
         decay = ops.exp(-step / lag_s)  # exact: a step may be many times longer than the lag
         mean = late + (lag - late) * (1 - decay) * lag_s / step
         speeds = [
@@ -105,7 +105,7 @@ class MotionModel:
         after = MotionState(*self.advance(state.figures, controls, step_s))
         return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
 
-    def _late(self, travel: Any, rotate: Any, travel_mps2: Any, ops: Any) -> Any:
+    def _lag_rate(self, travel: Any, rotate: Any, travel_mps2: Any, ops: Any) -> Any:
         """Return the steady-state value of the lag."""
         yaw = self.yaw
         of_turning = (

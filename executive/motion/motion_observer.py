@@ -14,13 +14,13 @@ from executive.values.geometry import Velocity, wrap_rad
 
 LEARN: Final = 0.3
 """Share of the yaw-rate error that each tick adds to the estimate."""
-KEPT: Final = 8
+COMMAND_HISTORY: Final = 8
 """Number of commands in the history: it covers more than the age of odometry."""
-LATE_TICKS: Final = 1.5
+STALL_TICKS: Final = 1.5
 """Period between two ticks, in ticks, beyond which control was interrupted."""
-HELD_S: Final = 1e-3
+LATENESS_THRESHOLD_S: Final = 1e-3
 """Delay of odometry above the minimum so far, beyond which it counts as late."""
-FINEST_S: Final = 1e-9
+TIME_RESOLUTION_S: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class MotionObserver:
         self.ahead_m = model.ahead_m
         self.late_s = -inf
         self._sent_s = 0.0
-        self._apart_s = inf  # minimum so far, from the stamp of odometry to its arrival
+        self._min_delay_s = inf  # minimum so far, from the stamp of odometry to its arrival
         self._knots: list[_Knot] = []
-        self._seen: Odometry | None = None
+        self._last_odometry: Odometry | None = None
         self._lag_radps = 0.0
 
     def observe(self, now_s: float) -> MotionState:
@@ -59,18 +59,18 @@ class MotionObserver:
         delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
         sent_s = self._sent_s if self._knots else now_s - tick_s
         self._add(_Knot(sent_s + delay_s, self._mover.velocity))
-        if now_s - sent_s > LATE_TICKS * tick_s:  # the command was held, until a tick ago
+        if now_s - sent_s > STALL_TICKS * tick_s:  # the command was held, until a tick ago
             self._add(_Knot(now_s - tick_s + delay_s, self._mover.velocity))
             self.late_s = now_s
         self._sent_s = now_s
         pose, status = self._status.pose, self._status
         measured_s = self._arrived_s(now_s) - self._settings.mpc.odometry_age_s
         self._learn(measured_s, status.odometry)
-        place = pose.ahead(self.ahead_m)
+        point = pose.ahead(self.ahead_m)
         begun = self._commanded(measured_s)
         state = MotionState(
-            place.x_m,
-            place.y_m,
+            point.x_m,
+            point.y_m,
             pose.heading_rad,
             begun.travel_mps,
             begun.rotate_radps,
@@ -79,7 +79,7 @@ class MotionObserver:
         return self._roll(state, measured_s, self._knots[-1].time_s)
 
     @property
-    def effect_s(self) -> float:
+    def command_effective_s(self) -> float:
         """The effective time of the last command."""
         return self._knots[-1].time_s
 
@@ -89,14 +89,14 @@ class MotionObserver:
         if self._status.odometry is None:
             return arrived_s
         apart_s = arrived_s - self._status.odometry.stamp_s
-        self._apart_s = min(self._apart_s, apart_s)
-        held_s = apart_s - self._apart_s
-        return arrived_s - held_s if held_s > HELD_S else arrived_s
+        self._min_delay_s = min(self._min_delay_s, apart_s)
+        held_s = apart_s - self._min_delay_s
+        return arrived_s - held_s if held_s > LATENESS_THRESHOLD_S else arrived_s
 
     def _add(self, knot: _Knot) -> None:
-        if self._knots and knot.time_s <= self._knots[-1].time_s + FINEST_S:
+        if self._knots and knot.time_s <= self._knots[-1].time_s + TIME_RESOLUTION_S:
             self._knots.pop()
-        self._knots = [*self._knots[1 - KEPT :], knot]
+        self._knots = [*self._knots[1 - COMMAND_HISTORY :], knot]
 
     def _commanded(self, time_s: float) -> Velocity:
         """Return the command in effect at a time."""
@@ -105,24 +105,24 @@ class MotionObserver:
         for before, after in pairwise(self._knots):
             if time_s <= after.time_s:
                 part = (time_s - before.time_s) / (after.time_s - before.time_s)
-                return before.velocity.toward(after.velocity, part)
+                return before.velocity.interpolate(after.velocity, part)
         return self._knots[-1].velocity
 
     def _roll(self, state: MotionState, from_s: float, to_s: float) -> MotionState:
         """Propagate a state to a later time with the commands in effect."""
         times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
         for before_s, after_s in pairwise([from_s, *times_s, to_s]):
-            if after_s - before_s > FINEST_S:
+            if after_s - before_s > TIME_RESOLUTION_S:
                 state = self._model.moved(state, self._commanded(after_s), after_s - before_s)
         return state
 
     def _learn(self, measured_s: float, odometry: Odometry | None) -> None:
         """Propagate the lag to the last odometry, and correct it by the measured turn since."""
-        seen, self._seen = self._seen, odometry
+        seen, self._last_odometry = self._last_odometry, odometry
         if seen is None or odometry is None or odometry is seen:
             return
         passed_s = odometry.stamp_s - seen.stamp_s
-        if not FINEST_S < passed_s < KEPT * self._settings.tick_s:
+        if not TIME_RESOLUTION_S < passed_s < COMMAND_HISTORY * self._settings.tick_s:
             return
         begun = self._commanded(measured_s - passed_s)
         state = MotionState(0.0, 0.0, 0.0, begun.travel_mps, begun.rotate_radps, self._lag_radps)

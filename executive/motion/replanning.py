@@ -5,26 +5,26 @@ from math import hypot
 from typing import Final
 
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import ObstacleConstraints
-from executive.motion.plan import Trajectory, TrajectoryProblem, TrajectorySolver
+from executive.motion.obstacle_constraints import ObstacleConstraints
 from executive.motion.route import Route
+from executive.motion.trajectory import Trajectory, TrajectoryProblem, TrajectorySolver
 from executive.state import Status
 from executive.values.geometry import Point, wrap_rad
 
-OVER_S: Final = 0.15
+END_OF_TRAJECTORY_S: Final = 0.15
 """Remaining duration of a plan, below which a stationary rover is at its end."""
-AT_REST: Final = 0.01
+REST_SPEED: Final = 0.01
 """Speed in m/s and rad/s that counts as zero: plans are accurate to less."""
-MISSES: Final = 5
+MAX_FAILED_TICKS: Final = 5
 """Maximum number of ticks without a usable plan, before the fallback to turn-then-drive."""
-LATEST_S: Final = 1.0
+MAX_SOLVE_S: Final = 1.0
 """Maximum solving time: the previous plan is followed, then turn-then-drive."""
-STANDS: Final = 3
+MAX_STARTS_FROM_REST: Final = 3
 """Maximum number of plans from rest, before the fallback to turn-then-drive."""
-OFF_M: Final = 0.1
-OFF_RAD: Final = 0.2
+MAX_DEVIATION_M: Final = 0.1
+MAX_DEVIATION_RAD: Final = 0.2
 """Maximum deviation from the plan; above it the odometry jumped or the rover was pushed."""
-MISSED: Final = 0.05
+TERMINAL_ERROR_LIMIT: Final = 0.05
 """Miss in metres and radians, above which a plan is not usable. Chosen, not measured."""
 
 
@@ -33,13 +33,13 @@ class SolverRequest:
     """The last request to the solver.
 
     Attributes:
-        asked_s: time of the request.
+        requested_s: time of the request.
         from_s: start time of the plan.
         end: index of the route's point where the plan ends.
         waits: whether the rover is stationary, so that the plan starts when it is received.
     """
 
-    asked_s: float
+    requested_s: float
     from_s: float
     end: int
     waits: bool
@@ -76,7 +76,7 @@ class Replanning:
     @property
     def misses_all(self) -> bool:
         """Whether too many ticks passed without a usable plan."""
-        return self._misses > MISSES
+        return self._misses > MAX_FAILED_TICKS
 
     def request(
         self,
@@ -100,11 +100,11 @@ class Replanning:
         if self._solver.busy:
             return
         course, route, guess = self.course, self._route, None
-        at_rest = max(abs(state.travel_mps), abs(state.rotate_radps)) < AT_REST
+        at_rest = max(abs(state.travel_mps), abs(state.rotate_radps)) < REST_SPEED
         if course is not None:
             ahead = course.request.end - route.passed
-            rest = course.plan.after(from_s - course.from_s, max(ahead, 0))
-            over = at_rest and self._status.standing and rest.duration_s < OVER_S
+            rest = course.plan.remainder(from_s - course.from_s, max(ahead, 0))
+            over = at_rest and self._status.standing and rest.duration_s < END_OF_TRAJECTORY_S
             if not over and ahead >= 0:
                 guess = rest
                 near_rad = guess.states[0].heading_rad
@@ -120,7 +120,7 @@ class Replanning:
         limits = self._status.travel_limit_mps, self._status.rotate_limit_radps
         detour = around if self._request is None else ()
         self._request = SolverRequest(now_s, from_s, first + len(through), waits)
-        self._solver.ask(
+        self._solver.request(
             TrajectoryProblem(state, target, *limits, guess, tuple(through), obstacles, detour)
         )
 
@@ -140,8 +140,8 @@ class Replanning:
             return
         if self._solver.busy or self._request is None:
             return
-        plan = self._solver.answer()
-        if plan is None or plan.miss > MISSED:
+        plan = self._solver.take_result()
+        if plan is None or plan.miss > TERMINAL_ERROR_LIMIT:
             self._misses += 1
             return
         self._misses = 0
@@ -152,17 +152,20 @@ class Replanning:
         """Return the reason to fall back to turn-then-drive, or None."""
         if self.misses_all:
             return "no usable plan"
-        if self._starts > STANDS:
+        if self._starts > MAX_STARTS_FROM_REST:
             return "stationary off the target"
-        if self._received_s is not None and now_s - self._received_s > LATEST_S:
+        if self._received_s is not None and now_s - self._received_s > MAX_SOLVE_S:
             return "no plan in time"
         return None
 
 
 def _jumped(course: ActiveTrajectory, state: MotionState, effect_s: float, late_s: float) -> bool:
     """Return whether the pose jumped off the plan, without an interruption of control."""
-    if late_s > course.request.asked_s:
+    if late_s > course.request.requested_s:
         return False
     planned = course.plan.at(effect_s - course.from_s)
     off_m = hypot(state.x_m - planned.x_m, state.y_m - planned.y_m)
-    return off_m > OFF_M or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > OFF_RAD
+    return (
+        off_m > MAX_DEVIATION_M
+        or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > MAX_DEVIATION_RAD
+    )

@@ -15,24 +15,24 @@ from executive.motion.locomotion import (
     Leg,
     Motion,
     SpeedProfile,
-    aim_m,
     duration_s,
+    effective_tolerance_m,
     make_profile,
     turn_bounds,
 )
 from executive.settings import Settings
 from executive.state import Status
 from executive.values.clock import Clock
-from executive.values.geometry import STANDING, Point, Velocity, on_arc, wrap_rad
-from executive.values.ports import VelocityRover, Wanted
+from executive.values.geometry import STANDING, Point, Velocity, arc_end, wrap_rad
+from executive.values.ports import MotionIntent, VelocityRover
 
 STEER_PER_M = 2.0
 STEER_PER_S = 3.0
 STEER_LAST_M = 0.05
 BLEND_TRAVEL_MPS = 0.15
 BLEND_ROTATE_RADPS = 0.5
-BLEND_WAY_M = 0.01
-FINEST_RAD = 0.01
+BLEND_DISTANCE_M = 0.01
+MIN_HEADING_TOLERANCE_RAD = 0.01
 
 
 class _Law(Motion):
@@ -40,7 +40,7 @@ class _Law(Motion):
 
     Args:
         near: tolerance of the remainder at the end.
-        blend_way, blend_speed: bounds within which the next motion may start.
+        blend_distance, blend_speed: bounds within which the next motion may start.
     """
 
     unit: str
@@ -51,19 +51,19 @@ class _Law(Motion):
         status: Status,
         now_s: float,
         near: float,
-        blend_way: float,
+        blend_distance: float,
         blend_speed: float,
     ) -> None:
         self._settings = settings
         self._status = status
-        self._near = near
-        self._blend_way = blend_way
+        self._tolerance = near
+        self._blend_distance = blend_distance
         self._blend_speed = blend_speed
         self._plan(self._present_bounds(), now_s)
 
     @property
     @abstractmethod
-    def way(self) -> float:
+    def remaining(self) -> float:
         """The signed distance or angle that remains."""
 
     @property
@@ -78,21 +78,23 @@ class _Law(Motion):
     @property
     def done(self) -> bool:
         """Whether the rover is stationary at the end."""
-        return abs(self.way) <= self._near and self._status.standing
+        return abs(self.remaining) <= self._tolerance and self._status.standing
 
     @property
-    def ending(self) -> bool:
+    def handover_allowed(self) -> bool:
         """Whether the rover is slow, and braking now would end at the target."""
         moving = self._moving
-        rest = self._soon(self.way) - moving * abs(moving) / (2 * self._bounds.acceleration)
-        return abs(rest) <= self._blend_way and abs(moving) <= self._blend_speed
+        rest = self._remaining_at_effect(self.remaining) - moving * abs(moving) / (
+            2 * self._bounds.acceleration
+        )
+        return abs(rest) <= self._blend_distance and abs(moving) <= self._blend_speed
 
     @property
-    def left(self) -> str:
+    def remaining_text(self) -> str:
         """The remaining distance or angle, for display."""
-        return f"{self.way:+.3f} {self.unit} left"
+        return f"{self.remaining:+.3f} {self.unit} left"
 
-    def renew(self, now_s: float) -> bool:
+    def update_limits(self, now_s: float) -> bool:
         """Plan again if the speed limit changed; return whether it did."""
         bounds = self._present_bounds()
         if bounds == self._bounds:
@@ -104,16 +106,16 @@ class _Law(Motion):
         self._began_s = now_s
         self._bounds = bounds
         self._profile: SpeedProfile = make_profile(
-            self._settings.turn_drive.profile, bounds, self.way, self._settings.tick_s
+            self._settings.turn_drive.profile, bounds, self.remaining, self._settings.tick_s
         )
-        self.expected_s = duration_s(self.way, bounds)
+        self.expected_s = duration_s(self.remaining, bounds)
 
-    def _soon(self, way: float) -> float:
+    def _remaining_at_effect(self, distance: float) -> float:
         """Return the remainder at the time when a command given now takes effect."""
-        return way - self._moving * self._settings.turn_drive.latency_s
+        return distance - self._moving * self._settings.turn_drive.latency_s
 
-    def _speed(self, way: float, now_s: float) -> float:
-        return self._profile.speed(self._soon(way), now_s - self._began_s)
+    def _speed(self, distance: float, now_s: float) -> float:
+        return self._profile.speed(self._remaining_at_effect(distance), now_s - self._began_s)
 
 
 class TurnLaw(_Law):
@@ -137,11 +139,11 @@ class TurnLaw(_Law):
         self._left_rad = 0.0 if turn_rad is None else turn_rad
         tolerance_rad = near_rad = settings.turn_drive.heading_tolerance_rad
         if turn_rad is not None:
-            near_rad = min(near_rad, max(abs(turn_rad) / 2, FINEST_RAD))
+            near_rad = min(near_rad, max(abs(turn_rad) / 2, MIN_HEADING_TOLERANCE_RAD))
         super().__init__(settings, status, now_s, near_rad, tolerance_rad, BLEND_ROTATE_RADPS)
 
     @property
-    def way(self) -> float:
+    def remaining(self) -> float:
         """The signed angle that remains."""
         left_rad = wrap_rad(self._heading_rad - self._status.pose.heading_rad)
         self._left_rad += wrap_rad(left_rad - self._left_rad)
@@ -154,9 +156,9 @@ class TurnLaw(_Law):
     def _present_bounds(self) -> Bounds:
         return turn_bounds(self._settings, self._status)
 
-    def want(self, now_s: float) -> Velocity:
+    def intent(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        return Velocity(0.0, self._speed(self.way, now_s))
+        return Velocity(0.0, self._speed(self.remaining, now_s))
 
 
 class DriveLaw(_Law):
@@ -182,11 +184,11 @@ class DriveLaw(_Law):
             if length_m > STEER_LAST_M
             else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
         )
-        near_m = aim_m(tolerance_m, settings)
-        super().__init__(settings, status, now_s, near_m, BLEND_WAY_M, BLEND_TRAVEL_MPS)
+        near_m = effective_tolerance_m(tolerance_m, settings)
+        super().__init__(settings, status, now_s, near_m, BLEND_DISTANCE_M, BLEND_TRAVEL_MPS)
 
     @property
-    def way(self) -> float:
+    def remaining(self) -> float:
         """The remaining distance along the line, negative beyond the target."""
         return self._along_and_aside()[0]
 
@@ -198,7 +200,7 @@ class DriveLaw(_Law):
         acceleration_mps2 = self._settings.drive.travel_acceleration_mps2
         return Bounds(self._status.travel_limit_mps, acceleration_mps2)
 
-    def want(self, now_s: float) -> Velocity:
+    def intent(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
         left_m, aside_m = self._along_and_aside()
         return Velocity(self._sign * self._speed(left_m, now_s), self._steer(left_m, aside_m))
@@ -220,32 +222,32 @@ class DriveLaw(_Law):
 
 RELEASE_S: Final = 0.5
 SETTLE_S: Final = 5.0
-HELD_SLANT_RAD: Final = 0.08
+MAX_ARC_CORRECTION_RAD: Final = 0.08
 """Maximum correction towards the arc, so that the final heading is nearly that of the arc."""
-HELD_PER_S: Final = 2.0
-HELD_TURN_RAD: Final = 0.5
+ARC_CORRECTION_PER_S: Final = 2.0
+MAX_FINAL_TURN_RAD: Final = 0.5
 """Maximum turn on the spot after a velocity hold; a larger one is a fault."""
 
 
 class VelocityLocomotion:
     """Makes motions that command a velocity in each tick."""
 
-    alone = False
+    excludes_camera = False
 
     def __init__(self, clock: Clock, settings: Settings, status: Status) -> None:
         self._clock = clock
         self._settings = settings
         self._status = status
 
-    def curves(self, _: Command, __: Waypoint) -> bool:
+    def supports_curve(self, _: Command, __: Waypoint) -> bool:
         """Return False: it drives straight lines only."""
         return False
 
-    def passes(self, _: Command, __: Waypoint) -> bool:
+    def can_pass_through(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stops at each waypoint."""
         return False
 
-    def turn(self, _: Command, leg: Leg, final: bool) -> Motion | None:
+    def make_turn(self, _: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, or None if it has none."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
@@ -258,12 +260,12 @@ class VelocityLocomotion:
             leg.turn_rad if final else None,
         )
 
-    def line(self, _: Command, leg: Leg) -> Motion | None:
+    def make_line(self, _: Command, leg: Leg) -> Motion | None:
         """Return the straight line of a leg, or None if it has none."""
         if leg.target is None:
             return None
         return DriveLaw(
-            leg.aim or leg.target,
+            leg.compensated_target or leg.target,
             leg.reverse,
             leg.tolerance_m,
             self._settings,
@@ -271,7 +273,7 @@ class VelocityLocomotion:
             self._clock.now_s(),
         )
 
-    def hold(self, _: Command, request: DriveFor) -> "HoldLaw":
+    def make_velocity_hold(self, _: Command, request: DriveFor) -> "HoldLaw":
         """Return a velocity hold."""
         return HoldLaw(request, self._clock, self._settings, self._status)
 
@@ -293,7 +295,7 @@ class HoldLaw(Motion):
         self._settings = settings
         self._status = status
         self._from = self._last = status.pose
-        self._way_m = self._turned_rad = 0.0
+        self._distance_m = self._turned_rad = 0.0
         self._turn: TurnLaw | None = None
 
     @property
@@ -304,27 +306,27 @@ class HoldLaw(Motion):
         if self._turn is not None:
             return self._turn.done
         tolerance_rad = self._settings.turn_drive.heading_tolerance_rad
-        return not tolerance_rad < abs(self._turn_left_rad) <= HELD_TURN_RAD
+        return not tolerance_rad < abs(self._turn_left_rad) <= MAX_FINAL_TURN_RAD
 
     @property
-    def left(self) -> str:
+    def remaining_text(self) -> str:
         """The remaining time, for display."""
         return f"{max(self._left_s, 0.0):.2f} s left"
 
-    def want(self, now_s: float) -> Velocity:
+    def intent(self, now_s: float) -> Velocity:
         """Return the velocity; after the duration zero, then the final turn."""
-        travel_mps, goes_on = self._velocity.travel_mps, self._left_s > 0.0
-        if self._turn is None and not goes_on and self._status.standing:
+        travel_mps, continues = self._velocity.travel_mps, self._left_s > 0.0
+        if self._turn is None and not continues and self._status.standing:
             left_rad = self._turn_left_rad
             heading_rad = self._status.pose.heading_rad + left_rad
             self._turn = TurnLaw(heading_rad, self._settings, self._status, now_s, left_rad)
         if self._turn is not None:
-            return self._turn.want(now_s)
-        if not goes_on and not travel_mps:
+            return self._turn.intent(now_s)
+        if not continues and not travel_mps:
             return STANDING
-        self._follow()
-        rotate_radps = self._along_radps(goes_on) if travel_mps else self._in_place_radps()
-        return Velocity(travel_mps if goes_on else 0.0, rotate_radps)
+        self._integrate()
+        rotate_radps = self._along_radps(continues) if travel_mps else self._in_place_radps()
+        return Velocity(travel_mps if continues else 0.0, rotate_radps)
 
     @property
     def _turn_left_rad(self) -> float:
@@ -333,11 +335,11 @@ class HoldLaw(Motion):
         wanted_rad = self._velocity.rotate_radps * self._request.duration_s
         return wanted_rad - self._turned_rad - since_rad
 
-    def _follow(self) -> None:
+    def _integrate(self) -> None:
         """Integrate the distance and the angle of the motion."""
         before, pose = self._last, self._status.pose
         x_m, y_m = pose.x_m - before.x_m, pose.y_m - before.y_m
-        self._way_m += x_m * cos(pose.heading_rad) + y_m * sin(pose.heading_rad)
+        self._distance_m += x_m * cos(pose.heading_rad) + y_m * sin(pose.heading_rad)
         self._turned_rad += wrap_rad(pose.heading_rad - before.heading_rad)
         self._last = pose
 
@@ -347,26 +349,28 @@ class HoldLaw(Motion):
         ramp_s = abs(rotate_radps) / (2 * settings.drive.rotate_acceleration_radps2)
         elapsed_s = self._request.duration_s - self._left_s
         since_s = max(0.0, elapsed_s - ramp_s - settings.turn_drive.latency_s)
-        return rotate_radps + HELD_PER_S * (rotate_radps * since_s - self._turned_rad)
+        return rotate_radps + ARC_CORRECTION_PER_S * (rotate_radps * since_s - self._turned_rad)
 
-    def _along_radps(self, goes_on: bool) -> float:
+    def _along_radps(self, continues: bool) -> float:
         """Return the rotation that holds the control point on the arc, up to its final heading.
 
         Args:
-            goes_on: whether braking has not begun yet.
+            continues: whether braking has not begun yet.
         """
         pose, speed_mps = self._status.pose, self._status.velocity.travel_mps
         travel_mps, duration_s = self._velocity.travel_mps, self._request.duration_s
         turn_radpm = self._velocity.rotate_radps / travel_mps
-        turn_rad, slant_rad = turn_radpm * self._way_m, 0.0
-        if goes_on:
+        turn_rad, slant_rad = turn_radpm * self._distance_m, 0.0
+        if continues:
             ahead_m = self._settings.turn_drive.control_point_m
-            place, point = self._from.ahead(ahead_m), pose.ahead(ahead_m)
-            begun = replace(self._from, x_m=place.x_m, y_m=place.y_m)
-            wanted = on_arc(begun, self._way_m, turn_rad)
+            position, point = self._from.ahead(ahead_m), pose.ahead(ahead_m)
+            begun = replace(self._from, x_m=position.x_m, y_m=position.y_m)
+            wanted = arc_end(begun, self._distance_m, turn_rad)
             x_m, y_m = point.x_m - wanted.x_m, point.y_m - wanted.y_m
             left_m = y_m * cos(wanted.heading_rad) - x_m * sin(wanted.heading_rad)
-            slant_rad = -copysign(1.0, travel_mps) * _clamp(STEER_PER_M * left_m, HELD_SLANT_RAD)
+            slant_rad = -copysign(1.0, travel_mps) * _clamp(
+                STEER_PER_M * left_m, MAX_ARC_CORRECTION_RAD
+            )
         else:
             braking_mps2 = self._settings.drive.travel_acceleration_mps2
             rest_m = speed_mps * abs(speed_mps) / (2 * braking_mps2)
@@ -413,7 +417,7 @@ class VelocityDriver:
         """Send zero again."""
         self.stop()
 
-    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+    def commit(self, wanted: MotionIntent | None, now_s: float, step_s: float) -> None:
         """Send the intent within the limits."""
         if wanted is None:
             if self.velocity != STANDING:

@@ -14,15 +14,15 @@ from executive.values.reasons import Figure, Reason, Refusal
 
 WAIT_S: Final = 6.0
 """Timeout of a frame taken at standstill: longer than usual gaps between frames."""
-OLDEST_S: Final = 10.0
+MAX_FRAME_AGE_S: Final = 10.0
 """Maximum age of the frame before a motion, so that it confirms the start position."""
-FUSED_NEAR_M: Final = 0.06
+FUSED_TOLERANCE_M: Final = 0.06
 """Position tolerance while the pose is corrected: wheel odometry is no more accurate."""
-TURN_NEAR_M: Final = 0.13
+TURN_TOLERANCE_M: Final = 0.13
 """Maximum displacement of base_link by a turn on the spot, about the control point."""
-APART_M: Final = 0.07
-APART_PER_M: Final = 0.02
-APART_RAD: Final = 0.08
+ODOMETRY_TOLERANCE_M: Final = 0.07
+ODOMETRY_TOLERANCE_PER_M: Final = 0.02
+ODOMETRY_TOLERANCE_RAD: Final = 0.08
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class MotionVerification:
         if self._status.odometry is not None:
             self._slid_s = self._status.odometry.stamp_s
 
-    def outcome(self, waited_s: float) -> Verified | Refusal | None:
+    def result(self, waited_s: float) -> Verified | Refusal | None:
         """Return the result, or None while waiting for a frame.
 
         Args:
@@ -68,19 +68,19 @@ class MotionVerification:
         fusion, last, odometry = self._status.fusion, self._newest(), self._status.odometry
         if fusion is None or odometry is None or last is None or last.stamp_s < self._standing_s:
             return None if waited_s < WAIT_S else _unverified("after the motion", waited_s)
-        if not fusion.settled:
+        if not fusion.correction_applied:
             return None
         if self._first is None:
             return _unverified("before the motion", 0.0)
         apart = disagreement(self._first, last)
-        bound_m = APART_M + APART_PER_M * apart.way_m
+        bound_m = ODOMETRY_TOLERANCE_M + ODOMETRY_TOLERANCE_PER_M * apart.distance_m
         figures = (
             Figure("odometries apart", apart.off_m, "m"),
             Figure("bound", bound_m, "m"),
             Figure("headings apart", apart.off_rad, "rad"),
-            Figure("heading bound", APART_RAD, "rad"),
+            Figure("heading bound", ODOMETRY_TOLERANCE_RAD, "rad"),
         )
-        if apart.off_m <= bound_m and apart.off_rad <= APART_RAD:
+        if apart.off_m <= bound_m and apart.off_rad <= ODOMETRY_TOLERANCE_RAD:
             age_s = odometry.stamp_s - last.stamp_s
             return Verified((figures[0], figures[2], Figure("seen before", age_s, "s")))
         fusion.unconfirmed_since = self._first
@@ -98,7 +98,7 @@ class MotionVerification:
         fusion, odometry = self._status.fusion, self._status.odometry
         if fusion is None or fusion.latest is None or odometry is None:
             return None
-        recent = fusion.latest.stamp_s >= odometry.stamp_s - OLDEST_S
+        recent = fusion.latest.stamp_s >= odometry.stamp_s - MAX_FRAME_AGE_S
         return fusion.latest if recent else None
 
 

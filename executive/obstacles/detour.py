@@ -11,12 +11,19 @@ from itertools import count, islice
 from math import cos, pi, sin
 from typing import Final
 
-from executive.obstacles.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obstacle, Zones
+from executive.obstacles.zones import (
+    DISTANCE_RESOLUTION_M,
+    KeepIn,
+    KeepOut,
+    KnownRock,
+    Obstacle,
+    Zones,
+)
 from executive.values.geometry import Point
 
-RING: Final = 12
+NODES_PER_CORNER: Final = 12
 """Number of nodes around each corner and rock."""
-MOST_LOOKS: Final = 20_000
+MAX_COMPARISONS: Final = 20_000
 """Maximum number of rocks and zone sides checked, for nodes and again for lines. It bounds the
 delay of a tick by a search, which may be several ticks among a hundred sides."""
 
@@ -31,11 +38,11 @@ class Detour:
             one found.
     """
 
-    through: tuple[Point, ...]
-    complete: bool
+    corners: tuple[Point, ...]
+    reaches_goal: bool
 
 
-def find_way(
+def shortest_detour(
     start: Point, end: Point, zones: Zones, clearance_m: float, leads: Callable[[Point], bool]
 ) -> Detour:
     """Return the shortest path of straight lines.
@@ -51,29 +58,29 @@ def find_way(
     nodes = [end, *_nodes(zones, clearance_m)]
     obstacles = [(each, min(clearance_m, each.clearance_m(end, end))) for each in zones]
     before: dict[int, int | None] = {}
-    order, left, sides = count(), MOST_LOOKS, sum(map(_sides, zones))
+    order, left, sides = count(), MAX_COMPARISONS, sum(map(_sides, zones))
     queue: list[tuple[float, int, float, int, int | None]] = []
 
     def is_free(parent: int, index: int) -> bool:
         nonlocal left
-        for place, (each, at_end_m) in enumerate(obstacles):
+        for number, (each, at_end_m) in enumerate(obstacles):
             left -= _sides(each)
             needed_m = clearance_m if index else at_end_m
             if each.clearance_m(nodes[parent], nodes[index]) < needed_m:
-                obstacles.insert(0, obstacles.pop(place))  # likely to block the next line, too
+                obstacles.insert(0, obstacles.pop(number))  # likely to block the next line, too
                 return False
         return True
 
-    def push_all(place: Point, walked_m: float, parent: int | None) -> None:
+    def push_all(point: Point, walked_m: float, parent: int | None) -> None:
         for index, node in enumerate(nodes):
             if index not in before:
-                way_m = walked_m + place.distance_m(node)
-                estimate_m = way_m + node.distance_m(end)
-                heappush(queue, (estimate_m, next(order), way_m, index, parent))
+                distance_m = walked_m + point.distance_m(node)
+                estimate_m = distance_m + node.distance_m(end)
+                heappush(queue, (estimate_m, next(order), distance_m, index, parent))
 
     push_all(start, 0.0, None)
     while queue and left > 0:
-        _, _, way_m, index, parent = heappop(queue)
+        _, _, distance_m, index, parent = heappop(queue)
         if index in before:
             continue
         if parent is None:
@@ -82,10 +89,10 @@ def find_way(
             continue
         before[index] = parent
         if index == 0:
-            return Detour(_through(nodes, before, parent), complete=True)
-        push_all(nodes[index], way_m, index)
+            return Detour(_through(nodes, before, parent), reaches_goal=True)
+        push_all(nodes[index], distance_m, index)
     nearest = min(before, key=lambda index: nodes[index].distance_m(end), default=None)
-    return Detour(_through(nodes, before, nearest), complete=False)
+    return Detour(_through(nodes, before, nearest), reaches_goal=False)
 
 
 def _through(
@@ -100,18 +107,20 @@ def _through(
 
 def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
     """Return the points of all rings that keep the clearance to every obstacle."""
-    ring = [2 * pi * index / RING for index in range(RING)]
+    ring = [2 * pi * index / NODES_PER_CORNER for index in range(NODES_PER_CORNER)]
     found = (
         Point(centre.x_m + out_m * cos(angle_rad), centre.y_m + out_m * sin(angle_rad))
         for centre, radius_m in _centres(zones)
-        for out_m in ((radius_m + clearance_m + FINEST_M) / cos(pi / RING),)
+        for out_m in (
+            (radius_m + clearance_m + DISTANCE_RESOLUTION_M) / cos(pi / NODES_PER_CORNER),
+        )
         for angle_rad in ring
     )
     obstacles, found_free = list(zones), []
-    for node in islice(found, MOST_LOOKS // max(1, sum(map(_sides, zones)))):
-        for place, each in enumerate(obstacles):
+    for node in islice(found, MAX_COMPARISONS // max(1, sum(map(_sides, zones)))):
+        for number, each in enumerate(obstacles):
             if each.clearance_m(node, node) < clearance_m:
-                obstacles.insert(0, obstacles.pop(place))  # likely that of the next node, too
+                obstacles.insert(0, obstacles.pop(number))  # likely that of the next node, too
                 break
         else:
             found_free.append(node)

@@ -13,42 +13,42 @@ from typing import Final
 
 from executive.obstacles.zones import Footprint, KeepIn, ScannedObstacle, Zones
 from executive.values.facts import LaserScan
-from executive.values.geometry import STANDING, Point, Pose, Velocity, on_arc, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, Velocity, arc_end, wrap_rad
 
 CELL_M: Final = 0.1
-REACH_M: Final = 4.0
+MAX_RANGE_M: Final = 4.0
 """Maximum range of returns; farther ones are too sparse, and too wrong by the heading."""
-FAR_M: Final = 6.0
+FORGET_RANGE_M: Final = 6.0
 """Range beyond which a cell is removed."""
-KEPT_S: Final = 60.0
+FORGET_AFTER_S: Final = 60.0
 """Age beyond which a cell is removed unless it is seen again: the odometry drifts."""
-FEWEST_SCANS: Final = 2
+MIN_SCANS: Final = 2
 """Minimum number of scans that show an obstacle in a cell to add it, or free space to remove it."""
-SETTLED: Final = 5
+AVERAGED_SCANS: Final = 5
 """Number of scans over which the position of a cell is averaged."""
-BESIDE_M: Final = 0.1
-BESIDE_PER_M: Final = 0.05
+NEIGHBOUR_M: Final = 0.1
+NEIGHBOUR_PER_M: Final = 0.05
 """Maximum range difference between neighbouring returns: a single return is ignored."""
 FREE_M: Final = 0.15
 FREE_PER_M: Final = 0.03
 """Minimum length of rays beyond a position that show it to be free."""
-SAME_M: Final = 0.15
+ASSOCIATION_M: Final = 0.15
 """Distance within which a return belongs to a known rock or a keep-out zone (data association)."""
-WIDEST_M: Final = 0.2
+MAX_CIRCLE_RADIUS_M: Final = 0.2
 """Half of the maximum length of a face that one circle covers."""
-FLATTEST: Final = 1.75
+FLAT_SURFACE_FACTOR: Final = 1.75
 """Maximum ratio of a circle's radius to the smallest one, for a flat face: it protrudes less."""
-ROUND_M: Final = 0.02
+CIRCLE_MARGIN_M: Final = 0.02
 """Margin of a circle's radius, for the surface between the measured points."""
-ANEW_M: Final = 0.25
+RECLUSTER_M: Final = 0.25
 """Distance after which circles are computed again, as the cells are seen from another side."""
-MOST_CIRCLES: Final = 48
+MAX_CIRCLES: Final = 48
 """Maximum number of circles; the nearest are retained."""
-MOST_POSES: Final = 50
+POSE_BUFFER: Final = 50
 """Number of poses, one per odometry message: they cover more than the delay of a scan."""
-AHEAD_S: Final = 0.2
+MAX_EXTRAPOLATION_S: Final = 0.2
 """Maximum lead of a scan over the odometry; the pose is then extrapolated by the velocity."""
-HARDLY_RADPS: Final = 0.1
+NEGLIGIBLE_TURN_RADPS: Final = 0.1
 """Maximum yaw rate that makes the time of a scan irrelevant."""
 
 _Key = tuple[int, int]
@@ -72,7 +72,7 @@ class _Cell:
 
     @property
     def counts(self) -> bool:
-        return self.scans >= FEWEST_SCANS
+        return self.scans >= MIN_SCANS
 
     def side(self, cosine: float, sine: float) -> float:
         """Return the sine of the angle from a direction to that of the laser."""
@@ -93,17 +93,17 @@ class LocalMap:
         self._known = known
         self._cells: dict[_Key, _Cell] = {}
         self._circles: tuple[ScannedObstacle, ...] | None = ()
-        self._poses: deque[tuple[float, Pose]] = deque(maxlen=MOST_POSES)
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=POSE_BUFFER)
         self._velocity = STANDING
         self._covered_at = Point(0.0, 0.0)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Discard all cells: the pose jumped, so that their positions are wrong."""
         self._poses.clear()
         self._cells.clear()
         self._circles = ()
 
-    def follow(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
+    def add_pose(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
         """Add the pose of the rover at an odometry message.
 
         Args:
@@ -114,7 +114,7 @@ class LocalMap:
         self._poses.append((stamp_s, pose))
         self._velocity = velocity
 
-    def see(self, scan: LaserScan, now_s: float) -> None:
+    def add_scan(self, scan: LaserScan, now_s: float) -> None:
         """Add a scan, unless the pose at its stamp is unknown.
 
         Args:
@@ -124,15 +124,17 @@ class LocalMap:
         pose = self._pose_at(scan.stamp_s)
         if pose is None:
             return
-        if pose.point.distance_m(self._covered_at) > ANEW_M:
+        if pose.point.distance_m(self._covered_at) > RECLUSTER_M:
             self._circles = None
         seen = self._returns(scan, pose)
         for key, (count, x_m, y_m) in seen.items():
             self._add(key, Point(x_m / count, y_m / count), pose, now_s)
-        gone = [
-            key for key in self._cells if key not in seen and self._is_gone(key, scan, pose, now_s)
+        cleared = [
+            key
+            for key in self._cells
+            if key not in seen and self._is_cleared(key, scan, pose, now_s)
         ]
-        for key in gone:
+        for key in cleared:
             if self._cells.pop(key).counts:
                 self._circles = None
 
@@ -144,7 +146,7 @@ class LocalMap:
             here = self._poses[-1][1]
             self._covered_at = here.point
             found.sort(key=lambda each: here.point.distance_m(Point(each.x_m, each.y_m)))
-            self._circles = tuple(found[:MOST_CIRCLES])
+            self._circles = tuple(found[:MAX_CIRCLES])
         return self._circles
 
     def _pose_at(self, stamp_s: float) -> Pose | None:
@@ -155,28 +157,28 @@ class LocalMap:
         if not self._poses:
             return None
         after_s, after = self._poses[-1]
-        if 0.0 <= (late_s := stamp_s - after_s) <= AHEAD_S:
+        if 0.0 <= (late_s := stamp_s - after_s) <= MAX_EXTRAPOLATION_S:
             velocity = self._velocity
-            return on_arc(after, velocity.travel_mps * late_s, velocity.rotate_radps * late_s)
+            return arc_end(after, velocity.travel_mps * late_s, velocity.rotate_radps * late_s)
         for before_s, before in reversed(self._poses):
             if before_s <= stamp_s < after_s:
                 return _between(before, after, (stamp_s - before_s) / (after_s - before_s))
             after_s, after = before_s, before
-        hardly = abs(self._velocity.rotate_radps) <= HARDLY_RADPS
+        hardly = abs(self._velocity.rotate_radps) <= NEGLIGIBLE_TURN_RADPS
         return self._poses[-1][1] if hardly else None
 
     def _returns(self, scan: LaserScan, pose: Pose) -> dict[_Key, tuple[int, float, float]]:
         """Return the number of returns in each cell, and the sums of their positions."""
         directions = directions_of(scan)
         ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
-        least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
+        least_m, max_m = scan.range_min_m, min(scan.range_max_m, MAX_RANGE_M)
         cosine, sine = cos(pose.heading_rad), sin(pose.heading_rad)
         half_m, side_m = self._footprint.length_m / 2, self._footprint.width_m / 2
         found: dict[_Key, tuple[int, float, float]] = {}
         for index, range_m in enumerate(ranges_m):
-            if not least_m < range_m <= most_m:
+            if not least_m < range_m <= max_m:
                 continue
-            near_m = BESIDE_M + BESIDE_PER_M * range_m
+            near_m = NEIGHBOUR_M + NEIGHBOUR_PER_M * range_m
             after_m = ranges_m[index + 1 if index < last else 0]
             if not (
                 abs(ranges_m[index - 1] - range_m) <= near_m or abs(after_m - range_m) <= near_m
@@ -193,33 +195,33 @@ class LocalMap:
             found[key] = count + 1, sum_x_m + x_m, sum_y_m + y_m
         return found
 
-    def _add(self, key: _Key, place: Point, pose: Pose, now_s: float) -> None:
-        cell, x_m, y_m = self._cells.get(key), place.x_m, place.y_m
+    def _add(self, key: _Key, point: Point, pose: Pose, now_s: float) -> None:
+        cell, x_m, y_m = self._cells.get(key), point.x_m, point.y_m
         if cell is None:
-            if not self._is_known(place):
+            if not self._is_known(point):
                 self._cells[key] = _Cell(x_m, y_m, pose.x_m, pose.y_m, now_s)
             return
         cell.seen_s, cell.misses = now_s, 0
         cell.from_x_m, cell.from_y_m = pose.x_m, pose.y_m
-        if cell.scans < SETTLED:
+        if cell.scans < AVERAGED_SCANS:
             cell.x_m += (x_m - cell.x_m) / (cell.scans + 1)
             cell.y_m += (y_m - cell.y_m) / (cell.scans + 1)
             cell.scans += 1
             self._circles = None
 
-    def _is_known(self, place: Point) -> bool:
+    def _is_known(self, point: Point) -> bool:
         """Whether a return belongs to a known obstacle, or lies outside of a keep-in zone."""
         return any(
-            each.clearance_m(place, place) < (0.0 if isinstance(each, KeepIn) else SAME_M)
+            each.clearance_m(point, point) < (0.0 if isinstance(each, KeepIn) else ASSOCIATION_M)
             for each in self._known
         )
 
-    def _is_gone(self, key: _Key, scan: LaserScan, pose: Pose, now_s: float) -> bool:
+    def _is_cleared(self, key: _Key, scan: LaserScan, pose: Pose, now_s: float) -> bool:
         """Whether a cell is to be removed, after a scan that does not show it."""
         cell = self._cells[key]
         dx_m, dy_m = cell.x_m - pose.x_m, cell.y_m - pose.y_m
         away_m = hypot(dx_m, dy_m)
-        if away_m > FAR_M or now_s - cell.seen_s > KEPT_S:
+        if away_m > FORGET_RANGE_M or now_s - cell.seen_s > FORGET_AFTER_S:
             return True
         behind_m = away_m * (1.0 + FREE_PER_M) + FREE_M
         if behind_m > scan.range_max_m:
@@ -231,7 +233,7 @@ class LocalMap:
         rays_m = ranges_m[ray - 1], ranges_m[ray], ranges_m[ray + 1 if ray < last else 0]
         free = all(each > behind_m for each in rays_m)  # not free if one is NaN
         cell.misses = cell.misses + 1 if free else 0
-        return cell.misses >= FEWEST_SCANS
+        return cell.misses >= MIN_SCANS
 
     def _clusters(self) -> Iterator[list[_Cell]]:
         """Yield groups of cells that are adjacent, also at a corner."""
@@ -276,40 +278,40 @@ def _covered(cells: list[_Cell]) -> Iterator[ScannedObstacle]:
         cosine, sine = -cosine, -sine  # so that the laser is on the negative side
     along = [(each.x_m - x_m) * cosine + (each.y_m - y_m) * sine for each in cells]
     aside = [(each.y_m - y_m) * cosine - (each.x_m - x_m) * sine for each in cells]
-    least_m, most_m = min(along), max(along)
-    if most_m - least_m > 2 * WIDEST_M:
-        pieces = ceil((most_m - least_m) / (2 * WIDEST_M))
+    least_m, max_m = min(along), max(along)
+    if max_m - least_m > 2 * MAX_CIRCLE_RADIUS_M:
+        pieces = ceil((max_m - least_m) / (2 * MAX_CIRCLE_RADIUS_M))
         parts: list[list[_Cell]] = [[] for _ in range(pieces)]
-        for cell, way_m in zip(cells, along, strict=True):
-            part = int((way_m - least_m) / (most_m - least_m) * pieces)
+        for cell, distance_m in zip(cells, along, strict=True):
+            part = int((distance_m - least_m) / (max_m - least_m) * pieces)
             parts[min(pieces - 1, part)].append(cell)
         for each in filter(None, parts):
             yield from _covered(each)
         return
-    middle_m = (least_m + most_m) / 2
+    middle_m = (least_m + max_m) / 2
     off_m, radius_m = _arc(list(zip([each - middle_m for each in along], aside, strict=True)))
     centre_x_m = x_m + middle_m * cosine - off_m * sine
     centre_y_m = y_m + middle_m * sine + off_m * cosine
-    yield ScannedObstacle("seen", centre_x_m, centre_y_m, radius_m + ROUND_M)
+    yield ScannedObstacle("seen", centre_x_m, centre_y_m, radius_m + CIRCLE_MARGIN_M)
 
 
-def _arc(places: list[tuple[float, float]]) -> tuple[float, float]:
+def _arc(positions: list[tuple[float, float]]) -> tuple[float, float]:
     """Return the circle that covers points and protrudes least in front of them.
 
     Args:
-        places: points along a face, from its middle, and behind it.
+        positions: points along a face, from its middle, and behind it.
 
     Returns:
         Distance of its centre behind the face, and its radius.
     """
-    aside = [each for _, each in places]
-    half_m = max(abs(each) for each, _ in places)
+    aside = [each for _, each in positions]
+    half_m = max(abs(each) for each, _ in positions)
     deep_m, behind_m = max(aside) - min(aside), (min(aside) + max(aside)) / 2
-    least_m = max(hypot(along, each - behind_m) for along, each in places)
-    most_m = FLATTEST * least_m
-    fitted_m = (half_m**2 + deep_m**2) / (2 * deep_m) if deep_m > 0.0 else most_m
-    radius_m = max(least_m, min(fitted_m, most_m))
-    off_m = min(each + sqrt(radius_m**2 - along**2) for along, each in places)
+    least_m = max(hypot(along, each - behind_m) for along, each in positions)
+    max_m = FLAT_SURFACE_FACTOR * least_m
+    fitted_m = (half_m**2 + deep_m**2) / (2 * deep_m) if deep_m > 0.0 else max_m
+    radius_m = max(least_m, min(fitted_m, max_m))
+    off_m = min(each + sqrt(radius_m**2 - along**2) for along, each in positions)
     return off_m, radius_m
 
 

@@ -11,11 +11,11 @@ from typing import Final, Protocol
 
 from executive.values.geometry import Point
 
-FARTHEST_M: Final = 10_000.0
+MAX_COORDINATE_M: Final = 10_000.0
 MAX_MARGIN_M: Final = 100.0
-FEWEST_CORNERS: Final = 3
-MOST_CORNERS: Final = 100
-FINEST_M: Final = 0.01
+MIN_CORNERS: Final = 3
+MAX_CORNERS: Final = 100
+DISTANCE_RESOLUTION_M: Final = 0.01
 """Resolution of the distance along a path to a violation of the clearance."""
 LEAVING_STEP_M: Final = 0.05
 LEAVING_M: Final = 20.0
@@ -45,7 +45,7 @@ class Obstacle(Protocol):
     """An object that the rover avoids."""
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Its kind and name, for display."""
 
     def clearance_m(self, start: Point, end: Point) -> float:
@@ -65,16 +65,16 @@ class _Area:
     def __post_init__(self) -> None:
         """Raise ValueError unless it is a simple polygon."""
         check_name(self.name)
-        if not FEWEST_CORNERS <= len(self.corners_m) <= MOST_CORNERS:
+        if not MIN_CORNERS <= len(self.corners_m) <= MAX_CORNERS:
             raise ValueError(
                 f"zone {self.name!r} has {len(self.corners_m)} corners, not"
-                f" {FEWEST_CORNERS} .. {MOST_CORNERS}"
+                f" {MIN_CORNERS} .. {MAX_CORNERS}"
             )
         for corner in self.corners_m:
-            if len(corner) != 2 or not _is_place(*corner):
+            if len(corner) != 2 or not _is_position(*corner):
                 raise ValueError(
                     f"zone {self.name!r}: {list(corner)} is not a corner [x, y] within"
-                    f" {FARTHEST_M:g} m"
+                    f" {MAX_COORDINATE_M:g} m"
                 )
         self._check_edges()
 
@@ -97,16 +97,16 @@ class _Area:
     @property
     def edges(self) -> tuple[tuple[Point, Point], ...]:
         """The sides."""
-        places = [Point(*corner) for corner in self.corners_m]
-        return tuple(pairwise([*places, places[0]]))
+        corners = [Point(*corner) for corner in self.corners_m]
+        return tuple(pairwise([*corners, corners[0]]))
 
-    def has(self, place: Point) -> bool:
+    def contains(self, point: Point) -> bool:
         """Return whether a point is inside; on an edge it may be either."""
         inside = False
         for start, end in self.edges:
-            if (start.y_m > place.y_m) != (end.y_m > place.y_m):
-                part = (place.y_m - start.y_m) / (end.y_m - start.y_m)
-                if place.x_m < start.x_m + part * (end.x_m - start.x_m):
+            if (start.y_m > point.y_m) != (end.y_m > point.y_m):
+                part = (point.y_m - start.y_m) / (end.y_m - start.y_m)
+                if point.x_m < start.x_m + part * (end.x_m - start.x_m):
                     inside = not inside
         return inside
 
@@ -120,14 +120,14 @@ class KeepOut(_Area):
     """A zone that the rover must not touch."""
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Its kind and name, for display."""
         return f"keep-out zone {self.name!r}"
 
     def clearance_m(self, start: Point, end: Point) -> float:
         """Return the distance of a straight line outside of it."""
         edge_m = self._edge_m(start, end)
-        return -edge_m if self.has(start) else edge_m
+        return -edge_m if self.contains(start) else edge_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,14 +135,14 @@ class KeepIn(_Area):
     """A zone that the rover must not leave."""
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Its kind and name, for display."""
         return f"the edge of keep-in zone {self.name!r}"
 
     def clearance_m(self, start: Point, end: Point) -> float:
         """Return the distance of a straight line inside of it from its edge."""
         edge_m = self._edge_m(start, end)
-        return edge_m if self.has(start) else -edge_m
+        return edge_m if self.contains(start) else -edge_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,13 +157,13 @@ class KnownRock:
     def __post_init__(self) -> None:
         """Raise ValueError unless its position and radius are in range."""
         check_name(self.name)
-        if not _is_place(self.x_m, self.y_m):
-            raise ValueError(f"rock {self.name!r} is not within {FARTHEST_M:g} m")
-        if not 0 < self.radius_m <= FARTHEST_M:
+        if not _is_position(self.x_m, self.y_m):
+            raise ValueError(f"rock {self.name!r} is not within {MAX_COORDINATE_M:g} m")
+        if not 0 < self.radius_m <= MAX_COORDINATE_M:
             raise ValueError(f"rock {self.name!r}: radius_m {self.radius_m:g} is not above 0")
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Its kind and name, for display."""
         return f"rock {self.name!r}"
 
@@ -177,7 +177,7 @@ class ScannedObstacle(KnownRock):
     """A part of an obstacle that the laser detected; its name is not unique."""
 
     @property
-    def title(self) -> str:
+    def label(self) -> str:
         """Its position, for display."""
         return f"scanned obstacle at ({self.x_m:.2f}, {self.y_m:.2f})"
 
@@ -189,12 +189,12 @@ class ClearanceViolation:
     Attributes:
         obstacle: the obstacle.
         gap_m: minimum clearance of the rover; not above 0 in a collision.
-        way_m: distance along the path up to that point.
+        distance_m: distance along the path up to that point.
     """
 
     obstacle: Obstacle
     gap_m: float
-    way_m: float
+    distance_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,18 +227,18 @@ class Zones:
         yield from self.rocks
 
     @property
-    def seen(self) -> tuple[ScannedObstacle, ...]:
+    def scanned(self) -> tuple[ScannedObstacle, ...]:
         """The scanned obstacles."""
         return tuple(each for each in self.rocks if isinstance(each, ScannedObstacle))
 
     @property
-    def told(self) -> "Zones":
+    def known(self) -> "Zones":
         """The known obstacles, from settings."""
         rocks = tuple(each for each in self.rocks if not isinstance(each, ScannedObstacle))
         return self if len(rocks) == len(self.rocks) else replace(self, rocks=rocks)
 
     @property
-    def any(self) -> bool:
+    def not_empty(self) -> bool:
         """Whether there are any."""
         return bool(self.keep_in or self.keep_out or self.rocks)
 
@@ -260,9 +260,9 @@ class Zones:
             if obstacle.clearance_m(middle, middle) > reach_m + radius_m + apart_m:
                 continue
             found = _first_on(path, obstacle, radius_m + apart_m)
-            if found is not None and (first is None or found[0] < first.way_m):
-                way_m, clearance_m = found
-                first = ClearanceViolation(obstacle, clearance_m - radius_m, way_m)
+            if found is not None and (first is None or found[0] < first.distance_m):
+                distance_m, clearance_m = found
+                first = ClearanceViolation(obstacle, clearance_m - radius_m, distance_m)
         return first
 
 
@@ -302,7 +302,9 @@ def _first_on(
                 walked_m += length_m
                 continue
         if leaving:
-            left_m = _way_out_m(start, end, obstacle, needed_m, (walked_m, now_m - FINEST_M))
+            left_m = _exit_distance_m(
+                start, end, obstacle, needed_m, (walked_m, now_m - DISTANCE_RESOLUTION_M)
+            )
             if left_m is None:
                 return walked_m, obstacle.clearance_m(start, end)
             leaving = left_m > length_m
@@ -310,14 +312,14 @@ def _first_on(
         if begin_m <= length_m:
             begin = _along(start, end, begin_m)
             nearest_m = obstacle.clearance_m(begin, end)
-            if nearest_m < needed_m - FINEST_M / 2:
-                way_m = begin_m + _until_m(begin, end, obstacle, needed_m)
-                return walked_m + way_m, nearest_m
+            if nearest_m < needed_m - DISTANCE_RESOLUTION_M / 2:
+                distance_m = begin_m + _until_m(begin, end, obstacle, needed_m)
+                return walked_m + distance_m, nearest_m
         walked_m += length_m
     return None
 
 
-def _way_out_m(
+def _exit_distance_m(
     start: Point, end: Point, obstacle: Obstacle, needed_m: float, bounds: tuple[float, float]
 ) -> float | None:
     """Return the distance along a line after which it is far enough from an obstacle.
@@ -336,40 +338,40 @@ def _way_out_m(
     before_m, least_m = bounds
     count = int(length_m / LEAVING_STEP_M) + 1
     for step in range(count + 1):
-        way_m = min(step * LEAVING_STEP_M, length_m)
-        place = _along(start, end, way_m)
-        clearance_m = obstacle.clearance_m(place, place)
+        distance_m = min(step * LEAVING_STEP_M, length_m)
+        point = _along(start, end, distance_m)
+        clearance_m = obstacle.clearance_m(point, point)
         if clearance_m >= needed_m:
-            return way_m
-        if clearance_m < least_m or before_m + way_m > LEAVING_M:
+            return distance_m
+        if clearance_m < least_m or before_m + distance_m > LEAVING_M:
             return None
     return length_m + LEAVING_STEP_M
 
 
 def _until_m(start: Point, end: Point, obstacle: Obstacle, needed_m: float) -> float:
     """Return the distance along a line until it is too close, in steps of the free distance."""
-    length_m, way_m = start.distance_m(end), 0.0
-    while way_m < length_m:
-        place = _along(start, end, way_m)
-        room_m = obstacle.clearance_m(place, place) - needed_m
-        if room_m < FINEST_M:
+    length_m, distance_m = start.distance_m(end), 0.0
+    while distance_m < length_m:
+        point = _along(start, end, distance_m)
+        space_m = obstacle.clearance_m(point, point) - needed_m
+        if space_m < DISTANCE_RESOLUTION_M:
             break
-        way_m += max(room_m, FINEST_M)
-    return min(way_m, length_m)
+        distance_m += max(space_m, DISTANCE_RESOLUTION_M)
+    return min(distance_m, length_m)
 
 
-def _along(start: Point, end: Point, way_m: float) -> Point:
+def _along(start: Point, end: Point, distance_m: float) -> Point:
     length_m = start.distance_m(end)
-    part = way_m / length_m if length_m else 0.0
+    part = distance_m / length_m if length_m else 0.0
     return Point(start.x_m + part * (end.x_m - start.x_m), start.y_m + part * (end.y_m - start.y_m))
 
 
-def _is_place(x_m: float, y_m: float) -> bool:
-    return isfinite(x_m) and isfinite(y_m) and max(abs(x_m), abs(y_m)) <= FARTHEST_M
+def _is_position(x_m: float, y_m: float) -> bool:
+    return isfinite(x_m) and isfinite(y_m) and max(abs(x_m), abs(y_m)) <= MAX_COORDINATE_M
 
 
-def _shown(place: Point) -> str:
-    return f"[{place.x_m:g}, {place.y_m:g}]"
+def _shown(point: Point) -> str:
+    return f"[{point.x_m:g}, {point.y_m:g}]"
 
 
 def _folds(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
@@ -387,15 +389,15 @@ def _turn(a: Point, b: Point, c: Point) -> float:
     return (b.x_m - a.x_m) * (c.y_m - a.y_m) - (b.y_m - a.y_m) * (c.x_m - a.x_m)
 
 
-def _to_line_m(place: Point, start: Point, end: Point) -> float:
+def _to_line_m(point: Point, start: Point, end: Point) -> float:
     """Return the distance of a point from a straight line between two others."""
     dx_m, dy_m = end.x_m - start.x_m, end.y_m - start.y_m
     squared_m2 = dx_m * dx_m + dy_m * dy_m
     part = 0.0
     if squared_m2 > 0.0:
-        along_m2 = (place.x_m - start.x_m) * dx_m + (place.y_m - start.y_m) * dy_m
+        along_m2 = (point.x_m - start.x_m) * dx_m + (point.y_m - start.y_m) * dy_m
         part = max(0.0, min(1.0, along_m2 / squared_m2))
-    return hypot(start.x_m + part * dx_m - place.x_m, start.y_m + part * dy_m - place.y_m)
+    return hypot(start.x_m + part * dx_m - point.x_m, start.y_m + part * dy_m - point.y_m)
 
 
 def _apart_m(a: Point, b: Point, c: Point, d: Point) -> float:

@@ -1,7 +1,7 @@
 """Plans: behaviour trees that mission control sends, their execution and results."""
 
 from executive.plans.builder import check_plan as check_plan
-from executive.plans.builder import most_commands as most_commands
+from executive.plans.builder import max_commands as max_commands
 from executive.plans.execution import PlanExecution as PlanExecution
 from executive.plans.execution import PlanHost as PlanHost
 from executive.plans.execution import StepStatus as StepStatus
@@ -18,8 +18,8 @@ from executive.plans.model import RepeatOn as RepeatOn
 from executive.plans.model import SequenceNode as SequenceNode
 from executive.plans.model import TimeoutEnd as TimeoutEnd
 from executive.plans.model import TimeoutNode as TimeoutNode
-from executive.plans.model import expected_course as expected_course
-from executive.plans.model import help_of as help_of
+from executive.plans.model import attribute_help as attribute_help
+from executive.plans.model import nominal_steps as nominal_steps
 from executive.plans.model import steps as steps
 from executive.plans.plan_xml import FORMAT as FORMAT
 from executive.plans.planner import FINAL_STATUSES as FINAL_STATUSES

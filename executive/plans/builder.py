@@ -29,22 +29,22 @@ from executive.plans.model import (
     RepeatOn,
     SequenceNode,
     TimeoutNode,
+    attribute_help,
     children_of,
-    help_of,
     steps,
 )
 from executive.plans.plan_xml import (
     CONTROLS,
     DECORATORS,
-    DEEPEST,
     FORMAT,
+    MAX_DEPTH,
     SUBTREE,
     Attributes,
     Element,
     PlanError,
     is_plan_id,
-    known_kind,
     name_of,
+    node_kind,
     quote,
     read_xml,
     suggest,
@@ -53,9 +53,9 @@ from executive.settings import Settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason, Refusal
 
-MOST_NODES: Final = 500
-MOST_TIMES: Final = 1000
-LONGEST_S: Final = 86_400.0
+MAX_NODES: Final = 500
+MAX_LOOP_CYCLES: Final = 1000
+MAX_DEADLINE_S: Final = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,20 +69,20 @@ class _BuildContext:
         limited: whether a Timeout is above it.
     """
 
-    place: NodeLocation
+    location: NodeLocation
     element: Element
-    given: Mapping[str, str]
+    arguments: Mapping[str, str]
     trees: tuple[str, ...]
     limited: bool
 
     @property
     def attributes(self) -> Attributes:
         """The attributes of the element, resolved in this context."""
-        return Attributes(self.element, self.given)
+        return Attributes(self.element, self.arguments)
 
-    def bad(self, text: str) -> PlanError:
+    def error(self, text: str) -> PlanError:
         """Return an error on the plan's structure at this element."""
-        return PlanError(Reason.PLAN_STRUCTURE, self.place.line, text)
+        return PlanError(Reason.PLAN_STRUCTURE, self.location.line, text)
 
 
 class PlanBuilder:
@@ -109,26 +109,26 @@ class PlanBuilder:
             PlanError: it is not valid.
         """
         element = self._trees[tree]
-        place = self._place(self._root, element)
-        return self._tree(_BuildContext(place, element, given, (tree,), limited=False))
+        location = self._location(self._root, element)
+        return self._tree(_BuildContext(location, element, given, (tree,), limited=False))
 
     def _tree(self, site: _BuildContext) -> SequenceNode:
         children = self._trees[site.trees[-1]].children
-        return SequenceNode(site.place, self._children(site, children))
+        return SequenceNode(site.location, self._children(site, children))
 
     def _children(self, site: _BuildContext, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         nodes = []
         for element in elements:
-            kind = known_kind(element, self._trees, LEAVES)
+            kind = node_kind(element, self._trees, LEAVES)
             first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
             name = first
             while name in taken:
                 name = f"{first} {next(again[first])}"
             taken.add(name)
-            place = self._place(f"{site.place.path}/{name}", element)
-            nodes.append(self._node(kind, replace(site, place=place, element=element)))
+            location = self._location(f"{site.location.path}/{name}", element)
+            nodes.append(self._node(kind, replace(site, location=location, element=element)))
         return tuple(nodes)
 
     def _node(self, kind: str, site: _BuildContext) -> PlanNode:
@@ -139,86 +139,92 @@ class PlanBuilder:
         if kind in DECORATORS:
             return self._decorator(kind, site)
         if site.element.children:
-            raise site.bad(f"{kind} has no children")
+            raise site.error(f"{kind} has no children")
         return _step(LEAVES[kind], site)
 
     def _subtree(self, site: _BuildContext) -> PlanNode:
         tree = site.element.attributes["ID"]
         if site.element.children:
-            raise site.bad("<SubTree> has no children")
+            raise site.error("<SubTree> has no children")
         if tree in site.trees:
-            raise site.bad(f"tree {tree[:40]!r} contains itself")
-        given = site.attributes.passed_on(self._defaults.get(tree, {}))
-        return self._tree(replace(site, given=given, trees=(*site.trees, tree)))
+            raise site.error(f"tree {tree[:40]!r} contains itself")
+        given = site.attributes.forwarded(self._defaults.get(tree, {}))
+        return self._tree(replace(site, arguments=given, trees=(*site.trees, tree)))
 
     def _control(self, kind: str, site: _BuildContext) -> PlanNode:
-        place, attributes = site.place, site.attributes
+        location, attributes = site.location, site.attributes
         if not site.element.children:
-            raise site.bad(f"{kind} needs at least 1 child")
-        attributes.only({"success_count", "failure_count"} if kind == "Parallel" else set())
+            raise site.error(f"{kind} needs at least 1 child")
+        attributes.require_known(
+            {"success_count", "failure_count"} if kind == "Parallel" else set()
+        )
         children = self._children(site, site.element.children)
         if kind == "Parallel":
             successes = _threshold(attributes, "success_count", -1, len(children))
             failures = _threshold(attributes, "failure_count", 1, len(children))
-            return ParallelNode(place, successes, failures, children)
-        return (SequenceNode if kind == "Sequence" else FallbackNode)(place, children)
+            return ParallelNode(location, successes, failures, children)
+        return (SequenceNode if kind == "Sequence" else FallbackNode)(location, children)
 
     def _decorator(self, kind: str, site: _BuildContext) -> PlanNode:
-        place, attributes = site.place, site.attributes
+        location, attributes = site.location, site.attributes
         if len(site.element.children) != 1:
-            raise site.bad(f"{kind} has exactly 1 child")
+            raise site.error(f"{kind} has exactly 1 child")
         below = replace(site, limited=site.limited or kind == "Timeout")
         (child,) = self._children(below, site.element.children)
         match kind:
             case "RetryUntilSuccessful":
-                attributes.only({"num_attempts"})
-                return LoopNode(place, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child)
+                attributes.require_known({"num_attempts"})
+                return LoopNode(
+                    location, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child
+                )
             case "Repeat":
-                attributes.only({"num_cycles"})
-                return LoopNode(place, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
+                attributes.require_known({"num_cycles"})
+                return LoopNode(location, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
             case "Timeout":
-                attributes.only({"msec"})
-                return TimeoutNode(place, _limit_s(attributes), child)
+                attributes.require_known({"msec"})
+                return TimeoutNode(location, _limit_s(attributes), child)
             case _:
-                attributes.only(set())
-                return InverterNode(place, child)
+                attributes.require_known(set())
+                return InverterNode(location, child)
 
-    def _place(self, path: str, element: Element) -> NodeLocation:
-        if self._count == MOST_NODES:
-            text = f"a plan has {MOST_NODES} nodes at most"
+    def _location(self, path: str, element: Element) -> NodeLocation:
+        if self._count == MAX_NODES:
+            text = f"a plan has {MAX_NODES} nodes at most"
             raise element.fault(Reason.PLAN_TOO_LARGE, text)
-        if path.count("/") > DEEPEST:
-            text = f"a plan is {DEEPEST} deep at most"
+        if path.count("/") > MAX_DEPTH:
+            text = f"a plan is {MAX_DEPTH} deep at most"
             raise element.fault(Reason.PLAN_TOO_LARGE, text)
-        place = NodeLocation(self._count, path, element.line)
+        location = NodeLocation(self._count, path, element.line)
         self._count += 1
-        return place
+        return location
 
 
 def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
     attributes = site.attributes
-    attributes.only({argument.name for argument in leaf.written} | {DEADLINE})
+    attributes.require_known({argument.name for argument in leaf.user_arguments} | {DEADLINE})
     values = []
-    for argument in leaf.written:
+    for argument in leaf.user_arguments:
         value = attributes.value(argument)
         if value is None and not argument.optional:
-            raise attributes.fault(f"{leaf.name} needs {argument.name} ({help_of(argument)})")
+            raise attributes.fault(
+                f"{leaf.name} needs {argument.name} ({attribute_help(argument)})"
+            )
         values.append(value)
     deadline_s = attributes.number(DEADLINE)
     if deadline_s is None and not site.limited:
         text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
-        raise PlanError(Reason.PLAN_NO_DEADLINE, site.place.line, text)
-    if deadline_s is not None and not 0.0 < deadline_s <= LONGEST_S:
-        raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {LONGEST_S:g} at most")
-    return PlanStep(site.place, leaf.make(*values), deadline_s)
+        raise PlanError(Reason.PLAN_NO_DEADLINE, site.location.line, text)
+    if deadline_s is not None and not 0.0 < deadline_s <= MAX_DEADLINE_S:
+        raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {MAX_DEADLINE_S:g} at most")
+    return PlanStep(site.location, leaf.build_request(*values), deadline_s)
 
 
 def _times(attributes: Attributes, name: str) -> int:
     times = attributes.count(name)
     if times is None:
         raise attributes.fault(f"{name} is required")
-    if not 1 <= times <= MOST_TIMES:
-        raise attributes.fault(f"{name} {times}: 1 to {MOST_TIMES}, so that every plan ends")
+    if not 1 <= times <= MAX_LOOP_CYCLES:
+        raise attributes.fault(f"{name} {times}: 1 to {MAX_LOOP_CYCLES}, so that every plan ends")
     return times
 
 
@@ -226,22 +232,22 @@ def _limit_s(attributes: Attributes) -> float:
     msec = attributes.count("msec")
     if msec is None:
         raise attributes.fault("msec is required")
-    if not 0 < msec <= LONGEST_S * 1000:
-        raise attributes.fault(f"msec {msec}: above 0, {LONGEST_S * 1000:.0f} at most")
+    if not 0 < msec <= MAX_DEADLINE_S * 1000:
+        raise attributes.fault(f"msec {msec}: above 0, {MAX_DEADLINE_S * 1000:.0f} at most")
     return msec / 1000
 
 
 def _threshold(attributes: Attributes, name: str, default: int, children: int) -> int:
     """Return the threshold as a number of children; -1 stands for all, -2 for all but one."""
     given = attributes.count(name)
-    asked = default if given is None else given
-    meant = asked if asked >= 0 else children + 1 + asked
+    required = default if given is None else given
+    meant = required if required >= 0 else children + 1 + required
     if not 1 <= meant <= children:
-        raise attributes.fault(f"{name} {asked}: there are {children} children")
+        raise attributes.fault(f"{name} {required}: there are {children} children")
     return meant
 
 
-MOST_COMMANDS = 10_000
+MAX_COMMANDS = 10_000
 """Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
 
 
@@ -270,18 +276,18 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     trees = _trees(root)
     for tree in trees.values():
         for element in tree.children[0].elements():
-            known_kind(element, trees, LEAVES)
+            node_kind(element, trees, LEAVES)
     _used(definition.arguments, root.children)
     plan = PlanBuilder(trees, _defaults(root), f"plan:{definition.plan_id}").build(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
     if not steps(plan):
         raise PlanError(Reason.PLAN_STRUCTURE, plan.place.line, "the plan has no command")
-    if most_commands(plan) > MOST_COMMANDS:
+    if max_commands(plan) > MAX_COMMANDS:
         raise PlanError(
             Reason.PLAN_TOO_LARGE,
             plan.place.line,
-            f"its loops could command {most_commands(plan)} times: {MOST_COMMANDS} at most",
+            f"its loops could command {max_commands(plan)} times: {MAX_COMMANDS} at most",
         )
     for step in steps(plan):
         refusal = check_arguments(step.request, settings, _from(step.request))
@@ -291,12 +297,12 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     return plan
 
 
-def most_commands(node: PlanNode) -> int:
+def max_commands(node: PlanNode) -> int:
     """Return the maximum number of commands of a node."""
     if isinstance(node, PlanStep):
         return 1
     times = node.times if isinstance(node, LoopNode) else 1
-    return times * sum(most_commands(child) for child in children_of(node))
+    return times * sum(max_commands(child) for child in children_of(node))
 
 
 def _trees(root: Element) -> dict[str, Element]:

@@ -59,9 +59,9 @@ class PlanHost(Protocol):
         """Remove the plan's tree."""
 
 
-def step_key(place: NodeLocation, cycles: Sequence[int]) -> str:
+def step_key(location: NodeLocation, cycles: Sequence[int]) -> str:
     """Return the key of a node within the cycles of the loops around it, outermost first."""
-    return ":".join([str(place.number), *map(str, cycles)])
+    return ":".join([str(location.number), *map(str, cycles)])
 
 
 class RunningPlan:
@@ -81,9 +81,9 @@ class RunningPlan:
         self.last = last
 
 
-MOST_COMMANDS_A_TICK: Final = 8
+MAX_COMMANDS_PER_TICK: Final = 8
 """Maximum commands of a plan in one tick: a stop that arrives waits for all of them; chosen."""
-MOST_POLLS_A_TICK: Final = 500
+MAX_POLLS_PER_TICK: Final = 500
 """Number of polled steps after which loops continue in the next tick; chosen, not measured."""
 
 Cancel = Callable[[CommandLifecycle, Refusal], None]
@@ -115,9 +115,9 @@ class PlanExecution:
         self.why = ""
         self._store = store
         self._known = dict(store.journal(plan.plan_id))
-        self._wanted: dict[str, PlanStep] = {}
+        self._requested: dict[str, PlanStep] = {}
         self._polls = 0
-        self._lives: dict[str, CommandLifecycle] = {}
+        self._lifecycles: dict[str, CommandLifecycle] = {}
         self._commands = dict(store.commands(plan.plan_id))
         leaves = {step.place.number for step in steps(root)}
         self._done = {
@@ -132,7 +132,7 @@ class PlanExecution:
     @property
     def exhausted(self) -> bool:
         """Whether loops must wait for the next tick."""
-        return self._polls >= MOST_POLLS_A_TICK
+        return self._polls >= MAX_POLLS_PER_TICK
 
     def begin_tick(self) -> None:
         """Reset the count of polled steps for this tick."""
@@ -143,59 +143,59 @@ class PlanExecution:
         self._polls += 1
         if key in self._known:
             return _ANSWER[self._known[key]]
-        if key not in self._lives:
-            self._wanted[key] = step
+        if key not in self._lifecycles:
+            self._requested[key] = step
             return StepStatus.RUNNING
-        life = self._lives[key]
-        if not life.stage.terminal:
+        lifecycle = self._lifecycles[key]
+        if not lifecycle.stage.terminal:
             return StepStatus.RUNNING
-        del self._lives[key]
-        outcome = StepOutcome.SUCCESS if life.stage is Stage.EXECUTED else StepOutcome.FAILURE
+        del self._lifecycles[key]
+        outcome = StepOutcome.SUCCESS if lifecycle.stage is Stage.EXECUTED else StepOutcome.FAILURE
         self._note(key, step, outcome)
         if outcome is StepOutcome.FAILURE:
-            said = f" ({life.refusal.text})" if life.refusal else ""
-            self.why = f"{step.place.path}: {life.stage.name}{said}"
+            text = f" ({lifecycle.refusal.text})" if lifecycle.refusal else ""
+            self.why = f"{step.place.path}: {lifecycle.stage.name}{text}"
         return _ANSWER[outcome]
 
     def command_of(self, key: str) -> Identity | None:
         """Return the last command of a step; None before its first."""
         return self._commands.get(key)
 
-    def take_wanted(self) -> Sequence[tuple[str, PlanStep]]:
+    def take_requested(self) -> Sequence[tuple[str, PlanStep]]:
         """Remove and return the steps to command in this tick, in the tree's order."""
-        wanted = list(islice(self._wanted.items(), MOST_COMMANDS_A_TICK))
+        wanted = list(islice(self._requested.items(), MAX_COMMANDS_PER_TICK))
         for key, _ in wanted:
-            del self._wanted[key]
+            del self._requested[key]
         return wanted
 
-    def began(self, key: str, step: PlanStep, life: CommandLifecycle) -> None:
+    def on_started(self, key: str, step: PlanStep, lifecycle: CommandLifecycle) -> None:
         """Record the life cycle of a step's command, in any stage."""
-        self._lives[key] = life
-        self._note_command(key, life.command.identity)
+        self._lifecycles[key] = lifecycle
+        self._note_command(key, lifecycle.command.identity)
         self.plan.node = step.place.path
 
-    def refused(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
+    def on_rejected(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
         """Fail a step after the rejection of its command."""
         self._note_command(key, identity)
         self._note(key, step, StepOutcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
-    def overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
+    def fail_overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
         """Fail a step that exceeded its deadline."""
-        if key in self._lives:
+        if key in self._lifecycles:
             text = f"{step.place.path}: not done within {allowed_s:g} s"
             figures = (Figure("bound", allowed_s, "s"),)
-            self._cancel(self._lives[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
+            self._cancel(self._lifecycles[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
         return self.poll(key, step)
 
-    def halt(self, key: str) -> None:
+    def halt_step(self, key: str) -> None:
         """Abandon a step that has not ended."""
-        self._wanted.pop(key, None)
+        self._requested.pop(key, None)
         if key in self._known:
             return
-        life = self._lives.pop(key, None)
-        if life is not None:
-            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan continued without it"))
+        lifecycle = self._lifecycles.pop(key, None)
+        if lifecycle is not None:
+            self._cancel(lifecycle, Refusal(Reason.PLAN_WENT_ON, "the plan continued without it"))
         self._settle(key, StepOutcome.HALTED)
 
     def timed_out(self, key: str) -> bool:
@@ -207,13 +207,13 @@ class PlanExecution:
         self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
         self._settle(key, StepOutcome.FAILURE)
 
-    def cancel_under_way(self, refusal: Refusal) -> None:
+    def cancel_running(self, refusal: Refusal) -> None:
         """Cancel every active command; steps that have ended stay in the journal."""
-        self._wanted.clear()
+        self._requested.clear()
         self._store.forget_unfinished_steps(self.plan.plan_id)
-        for life in self._lives.values():
-            self._cancel(life, refusal)
-        self._lives.clear()
+        for lifecycle in self._lifecycles.values():
+            self._cancel(lifecycle, refusal)
+        self._lifecycles.clear()
 
     def _note_command(self, key: str, identity: Identity) -> None:
         self._commands[key] = identity
@@ -226,4 +226,4 @@ class PlanExecution:
 
     def _settle(self, key: str, outcome: StepOutcome) -> None:
         self._known[key] = outcome
-        self._store.settle(self.plan.plan_id, key, outcome)
+        self._store.set_outcome(self.plan.plan_id, key, outcome)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final, assert_never
 
-from executive.commands import Argument, Family, Request, Waypoint, declared
+from executive.commands import Argument, Family, Request, Waypoint, all_declarations
 
 DEADLINE: Final = "deadline_s"
 """The attribute that sets a leaf's deadline; required unless a Timeout is above it."""
@@ -21,13 +21,13 @@ _STEERING: Final = {
 
 LEAVES: Final = {
     declaration.name: declaration
-    for declaration in declared()
+    for declaration in all_declarations()
     if declaration.family not in _STEERING
 }
 """The requests that can be a step of a plan, by the names of their leaves."""
 
 
-def help_of(argument: Argument) -> str:
+def attribute_help(argument: Argument) -> str:
     """Return the human-readable description of a leaf's attribute."""
     if argument.kind is Waypoint:
         return "x,y or x,y,heading (m, rad) joined by ;"
@@ -151,7 +151,7 @@ class TimeoutEnd:
     node: TimeoutNode
 
 
-def expected_course(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEnd]:
+def nominal_steps(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEnd]:
     """Yield the steps of a plan in order, assuming that each succeeds.
 
     Of a fallback the first child, of a retry one attempt. Steps that a timeout limits follow it and
@@ -162,17 +162,17 @@ def expected_course(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | Timeout
             yield node
         case FallbackNode():
             for child in node.children[:1]:
-                yield from expected_course(child)
+                yield from nominal_steps(child)
         case LoopNode(repeat_on=repeat_on, times=times, child=child):
             for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
-                yield from expected_course(child)
+                yield from nominal_steps(child)
         case TimeoutNode(child=child):
             yield node
-            yield from expected_course(child)
+            yield from nominal_steps(child)
             yield TimeoutEnd(node)
         case SequenceNode() | ParallelNode() | InverterNode():
             for child in children_of(node):
-                yield from expected_course(child)
+                yield from nominal_steps(child)
         case _:
             assert_never(node)
 

@@ -41,10 +41,10 @@ class PlanError(Exception):
         super().__init__(self.refusal.text)
 
 
-LARGEST_PLAN: Final = 256 * 1024
+MAX_PLAN_OCTETS: Final = 256 * 1024
 """Maximum size of a plan in octets; chosen, not measured."""
-DEEPEST: Final = 64
-MOST_ELEMENTS: Final = 4000
+MAX_DEPTH: Final = 64
+MAX_ELEMENTS: Final = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +74,11 @@ def read_xml(content: bytes) -> Element:
         PlanError: it is too large, not well-formed XML, has a document type, or has too
             many or too deep elements.
     """
-    if len(content) > LARGEST_PLAN:
+    if len(content) > MAX_PLAN_OCTETS:
         raise PlanError(
-            Reason.PLAN_TOO_LARGE, None, f"{len(content)} octets: a plan has {LARGEST_PLAN} at most"
+            Reason.PLAN_TOO_LARGE,
+            None,
+            f"{len(content)} octets: a plan has {MAX_PLAN_OCTETS} at most",
         )
     try:
         return _Reader(ParserCreate(_encoding(content))).read(content)
@@ -111,12 +113,12 @@ class _Reader:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         line = self._parser.CurrentLineNumber
         self._count += 1
-        if self._count > MOST_ELEMENTS:
+        if self._count > MAX_ELEMENTS:
             raise PlanError(
-                Reason.PLAN_TOO_LARGE, line, f"a plan has {MOST_ELEMENTS} elements at most"
+                Reason.PLAN_TOO_LARGE, line, f"a plan has {MAX_ELEMENTS} elements at most"
             )
-        if len(self._open) > DEEPEST:
-            raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {DEEPEST} deep at most")
+        if len(self._open) > MAX_DEPTH:
+            raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {MAX_DEPTH} deep at most")
         element = Element(tag, MappingProxyType(attributes), line)
         self._open[-1].children.append(element)
         self._open.append(element)
@@ -129,9 +131,9 @@ class _Reader:
         raise PlanError(Reason.PLAN_NOT_XML, line, "a plan has no document type")
 
 
-_LONGEST: Final = 40
+_MAX_QUOTED_LENGTH: Final = 40
 """Maximum length in characters of an invalid word that is compared and quoted."""
-_MOST: Final = 200
+_MAX_SUGGESTIONS: Final = 200
 """Maximum number of candidates for a suggestion: more would delay a stop."""
 
 UNSUPPORTED_NODES: Final = {
@@ -164,13 +166,15 @@ UNSUPPORTED_NODES: Final = {
 
 def quote(word: str) -> str:
     """Return an invalid word, quoted and truncated for a message."""
-    return repr(word[:_LONGEST])
+    return repr(word[:_MAX_QUOTED_LENGTH])
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
     """Return a suffix for a message about an invalid word: the nearest known word, if any."""
-    short = [each for each in islice(known, _MOST) if len(each) <= 2 * _LONGEST]
-    near = get_close_matches(word[:_LONGEST], short, 1)
+    short = [
+        each for each in islice(known, _MAX_SUGGESTIONS) if len(each) <= 2 * _MAX_QUOTED_LENGTH
+    ]
+    near = get_close_matches(word[:_MAX_QUOTED_LENGTH], short, 1)
     return f": did you mean {near[0]}?" if near else ""
 
 
@@ -191,7 +195,7 @@ _SCRIPT: Final = pattern(
 """Conditions and scripts of BehaviorTree.CPP v4; other names with `_` are editor metadata."""
 
 _PLAN_ID: Final = pattern(r"[A-Za-z0-9_.-]{1,64}")
-LONGEST_NAME: Final = 80
+MAX_NAME_LENGTH: Final = 80
 
 
 def is_plan_id(text: str) -> bool:
@@ -199,7 +203,7 @@ def is_plan_id(text: str) -> bool:
     return _PLAN_ID.fullmatch(text) is not None
 
 
-def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
+def node_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
     """Return the kind of node of an element.
 
     Raises:
@@ -232,20 +236,20 @@ def name_of(element: Element, default: str) -> str:
         PlanError: the name is not valid in a path.
     """
     name = element.attributes.get("name", default)
-    if not name or len(name) > LONGEST_NAME or "/" in name or not name.isprintable():
+    if not name or len(name) > MAX_NAME_LENGTH or "/" in name or not name.isprintable():
         raise element.fault(
             Reason.PLAN_BAD_ARGUMENT,
-            f"name {name[:40]!r}: 1 to {LONGEST_NAME} printable characters, no slash",
+            f"name {name[:40]!r}: 1 to {MAX_NAME_LENGTH} printable characters, no slash",
         )
     return name
 
 
 Value = float | int | str | Enum | tuple[Waypoint, ...]
 
-LONGEST_VALUE: Final = 16_384
+MAX_VALUE_LENGTH: Final = 16_384
 """Maximum length in characters of an attribute. All attributes of a plan may use an argument:
 without a bound one plan could block the core, and with it a stop, for minutes."""
-MOST_PLACES: Final = 200
+MAX_WAYPOINTS: Final = 200
 """Maximum number of waypoints of one leaf; the asset's own bound is lower."""
 
 _NUMBER: Final = pattern(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -265,9 +269,9 @@ class Attributes:
 
     def __init__(self, element: Element, given: Mapping[str, str]) -> None:
         self._element = element
-        self._given = given
+        self._arguments = given
 
-    def only(self, names: set[str]) -> None:
+    def require_known(self, names: set[str]) -> None:
         """Raise PlanError if there is an attribute outside these names."""
         known = _OWN if self._element.tag in EXPLICIT else {"name"}
         for name in self._ports():
@@ -280,8 +284,8 @@ class Attributes:
         if text is None:
             return None
         text = self._resolved(name, text)
-        if len(text) > LONGEST_VALUE:
-            raise self.fault(f"{name} has {len(text)} characters: {LONGEST_VALUE} at most")
+        if len(text) > MAX_VALUE_LENGTH:
+            raise self.fault(f"{name} has {len(text)} characters: {MAX_VALUE_LENGTH} at most")
         return text
 
     def number(self, name: str) -> float | None:
@@ -310,9 +314,9 @@ class Attributes:
             return text
         if issubclass(argument.kind, Enum):
             return self._choice(name, text, argument.kind)
-        return self._places(name, text)
+        return self._waypoints(name, text)
 
-    def passed_on(self, defaults: Mapping[str, str]) -> dict[str, str]:
+    def forwarded(self, defaults: Mapping[str, str]) -> dict[str, str]:
         """Return the arguments that a `SubTree` forwards: its attributes; with `_autoremap`, all.
 
         Without `_autoremap`, missing arguments are set to the defaults of its model.
@@ -321,7 +325,7 @@ class Attributes:
         own = {} if all_of_them else dict(defaults)
         own |= {name: self._element.attributes[name] for name in self._ports()}
         resolved = {name: self._resolved(name, own[name]) for name in own if name not in _OWN}
-        return {**(self._given if all_of_them else {}), **resolved}
+        return {**(self._arguments if all_of_them else {}), **resolved}
 
     def fault(self, text: str) -> PlanError:
         """Return an error that concerns these attributes."""
@@ -341,9 +345,9 @@ class Attributes:
         wanted = text[1:-1]
         if wanted == "=":
             wanted = name
-        if wanted not in self._given:
+        if wanted not in self._arguments:
             raise self.fault(f"{name}: no value given for {{{wanted[:40]}}}")
-        return self._given[wanted]
+        return self._arguments[wanted]
 
     def _number(self, name: str, text: str) -> float:
         if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
@@ -351,26 +355,26 @@ class Attributes:
         return float(text)
 
     def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
-        words = {str(choice.value): choice for choice in kind}
-        if text.strip() not in words:
-            near = suggest(text.strip(), words)
-            raise self.fault(f"{name} {quote(text)}: {' or '.join(words)} is required{near}")
-        return words[text.strip()]
+        choices = {str(choice.value): choice for choice in kind}
+        if text.strip() not in choices:
+            near = suggest(text.strip(), choices)
+            raise self.fault(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
+        return choices[text.strip()]
 
-    def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
+    def _waypoints(self, name: str, text: str) -> tuple[Waypoint, ...]:
         parts = text.strip().strip(";").split(";")
-        if len(parts) > MOST_PLACES:
-            raise self.fault(f"{name}: {len(parts)} waypoints, {MOST_PLACES} at most")
-        places = []
+        if len(parts) > MAX_WAYPOINTS:
+            raise self.fault(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
+        waypoints = []
         for place in parts:
             match [self._number(name, part) for part in place.split(",")]:
                 case [x_m, y_m]:
-                    places.append(Waypoint(x_m, y_m))
+                    waypoints.append(Waypoint(x_m, y_m))
                 case [x_m, y_m, heading_rad]:
-                    places.append(Waypoint(x_m, y_m, heading_rad))
+                    waypoints.append(Waypoint(x_m, y_m, heading_rad))
                 case _:
                     raise self.fault(f"{name} {place[:40]!r} is neither x,y nor x,y,heading")
-        return tuple(places)
+        return tuple(waypoints)
 
 
 def _in_degrees(text: str) -> str:

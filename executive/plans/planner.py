@@ -23,8 +23,8 @@ from executive.commands.lifecycle import (
     Edge,
     Refused,
     SubmitResult,
-    final_states,
     make_machine,
+    terminal_states,
 )
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
@@ -84,14 +84,14 @@ PLAN_EDGES: Final = (
     Edge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
 )
 
-FINAL_STATUSES: Final = frozenset(final_states(PLAN_EDGES))
+FINAL_STATUSES: Final = frozenset(terminal_states(PLAN_EDGES))
 """Terminal statuses of a plan."""
 
 
 _MACHINE: Final = make_machine(PLAN_EDGES, "state")
 
 
-def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
+def source_states(event: PlanEvent) -> tuple[PlanStatus, ...]:
     """Return the statuses that permit an event."""
     return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
@@ -99,7 +99,7 @@ def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
 
 
-MOST_PLANS: Final = 100
+MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
 
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
@@ -115,15 +115,15 @@ class _ActiveRun:
 
     execution: PlanExecution
     tree: PlanTree
-    journey: MotionStatistics | None
+    statistics: MotionStatistics | None
 
     @property
-    def became(self) -> tuple[Figure, ...]:
+    def result_figures(self) -> tuple[Figure, ...]:
         """Its measured and predicted figures."""
-        return () if self.journey is None else self.journey.figures()
+        return () if self.statistics is None else self.statistics.figures()
 
 
-Foretell = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
+PredictPlan = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
 """Predicts a plan by its id, while the callback returns True; returns its statistics."""
 
 
@@ -147,10 +147,10 @@ class Planner:
         active: ActivePlans,
         host: PlanHost,
         cancel: Cancel,
-        foretell: Foretell,
+        predict: PredictPlan,
     ) -> None:
         self._clock = clock
-        self._foretell = foretell
+        self._predict_plan = predict
         self._settings = settings
         self._store = store
         self._active = active
@@ -171,7 +171,7 @@ class Planner:
         root = check_plan(self._store.definition(plan_id), self._settings)
         return None if isinstance(root, Refusal) else root
 
-    def obstacle(self, request: PlanRequest) -> Refusal | None:
+    def check_request(self, request: PlanRequest) -> Refusal | None:
         """Return a refusal if a request cannot be executed now, or None."""
         if isinstance(request, SubmitPlan):
             return self._check_new(request.plan)
@@ -181,11 +181,11 @@ class Planner:
             return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
         match request:
             case ActivatePlan():
-                return self._rover_taken() or _unless(plan, sources(PlanEvent.ACTIVATE))
+                return self._rover_busy() or _unless(plan, source_states(PlanEvent.ACTIVATE))
             case ResumePlan():
-                return self._rover_taken() or _unless(plan, sources(PlanEvent.RESUME))
+                return self._rover_busy() or _unless(plan, source_states(PlanEvent.RESUME))
             case SuspendPlan():
-                return _unless(plan, sources(PlanEvent.SUSPEND))
+                return _unless(plan, source_states(PlanEvent.SUSPEND))
             case RemovePlan():
                 return _unless(plan, _REMOVABLE)
             case AbortPlan():
@@ -193,8 +193,8 @@ class Planner:
             case _:
                 assert_never(request)
 
-    def grant(self, request: PlanRequest, by: Identity) -> str:
-        """Execute a request after `obstacle` returned None; return the text of its report."""
+    def apply(self, request: PlanRequest, by: Identity) -> str:
+        """Execute a request after `check_request` returned None; return the text of its report."""
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
@@ -224,7 +224,7 @@ class Planner:
             self._stop_run(why)
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
-    def take_over(self) -> None:
+    def recover(self) -> None:
         """Suspend the plan that a previous process left executing."""
         plan = self._executing
         if plan is not None:
@@ -236,7 +236,7 @@ class Planner:
         """Fail the executing plan."""
         plan = self._executing
         if plan is not None:
-            became = () if self._run is None else self._run.became
+            became = () if self._run is None else self._run.result_figures
             self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
@@ -259,9 +259,11 @@ class Planner:
             return self._command(run, submit)
         self._end_run()
         if progress is StepStatus.SUCCESS:
-            self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.became)
+            self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
         else:
-            self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.became)
+            self._end(
+                plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.result_figures
+            )
         return True
 
     @property
@@ -273,16 +275,16 @@ class Planner:
         if definition.plan_id in self._plans:
             text = f"plan {definition.plan_id} exists: remove it, or use another id"
             return Refusal(Reason.PLAN_EXISTS, text, argument=1)
-        if len(self._plans) >= MOST_PLANS:
-            text = f"{MOST_PLANS} plans are stored: remove one"
-            return Refusal(Reason.TOO_MANY_PLANS, text, (Figure("bound", MOST_PLANS),))
+        if len(self._plans) >= MAX_PLANS:
+            text = f"{MAX_PLANS} plans are stored: remove one"
+            return Refusal(Reason.TOO_MANY_PLANS, text, (Figure("bound", MAX_PLANS),))
         checked = check_plan(definition, self._settings)
         if isinstance(checked, Refusal):
             return checked
         self._total = len(steps(checked))
         return None
 
-    def _rover_taken(self) -> Refusal | None:
+    def _rover_busy(self) -> Refusal | None:
         executing = self._active.executing
         if executing is None:
             return None
@@ -314,12 +316,12 @@ class Planner:
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
         execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
-        tree, anew = self._host.attach(root, execution), not plan.done
-        self._change(plan, PlanEvent.BEGIN, "starts" if anew else "continues")
-        journey = None
-        if anew:
-            journey = self._foretell(plan.plan_id, root, lambda: self._executes(execution))
-        self._run = _ActiveRun(execution, tree, journey)
+        tree, is_new = self._host.attach(root, execution), not plan.done
+        self._change(plan, PlanEvent.BEGIN, "starts" if is_new else "continues")
+        statistics = None
+        if is_new:
+            statistics = self._predict_plan(plan.plan_id, root, lambda: self._executes(execution))
+        self._run = _ActiveRun(execution, tree, statistics)
         return self._run
 
     def _executes(self, execution: PlanExecution) -> bool:
@@ -327,17 +329,17 @@ class Planner:
 
     def _command(self, run: _ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
-        wanted = execution.take_wanted()
+        wanted = execution.take_requested()
         for key, step in wanted:
             number = self._store.next_number(plan.plan_id)
             identity = Identity(source_of(plan.plan_id), number)
             match submit(Command(identity, step.request, PLAN_LINK)):
-                case Admitted(life):
-                    execution.began(key, step, life)
+                case Admitted(lifecycle):
+                    execution.on_started(key, step, lifecycle)
                 case Refused(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
-                    execution.refused(key, step, identity, refusal)
+                    execution.on_rejected(key, step, identity, refusal)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
-            self._tell(plan, execution.why)
+            self._notify(plan, execution.why)
         return bool(wanted)
 
     def _change(
@@ -354,14 +356,14 @@ class Planner:
             transitions.MachineError: the plan's status does not permit it.
         """
         _MACHINE.events[event.value].trigger(plan)
-        self._tell(plan, text)
+        self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
-            said = f"plan {plan.plan_id} {plan.state.name}: {text}"
-            self._notifications.event(severity, said, reason, figures)
+            detail = f"plan {plan.plan_id} {plan.state.name}: {text}"
+            self._notifications.event(severity, detail, reason, figures)
         self._note()
 
-    def _tell(self, plan: RunningPlan, text: str) -> None:
+    def _notify(self, plan: RunningPlan, text: str) -> None:
         """Store and publish the progress of a plan."""
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
@@ -388,7 +390,7 @@ class Planner:
     def _stop_run(self, why: Refusal) -> None:
         """End the active commands of the executing plan, for a reason."""
         if self._run is not None:
-            self._run.execution.cancel_under_way(why)
+            self._run.execution.cancel_running(why)
             self._end_run()
 
     def _end_run(self) -> None:

@@ -21,7 +21,7 @@ from executive.preview.preview import (
     PreviewRun,
     PreviewStart,
     TickableTree,
-    plans_by_mpc,
+    uses_mpc,
 )
 from executive.record import Notifications
 from executive.state import MotionStatistics
@@ -48,11 +48,11 @@ class _PredictionJob:
     """
 
     name: str
-    what: Motion | PlanNode
+    subject: Motion | PlanNode
     start: Pose
-    journey: MotionStatistics
+    statistics: MotionStatistics
     command: Command | None
-    wanted: Callable[[], bool]
+    is_wanted: Callable[[], bool]
     since_s: float
     run: PreviewRun | None = None
 
@@ -97,49 +97,51 @@ class Predictor:
         """
         context = self._context
         settings, status = context.settings, context.status
-        speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
-        solver = None if self._solver is None else self._solver.beside(apart)
+        speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.speed_limit_ratio)
+        solver = None if self._solver is None else self._solver.fork(apart)
         start = PreviewStart(pose, *speeds, context.files, status.obstacles, status.uncertainty)
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
-    def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
+    def predict_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
         """Queue the prediction of a motion from a start pose, and start its statistics."""
-        journey = goal.journey = self._journey()
+        statistics = goal.statistics = self._start_statistics()
         command = goal.command
         replaces = isinstance(motion, DriveFor) and command.arrival is PreemptionPolicy.REPLACE
         if replaces or command.link == PLAN_LINK or not command.report_progress:
             return
-        name, life = f"{command.identity} {command.name}", goal.life
+        name, lifecycle = f"{command.identity} {command.name}", goal.lifecycle
         self._waiting.append(
             _PredictionJob(
                 name,
                 motion,
                 start,
-                journey,
+                statistics,
                 command,
-                lambda: not life.stage.terminal,
+                lambda: not lifecycle.stage.terminal,
                 self._context.clock.now_s(),
             )
         )
 
-    def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> MotionStatistics:
+    def predict_plan(
+        self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]
+    ) -> MotionStatistics:
         """Queue the prediction of a plan that starts here; return its statistics."""
-        journey, start = self._journey(), self._context.status.pose
-        journey.begin()
+        statistics, start = self._start_statistics(), self._context.status.pose
+        statistics.begin()
         now_s = self._context.clock.now_s()
         self._waiting.append(
-            _PredictionJob(f"plan {plan_id}", root, start, journey, None, wanted, now_s)
+            _PredictionJob(f"plan {plan_id}", root, start, statistics, None, wanted, now_s)
         )
-        return journey
+        return statistics
 
-    def _journey(self) -> MotionStatistics:
+    def _start_statistics(self) -> MotionStatistics:
         battery = self._context.settings.battery
         capacity_j = None if battery is None else battery.capacity_j
         return MotionStatistics(self._context.clock, self._context.status, capacity_j)
 
     def advance(self) -> bool:
         """Compute one slice; return whether a prediction was published."""
-        while self._waiting and not self._waiting[0].wanted():
+        while self._waiting and not self._waiting[0].is_wanted():
             self._waiting.popleft()
         if not self.pending:
             return False
@@ -156,9 +158,9 @@ class Predictor:
         if isinstance(result, Refusal):
             _LOG.info("%s is not predicted: %s", work.name, result.text)
             return False
-        work.journey.predicted = figures_of(result)
+        work.statistics.predicted = prediction_figures(result)
         self._notifications.prediction(
-            f"{work.name} predicted: {describe(result)}", work.journey.predicted, work.command
+            f"{work.name} predicted: {describe(result)}", work.statistics.predicted, work.command
         )
         return True
 
@@ -168,21 +170,21 @@ class Predictor:
         The first request to the solver waits for a tick, so that the motion itself requests first.
         """
         if work.run is not None:
-            return not work.run.waits
+            return not work.run.waiting_for_solver
         settings, clock = self._context.settings, self._context.clock
         waited = clock.now_s() >= work.since_s + settings.tick_s
-        return waited or not plans_by_mpc(work.what, settings)
+        return waited or not uses_mpc(work.subject, settings)
 
     def _next_slice(self, work: _PredictionJob) -> Preview | Refusal | None:
         if work.run is None:
-            work.run = self.run(work.what, work.start)
+            work.run = self.run(work.subject, work.start)
             work.run.set_up()
         else:
             work.run.advance(SLICE_TICKS)
         return work.run.result
 
 
-def figures_of(preview: Preview) -> tuple[Figure, ...]:
+def prediction_figures(preview: Preview) -> tuple[Figure, ...]:
     """Return the figures of a prediction, for comparison with the measured result."""
     end, energy_j, clearance = preview.end, preview.energy_j, preview.clearance
     return (
@@ -202,6 +204,6 @@ def describe(preview: Preview) -> str:
     """Return a summary of a prediction."""
     end, energy_j = preview.end, preview.energy_j
     energy = "" if energy_j is None else f" {energy_j:.0f} J,"
-    place = f"({end.x_m:.2f}, {end.y_m:.2f}, {degrees(end.heading_rad):.0f}°)"
+    position_text = f"({end.x_m:.2f}, {end.y_m:.2f}, {degrees(end.heading_rad):.0f}°)"
     took = f"{preview.duration_s:.1f} s, {preview.length_m:.1f} m"
-    return f"{took},{energy} end {place} ± {preview.within_m:.2f} m"
+    return f"{took},{energy} end {position_text} ± {preview.within_m:.2f} m"

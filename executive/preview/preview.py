@@ -18,15 +18,15 @@ from executive.commands import (
     Request,
     SetRotateSpeed,
     SetTravelSpeed,
-    controller_of,
+    requested_controller,
 )
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
 from executive.obstacles.zones import Zones
-from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, expected_course, steps
-from executive.preview.copied_rover import (
+from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
+from executive.preview.preview_rover import (
     CachedTrajectorySolver,
     DelegatedMotionBase,
     DynamicModelBase,
@@ -48,11 +48,11 @@ from executive.values.geometry import STANDING, Pose, wrap_rad
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 
-LONGEST_S: Final = 300.0
+MAX_PREVIEW_S: Final = 300.0
 """Maximum duration of a previewed motion, which bounds the computation; chosen, not measured."""
 CONFIRMATION_S: Final = 0.1
 """Time that an inertial sensor needs to confirm the standstill after a motion."""
-MOST_POSES: Final = 200
+MAX_POSES: Final = 200
 _IDENTITY: Final = Identity(f"{ABOARD_PREFIX}preview", 1)
 
 
@@ -83,7 +83,7 @@ class Preview:
     Attributes:
         length_m: path length of base_link.
         turned_rad: sum of all turning, without sign.
-        path: at most `MOST_POSES`, evenly spaced in time, in the odometry frame, with the end.
+        path: at most `MAX_POSES`, evenly spaced in time, in the odometry frame, with the end.
         within_m, within_rad: deviation from the end pose at 2 sigma.
         energy_j: None if the asset's settings lack energy figures.
         clearance: None without zones and known rocks.
@@ -144,7 +144,7 @@ class _PathTrace:
     def __post_init__(self) -> None:
         footprint = self.settings.footprint
         self._radius_m = 0.0 if footprint is None else footprint.radius_m
-        self._look(self.poses[0].pose, self.poses[0].pose)
+        self._update_clearance(self.poses[0].pose, self.poses[0].pose)
 
     def add(self, time_s: float, pose: Pose) -> None:
         before = self.poses[-1].pose
@@ -156,13 +156,13 @@ class _PathTrace:
         self.length_m += length_m
         self.turned_rad += turned_rad
         self.curved_m += curved_m(length_m, turned_rad)
-        self._look(before, pose)
+        self._update_clearance(before, pose)
 
-    def _look(self, before: Pose, pose: Pose) -> None:
+    def _update_clearance(self, before: Pose, pose: Pose) -> None:
         for obstacle in self.settings.zones:
             left_m = obstacle.clearance_m(before.point, pose.point) - self._radius_m
             if self.clearance is None or left_m < self.clearance.least_m:
-                self.clearance = Clearance(left_m, obstacle.title)
+                self.clearance = Clearance(left_m, obstacle.label)
 
 
 class PreviewRun:
@@ -177,18 +177,18 @@ class PreviewRun:
 
     def __init__(
         self,
-        asked: Motion | PlanNode,
+        request: Motion | PlanNode,
         start: PreviewStart,
         settings: Settings,
         build_tree: Callable[[Context], TickableTree],
         solver: TrajectorySolver | None = None,
     ) -> None:
-        self._asked = asked
+        self._request = request
         self._start = start
         self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
         self._confirmation_s = 0.0 if settings.sensors.imu is None else CONFIRMATION_S
         self._solver: CachedTrajectorySolver | None = None
-        if solver is not None and plans_by_mpc(asked, settings):
+        if solver is not None and uses_mpc(request, settings):
             self._solver = CachedTrajectorySolver(solver)
             exact = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
             self._settings = replace(self._settings, mpc=exact)
@@ -196,23 +196,23 @@ class PreviewRun:
             without = replace(settings.mpc, offered=False)
             self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
         self._build_tree = build_tree
-        self._course = iter(()) if isinstance(asked, Motion) else expected_course(asked)
+        self._course = iter(()) if isinstance(request, Motion) else nominal_steps(request)
         self._timeouts_s: list[float] = []
-        self._life: CommandLifecycle | None = None
+        self._lifecycle: CommandLifecycle | None = None
         self._step: PlanStep | None = None
         self._began_s = 0.0
         self._end = MotionEndKind.LINE
         self.result: Preview | Refusal | None = None
 
     @property
-    def waits(self) -> bool:
+    def waiting_for_solver(self) -> bool:
         """Whether it waits for a trajectory."""
         return self._solver is not None and self._solver.busy
 
     def advance(self, ticks: int) -> bool:
         """Advance the copy by some ticks, after `set_up`; return whether there is a result."""
         for _ in range(ticks):
-            if self.result is None and not self.waits:
+            if self.result is None and not self.waiting_for_solver:
                 self._tick()
         return self.result is not None
 
@@ -224,7 +224,7 @@ class PreviewRun:
         status = Status(clock, settings)
         status.travel_speed_mps = start.travel_speed_mps
         status.rotate_speed_radps = start.rotate_speed_radps
-        status.slow_ratio = start.slow_ratio
+        status.speed_limit_ratio = start.slow_ratio
         locomotion, mover = make_locomotion(self._base, clock, settings, status, self._solver)
         safety, goals = FaultMonitor(clock, settings), Goals(clock)
         self._track = _PathTrace(settings, [TimedPose(0.0, start.pose)])
@@ -232,8 +232,8 @@ class PreviewRun:
         self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
         self._tree = self._build_tree(self._context)
         self._observe()
-        if isinstance(self._asked, Motion):
-            self._begin(self._asked)
+        if isinstance(self._request, Motion):
+            self._begin(self._request)
         else:
             self._begin_next()
 
@@ -258,17 +258,17 @@ class PreviewRun:
         if context.goals.motion.active is None:
             intents.motion = STANDING
         self._arbiter.commit(intents)
-        if self._life is not None and self._life.stage.terminal:
-            life, self._life = self._life, None
+        if self._lifecycle is not None and self._lifecycle.stage.terminal:
+            lifecycle, self._lifecycle = self._lifecycle, None
             self._clock.advance(self._confirmation_s)
-            self._end_step(life)
+            self._end_step(lifecycle)
         if self.result is not None:
             return
         self._clock.advance(self._settings.tick_s)
         self._base.advance()
         self._observe()
-        if self._clock.now_s() > LONGEST_S:
-            text = f"duration exceeds {LONGEST_S:g} s: preview it in parts"
+        if self._clock.now_s() > MAX_PREVIEW_S:
+            text = f"duration exceeds {MAX_PREVIEW_S:g} s: preview it in parts"
             self.result = Refusal(Reason.NOT_SUPPORTED, text)
 
     def _observe(self) -> None:
@@ -279,9 +279,9 @@ class PreviewRun:
         if now_s > 0.0:
             self._track.add(now_s, self._base.pose)
 
-    def _end_step(self, life: CommandLifecycle) -> None:
-        if life.refusal is not None:
-            self.result = self._named(life.refusal)
+    def _end_step(self, lifecycle: CommandLifecycle) -> None:
+        if lifecycle.refusal is not None:
+            self.result = self._named(lifecycle.refusal)
             return
         step = self._step
         took_s = self._clock.now_s() - self._began_s
@@ -303,9 +303,9 @@ class PreviewRun:
                 case PlanStep(request=request):
                     self._step = each
                     self._set_or_begin(request)
-            if self._life is not None or self.result is not None:
+            if self._lifecycle is not None or self.result is not None:
                 return
-        self.result = self._made_up()
+        self.result = self._result()
 
     def _set_or_begin(self, request: Request) -> None:
         match request:
@@ -329,10 +329,12 @@ class PreviewRun:
             self.result = self._named(refusal)
             return
         self._began_s = self._clock.now_s()
-        self._end = end_of(request, pose, settings)
-        self._life = CommandLifecycle(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
-        self._life.accept()
-        self._context.goals.motion.add(self._life)
+        self._end = end_kind(request, pose, settings)
+        self._lifecycle = CommandLifecycle(
+            Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None
+        )
+        self._lifecycle.accept()
+        self._context.goals.motion.add(self._lifecycle)
 
     def _named(self, refusal: Refusal) -> Refusal:
         """Prefix a refusal with the plan step that it concerns."""
@@ -345,10 +347,12 @@ class PreviewRun:
         figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
         return Refusal(Reason.PLAN_DEADLINE, text, figures)
 
-    def _made_up(self) -> Preview:
+    def _result(self) -> Preview:
         track, prediction, duration_s = self._track, self._settings.prediction, self._clock.now_s()
-        way = MotionExtent(duration_s, track.length_m, track.turned_rad, track.curved_m, self._end)
-        every = max(1, ceil((len(track.poses) - 1) / (MOST_POSES - 1)))
+        extent = MotionExtent(
+            duration_s, track.length_m, track.turned_rad, track.curved_m, self._end
+        )
+        every = max(1, ceil((len(track.poses) - 1) / (MAX_POSES - 1)))
         path = track.poses[:-1:every]
         path.append(TimedPose(duration_s, track.poses[-1].pose))
         return Preview(
@@ -356,16 +360,19 @@ class PreviewRun:
             track.length_m,
             track.turned_rad,
             tuple(path),
-            prediction.within_m(way),
-            prediction.within_rad(way),
-            prediction.energy_j(way),
+            prediction.position_deviation_m(extent),
+            prediction.heading_deviation_rad(extent),
+            prediction.energy_j(extent),
             track.clearance,
         )
 
 
-def end_of(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
+def end_kind(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
     """Return how a motion of an asset from a start pose ends."""
-    if not settings.offers_mpc or controller_of(request, settings.controller) is not Controller.MPC:
+    if (
+        not settings.offers_mpc
+        or requested_controller(request, settings.controller) is not Controller.MPC
+    ):
         return MotionEndKind.LINE
     return (
         MotionEndKind.FREE_CURVE
@@ -374,9 +381,9 @@ def end_of(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
     )
 
 
-def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
+def uses_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
     """Return whether a motion, or a motion of a plan, is driven by mpc."""
     requests = (what,) if isinstance(what, Motion) else (each.request for each in steps(what))
     return settings.offers_mpc and any(
-        controller_of(each, settings.controller) is Controller.MPC for each in requests
+        requested_controller(each, settings.controller) is Controller.MPC for each in requests
     )

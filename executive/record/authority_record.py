@@ -22,13 +22,13 @@ class Grant:
         holder: name of the holder; None if it was released since, or never granted.
         epoch: the number of the grant, one more than that of the grant before; 0 before the first.
         lease_s: lease in seconds after each contact of the holder.
-        given_by: source that handed it over; None if it was requested or taken.
+        granted_by: source that handed it over; None if it was requested or taken.
     """
 
     holder: str | None = None
     epoch: int = 0
     lease_s: float = 0.0
-    given_by: str | None = None
+    granted_by: str | None = None
 
 
 class AuthorityRecord:
@@ -36,14 +36,14 @@ class AuthorityRecord:
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
-        ledger.extend(_SCHEMA)
+        ledger.add_tables(_SCHEMA)
 
     def read(self) -> Grant:
         """Return the last committed grant."""
         rows = self._ledger.rows("SELECT holder, epoch, lease_s, given_by FROM authority")
         return Grant(*rows[0]) if rows else Grant()
 
-    def keep(self, grant: Grant, former: Grant) -> None:
+    def save(self, grant: Grant, former: Grant) -> None:
         """Commit a grant, so that its number is not granted again after a crash.
 
         If the commit fails, the next successful one writes the former grant.
@@ -57,5 +57,5 @@ class AuthorityRecord:
             raise
 
     def _write(self, grant: Grant) -> None:
-        values = (grant.holder, grant.epoch, grant.lease_s, grant.given_by)
+        values = (grant.holder, grant.epoch, grant.lease_s, grant.granted_by)
         self._ledger.write("INSERT OR REPLACE INTO authority VALUES (0, ?, ?, ?, ?)", values)

@@ -45,7 +45,7 @@ CREATE TABLE IF NOT EXISTS latched_faults (name TEXT PRIMARY KEY, fault TEXT NOT
 """
 PRUNED: Final = b""
 """Placeholder for the digest of a command that `Retention` has pruned."""
-LONGEST_KEPT: Final = 16_384
+MAX_RETAINED_REQUEST_OCTETS: Final = 16_384
 """Maximum octets of a request retained after its command has ended; of a refused one none."""
 
 TERMINAL_STAGES: Final = ",".join(str(stage.value) for stage in TERMINAL)
@@ -77,8 +77,8 @@ class LatchedFault:
 
 def digest(command: Command) -> bytes:
     """Return a digest of the request, independent of link and time."""
-    asked = [type(command.request).__name__, _CONVERTER.unstructure(command.request)]
-    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
+    content = [type(command.request).__name__, _CONVERTER.unstructure(command.request)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).digest()
 
 
 class Ledger(Database):
@@ -139,7 +139,7 @@ class Ledger(Database):
             (identity.source, identity.command_id, mark, kind, request, command.link),
         )
 
-    def reach(self, identity: Identity, stage: Stage) -> None:
+    def set_stage(self, identity: Identity, stage: Stage) -> None:
         """Add the stage of a command to the next commit; a terminal stage drops a long request."""
         key = (identity.source, identity.command_id)
         self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
@@ -147,10 +147,10 @@ class Ledger(Database):
             self.write(
                 "UPDATE commands SET request = '' WHERE source = ? AND command_id = ?"
                 " AND length(request) > ?",
-                (*key, 0 if stage is Stage.REJECTED else LONGEST_KEPT),
+                (*key, 0 if stage is Stage.REJECTED else MAX_RETAINED_REQUEST_OCTETS),
             )
 
-    def append(self, report: Report, foreign: bool = False) -> None:
+    def append_report(self, report: Report, foreign: bool = False) -> None:
         """Add a report to the next commit; foreign are reports that external senders can flood."""
         self.write(
             "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _row_of(report)
@@ -159,7 +159,7 @@ class Ledger(Database):
             self.write("INSERT INTO foreign_reports VALUES (?)", (report.sequence,))
         self.last_sequence = report.sequence
 
-    def extend(self, schema: str, on_prune: OnPrune | None = None) -> None:
+    def add_tables(self, schema: str, on_prune: OnPrune | None = None) -> None:
         """Create further tables for a separate store, written in the same commits.
 
         Args:
@@ -191,7 +191,7 @@ class Ledger(Database):
         super().discard()
         self._gathered.clear()
 
-    def last_number(self, source: str) -> int:
+    def last_command_id(self, source: str) -> int:
         """Return the highest number of a source's commands, or 0."""
         rows = self.rows(
             "SELECT max(number) FROM (SELECT max(command_id) AS number FROM commands"

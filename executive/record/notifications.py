@@ -35,7 +35,7 @@ class Notifications:
         """Report that a command reached a stage. A stage not requested is only recorded."""
         if stage is Stage.RECEIVED:
             self._ledger.record(command)
-        self._ledger.reach(command.identity, stage)
+        self._ledger.set_stage(command.identity, stage)
         if stage is Stage.STARTED and not command.report_started:
             return
         if stage is Stage.PROGRESS and not command.report_progress:
@@ -82,7 +82,7 @@ class Notifications:
         """Report the progress of a plan."""
         self._outbox.append(update)
 
-    def again(self, report: Report) -> None:
+    def resend(self, report: Report) -> None:
         """Send a report again, under its own number."""
         self._send_later(report)
 
@@ -99,12 +99,12 @@ class Notifications:
         """
         self._ledger.commit()
         outbox, self._outbox = self._outbox, []
-        for said in outbox:
+        for report in outbox:
             for downlink in self._downlinks:
-                if isinstance(said, PlanUpdate):
-                    downlink.plan(said)
+                if isinstance(report, PlanUpdate):
+                    downlink.plan(report)
                 else:
-                    downlink.report(said)
+                    downlink.report(report)
 
     def _send_later(self, report: Report) -> None:
         if self._outbox and isinstance(last := self._outbox[-1], list):
@@ -117,7 +117,7 @@ class Notifications:
     ) -> None:
         number = self._ledger.last_sequence + 1
         report = Report(number, self._clock.utc_s(), kind, severity, printable(text), **details)
-        self._ledger.append(report, foreign)
+        self._ledger.append_report(report, foreign)
         self._send_later(report)
         _LOG.info(
             "%s %s %s",

@@ -46,7 +46,7 @@ class PlanStore:
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
-        ledger.extend(_SCHEMA, self._settle_pruned)
+        ledger.add_tables(_SCHEMA, self._settle_pruned)
 
     def plans(self) -> Sequence[PlanUpdate]:
         """Return the progress of each plan, in the order of submission."""
@@ -89,7 +89,7 @@ class PlanStore:
 
     def next_number(self, plan_id: str) -> int:
         """Return a number not used by commands of this plan, or of an earlier plan of this id."""
-        return self._ledger.last_number(source_of(plan_id)) + 1
+        return self._ledger.last_command_id(source_of(plan_id)) + 1
 
     def begin(self, plan_id: str, step: str, command_id: int) -> None:
         """Record the command that a step was started with."""
@@ -97,7 +97,7 @@ class PlanStore:
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, NULL)", (plan_id, step, command_id)
         )
 
-    def settle(self, plan_id: str, step: str, outcome: StepOutcome) -> None:
+    def set_outcome(self, plan_id: str, step: str, outcome: StepOutcome) -> None:
         """Record the outcome of a step that no command has."""
         self._ledger.write(
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, NULL, ?)",

@@ -24,7 +24,7 @@ class PoseRecord:
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
-        ledger.extend(_SCHEMA)
+        ledger.add_tables(_SCHEMA)
 
     def read(self, kind: type[T]) -> T | None:
         """Return the last committed state as its class; None before the first."""

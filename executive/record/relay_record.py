@@ -45,28 +45,28 @@ class RelayRecord:
 
     def __init__(self, ledger: Ledger, random_octets: Callable[[int], bytes]) -> None:
         self._ledger = ledger
-        ledger.extend(_SCHEMA, self._forget)
+        ledger.add_tables(_SCHEMA, self._forget)
         if not ledger.rows("SELECT sequence FROM relay_kept"):
-            self.keep(ledger.last_sequence)
+            self.mark_delivered(ledger.last_sequence)
             ledger.commit()
         if not ledger.rows("SELECT name FROM ledger_name"):
             name = random_octets(_NAME_OCTETS).hex()
             ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
             ledger.commit()
         ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")
-        self._asked_last: tuple[Identity, RelayedCommand] | None = None
+        self._last_query: tuple[Identity, RelayedCommand] | None = None
 
     @property
-    def kept(self) -> int:
+    def delivered_up_to(self) -> int:
         """The number of the last report delivered to the relay."""
         ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
         return int(sequence)
 
-    def keep(self, sequence: int) -> None:
+    def mark_delivered(self, sequence: int) -> None:
         """Record that reports up to this number were delivered to the relay."""
         self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
 
-    def remember(self, command: Command, code: int) -> None:
+    def add(self, command: Command, code: int) -> None:
         """Record that a command was received over the relay."""
         identity = command.identity
         self._ledger.write(
@@ -74,18 +74,18 @@ class RelayRecord:
             (identity.source, identity.command_id, code, command.counter),
         )
 
-    def asked(self, identity: Identity) -> RelayedCommand | None:
+    def find(self, identity: Identity) -> RelayedCommand | None:
         """Return how a command was received over the relay; None if it was not."""
-        if self._asked_last is not None and self._asked_last[0] == identity:
-            return self._asked_last[1]  # reports on one command mostly follow each other
+        if self._last_query is not None and self._last_query[0] == identity:
+            return self._last_query[1]  # reports on one command mostly follow each other
         rows = self._ledger.rows(
             "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
         if not rows:
             return None
-        self._asked_last = identity, RelayedCommand(*rows[0])
-        return self._asked_last[1]
+        self._last_query = identity, RelayedCommand(*rows[0])
+        return self._last_query[1]
 
     def _forget(self, identity: Identity, _: Stage) -> None:
         self._ledger.write(

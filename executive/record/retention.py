@@ -16,11 +16,11 @@ from typing import Final
 from executive.record.ledger import SETTINGS, STOP_AND_RESUME, TERMINAL_STAGES, Ledger
 from executive.values.reports import Identity, Stage
 
-SLICE: Final = 100
+PRUNE_BATCH: Final = 100
 """Number of reports deleted in one commit; chosen, not measured."""
 FOREIGN_SHARE: Final = 10
 """Divisor of the report limit that gives the limit of foreign reports; chosen, not measured."""
-_HIGHEST: Final = 2**63 - 1
+_MAX_NUMBER: Final = 2**63 - 1
 
 Range = tuple[int, int]
 """The first and the last of consecutive numbers."""
@@ -39,11 +39,11 @@ class LedgerRetention:
         LedgerError: the ledger cannot be read.
     """
 
-    def __init__(self, ledger: Ledger, kept: int, at_once: int = SLICE) -> None:
+    def __init__(self, ledger: Ledger, passed: int, at_once: int = PRUNE_BATCH) -> None:
         self._ledger = ledger
-        self._kept = kept
+        self._retained = passed
         self._at_once = at_once
-        self._seen = ledger.last_sequence
+        self._last_counted = ledger.last_sequence
         self._done = False
         self._foreign = self._count("foreign_reports")
         self._own = self._count("reports") - self._foreign
@@ -56,12 +56,14 @@ class LedgerRetention:
         Raises:
             LedgerError: the ledger cannot be read.
         """
-        if self._ledger.failing or (self._ledger.last_sequence == self._seen and self._done):
+        if self._ledger.failing or (
+            self._ledger.last_sequence == self._last_counted and self._done
+        ):
             return
         self._take_count()
-        if self._foreign >= self._kept // FOREIGN_SHARE + self._at_once:
+        if self._foreign >= self._retained // FOREIGN_SHARE + self._at_once:
             self._prune_foreign()
-        elif self._own >= self._kept + self._at_once:
+        elif self._own >= self._retained + self._at_once:
             self._prune()
         else:
             self._done = True
@@ -69,10 +71,10 @@ class LedgerRetention:
     def _take_count(self) -> None:
         """Count the reports since the last tick."""
         last = self._ledger.last_sequence
-        foreign = self._count("foreign_reports", f"WHERE sequence > {self._seen}")
-        self._own += last - self._seen - foreign
+        foreign = self._count("foreign_reports", f"WHERE sequence > {self._last_counted}")
+        self._own += last - self._last_counted - foreign
         self._foreign += foreign
-        self._seen, self._done = last, False
+        self._last_counted, self._done = last, False
 
     def _count(self, table: str, where: str = "") -> int:
         return int(self._ledger.rows(f"SELECT count(*) FROM {table} {where}")[0][0])
@@ -103,7 +105,7 @@ class LedgerRetention:
             self._done = True
             return
         foreign = self._count("foreign_reports", before)
-        self._remember(border)
+        self._preserve(border)
         numbers = defaultdict(list)
         for identity, stage in self._ended(border):
             self._ledger.prune(identity, stage)
@@ -115,7 +117,7 @@ class LedgerRetention:
         self._own -= old - foreign
         self._foreign -= foreign
 
-    def _remember(self, border: int) -> None:
+    def _preserve(self, border: int) -> None:
         """Preserve the last settings and the last stop from reports before a number."""
         marks = ", ".join("?" * len(SETTINGS))
         self._ledger.write(
@@ -167,7 +169,7 @@ class LedgerRetention:
             "SELECT first, last FROM (SELECT first, last FROM used WHERE source = ?"
             " AND first <= ? ORDER BY first DESC LIMIT 1) WHERE last >= ? - 1 UNION ALL"
             " SELECT first, last FROM used WHERE source = ? AND first > ? AND first <= ?",
-            (source, first, first, source, first, min(last + 1, _HIGHEST)),
+            (source, first, first, source, first, min(last + 1, _MAX_NUMBER)),
         )
         return [(row[0], row[1]) for row in rows]
 

@@ -8,11 +8,11 @@ from executive.safety.coverage import summary as summary
 from executive.safety.coverage import unmonitored as unmonitored
 from executive.safety.evidence import Evidence as Evidence
 from executive.safety.evidence import Monitor as Monitor
-from executive.safety.history import MotionHistory as MotionHistory
-from executive.safety.history import OdometryWindow as OdometryWindow
+from executive.safety.motion_history import MotionHistory as MotionHistory
+from executive.safety.motion_history import OdometryWindow as OdometryWindow
 from executive.safety.pose_uncertainty import PoseMonitor as PoseMonitor
 from executive.safety.pose_uncertainty import StoredPose as StoredPose
-from executive.safety.safety import HOLDING as HOLDING
+from executive.safety.safety import HOLDING_REACTIONS as HOLDING_REACTIONS
 from executive.safety.safety import MONITORS as MONITORS
 from executive.safety.safety import Fault as Fault
 from executive.safety.safety import FaultChanges as FaultChanges

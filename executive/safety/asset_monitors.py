@@ -4,7 +4,7 @@ from math import isfinite
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory
+from executive.safety.motion_history import MotionHistory
 from executive.values.facts import Source
 from executive.values.reasons import Figure
 
@@ -32,7 +32,7 @@ def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | 
 
 def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | None:
     """Detect that another publisher drives the base."""
-    drivers = ", ".join(str(each) for each in history.inputs if each.above)
+    drivers = ", ".join(str(each) for each in history.mux_inputs if each.above)
     return Evidence(f"{drivers} drives the rover") if drivers else None
 
 

@@ -58,7 +58,7 @@ class StampClock:
         )
         return stamp_s + shared_s
 
-    def seen_s(self, like: type, stamp_s: float, now_s: float, utc_s: float) -> float | None:
+    def sparse_time_s(self, like: type, stamp_s: float, now_s: float, utc_s: float) -> float | None:
         """Return the measurement time of a sparse source; None if its clock is unknown.
 
         Args:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from executive.faults import Reaction
-from executive.safety.history import MotionHistory
+from executive.safety.motion_history import MotionHistory
 from executive.settings import LocomotionKind, Settings
 
 
@@ -85,8 +85,8 @@ def summary(gaps: Iterable[Unmonitored]) -> str:
     by_why: dict[str, list[str]] = {}
     for each in gaps:
         by_why.setdefault(each.why, []).append(each.what)
-    said = (f"{', '.join(what)} ({why})" for why, what in by_why.items())
-    return "; ".join(said) or "nothing"
+    parts = (f"{', '.join(what)} ({why})" for why, what in by_why.items())
+    return "; ".join(parts) or "nothing"
 
 
 def _unmeasured(settings: Settings, history: MotionHistory) -> Iterator[Unmonitored]:

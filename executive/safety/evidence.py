@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executive.faults import Window
-from executive.safety.history import MotionHistory
+from executive.safety.motion_history import MotionHistory
 from executive.values.reasons import Figure
 
 

@@ -7,9 +7,9 @@ from math import copysign
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import compared, silent, turns
+from executive.safety.comparison import disagreement_evidence, silent_sensor, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory
+from executive.safety.motion_history import MotionHistory
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
@@ -27,18 +27,20 @@ def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> E
     if inertia is None or not inertia.fresh(now_s):
         return None
     window_s, to_s = window.length_s, min(inertia.sums.time_s, history.moved.time_s)
-    felt, moved = history.inertia_in(window_s, to_s), history.moved_in(window_s, to_s)
+    felt, moved = history.inertia_in(window_s, to_s), history.odometry_in(window_s, to_s)
     if felt is None or moved is None:
         return None
-    told_rad = max(moved.turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad))
+    reported_rad = max(
+        moved.twist_turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad)
+    )
     bound_rad = window.allowed(max(abs(felt.turn_rad), moved.turned_rad))
     bound_rad += inertia.bias_error_radps * window_s
     if not inertia.leans:
         bound_rad += UNLEVELLED * abs(felt.turn_rad)
-    if abs(told_rad - felt.turn_rad) <= bound_rad:
+    if abs(reported_rad - felt.turn_rad) <= bound_rad:
         return None
-    figures = turns(history, window_s, to_s, {"gyro": felt.turn_rad, "odometry": told_rad})
-    return compared("odometry and gyro disagree", figures, bound_rad, window_s)
+    figures = turns(history, window_s, to_s, {"gyro": felt.turn_rad, "odometry": reported_rad})
+    return disagreement_evidence("odometry and gyro disagree", figures, bound_rad, window_s)
 
 
 def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -55,7 +57,9 @@ def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evi
     if abs(wheels_rad - felt.turn_rad) <= bound_rad:
         return None
     figures = turns(history, window_s, to_s, {"wheels": wheels_rad, "gyro": felt.turn_rad})
-    return compared("the rover does not turn as its wheels do", figures, bound_rad, window_s)
+    return disagreement_evidence(
+        "the rover does not turn as its wheels do", figures, bound_rad, window_s
+    )
 
 
 def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -71,14 +75,14 @@ def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidenc
     felt = history.inertia_in(window_s, to_s - SPEED_OVER_S / 2)
     if first is None or last is None or felt is None:
         return None
-    gained_mps = (last.way_m - first.way_m) / SPEED_OVER_S
+    gained_mps = (last.distance_m - first.distance_m) / SPEED_OVER_S
     if abs(gained_mps - felt.gained_mps) <= window.bound:
         return None
     figures = (
         Figure("speed gained by the wheels", gained_mps, "m/s"),
         Figure("felt", felt.gained_mps, "m/s"),
     )
-    return compared("the wheels slip", figures, window.bound, window_s)
+    return disagreement_evidence("the wheels slip", figures, window.bound, window_s)
 
 
 def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -97,14 +101,14 @@ def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | 
     if turned is None or felt is None:
         return None
     radius_m = wheels.settings.wheel_radius_m
-    rolling_nms = ROLLING_NM_PER_RADPS * wheels.count * turned.way_m / radius_m
+    rolling_nms = ROLLING_NM_PER_RADPS * wheels.count * turned.distance_m / radius_m
     pushed_n = (turned.left_nms + turned.right_nms - rolling_nms) / radius_m / window_s
     felt_n = mass_kg * felt.force_mps / window_s
     bound_n = window.allowed(max(0.0, copysign(felt_n, felt_n * pushed_n)))
     if abs(pushed_n - felt_n) <= bound_n:
         return None
     figures = Figure("force of the wheels", pushed_n, "N"), Figure("felt", felt_n, "N")
-    return compared("the rover is blocked", figures, bound_n, window_s)
+    return disagreement_evidence("the rover is blocked", figures, bound_n, window_s)
 
 
 def tilted_by_imu(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -124,4 +128,4 @@ def imu_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence
     inertia = history.inertia
     if inertia is None:
         return None
-    return silent(history, "IMU", "slip is", inertia.sums.time_s, window, now_s)
+    return silent_sensor(history, "IMU", "slip is", inertia.sums.time_s, window, now_s)

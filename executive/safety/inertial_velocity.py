@@ -10,7 +10,7 @@ from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
 from executive.safety.channel import Channel
-from executive.safety.sensor_history import BIAS_OVER_S, FRESH_S, extended, side_slip_m
+from executive.safety.sensor_history import BIAS_AVERAGING_S, FRESH_S, extended, side_slip_m
 from executive.state import SourceMotion, is_slow
 from executive.values.facts import Imu
 from executive.values.geometry import GRAVITY_MPS2, Velocity
@@ -20,7 +20,7 @@ DRAWN_OVER_S: Final = 0.3
 """Time constant of the correction to the wheels: slip of less than 0.2 m/s2 is not detected."""
 AGREE_MPS: Final = 0.06
 """Maximum difference of velocities that agree: three times the noise of a stop from 1 m/s."""
-STOOD_MPS: Final = 0.03
+STATIONARY_MPS: Final = 0.03
 """Maximum speed at standstill, and maximum difference after a slide longer than `LONG_S`."""
 LONG_S: Final = 0.5
 """Duration above that of wheel disagreement in a stop; enough to learn the bias, or to rest."""
@@ -135,8 +135,10 @@ class InertialVelocity:
             still = self._acceleration_mps2(FELT_OVER_S / 2) <= UNLEARNT_MPS2
         else:
             still = self._acceleration_mps2(FELT_OVER_S) <= self._still_mps2
-        stands = still and not self.apart_s and speed_mps < STOOD_MPS
-        return SourceMotion("accelerometer", stands, (Figure("accelerometer", speed_mps, "m/s"),))
+        is_standing = still and not self.apart_s and speed_mps < STATIONARY_MPS
+        return SourceMotion(
+            "accelerometer", is_standing, (Figure("accelerometer", speed_mps, "m/s"),)
+        )
 
     @property
     def lost(self) -> tuple[Figure, Figure]:
@@ -164,11 +166,11 @@ class InertialVelocity:
     def _bound_mps(self) -> float:
         rolls = self._rolled_s == self._compared_s
         drifts_s = self.apart_s if rolls else max(0.0, self.apart_s - DRIFTS_AFTER_S)
-        agree_mps = AGREE_MPS if rolls or self.apart_s <= LONG_S else STOOD_MPS
+        agree_mps = AGREE_MPS if rolls or self.apart_s <= LONG_S else STATIONARY_MPS
         return agree_mps + self._turning_mps + DRIFT_MPS2 * drifts_s
 
     def _learn(self, ahead_mps2: float, left_mps2: float, step_s: float) -> None:
-        self._learnt_s = min(self._learnt_s + step_s, BIAS_OVER_S)
+        self._learnt_s = min(self._learnt_s + step_s, BIAS_AVERAGING_S)
         part, (ahead, left) = step_s / self._learnt_s, self._bias
         self._bias = ahead + part * (ahead_mps2 - ahead), left + part * (left_mps2 - left)
 

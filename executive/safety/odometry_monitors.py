@@ -8,42 +8,42 @@ from collections.abc import Callable
 from typing import Final, TypeGuard
 
 from executive.faults import Window
-from executive.safety.comparison import compared, speeds, turns
+from executive.safety.comparison import disagreement_evidence, speeds, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory, OdometryWindow, PoseJump
+from executive.safety.motion_history import MotionHistory, OdometryWindow, PoseJump
 from executive.values.reasons import Figure
 
-SHOWN_S: Final = 0.1
+EVIDENCE_HOLD_S: Final = 0.1
 """Duration of the evidence of a single message."""
-REACTION_S: Final = 0.06
+COMMAND_LATENCY_S: Final = 0.06
 """Latency of a base from a command to its motion."""
-PATIENCE_S: Final = 2.0
+ODOMETRY_WAIT_S: Final = 2.0
 """Additional age of odometry that is allowed before a motion starts, as that waits for it."""
 SIDE_SLIP_M: Final = 0.15
 """Maximum side slip of base_link per radian turned, not in the twist. Chosen, not measured."""
 SETTLE_S: Final = 1.4
 """Maximum stopping time of a base after a command of zero velocity."""
-LEAST_MPS, LEAST_RADPS = 0.05, 0.1
+MIN_MPS, MIN_RADPS = 0.05, 0.1
 """Minimum command that any base follows."""
 
 
 def jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect a step of the pose that exceeds the speed."""
     jump = history.jump
-    return _told(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
+    return _jump_evidence(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
 
 
 def turned(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect a turn in one step of the pose that exceeds the yaw rate."""
     jump = history.jump
-    return _told(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
+    return _jump_evidence(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
 
 
 def _recent(jump: PoseJump | None, now_s: float) -> TypeGuard[PoseJump]:
-    return jump is not None and now_s - jump.at_s <= SHOWN_S
+    return jump is not None and now_s - jump.at_s <= EVIDENCE_HOLD_S
 
 
-def _told(jump: PoseJump) -> Evidence:
+def _jump_evidence(jump: PoseJump) -> Evidence:
     return Evidence(
         f"odometry jumped by {jump.step_m:.2f} m and {jump.turn_rad:.2f} rad",
         (
@@ -57,7 +57,7 @@ def _told(jump: PoseJump) -> Evidence:
 
 def not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect odometry with figures that are not finite."""
-    if now_s - history.not_finite_at_s > SHOWN_S:
+    if now_s - history.not_finite_at_s > EVIDENCE_HOLD_S:
         return None
     return Evidence("odometry has values that are not finite")
 
@@ -65,7 +65,7 @@ def not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | No
 def stale(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that the newest odometry is too old to move."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
-    return _old("odometry is", age_s, history, window)
+    return _stale_evidence("odometry is", age_s, history, window)
 
 
 def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -77,7 +77,7 @@ def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     if history.odometry is None or not others:
         return None
     behind_s = min(others) - history.odometry_time_s
-    return _old("relative to other sensors odometry is", behind_s, history, window)
+    return _stale_evidence("relative to other sensors odometry is", behind_s, history, window)
 
 
 def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -85,7 +85,7 @@ def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | Non
     age_s = history.odometry_late_s
     if age_s <= window.bound or now_s - history.odometry_at_s > window.bound:
         return None
-    return _told_age("odometry arrives late: it is", age_s, window.bound)
+    return _age_evidence("odometry arrives late: it is", age_s, window.bound)
 
 
 def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -95,26 +95,28 @@ def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
     age_s = now_s - history.odometry_at_s
     if age_s <= window.bound:
         return None
-    return _told_age("the newest odometry is", age_s, window.bound)
+    return _age_evidence("the newest odometry is", age_s, window.bound)
 
 
-def _old(what: str, age_s: float, history: MotionHistory, window: Window) -> Evidence | None:
+def _stale_evidence(
+    what: str, age_s: float, history: MotionHistory, window: Window
+) -> Evidence | None:
     """Return evidence of odometry that is too old to move, or to wait for any longer."""
-    bound_s = window.bound + (PATIENCE_S if history.waiting else 0.0)
-    return _told_age(what, age_s, bound_s) if age_s > bound_s else None
+    bound_s = window.bound + (ODOMETRY_WAIT_S if history.start_pending else 0.0)
+    return _age_evidence(what, age_s, bound_s) if age_s > bound_s else None
 
 
-def _told_age(what: str, age_s: float, bound_s: float) -> Evidence:
+def _age_evidence(what: str, age_s: float, bound_s: float) -> Evidence:
     figures = Figure("age", age_s, "s"), Figure("bound", bound_s, "s")
     return Evidence(f"{what} {age_s:.2f} s old", figures)
 
 
 def slow(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect an odometry rate that is too low for control."""
-    came = history.window(history.arrivals, window.length_s, history.odometry_at_s)
-    if came is None or came[0] / window.length_s >= window.bound:
+    arrivals = history.window(history.arrivals, window.length_s, history.odometry_at_s)
+    if arrivals is None or arrivals[0] / window.length_s >= window.bound:
         return None
-    rate_hz = came[0] / window.length_s
+    rate_hz = arrivals[0] / window.length_s
     figures = Figure("rate", rate_hz, "Hz"), Figure("bound", window.bound, "Hz")
     return Evidence(f"odometry arrives {rate_hz:.1f} times a second", figures)
 
@@ -123,8 +125,8 @@ def frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
     """Detect odometry that does not change although motion is commanded."""
     unchanged_s = now_s - history.unchanged_since_s
     wanted = history.commands_in(window.length_s, now_s)
-    moves = not wanted.travel_low_mps < LEAST_MPS or not wanted.travel_high_mps > -LEAST_MPS
-    turns = not wanted.rotate_low_radps < LEAST_RADPS or not wanted.rotate_high_radps > -LEAST_RADPS
+    moves = not wanted.travel_low_mps < MIN_MPS or not wanted.travel_high_mps > -MIN_MPS
+    turns = not wanted.rotate_low_radps < MIN_RADPS or not wanted.rotate_high_radps > -MIN_RADPS
     old = now_s - history.odometry_time_s > window.length_s / 2
     if unchanged_s < window.length_s or old or not (moves or turns):
         return None
@@ -140,14 +142,14 @@ def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | No
     if moved is None:
         return None
     bound_m = window.allowed(moved.driven_m)
-    aside_m = max(0.0, abs(moved.left_m) - SIDE_SLIP_M * moved.turned_rad)
-    off_m = max(abs(moved.ahead_m), aside_m)
+    aside_m = max(0.0, abs(moved.pose_minus_twist_left_m) - SIDE_SLIP_M * moved.turned_rad)
+    off_m = max(abs(moved.pose_minus_twist_ahead_m), aside_m)
     if off_m <= bound_m:
         return None
     return Evidence(
         f"odometry pose and twist disagree by {off_m:.2f} m",
         (
-            Figure("by velocity", moved.way_m, "m"),
+            Figure("by velocity", moved.twist_travel_m, "m"),
             Figure("apart", off_m, "m"),
             Figure("bound", bound_m, "m"),
         ),
@@ -157,12 +159,13 @@ def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | No
 def heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a heading that disagrees with the integral of its yaw rate."""
     moved = _moved(history, window)
-    if moved is None or abs(moved.heading_rad) <= window.allowed(moved.turned_rad):
+    if moved is None or abs(moved.pose_minus_twist_heading_rad) <= window.allowed(moved.turned_rad):
         return None
     return Evidence(
-        f"odometry heading and yaw rate disagree by {abs(moved.heading_rad):.2f} rad",
+        f"odometry heading and yaw rate disagree by {abs(moved.pose_minus_twist_heading_rad):.2f}"
+        " rad",
         (
-            Figure("by rate", moved.turn_rad, "rad"),
+            Figure("by rate", moved.twist_turn_rad, "rad"),
             Figure("by heading", moved.pose_rad, "rad"),
             Figure("bound", window.allowed(moved.turned_rad), "rad"),
         ),
@@ -170,7 +173,7 @@ def heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evide
 
 
 def _moved(history: MotionHistory, window: Window) -> OdometryWindow | None:
-    sums = history.lately(history.moved, window.length_s, history.odometry_time_s)
+    sums = history.recent(history.moved, window.length_s, history.odometry_time_s)
     return None if sums is None else OdometryWindow(*sums)
 
 
@@ -180,7 +183,9 @@ def off_command(history: MotionHistory, window: Window, now_s: float) -> Evidenc
         return None
     wanted = history.commands_in(window.length_s, history.odometry_time_s)
     speed_mps = history.odometry.velocity.travel_mps
-    return _outside(window, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s")
+    return _range_evidence(
+        window, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s"
+    )
 
 
 def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -190,10 +195,10 @@ def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Ev
     wanted = history.commands_in(window.length_s, history.odometry_time_s)
     low_radps, high_radps = wanted.rotate_low_radps, wanted.rotate_high_radps
     rate_radps = history.odometry.velocity.rotate_radps
-    return _outside(window, low_radps, high_radps, rate_radps, "turn", "rad/s")
+    return _range_evidence(window, low_radps, high_radps, rate_radps, "turn", "rad/s")
 
 
-def _outside(
+def _range_evidence(
     window: Window, low: float, high: float, measured: float, verb: str, unit: str
 ) -> Evidence | None:
     """Return evidence of a measurement outside of the commanded range, or None."""
@@ -219,57 +224,60 @@ def steady_off_command(history: MotionHistory, window: Window, _: float) -> Evid
     coarse.
     """
     to_s = history.odometry_time_s
-    moved = history.moved_in(window.length_s, to_s)
+    moved = history.odometry_in(window.length_s, to_s)
     wanted = history.commands_in(window.length_s, to_s)
     steady = wanted.travel_low_mps == wanted.travel_high_mps
-    if moved is None or not steady or abs(wanted.travel_low_mps) < LEAST_MPS:
+    if moved is None or not steady or abs(wanted.travel_low_mps) < MIN_MPS:
         return None
     wanted_m = wanted.travel_low_mps * window.length_s
-    way_m = _nearer(wanted_m, moved.pose_ahead_m, moved.way_m)
+    distance_m = _nearest_bound(wanted_m, moved.pose_ahead_m, moved.twist_travel_m)
     bound_m = window.allowed(wanted_m)
-    if abs(way_m - wanted_m) <= bound_m:
+    if abs(distance_m - wanted_m) <= bound_m:
         return None
-    figures = speeds(history, window.length_s, to_s, {"odometry": way_m})
+    figures = speeds(history, window.length_s, to_s, {"odometry": distance_m})
     what = "the rover does not drive as fast as commanded"
-    return compared(what, figures, bound_m / window.length_s, window.length_s)
+    return disagreement_evidence(what, figures, bound_m / window.length_s, window.length_s)
 
 
 def steady_turn_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a mean yaw rate that differs from a constant command, likewise."""
     to_s = history.odometry_time_s
-    moved = history.moved_in(window.length_s, to_s)
+    moved = history.odometry_in(window.length_s, to_s)
     wanted = history.commands_in(window.length_s, to_s)
     steady = wanted.rotate_low_radps == wanted.rotate_high_radps
-    if moved is None or not steady or abs(wanted.rotate_low_radps) < LEAST_RADPS:
+    if moved is None or not steady or abs(wanted.rotate_low_radps) < MIN_RADPS:
         return None
     wanted_rad = wanted.rotate_low_radps * window.length_s
-    turn_rad = _nearer(wanted_rad, moved.pose_rad, moved.turn_rad)
+    turn_rad = _nearest_bound(wanted_rad, moved.pose_rad, moved.twist_turn_rad)
     bound_rad = window.allowed(wanted_rad)
     if abs(turn_rad - wanted_rad) <= bound_rad:
         return None
     figures = turns(history, window.length_s, to_s, {"odometry": turn_rad})
     what = "the rover does not turn as fast as commanded"
-    return compared(what, figures, bound_rad, window.length_s)
+    return disagreement_evidence(what, figures, bound_rad, window.length_s)
 
 
-def _nearer(wanted: float, one: float, other: float) -> float:
+def _nearest_bound(wanted: float, one: float, other: float) -> float:
     return min(one, other, key=lambda value: abs(value - wanted))
 
 
 def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a turn larger or smaller than commanded."""
     to_s = history.odometry_time_s
-    moved = history.moved_in(window.length_s, to_s)
-    wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
+    moved = history.odometry_in(window.length_s, to_s)
+    wanted = history.commanded_in(window.length_s, to_s - COMMAND_LATENCY_S)
     if moved is None or wanted is None:
         return None
-    off_rad, bound_rad = abs(moved.pose_rad - wanted.turn_rad), window.allowed(wanted.turned_rad)
+    off_rad, bound_rad = (
+        abs(moved.pose_rad - wanted.twist_turn_rad),
+        window.allowed(wanted.turned_rad),
+    )
     if off_rad <= bound_rad:
         return None
     return Evidence(
-        f"the rover turned by {moved.pose_rad:+.2f} rad instead of {wanted.turn_rad:+.2f}",
+        f"the rover turned by {moved.pose_rad:+.2f} rad instead of {wanted.twist_turn_rad:+.2f}",
         (
-            Figure("commanded", wanted.turn_rad, "rad"),
+            Figure("commanded", wanted.twist_turn_rad, "rad"),
             Figure("odometry", moved.pose_rad, "rad"),
             Figure("window", window.length_s, "s"),
             Figure("bound", bound_rad, "rad"),
@@ -279,7 +287,7 @@ def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | N
 
 def drives_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect driving while zero velocity is commanded."""
-    return _uncommanded(history, window, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
+    return _uncommanded(history, window, lambda moved: moved.pose_path_m, "drives at {:.2f} m/s")
 
 
 def turns_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -296,11 +304,11 @@ def _uncommanded(
     """
     to_s = history.odometry_time_s
     rests = to_s - window.length_s >= history.standing_since_s + SETTLE_S
-    moved = history.moved_in(window.length_s, to_s) if rests else None
+    moved = history.odometry_in(window.length_s, to_s) if rests else None
     rate = 0.0 if moved is None else abs(amount(moved)) / window.length_s
     if rate <= window.bound:
         return None
-    names = ", ".join((*map(str, history.inputs), *history.others))
+    names = ", ".join((*map(str, history.mux_inputs), *history.foreign_publishers))
     by = f" (velocity publishers: {names})" if names else ""
     unit = what.rpartition(" ")[2]
     figures = Figure("odometry", rate, unit), Figure("bound", window.bound, unit)
@@ -310,25 +318,25 @@ def _uncommanded(
 def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect that the commanded motion has no effect."""
     to_s = history.odometry_time_s
-    moved = history.moved_in(window.length_s, to_s)
-    wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
+    moved = history.odometry_in(window.length_s, to_s)
+    wanted = history.commanded_in(window.length_s, to_s - COMMAND_LATENCY_S)
     if moved is None or wanted is None:
         return None
-    drives = wanted.driven_m >= LEAST_MPS * window.length_s
-    turns = wanted.turned_rad >= 2 * LEAST_RADPS * window.length_s
+    drives = wanted.driven_m >= MIN_MPS * window.length_s
+    turns = wanted.turned_rad >= 2 * MIN_RADPS * window.length_s
     share = max(
-        moved.pose_m / wanted.driven_m if drives else 0.0,
+        moved.pose_path_m / wanted.driven_m if drives else 0.0,
         moved.turned_rad / wanted.turned_rad if turns else 0.0,
     )
     if not (drives or turns) or share >= window.bound:
         return None
     return Evidence(
-        f"no progress in {window.length_s:g} s: {moved.pose_m:.2f} m and"
+        f"no progress in {window.length_s:g} s: {moved.pose_path_m:.2f} m and"
         f" {moved.turned_rad:.2f} rad, commanded {wanted.driven_m:.2f} m and"
         f" {wanted.turned_rad:.2f} rad",
         (
             Figure("commanded", wanted.driven_m, "m"),
-            Figure("odometry", moved.pose_m, "m"),
+            Figure("odometry", moved.pose_path_m, "m"),
             Figure("turn commanded", wanted.turned_rad, "rad"),
             Figure("turn", moved.turned_rad, "rad"),
             Figure("window", window.length_s, "s"),

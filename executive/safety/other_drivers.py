@@ -12,7 +12,7 @@ from executive.values.facts import OtherInput
 from executive.values.reasons import Figure
 from executive.values.reports import Severity
 
-INPUT_S: Final = 0.5
+MUX_INPUT_HOLD_S: Final = 0.5
 """Timeout of a publisher; twist_mux masks lower inputs for the same time after a message."""
 
 
@@ -56,13 +56,13 @@ class OtherDrivers:
     def observe(self, fact: OtherInput, now_s: float) -> None:
         """Add a message of a publisher."""
         driver = self._drivers.get(fact.name)
-        if driver is None or now_s - driver.last_s > INPUT_S:
+        if driver is None or now_s - driver.last_s > MUX_INPUT_HOLD_S:
             driver = self._drivers[fact.name] = Driver(fact, now_s, now_s)
         driver.input, driver.last_s = fact, now_s
 
     def active(self, now_s: float) -> list[Driver]:
         """Return the present publishers."""
-        return [each for each in self._drivers.values() if now_s - each.last_s <= INPUT_S]
+        return [each for each in self._drivers.values() if now_s - each.last_s <= MUX_INPUT_HOLD_S]
 
     def update(
         self, active: list[Driver], path_m: float, turn_rad: float, commanding: bool

@@ -6,8 +6,8 @@ from math import hypot, inf
 from typing import Final, NamedTuple
 
 from executive.safety.channel import Channel
-from executive.safety.history import MotionHistory, OdometryWindow
-from executive.safety.odometry_monitors import REACTION_S
+from executive.safety.motion_history import MotionHistory, OdometryWindow
+from executive.safety.odometry_monitors import COMMAND_LATENCY_S
 
 LOOKBACK_S: Final = 5.0
 """Maximum time from a cause to its fault: above the maximum window (4 s)."""
@@ -90,8 +90,8 @@ class PoseDivergence:
         self._history = history
         self._wheels = _Comparison("pose_ahead_m", lambda sums: (sums[0] + sums[1]) / 2)
         self._gyro = _Comparison("pose_rad", lambda sums: sums[0])
-        self._way = _Comparison("pose_ahead_m", lambda sums: sums[0], REACTION_S)
-        self._turn = _Comparison("pose_rad", lambda sums: sums[1], REACTION_S)
+        self._ahead = _Comparison("pose_ahead_m", lambda sums: sums[0], COMMAND_LATENCY_S)
+        self._turn = _Comparison("pose_rad", lambda sums: sums[1], COMMAND_LATENCY_S)
         self._samples: deque[tuple[float, Divergence]] = deque()
         self.now = Divergence()
 
@@ -111,16 +111,16 @@ class PoseDivergence:
             self._wheels.advance(moved, history.wheels.sums)
         if history.inertia is not None:
             self._gyro.advance(moved, history.inertia.sums, history.inertia.bias_radps)
-        self._way.advance(moved, history.commands)
+        self._ahead.advance(moved, history.commands)
         self._turn.advance(moved, history.commands)
         sums = OdometryWindow(*moved.sums)
         self.now = Divergence(
-            sums.ahead_m,
-            sums.left_m,
-            sums.heading_rad,
+            sums.pose_minus_twist_ahead_m,
+            sums.pose_minus_twist_left_m,
+            sums.pose_minus_twist_heading_rad,
             self._wheels.total,
             self._gyro.total,
-            self._way.total,
+            self._ahead.total,
             self._turn.total,
             path_m,
         )

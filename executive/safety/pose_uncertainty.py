@@ -13,8 +13,8 @@ from math import inf
 from typing import Final
 
 from executive.faults import Disproves
-from executive.safety.comparison import FIRST_HEARD_S
-from executive.safety.history import MotionHistory
+from executive.safety.comparison import DISCOVERY_GRACE_S
+from executive.safety.motion_history import MotionHistory
 from executive.safety.pose_divergence import LOOKBACK_S, Divergence, PoseDivergence
 from executive.safety.safety import Fault
 from executive.settings import Settings
@@ -111,7 +111,7 @@ class _Frames:
         """Set a frame from before this moment as the reference, unless there is one."""
         self.anchor = self.anchor or (self._recent[0] if self._recent else None)
 
-    def begin_anew(self, anchor: Anchor | None) -> None:
+    def restart(self, anchor: Anchor | None) -> None:
         """Discard the recent frames, and set another reference, or none."""
         self._recent.clear()
         self.anchor = anchor
@@ -127,11 +127,11 @@ class _Frames:
         if newest.frame is self._compared:
             return None
         if self.anchor is None:
-            self.keep(newest)
+            self.add_anchor(newest)
             return None
-        return newest if fusion.settled else None
+        return newest if fusion.correction_applied else None
 
-    def keep(self, newest: Anchor) -> None:
+    def add_anchor(self, newest: Anchor) -> None:
         """Store a frame as a possible reference."""
         self.compared(newest)
         self._recent.append(newest)
@@ -187,8 +187,8 @@ class PoseMonitor:
         self._divergence, self._slide = PoseDivergence(history), _Slide(history)
         self._frames = _Frames(clock, status)
         self._base = self._confirmed = Uncertainty()
-        self._from = self._doubted_from = Divergence()
-        self._faulty = self._doubted = False
+        self._from = self._uncertain_since = Divergence()
+        self._faulty = self._uncertain = False
         self._cause = SECOND
         self._shown_before_m = self._slip_m = self._path_m = 0.0
         self._evidence_stamp_s = -inf
@@ -200,8 +200,8 @@ class PoseMonitor:
                 status.fusion.restore(stored.correction)
             self._shown_before_m = stored.shown_m
             if stored.anchor is not None:  # distances count from this start
-                frame = replace(stored.anchor.frame, way_m=0.0)
-                self._frames.begin_anew(replace(stored.anchor, frame=frame))
+                frame = replace(stored.anchor.frame, travelled_m=0.0)
+                self._frames.restart(replace(stored.anchor, frame=frame))
 
     def update(self, active: Sequence[Fault]) -> None:
         """Update with the active faults and the sensor data.
@@ -214,10 +214,10 @@ class PoseMonitor:
         status, frames, now_s = self._status, self._frames, self._clock.now_s()
         self._divergence.update(status.travelled_m)
         disproved = [each for each in active if each.disproves is not None]
-        doubted = bool(disproved or status.uncertainty)
-        if doubted and not self._doubted:
-            status.forget_seen()
-            self._doubted_from = self._divergence.before
+        uncertain = bool(disproved or status.uncertainty)
+        if uncertain and not self._uncertain:
+            status.clear_local_map()
+            self._uncertain_since = self._divergence.before
             frames.hold()
         if slid_m := self._slide.grown_m():
             status.grow_uncertainty(slid_m, 0.0, SLIDE)
@@ -233,7 +233,7 @@ class PoseMonitor:
             self._cause = SECOND
         if frames.anchor is None:  # without an earlier frame no later one confirms the pose
             self._confirmed = status.uncertainty
-        self._faulty, self._doubted, self._path_m = bool(disproved), doubted, status.travelled_m
+        self._faulty, self._uncertain, self._path_m = bool(disproved), uncertain, status.travelled_m
         self._compare_frames()
         self._divergence.sample(now_s)
 
@@ -242,7 +242,7 @@ class PoseMonitor:
         self._status.uncertainty = self._confirmed = uncertainty
         self._divergence.update(self._status.travelled_m)
         self._divergence.forget()
-        self._frames.begin_anew(self._frames.newest if uncertainty else None)
+        self._frames.restart(self._frames.newest if uncertainty else None)
         self._count_from_now()
         self._certain_from_now()
 
@@ -279,7 +279,7 @@ class PoseMonitor:
     @property
     def _shown_m(self) -> float:
         """The position error since the fault by all sensors except the second odometry."""
-        since_m, _ = self._divergence.now.since(self._doubted_from, by_command=False)
+        since_m, _ = self._divergence.now.since(self._uncertain_since, by_command=False)
         return self._shown_before_m + since_m
 
     def _grow_by_faults(self, faults: Sequence[Fault], now_s: float) -> None:
@@ -292,7 +292,7 @@ class PoseMonitor:
         if Disproves.DISTANCE in shown:
             position_m = max(position_m, self._slip_m + now.path_m - self._from.path_m)
         odometry = self._status.odometry
-        if odometry is not None and any(each.seen_s >= now_s for each in faults):
+        if odometry is not None and any(each.last_evidence_s >= now_s for each in faults):
             self._evidence_stamp_s = odometry.stamp_s
         base, self._cause = self._base, faults[-1].name
         self._status.raise_uncertainty(
@@ -314,7 +314,7 @@ class PoseMonitor:
 
     def _raise_by(self, apart: PoseDisagreement) -> None:
         floor, off_m, off_rad = self._confirmed, 0.0, 0.0
-        if apart.off_m > AGREES_M + AGREES_PER_M * apart.way_m:
+        if apart.off_m > AGREES_M + AGREES_PER_M * apart.distance_m:
             off_m = floor.position_m + apart.off_m
         if apart.off_rad > AGREES_RAD:
             off_rad = floor.heading_rad + apart.off_rad
@@ -327,7 +327,7 @@ class PoseMonitor:
         beyond the error shown by other sources may be wrong itself.
         """
         apart = disagreement(anchor.frame, newest.frame)
-        near_m = AGREES_M + AGREES_PER_M * apart.way_m
+        near_m = AGREES_M + AGREES_PER_M * apart.distance_m
         known, floor = self._status.uncertainty, self._confirmed
         position_m, heading_rad = known.position_m, known.heading_rad
         corrected_m = anchor.correction.distance_m(newest.correction)
@@ -342,13 +342,13 @@ class PoseMonitor:
         self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause or self._cause)
         if not self._status.uncertainty:
             self._status.uncertainty = Uncertainty(cause=SECOND)
-            self._frames.begin_anew(newest if self._faulty else None)
-            self._frames.keep(newest)
+            self._frames.restart(newest if self._faulty else None)
+            self._frames.add_anchor(newest)
             self._certain_from_now()
         self._count_from_now()
 
     def _certain_from_now(self) -> None:
-        self._doubted_from, self._shown_before_m = self._divergence.now, 0.0
+        self._uncertain_since, self._shown_before_m = self._divergence.now, 0.0
 
     def _count_from_now(self) -> None:
         """Restart the divergence since the reference."""
@@ -367,7 +367,7 @@ class PoseMonitor:
         now, then = odometry.pose, stored.odometry
         moved_m = then.point.distance_m(now.point)
         turned_rad = abs(wrap_rad(now.heading_rad - then.heading_rad))
-        anew = now.point.distance_m(Point(0.0, 0.0)) < ORIGIN_M <= moved_m
+        restarted = now.point.distance_m(Point(0.0, 0.0)) < ORIGIN_M <= moved_m
         faults, drive = self._settings.faults, self._settings.drive
         bound_m, bound_rad = faults.odometry_jumped.bound, faults.odometry_turned.bound
         if not stored.still:
@@ -377,12 +377,12 @@ class PoseMonitor:
             if stored.disproved:  # the failed sensor may not show how far the rover coasted
                 moved_m += min(away_s, COASTING_S) * drive.travel_speed_mps
                 turned_rad += min(away_s, COASTING_S) * drive.rotate_speed_radps
-        silent_s = max(0.0, self._clock.now_s() - self._history.start_s - FIRST_HEARD_S)
+        silent_s = max(0.0, self._clock.now_s() - self._history.start_s - DISCOVERY_GRACE_S)
         silent_m, silent_rad = (
             silent_s * drive.travel_speed_mps,
             silent_s * drive.rotate_speed_radps,
         )
-        if stored.disproved or anew or moved_m > bound_m or turned_rad > bound_rad:
+        if stored.disproved or restarted or moved_m > bound_m or turned_rad > bound_rad:
             self._status.grow_uncertainty(
                 max(moved_m, silent_m), max(turned_rad, silent_rad), RESTARTED
             )

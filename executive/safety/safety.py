@@ -29,7 +29,6 @@ from executive.safety.asset_monitors import (
     tilted,
 )
 from executive.safety.evidence import Evidence, Monitor
-from executive.safety.history import MotionHistory
 from executive.safety.inertial_monitors import (
     blocked,
     imu_silent,
@@ -38,6 +37,7 @@ from executive.safety.inertial_monitors import (
     wheels_off_gyro,
     wheels_slip,
 )
+from executive.safety.motion_history import MotionHistory
 from executive.safety.odometry_monitors import (
     behind,
     drives_uncommanded,
@@ -135,7 +135,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
 }
 """The monitor of each fault of the table."""
 
-NOT_OF: Final[Mapping[LocomotionKind, frozenset[str]]] = {
+EXCLUDED_MONITORS: Final[Mapping[LocomotionKind, frozenset[str]]] = {
     LocomotionKind.VELOCITY: frozenset({"steady_off_command", "steady_turn_off_command"}),
     LocomotionKind.WHOLE_MOTION: frozenset(
         {"turn_amiss", "drives_uncommanded", "turns_uncommanded"}
@@ -156,17 +156,17 @@ EXPLAINED: Final[Mapping[str, Source]] = {
     "no_progress": Source.VELOCITY,
 }
 """Faults and their sources; the text of a fault includes why data of its source are rejected."""
-HOLDING: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
+HOLDING_REACTIONS: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
 SLIDING: Final = frozenset(
     {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
 )
 """Reasons of faults that show the rover moving otherwise than its wheels."""
 SLID_S: Final = 1.5
 """Duration of such evidence: longer than the fault and its window."""
-TAKEN: Final = "other_publisher"
+FOREIGN_INPUT_FAULT: Final = "other_publisher"
 UNMONITORED: Final = FaultResponse(MonitoredWhen.ALWAYS, Reaction.SAFE, ClearPolicy.ON_RESUME)
 """Row of faults without a monitor; a resume cannot check their cause."""
-CALM_S: Final = 0.5
+CLEAR_AFTER_S: Final = 0.5
 """Time without evidence after which a fault ends by itself."""
 
 
@@ -177,14 +177,14 @@ class Fault:
     Attributes:
         refusal: its reason, with its evidence when it began; commands fail with it.
         begun_utc_s: when it began.
-        seen_s: time of the last evidence.
+        last_evidence_s: time of the last evidence.
     """
 
     name: str
     row: FaultResponse
     refusal: Refusal
     begun_utc_s: float
-    seen_s: float
+    last_evidence_s: float
 
     @property
     def severity(self) -> Severity:
@@ -208,7 +208,7 @@ class FaultChanges:
     """The faults that began and ended in one check."""
 
     begun: tuple[Fault, ...] = ()
-    over: tuple[Fault, ...] = ()
+    ended: tuple[Fault, ...] = ()
 
 
 @dataclass(slots=True)
@@ -243,7 +243,8 @@ class FaultMonitor:
         self._rows = {
             declared.name: row
             for declared, row in settings.faults
-            if row.then is not Reaction.IGNORE and declared.name not in NOT_OF[settings.locomotion]
+            if row.then is not Reaction.IGNORE
+            and declared.name not in EXCLUDED_MONITORS[settings.locomotion]
         }
         self._watches = tuple(
             _FaultWatch(name, row, window, MONITORS[name])
@@ -261,15 +262,17 @@ class FaultMonitor:
         if moving and history.motion_since_s == inf and self._distrusted:
             history.begun_s, self._distrusted = now_s, False  # residual motion is no evidence
         history.motion_since_s = min(history.motion_since_s, now_s) if moving else inf
-        changes = FaultChanges(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
-        holding = any(each.row.then in HOLDING for each in self.active)
-        self._distrusted |= holding or bool(changes.over)
-        for fault in (*changes.over, *self.active):
+        changes = FaultChanges(
+            tuple(self._new_faults(now_s, moving)), tuple(self._ended_faults(now_s))
+        )
+        holding = any(each.row.then in HOLDING_REACTIONS for each in self.active)
+        self._distrusted |= holding or bool(changes.ended)
+        for fault in (*changes.ended, *self.active):
             if fault.refusal.reason in SLIDING:
                 self._slid = fault
         return changes
 
-    def cause_left(self) -> Refusal | None:
+    def unresolved_cause(self) -> Refusal | None:
         """Return the fault that a resume cannot clear because its cause persists, or None."""
         now_s = self._clock.now_s()
         latched = [each.name for each in self.active if each.row.clears is ClearPolicy.ON_RESUME]
@@ -280,9 +283,9 @@ class FaultMonitor:
         return None
 
     @property
-    def clears_itself(self) -> bool:
+    def self_clearing(self) -> bool:
         """Whether all faults that hold the rover end by themselves."""
-        holding = [each for each in self.active if each.row.then in HOLDING]
+        holding = [each for each in self.active if each.row.then in HOLDING_REACTIONS]
         return bool(holding) and all(each.row.clears is ClearPolicy.ITSELF for each in holding)
 
     def hold(self, why: Refusal, then: Reaction) -> Fault:
@@ -305,7 +308,11 @@ class FaultMonitor:
     def sliding(self) -> Fault | None:
         """The last fault with a sliding rover, for `SLID_S`."""
         slid = self._slid
-        return slid if slid is not None and self._clock.now_s() - slid.seen_s <= SLID_S else None
+        return (
+            slid
+            if slid is not None and self._clock.now_s() - slid.last_evidence_s <= SLID_S
+            else None
+        )
 
     def resume(self) -> tuple[Fault, ...]:
         """End the faults that a resume clears, and return them."""
@@ -318,22 +325,29 @@ class FaultMonitor:
         self.history.observe(fact)
 
     @property
-    def _taken(self) -> bool:
+    def _foreign_input_active(self) -> bool:
         """Whether motion waits while another publisher drives the base.
 
         The motion then differs from the commands here, which is no fault of the rover.
         """
-        if TAKEN not in self._rows or self._rows[TAKEN].then not in HOLDING:
+        if (
+            FOREIGN_INPUT_FAULT not in self._rows
+            or self._rows[FOREIGN_INPUT_FAULT].then not in HOLDING_REACTIONS
+        ):
             return False
-        return any(each.above for each in self.history.inputs)
+        return any(each.above for each in self.history.mux_inputs)
 
-    def _begun(self, now_s: float, moving: bool) -> Iterator[Fault]:
+    def _new_faults(self, now_s: float, moving: bool) -> Iterator[Fault]:
         known = {fault.name: fault for fault in self.active}
-        taken = self._taken
-        held = any(fault.row.then in HOLDING for fault in self.active)
+        taken = self._foreign_input_active
+        held = any(fault.row.then in HOLDING_REACTIONS for fault in self.active)
         for watch in self._watches:
             evidence = None
-            if taken and watch.row.when is MonitoredWhen.MOVING and watch.name != TAKEN:
+            if (
+                taken
+                and watch.row.when is MonitoredWhen.MOVING
+                and watch.name != FOREIGN_INPUT_FAULT
+            ):
                 watch.since_s = None
                 continue
             if moving or watch.row.when is MonitoredWhen.ALWAYS or watch.name in known:
@@ -342,11 +356,11 @@ class FaultMonitor:
                 watch.since_s = None
                 continue
             if watch.name in known:
-                known[watch.name].seen_s = now_s
+                known[watch.name].last_evidence_s = now_s
                 continue
             if watch.since_s is None:
                 watch.since_s = now_s
-            holds = watch.row.then in HOLDING
+            holds = watch.row.then in HOLDING_REACTIONS
             if held and (not holds or watch.row.when is MonitoredWhen.MOVING):
                 continue
             if now_s - watch.since_s >= watch.window.for_s - 1e-9:
@@ -358,9 +372,12 @@ class FaultMonitor:
                     held, self.history.begun_s = True, now_s
                 yield fault
 
-    def _over(self, now_s: float) -> Iterator[Fault]:
+    def _ended_faults(self, now_s: float) -> Iterator[Fault]:
         for fault in tuple(self.active):
-            if fault.row.clears is ClearPolicy.ITSELF and now_s - fault.seen_s >= CALM_S - 1e-9:
+            if (
+                fault.row.clears is ClearPolicy.ITSELF
+                and now_s - fault.last_evidence_s >= CLEAR_AFTER_S - 1e-9
+            ):
                 self.active.remove(fault)
                 yield fault
 

@@ -9,21 +9,21 @@ from math import inf
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import compared, silent, speeds, turns
+from executive.safety.comparison import disagreement_evidence, silent_sensor, speeds, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory
+from executive.safety.motion_history import MotionHistory
 from executive.safety.sensor_history import OdometryDisagreement
 
 FUSED: Final = frozenset({"quick_fused", "slow_fused"})
 """Windows of the distance if the second odometry corrects the pose."""
 SLIDE_M_PER_RAD: Final = 0.08
 """Displacement by a turn on the spot that odometry may miss, per radian."""
-STILL_M: Final = 0.02
-STILL_RAD: Final = 0.03
+STATIONARY_M: Final = 0.02
+STATIONARY_RAD: Final = 0.03
 """Maximum motion of odometry at standstill."""
 STOPPED_S: Final = 0.3
 """Time from a command of zero velocity until odometry shows standstill."""
-FRESH_S: Final = 1.5
+MAX_SAMPLE_AGE_S: Final = 1.5
 """Maximum age of a sample."""
 
 
@@ -32,24 +32,28 @@ def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | No
     second = history.second
     if second is None or second.settings.fused is not (window.name in FUSED):
         return None
-    found = _found(history, window, now_s)
+    found = _window_disagreement(history, window, now_s)
     if found is None:
         return None
     bound_m = window.allowed(found.driven_m) + SLIDE_M_PER_RAD * found.turned_rad
     if found.off_m <= bound_m:
         return None
     span_s = found.span_s
-    ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m, "apart": found.off_m}
+    distances_m = {
+        "odometry": found.believed_m,
+        "second odometry": found.seen_m,
+        "apart": found.off_m,
+    }
     turned = history.wheels_in(span_s, found.to_s)
     if turned is not None:
-        ways_m = {"wheels": abs(turned.way_m), **ways_m}
-    figures = speeds(history, span_s, found.to_s, ways_m)
-    return compared("the rover slips", figures, bound_m / span_s, span_s)
+        distances_m = {"wheels": abs(turned.distance_m), **distances_m}
+    figures = speeds(history, span_s, found.to_s, distances_m)
+    return disagreement_evidence("the rover slips", figures, bound_m / span_s, span_s)
 
 
 def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect a turn by second odometry that disagrees."""
-    found = _found(history, window, now_s)
+    found = _window_disagreement(history, window, now_s)
     if found is None:
         return None
     bound_rad = window.allowed(found.turned_rad)
@@ -61,35 +65,39 @@ def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence
         found.to_s,
         {"odometry": found.believed_rad, "second odometry": found.seen_rad},
     )
-    return compared("the odometries disagree on the turn", figures, bound_rad, found.span_s)
+    return disagreement_evidence(
+        "the odometries disagree on the turn", figures, bound_rad, found.span_s
+    )
 
 
 def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect motion at commanded standstill that odometry does not show."""
-    found = _found(history, window, now_s)
+    found = _window_disagreement(history, window, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
         return None
-    stands = found.driven_m <= STILL_M and found.turned_rad <= STILL_RAD
-    if not stands or found.off_m <= window.bound:
+    is_standing = found.driven_m <= STATIONARY_M and found.turned_rad <= STATIONARY_RAD
+    if not is_standing or found.off_m <= window.bound:
         return None
-    ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
-    figures = speeds(history, found.span_s, found.to_s, ways_m)
+    distances_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
+    figures = speeds(history, found.span_s, found.to_s, distances_m)
     bound_mps = window.bound / found.span_s
-    return compared("the rover slides at standstill", figures, bound_mps, found.span_s)
+    return disagreement_evidence("the rover slides at standstill", figures, bound_mps, found.span_s)
 
 
 def second_odometry_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that the second odometry no longer reports."""
     if history.second is None:
         return None
-    sightings = history.second.sightings
+    sightings = history.second.samples
     last_s = sightings[-1].time_s if sightings else -inf
-    return silent(history, "second odometry", "slip is", last_s, window, now_s)
+    return silent_sensor(history, "second odometry", "slip is", last_s, window, now_s)
 
 
-def _found(history: MotionHistory, window: Window, now_s: float) -> OdometryDisagreement | None:
+def _window_disagreement(
+    history: MotionHistory, window: Window, now_s: float
+) -> OdometryDisagreement | None:
     """Return the disagreement over a window, if it is recent."""
     second = history.second
-    if second is None or now_s - second.at_s > FRESH_S:
+    if second is None or now_s - second.at_s > MAX_SAMPLE_AGE_S:
         return None
     return second.disagreement(window.length_s, history.begun_s)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from executive.safety.channel import Channel
 from executive.settings import JointsSettings, SecondOdometrySettings
-from executive.state import FRAME_WAY_M
+from executive.state import FRAME_DISTANCE_M
 from executive.values.facts import Imu, Joints, SecondOdometry
 from executive.values.geometry import GRAVITY_MPS2, Pose, wrap_rad
 
@@ -30,7 +30,7 @@ REST_S: Final = 0.3
 """Minimum standstill of the wheels before the gyro's bias is learnt."""
 UNLEARNT_BIAS_RADPS: Final = 0.01
 """Maximum bias of the gyro before it is learnt."""
-BIAS_OVER_S: Final = 5.0
+BIAS_AVERAGING_S: Final = 5.0
 """Averaging time of the gyro's bias."""
 MAX_BIAS_RADPS: Final = 0.02
 """Maximum bias of a gyro that works."""
@@ -42,11 +42,11 @@ bound of `odometry_off_gyro.slow`.
 """
 RELEARN_AFTER_S: Final = 30.0
 """Rest after which a changed bias is learnt; chosen, not measured."""
-KEPT_S: Final = 10.0
+HISTORY_S: Final = 10.0
 """History of second-odometry samples."""
-LONGEST_WINDOW: Final = 2.5
+MAX_WINDOW_FACTOR: Final = 2.5
 """Maximum ratio of a window to its nominal length, if frames are missing."""
-ALMOST_S: Final = 0.1
+WINDOW_TOLERANCE_S: Final = 0.1
 """Tolerance of a window's length: frames do not arrive to the millisecond."""
 
 
@@ -64,7 +64,7 @@ class WheelSums(NamedTuple):
     right_nms: float = 0.0
 
     @property
-    def way_m(self) -> float:
+    def distance_m(self) -> float:
         """The distance of the rover's centre."""
         return (self.left_m + self.right_m) / 2
 
@@ -109,7 +109,7 @@ class WheelHistory:
         self.sums = extended(self.sums, time_s, self._rates, rates)
         self._rates, self.count = rates, len(speeds)
         self.torques = bool(fact.left_nm and fact.right_nm)
-        self.travel_mps = rates.way_m
+        self.travel_mps = rates.distance_m
 
 
 class InertialSums(NamedTuple):
@@ -185,7 +185,7 @@ class ImuHistory:
             self._learnt_s, odd = 0.0, False
         if odd or abs(rate_radps) > MAX_BIAS_RADPS or step_s <= 0.0:
             return
-        self._learnt_s = min(self._learnt_s + step_s, BIAS_OVER_S)
+        self._learnt_s = min(self._learnt_s + step_s, BIAS_AVERAGING_S)
         self.bias_radps += (rate_radps - self.bias_radps) * step_s / self._learnt_s
         self.bias_error_radps = 0.0
 
@@ -201,8 +201,8 @@ class SecondOdometrySample:
     """
 
     time_s: float
-    seen: Pose
-    believed: Pose
+    second_pose: Pose
+    odometry_pose: Pose
     driven_m: float
     turned_rad: float
 
@@ -236,9 +236,9 @@ class OdometryDisagreement:
         return self.to_s - self.from_s
 
     @property
-    def stands(self) -> bool:
+    def is_standing(self) -> bool:
         """Whether both show standstill, within the noise of two frames."""
-        return max(self.seen_m, self.driven_m) < FRAME_WAY_M
+        return max(self.seen_m, self.driven_m) < FRAME_DISTANCE_M
 
 
 class SecondOdometryTrack:
@@ -252,7 +252,7 @@ class SecondOdometryTrack:
 
     def __init__(self, settings: SecondOdometrySettings) -> None:
         self.settings = settings
-        self.sightings: deque[SecondOdometrySample] = deque()
+        self.samples: deque[SecondOdometrySample] = deque()
         self.at_s = -inf
 
     def observe(
@@ -262,11 +262,11 @@ class SecondOdometryTrack:
         if not fact.pose.finite:
             return
         self.at_s = now_s
-        if sighting is None or (self.sightings and sighting.time_s <= self.sightings[-1].time_s):
+        if sighting is None or (self.samples and sighting.time_s <= self.samples[-1].time_s):
             return
-        self.sightings.append(sighting)
-        while self.sightings[0].time_s < sighting.time_s - KEPT_S:
-            self.sightings.popleft()
+        self.samples.append(sighting)
+        while self.samples[0].time_s < sighting.time_s - HISTORY_S:
+            self.samples.popleft()
 
     def disagreement(self, window_s: float, since_s: float) -> OdometryDisagreement | None:
         """Compare the last sample with the newest one that is a window older.
@@ -278,24 +278,24 @@ class SecondOdometryTrack:
         Returns:
             None without such a sample, or if it is much older.
         """
-        if not self.sightings:
+        if not self.samples:
             return None
-        last = self.sightings[-1]
-        for first in reversed(self.sightings):
+        last = self.samples[-1]
+        for first in reversed(self.samples):
             span_s = last.time_s - first.time_s
-            if first.time_s < since_s or span_s > LONGEST_WINDOW * window_s:
+            if first.time_s < since_s or span_s > MAX_WINDOW_FACTOR * window_s:
                 return None
-            if span_s > window_s - ALMOST_S:
+            if span_s > window_s - WINDOW_TOLERANCE_S:
                 return between(first, last)
         return None
 
 
 def between(first: SecondOdometrySample, last: SecondOdometrySample) -> OdometryDisagreement:
     """Return the motion by two odometries between two samples."""
-    seen_x_m, seen_y_m = _step(first.seen, last.seen)
-    x_m, y_m = _step(first.believed, last.believed)
-    seen_rad = wrap_rad(last.seen.heading_rad - first.seen.heading_rad)
-    believed_rad = wrap_rad(last.believed.heading_rad - first.believed.heading_rad)
+    seen_x_m, seen_y_m = _step(first.second_pose, last.second_pose)
+    x_m, y_m = _step(first.odometry_pose, last.odometry_pose)
+    seen_rad = wrap_rad(last.second_pose.heading_rad - first.second_pose.heading_rad)
+    believed_rad = wrap_rad(last.odometry_pose.heading_rad - first.odometry_pose.heading_rad)
     return OdometryDisagreement(
         first.time_s,
         last.time_s,

@@ -14,32 +14,32 @@ from executive.settings import Settings
 from executive.values.facts import LaserScan
 from executive.values.geometry import Velocity, wrap_rad
 
-FEWEST_POINTS: Final = 2
+MIN_POINTS: Final = 2
 """Minimum number of points of an obstacle: a single one may be dust."""
-BESIDE_M: Final = 0.055
+DRIVE_SIDE_CLEARANCE_M: Final = 0.055
 """Side clearance of the footprint while driving."""
-TURNING_M: Final = 0.02
+TURN_SIDE_CLEARANCE_M: Final = 0.02
 """Side clearance of the footprint in a turn on the spot."""
 TURN_BRAKING: Final = 4.0
 """Ratio of angular to linear deceleration of a braking base, in 1/m. Chosen, not measured."""
 STEP_M: Final = 0.05
 STEP_RAD: Final = 0.05
 """Step sizes of the footprint's motion."""
-NEARER_M: Final = 0.01
+APPROACH_M: Final = 0.01
 """Minimum approach to a point inside the margin that counts as a collision."""
-REACH_M: Final = 3.0
+MAX_RANGE_M: Final = 3.0
 """Maximum range of points, from base_link."""
-SLOWEST_MPS: Final = 0.02
-SLOWEST_RADPS: Final = 0.05
+STANDSTILL_MPS: Final = 0.02
+STANDSTILL_RADPS: Final = 0.05
 """Speeds below which the rover is stationary."""
 SECTORS: Final = 24
 SECTOR_RAD: Final = 2 * pi / SECTORS
 """Width of the sectors that are judged: 0.26 m at 1 m, half the width of a Jackal."""
-WAY_RAD: Final = radians(46)
+AHEAD_SECTOR_RAD: Final = radians(46)
 """Maximum angle between a sector and the direction of travel; wide, as arcs bend."""
 EDGE_M: Final = 0.03
-"""Distance from the hull of a return that is too close to measure (REP 117): more than NEARER_M, so
-that the rover cannot approach it."""
+"""Distance from the hull of a return that is too close to measure (REP 117): more than APPROACH_M,
+so that the rover cannot approach it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class FreeSpace:
     """The clearance around a footprint: ahead and behind, and on either side."""
 
     along_m: float
-    beside_m: float
+    side_m: float
 
 
 class Sector(NamedTuple):
@@ -92,13 +92,13 @@ class LaserSurroundings:
         """Whether scans are monitored."""
         return self.settings.sensors.laser is not None and self.footprint is not None
 
-    def see(self, scan: LaserScan, now_s: float) -> None:
+    def add_scan(self, scan: LaserScan, now_s: float) -> None:
         """Replace the points by those of a newer scan, without returns of the rover itself."""
         if self.footprint is None or not isfinite(scan.stamp_s) or scan.stamp_s == self._stamp_s:
             return
         self._stamp_s, self.scanned_s = scan.stamp_s, now_s
         directions = directions_of(scan)
-        least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
+        least_m, max_m = scan.range_min_m, min(scan.range_max_m, MAX_RANGE_M)
         found = []
         rays: dict[int, list[bool]] = {}
         for range_m, (cosine, sine) in zip(scan.ranges_m, directions, strict=True):
@@ -106,7 +106,7 @@ class LaserSurroundings:
             rays.setdefault(number, []).append(isnan(range_m))
             if range_m == -inf:
                 found.append(_at_edge(cosine, sine, self.footprint))
-            elif least_m <= range_m <= most_m:
+            elif least_m <= range_m <= max_m:
                 x_m, y_m = range_m * cosine, range_m * sine
                 gap_m = _gap_m(x_m, y_m, self.footprint)
                 if gap_m > 0.0:
@@ -131,15 +131,15 @@ class LaserSurroundings:
             allowed: maximum share of unusable rays.
             since_s: a sector counts if it has been blind since then.
         """
-        if not moves(velocity):
+        if not is_moving(velocity):
             return None
-        on_spot = abs(velocity.travel_mps) < SLOWEST_MPS
+        on_spot = abs(velocity.travel_mps) < STANDSTILL_MPS
         ahead_rad = 0.0 if velocity.travel_mps > 0 else pi
         found = [
             each
             for each in self._sectors.values()
             if each.share > allowed and each.since_s <= since_s
-            if on_spot or abs(wrap_rad(each.bearing_rad - ahead_rad)) <= WAY_RAD
+            if on_spot or abs(wrap_rad(each.bearing_rad - ahead_rad)) <= AHEAD_SECTOR_RAD
         ]
         return max(found, key=lambda each: each.share, default=None)
 
@@ -151,25 +151,27 @@ class LaserSurroundings:
             abs(velocity.rotate_radps) / (2.0 * TURN_BRAKING * braking_mps2),
         )
 
-    def met(self, velocity: Velocity, held_s: float, margin_m: float) -> LaserPoint | None:
+    def predicted_contact(
+        self, velocity: Velocity, held_s: float, margin_m: float
+    ) -> LaserPoint | None:
         """Return a collision point of the rover at a held velocity, or None.
 
         Of several points the second nearest: a single one may be dust.
         """
-        if self.footprint is None or not moves(velocity):
+        if self.footprint is None or not is_moving(velocity):
             return None
         length_m = velocity.travel_mps * held_s
         turn_rad = velocity.rotate_radps * held_s
-        margin = FreeSpace(margin_m, self._beside_m if length_m else TURNING_M)
+        margin = FreeSpace(margin_m, self._side_clearance_m if length_m else TURN_SIDE_CLEARANCE_M)
         near = self._within_reach(length_m, abs(turn_rad), margin)
-        if len(near) < FEWEST_POINTS:
+        if len(near) < MIN_POINTS:
             return None
         steps = max(1, ceil(max(abs(length_m) / STEP_M, abs(turn_rad) / STEP_RAD)))
         moved = [
             self._moved(length_m * k / steps, turn_rad * k / steps) for k in range(1, steps + 1)
         ]
         return _second_nearest(
-            [spot for spot in near if _is_met(spot, moved, self.footprint, margin)]
+            [spot for spot in near if _is_contact(spot, moved, self.footprint, margin)]
         )
 
     def _within_reach(
@@ -185,7 +187,7 @@ class LaserSurroundings:
         aside_m = abs(length_m) * min(turn_rad, 1.0) + corners_m
         half_m = footprint.length_m / 2 + margin.along_m + corners_m
         front_m, back_m = half_m + max(length_m, 0.0), -half_m + min(length_m, 0.0)
-        side_m = footprint.width_m / 2 + margin.beside_m + aside_m
+        side_m = footprint.width_m / 2 + margin.side_m + aside_m
         return [
             spot for spot in self.spots if back_m < spot.x_m < front_m and abs(spot.y_m) < side_m
         ]
@@ -198,24 +200,27 @@ class LaserSurroundings:
         return x_m, y_m, cos(turn_rad), sin(turn_rad), ahead_m
 
     @property
-    def _beside_m(self) -> float:
+    def _side_clearance_m(self) -> float:
         """The required side clearance: less along obstacles that are already closer."""
         footprint = self.footprint
         assert footprint is not None
         along = [spot for spot in self.spots if abs(spot.x_m) < footprint.length_m / 2]
         nearest = _second_nearest(along)
-        left_m = BESIDE_M if nearest is None else nearest.gap_m - NEARER_M
-        return max(0.0, min(BESIDE_M, left_m))
+        left_m = DRIVE_SIDE_CLEARANCE_M if nearest is None else nearest.gap_m - APPROACH_M
+        return max(0.0, min(DRIVE_SIDE_CLEARANCE_M, left_m))
 
-    def near(self, velocity: Velocity, within_m: float) -> LaserPoint | None:
+    def nearest_ahead(self, velocity: Velocity, within_m: float) -> LaserPoint | None:
         """Return the nearest point in the direction of travel within a distance, or None.
 
         Of several points the second nearest.
         """
-        if self.footprint is None or abs(velocity.travel_mps) < SLOWEST_MPS:
+        if self.footprint is None or abs(velocity.travel_mps) < STANDSTILL_MPS:
             return None
         sign = 1.0 if velocity.travel_mps > 0 else -1.0
-        half_m, side_m = self.footprint.length_m / 2, self.footprint.width_m / 2 + BESIDE_M
+        half_m, side_m = (
+            self.footprint.length_m / 2,
+            self.footprint.width_m / 2 + DRIVE_SIDE_CLEARANCE_M,
+        )
         return _second_nearest(
             [
                 spot
@@ -225,12 +230,14 @@ class LaserSurroundings:
         )
 
 
-def moves(velocity: Velocity) -> bool:
+def is_moving(velocity: Velocity) -> bool:
     """Return whether a velocity counts as motion."""
-    return abs(velocity.travel_mps) >= SLOWEST_MPS or abs(velocity.rotate_radps) >= SLOWEST_RADPS
+    return (
+        abs(velocity.travel_mps) >= STANDSTILL_MPS or abs(velocity.rotate_radps) >= STANDSTILL_RADPS
+    )
 
 
-def _is_met(
+def _is_contact(
     spot: LaserPoint,
     moved: list[tuple[float, float, float, float, float]],
     footprint: Footprint,
@@ -238,12 +245,12 @@ def _is_met(
 ) -> bool:
     """Return whether the footprint, moved ahead, gets within the margin of a point, and closer."""
     along_m = footprint.length_m / 2 + margin.along_m
-    beside_m = footprint.width_m / 2 + margin.beside_m
-    for place_x_m, place_y_m, cosine, sine, ahead_m in moved:
-        dx_m, dy_m = spot.x_m - place_x_m, spot.y_m - place_y_m
+    beside_m = footprint.width_m / 2 + margin.side_m
+    for position_x_m, position_y_m, cosine, sine, ahead_m in moved:
+        dx_m, dy_m = spot.x_m - position_x_m, spot.y_m - position_y_m
         x_m, y_m = dx_m * cosine + dy_m * sine + ahead_m, dy_m * cosine - dx_m * sine
         within = abs(x_m) < along_m and abs(y_m) < beside_m
-        if within and _gap_m(x_m, y_m, footprint) < spot.gap_m - NEARER_M:
+        if within and _gap_m(x_m, y_m, footprint) < spot.gap_m - APPROACH_M:
             return True
     return False
 
@@ -263,6 +270,6 @@ def _at_edge(cosine: float, sine: float, footprint: Footprint) -> LaserPoint:
 
 
 def _second_nearest(spots: list[LaserPoint]) -> LaserPoint | None:
-    if len(spots) < FEWEST_POINTS:
+    if len(spots) < MIN_POINTS:
         return None
-    return sorted(spots, key=lambda spot: spot.gap_m)[FEWEST_POINTS - 1]
+    return sorted(spots, key=lambda spot: spot.gap_m)[MIN_POINTS - 1]

@@ -4,8 +4,8 @@ from math import degrees, isfinite
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory
-from executive.safety.surroundings import SLOWEST_MPS
+from executive.safety.motion_history import MotionHistory
+from executive.safety.surroundings import STANDSTILL_MPS
 from executive.values.geometry import arc
 from executive.values.reasons import Figure
 
@@ -13,10 +13,10 @@ from executive.values.reasons import Figure
 def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that the rover can no longer stop before a zone or a known rock."""
     del now_s
-    around, velocity = history.surroundings, history.fastest
-    if around is None or around.footprint is None or not around.settings.zones.any:
+    around, velocity = history.surroundings, history.fastest_velocity
+    if around is None or around.footprint is None or not around.settings.zones.not_empty:
         return None
-    if abs(velocity.travel_mps) < SLOWEST_MPS:
+    if abs(velocity.travel_mps) < STANDSTILL_MPS:
         return None
     path = arc(history.pose, velocity, around.braking_s(velocity, window.length_s))[0]
     met = around.settings.zones.encounter(path, around.footprint.radius_m, 0.0)
@@ -25,10 +25,10 @@ def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence
     speed_mps = abs(velocity.travel_mps)
     braking_m = speed_mps * around.braking_s(velocity, window.length_s)
     return Evidence(
-        f"{met.obstacle.title} is {met.way_m:.2f} m ahead; from {speed_mps:.2f} m/s the rover"
+        f"{met.obstacle.label} is {met.distance_m:.2f} m ahead; from {speed_mps:.2f} m/s the rover"
         f" stops within {braking_m:.2f} m",
         (
-            Figure("distance", met.way_m, "m"),
+            Figure("distance", met.distance_m, "m"),
             Figure("speed", speed_mps, "m/s"),
             Figure("bound", braking_m, "m"),
         ),
@@ -38,15 +38,15 @@ def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence
 def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that the rover can no longer stop before a scanned obstacle."""
     del now_s
-    around, velocity = history.surroundings, history.fastest
+    around, velocity = history.surroundings, history.fastest_velocity
     if around is None or not around.laser:
         return None
     held_s = around.braking_s(velocity, window.length_s)
-    met = around.met(velocity, held_s, window.bound)
+    met = around.predicted_contact(velocity, held_s, window.bound)
     if met is None:
         return None
     speed_mps, rate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
-    if speed_mps < SLOWEST_MPS:
+    if speed_mps < STANDSTILL_MPS:
         return Evidence(
             f"obstacle {met.gap_m:.2f} m from the rover turning at {rate_radps:.2f} rad/s",
             (
@@ -70,10 +70,10 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
 def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect an obstacle near the rover in its direction of travel."""
     del now_s
-    around, velocity = history.surroundings, history.fastest
+    around, velocity = history.surroundings, history.fastest_velocity
     if around is None or not around.laser:
         return None
-    found = around.near(velocity, window.bound)
+    found = around.nearest_ahead(velocity, window.bound)
     if found is None:
         return None
     figures = Figure("distance", found.gap_m, "m"), Figure("bound", window.bound, "m")
@@ -99,7 +99,7 @@ def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidenc
 
     A scan without any usable ray is the widest case. A stationary rover is not judged.
     """
-    around, velocity = history.surroundings, history.fastest
+    around, velocity = history.surroundings, history.fastest_velocity
     if around is None or not around.laser:
         return None
     found = around.blind(velocity, window.bound, now_s - window.length_s)

@@ -7,15 +7,15 @@ Errors that encoders and odometry share, such as a wrong wheel radius, are not d
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import compared, silent, speeds
+from executive.safety.comparison import disagreement_evidence, silent_sensor, speeds
 from executive.safety.evidence import Evidence
-from executive.safety.history import MotionHistory
-from executive.safety.odometry_monitors import REACTION_S
+from executive.safety.motion_history import MotionHistory
+from executive.safety.odometry_monitors import COMMAND_LATENCY_S
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.04
 """Averaging time of the present wheel speed."""
-OFF_COMMAND_MPS: Final = 0.06
+MIN_UNPOWERED_ERROR_MPS: Final = 0.06
 """Minimum error of wheels without torque from their command, for a fault."""
 
 
@@ -35,16 +35,16 @@ def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> 
         ("left", turned.left_m, -high_mps, -low_mps),
         ("right", turned.right_m, low_mps, high_mps),
     )
-    for side, way_m, across_low_mps, across_high_mps in sides:
-        speed_mps = way_m / SPEED_OVER_S
+    for side, distance_m, across_low_mps, across_high_mps in sides:
+        speed_mps = distance_m / SPEED_OVER_S
         least_mps = wanted.travel_low_mps + across_low_mps
-        most_mps = wanted.travel_high_mps + across_high_mps
-        nearest_mps = min(max(speed_mps, least_mps), most_mps)
-        bound_mps = window.allowed(max(abs(least_mps), abs(most_mps)))
+        max_mps = wanted.travel_high_mps + across_high_mps
+        nearest_mps = min(max(speed_mps, least_mps), max_mps)
+        bound_mps = window.allowed(max(abs(least_mps), abs(max_mps)))
         if abs(speed_mps - nearest_mps) > bound_mps:
             figures = Figure("commanded", nearest_mps, "m/s"), Figure("wheels", speed_mps, "m/s")
             what = f"the {side} wheels do not follow"
-            return compared(what, figures, bound_mps, window.length_s)
+            return disagreement_evidence(what, figures, bound_mps, window.length_s)
     return None
 
 
@@ -57,23 +57,23 @@ def wheels_off_command_slowly(
         return None
     window_s, to_s = window.length_s, wheels.sums.time_s
     turned = history.wheels_in(window_s, to_s)
-    wanted = history.commanded_in(window_s, to_s - REACTION_S)
+    wanted = history.commanded_in(window_s, to_s - COMMAND_LATENCY_S)
     if turned is None or wanted is None:
         return None
-    across_m = wanted.turn_rad * wheels.settings.track_m / 2
+    across_m = wanted.twist_turn_rad * wheels.settings.track_m / 2
     sides = (
-        ("left", turned.left_m, wanted.way_m - across_m),
-        ("right", turned.right_m, wanted.way_m + across_m),
+        ("left", turned.left_m, wanted.twist_travel_m - across_m),
+        ("right", turned.right_m, wanted.twist_travel_m + across_m),
     )
-    for side, way_m, wanted_m in sides:
+    for side, distance_m, wanted_m in sides:
         bound_m = window.allowed(wanted_m)
-        if abs(way_m - wanted_m) > bound_m:
+        if abs(distance_m - wanted_m) > bound_m:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
-                Figure("wheels", way_m / window_s, "m/s"),
+                Figure("wheels", distance_m / window_s, "m/s"),
             )
             what = f"the {side} wheels do not follow"
-            return compared(what, figures, bound_m / window_s, window_s)
+            return disagreement_evidence(what, figures, bound_m / window_s, window_s)
     return None
 
 
@@ -86,20 +86,22 @@ def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Ev
     turned, wanted = history.wheels_in(window_s, to_s), history.commanded_in(window_s, to_s)
     if turned is None or wanted is None:
         return None
-    across_m = wanted.turn_rad * wheels.settings.track_m / 2
+    across_m = wanted.twist_turn_rad * wheels.settings.track_m / 2
     sides = (
-        ("left", turned.left_m, turned.left_nms, wanted.way_m - across_m),
-        ("right", turned.right_m, turned.right_nms, wanted.way_m + across_m),
+        ("left", turned.left_m, turned.left_nms, wanted.twist_travel_m - across_m),
+        ("right", turned.right_m, turned.right_nms, wanted.twist_travel_m + across_m),
     )
-    for side, way_m, torque_nms, wanted_m in sides:
-        off_mps, torque_nm = (way_m - wanted_m) / window_s, torque_nms / window_s
-        if abs(torque_nm) < window.bound and abs(off_mps) > OFF_COMMAND_MPS:
+    for side, distance_m, torque_nms, wanted_m in sides:
+        off_mps, torque_nm = (distance_m - wanted_m) / window_s, torque_nms / window_s
+        if abs(torque_nm) < window.bound and abs(off_mps) > MIN_UNPOWERED_ERROR_MPS:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
-                Figure("wheels", way_m / window_s, "m/s"),
+                Figure("wheels", distance_m / window_s, "m/s"),
                 Figure("torque", torque_nm, "Nm"),
             )
-            return compared(f"the {side} motors give no torque", figures, window.bound, window_s)
+            return disagreement_evidence(
+                f"the {side} motors give no torque", figures, window.bound, window_s
+            )
     return None
 
 
@@ -109,14 +111,18 @@ def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) ->
     if wheels is None or not wheels.fresh(now_s):
         return None
     window_s, to_s = window.length_s, min(wheels.sums.time_s, history.moved.time_s)
-    turned, moved = history.wheels_in(window_s, to_s), history.moved_in(window_s, to_s)
+    turned, moved = history.wheels_in(window_s, to_s), history.odometry_in(window_s, to_s)
     if turned is None or moved is None:
         return None
-    bound_m = window.allowed(max(abs(turned.way_m), moved.driven_m))
-    if abs(turned.way_m - moved.way_m) <= bound_m:
+    bound_m = window.allowed(max(abs(turned.distance_m), moved.driven_m))
+    if abs(turned.distance_m - moved.twist_travel_m) <= bound_m:
         return None
-    figures = speeds(history, window_s, to_s, {"wheels": turned.way_m, "odometry": moved.way_m})
-    return compared("odometry and wheels disagree", figures, bound_m / window_s, window_s)
+    figures = speeds(
+        history, window_s, to_s, {"wheels": turned.distance_m, "odometry": moved.twist_travel_m}
+    )
+    return disagreement_evidence(
+        "odometry and wheels disagree", figures, bound_m / window_s, window_s
+    )
 
 
 def joints_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -124,4 +130,4 @@ def joints_silent(history: MotionHistory, window: Window, now_s: float) -> Evide
     if history.wheels is None:
         return None
     last_s = history.wheels.sums.time_s
-    return silent(history, "wheel sensor", "the wheels are", last_s, window, now_s)
+    return silent_sensor(history, "wheel sensor", "the wheels are", last_s, window, now_s)

@@ -3,8 +3,8 @@
 The sections `faults:` and `zones:` belong to `executive.faults` and `executive.obstacles.zones`.
 """
 
-from executive.settings.asset_settings import FEWEST_REPORTS as FEWEST_REPORTS
-from executive.settings.asset_settings import HIGHEST_PORT as HIGHEST_PORT
+from executive.settings.asset_settings import MAX_PORT as MAX_PORT
+from executive.settings.asset_settings import MIN_REPORTS as MIN_REPORTS
 from executive.settings.asset_settings import AuthoritySettings as AuthoritySettings
 from executive.settings.asset_settings import DriveLimits as DriveLimits
 from executive.settings.asset_settings import ImuSettings as ImuSettings

@@ -12,17 +12,17 @@ from executive.settings.controller import Controller
 from executive.settings.mpc_settings import MpcSettings
 from executive.settings.prediction_settings import BatterySettings, PredictionSettings
 from executive.settings.settings_files import (
-    HIGHEST_FIGURE,
+    MAX_VALUE,
     config_folder,
     named_file,
     read_yaml,
     require_above_zero,
 )
 
-HIGHEST_PORT: Final = 65535
-HIGHEST_PRIORITY: Final = 255
-FEWEST_MB: Final = 10.0
-FEWEST_REPORTS: Final = 1000
+MAX_PORT: Final = 65535
+MAX_PRIORITY: Final = 255
+MIN_MB: Final = 10.0
+MIN_REPORTS: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,8 +301,8 @@ class VideoSettings:
     def __post_init__(self) -> None:
         """Raise ValueError unless the ports are valid."""
         for port in (self.listen_port, self.to_port):
-            if not 0 < port <= HIGHEST_PORT:
-                raise ValueError(f"{port} is not a port of 1 to {HIGHEST_PORT}")
+            if not 0 < port <= MAX_PORT:
+                raise ValueError(f"{port} is not a port of 1 to {MAX_PORT}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,10 +322,10 @@ class MuxEntry:
 
     def __post_init__(self) -> None:
         """Raise ValueError if twist_mux would interpret a value differently."""
-        if not 0.0 <= self.timeout <= HIGHEST_FIGURE:
+        if not 0.0 <= self.timeout <= MAX_VALUE:
             raise ValueError(f"timeout is {self.timeout}: 0 for never, or seconds above it")
-        if not 0 <= self.priority <= HIGHEST_PRIORITY:
-            raise ValueError(f"priority is {self.priority}: 0 to {HIGHEST_PRIORITY}")
+        if not 0 <= self.priority <= MAX_PRIORITY:
+            raise ValueError(f"priority is {self.priority}: 0 to {MAX_PRIORITY}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,8 +388,8 @@ class RecordingSettings:
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the limits permit a recording."""
-        if not FEWEST_MB <= self.most_mb <= HIGHEST_FIGURE:
-            raise ValueError(f"most_mb is {self.most_mb:g}: at least {FEWEST_MB:g}")
+        if not MIN_MB <= self.most_mb <= MAX_VALUE:
+            raise ValueError(f"most_mb is {self.most_mb:g}: at least {MIN_MB:g}")
         require_above_zero(self, "most_days")
 
 
@@ -450,7 +450,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Raise ValueError unless all settings are consistent and within bounds."""
-        if self.zones.any and self.footprint is None:
+        if self.zones.not_empty and self.footprint is None:
             raise ValueError("zones need footprint, the rover's length_m and width_m")
         offers = "controller is mpc" if self.controller is Controller.MPC else "mpc.offered is true"
         if self.offers_mpc and self.locomotion is not LocomotionKind.VELOCITY:
@@ -463,8 +463,8 @@ class Settings:
                 "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"
                 " them the energy of a motion is unknown"
             )
-        if self.kept_reports < FEWEST_REPORTS:
-            raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
+        if self.kept_reports < MIN_REPORTS:
+            raise ValueError(f"kept_reports is {self.kept_reports}: at least {MIN_REPORTS}")
         require_above_zero(self, "clock_tolerance_s", "mass_kg")
 
     @property

@@ -60,8 +60,8 @@ class SlipSettings:
             raise ValueError(f"lag_s is {self.lag_s}: 0 to 1")
 
 
-FEWEST_STEPS: Final = 10
-MOST_STEPS: Final = 100
+MIN_STEPS: Final = 10
+MAX_STEPS: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +89,8 @@ class MpcSettings:
 
     def __post_init__(self) -> None:
         """Raise ValueError unless every figure is within its bounds."""
-        if not FEWEST_STEPS <= self.steps <= MOST_STEPS:
-            raise ValueError(f"steps is {self.steps}: {FEWEST_STEPS} to {MOST_STEPS}")
+        if not MIN_STEPS <= self.steps <= MAX_STEPS:
+            raise ValueError(f"steps is {self.steps}: {MIN_STEPS} to {MAX_STEPS}")
         for name in ("command_delay_s", "odometry_age_s"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}: 0 to 1")

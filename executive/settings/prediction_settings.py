@@ -5,8 +5,8 @@ from enum import Enum, auto
 from math import hypot
 from typing import Final, assert_never
 
-from executive.obstacles.zones import FARTHEST_M
-from executive.settings.settings_files import HIGHEST_FIGURE, require_above_zero
+from executive.obstacles.zones import MAX_COORDINATE_M
+from executive.settings.settings_files import MAX_VALUE, require_above_zero
 from executive.values.geometry import Point
 
 
@@ -76,19 +76,22 @@ class PredictionSettings:
             *("travel_j_per_m", "rotate_j_per_rad", "curve_j_per_m"),
         ):
             figure = getattr(self, name)
-            if not 0 <= figure <= HIGHEST_FIGURE:
-                raise ValueError(f"{name} must be 0 to {HIGHEST_FIGURE:g}, not {figure}")
+            if not 0 <= figure <= MAX_VALUE:
+                raise ValueError(f"{name} must be 0 to {MAX_VALUE:g}, not {figure}")
 
-    def within_m(self, way: MotionExtent) -> float:
+    def position_deviation_m(self, extent: MotionExtent) -> float:
         """Return the position deviation after a motion, at 2 sigma."""
-        grown = (self.place_m_per_m * way.length_m, self.place_m_per_rad * way.turned_rad)
-        curve_m = 0.0 if way.end is MotionEndKind.LINE else self.curve_place_m
+        grown = (self.place_m_per_m * extent.length_m, self.place_m_per_rad * extent.turned_rad)
+        curve_m = 0.0 if extent.end is MotionEndKind.LINE else self.curve_place_m
         return hypot(self.place_m, curve_m, *grown)
 
-    def within_rad(self, way: MotionExtent) -> float:
+    def heading_deviation_rad(self, extent: MotionExtent) -> float:
         """Return the heading deviation after a motion, at 2 sigma."""
-        grown = (self.heading_rad_per_m * way.length_m, self.heading_rad_per_rad * way.turned_rad)
-        match way.end:
+        grown = (
+            self.heading_rad_per_m * extent.length_m,
+            self.heading_rad_per_rad * extent.turned_rad,
+        )
+        match extent.end:
             case MotionEndKind.LINE:
                 end_rad = 0.0
             case MotionEndKind.CURVE:
@@ -96,15 +99,15 @@ class PredictionSettings:
             case MotionEndKind.FREE_CURVE:
                 end_rad = self.free_heading_rad
             case _:
-                assert_never(way.end)
+                assert_never(extent.end)
         return hypot(self.heading_rad, end_rad, *grown)
 
-    def energy_j(self, way: MotionExtent) -> float | None:
+    def energy_j(self, extent: MotionExtent) -> float | None:
         """Return the energy of a motion in joules, None if it is not predicted."""
         if self.standing_w is None:
             return None
-        moving_j = self.travel_j_per_m * way.length_m + self.rotate_j_per_rad * way.turned_rad
-        return self.standing_w * way.duration_s + moving_j + self.curve_j_per_m * way.curved_m
+        moving_j = self.travel_j_per_m * extent.length_m + self.rotate_j_per_rad * extent.turned_rad
+        return self.standing_w * extent.duration_s + moving_j + self.curve_j_per_m * extent.curved_m
 
 
 def curved_m(length_m: float, turned_rad: float) -> float:
@@ -112,7 +115,7 @@ def curved_m(length_m: float, turned_rad: float) -> float:
     return min(abs(length_m), abs(turned_rad))
 
 
-HIGHEST_RESERVE: Final = 0.9
+MAX_RESERVE: Final = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +135,11 @@ class BatterySettings:
     def __post_init__(self) -> None:
         """Raise ValueError unless every figure is within its bounds."""
         require_above_zero(self, "capacity_j")
-        if not 0.0 <= self.reserve_ratio <= HIGHEST_RESERVE:
-            raise ValueError(f"reserve_ratio is {self.reserve_ratio}: 0 to {HIGHEST_RESERVE}")
-        if not (abs(self.home.x_m) <= FARTHEST_M and abs(self.home.y_m) <= FARTHEST_M):
-            raise ValueError(f"home is farther than {FARTHEST_M:g} m from the origin")
+        if not 0.0 <= self.reserve_ratio <= MAX_RESERVE:
+            raise ValueError(f"reserve_ratio is {self.reserve_ratio}: 0 to {MAX_RESERVE}")
+        if not (abs(self.home.x_m) <= MAX_COORDINATE_M and abs(self.home.y_m) <= MAX_COORDINATE_M):
+            raise ValueError(f"home is farther than {MAX_COORDINATE_M:g} m from the origin")
 
-    def left_j(self, charge_ratio: float) -> float:
+    def available_j(self, charge_ratio: float) -> float:
         """Return the energy above the reserve, negative below it."""
         return (charge_ratio - self.reserve_ratio) * self.capacity_j

@@ -19,7 +19,7 @@ from executive.settings.strict_reader import FormatError, StrictReader
 
 T = TypeVar("T")
 
-HIGHEST_FIGURE: Final = 1e10
+MAX_VALUE: Final = 1e10
 """Maximum value in settings: three hundred years in seconds."""
 
 MAX_YAML_NODES: Final = 100_000
@@ -41,8 +41,8 @@ def require_above_zero(settings: object, *names: str) -> None:
     """
     for name in names:
         figure = getattr(settings, name)
-        if figure is not None and not 0 < figure <= HIGHEST_FIGURE:
-            raise ValueError(f"{name} must be above 0 and at most {HIGHEST_FIGURE:g}, not {figure}")
+        if figure is not None and not 0 < figure <= MAX_VALUE:
+            raise ValueError(f"{name} must be above 0 and at most {MAX_VALUE:g}, not {figure}")
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:

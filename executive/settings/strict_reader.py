@@ -36,12 +36,12 @@ _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 MANY: Final = 30
 """Maximum number of keys that an error lists if it suggests a similar one; chosen."""
-_WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
+_TYPE_NAMES: Final = {str: "a text", int: "a whole number", bool: "true or false"}
 
 
-def figure(least: float = 0.0, most: float = inf, **settings: Any) -> Any:
+def figure(least: float = 0.0, maximum: float = inf, **settings: Any) -> Any:
     """Return a field for a number within bounds, which are checked when it is read."""
-    return field(metadata={"least": least, "most": most}, **settings)
+    return field(metadata={"least": least, "most": maximum}, **settings)
 
 
 def angle(least: float = -inf, **settings: Any) -> Any:
@@ -95,7 +95,7 @@ class StrictReader:
     ) -> None:
         self._key = str if units else _without_unit
         self._converter = made = Converter(forbid_extra_keys=True)
-        for kind in _WORDS:
+        for kind in _TYPE_NAMES:
             made.register_structure_hook(kind, _scalar)
         made.register_structure_hook(float, _number)
         # cattrs would compile the hook of a dataclass again for each field of it.
@@ -176,8 +176,8 @@ class StrictReader:
         tags = {self._key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
         found = [tag for tag in tags if tag in _mapping(raw)]
         if len(found) != 1:
-            said = f"not {' and '.join(found)} together" if found else f"in {shown(raw)}"
-            raise ValueError(f"one of {', '.join(tags)} is needed, {said}")
+            text = f"not {' and '.join(found)} together" if found else f"in {shown(raw)}"
+            raise ValueError(f"one of {', '.join(tags)} is needed, {text}")
         return self._converter.structure(raw, tags[found[0]])
 
     def _keys(self, kind: Any) -> dict[str, Any]:
@@ -239,10 +239,10 @@ def _joined(path: str, key: str | int) -> str:
 def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
     if value is None or "least" not in bounds or bounds["least"] <= value <= bounds["most"]:
         return
-    said = f"{value:g}" if isinstance(value, float) else shown(value)
+    text = f"{value:g}" if isinstance(value, float) else shown(value)
     if bounds["most"] == inf:
-        raise FormatError(key, f"{said} is below {bounds['least']:g}")
-    raise FormatError(key, f"{said} is not in {bounds['least']:g} .. {bounds['most']:g}")
+        raise FormatError(key, f"{text} is below {bounds['least']:g}")
+    raise FormatError(key, f"{text} is not in {bounds['least']:g} .. {bounds['most']:g}")
 
 
 def _merged(base: Any, changes: Any) -> Any:
@@ -287,16 +287,16 @@ def _mapping(raw: object) -> Mapping[Any, Any]:
 
 
 def _choice(raw: object, kind: type[Enum]) -> Enum:
-    words = {each.value if isinstance(each.value, str) else each.name: each for each in kind}
-    for word, member in words.items():
+    choices = {each.value if isinstance(each.value, str) else each.name: each for each in kind}
+    for word, member in choices.items():
         if raw in (word, member.value) and not isinstance(raw, bool):
             return member
-    raise ValueError(f"{shown(raw)} is none of {', '.join(words)}")
+    raise ValueError(f"{shown(raw)} is none of {', '.join(choices)}")
 
 
 def _scalar(raw: Any, kind: Any) -> Any:
     if type(raw) is not kind:
-        raise ValueError(f"expected {_WORDS[kind]}, got {shown(raw)}")
+        raise ValueError(f"expected {_TYPE_NAMES[kind]}, got {shown(raw)}")
     return raw
 
 

@@ -1,6 +1,6 @@
 """State of the rover: status, telemetry, files and pictures."""
 
-from executive.state.files import LONGEST_PATH as LONGEST_PATH
+from executive.state.files import MAX_PATH_OCTETS as MAX_PATH_OCTETS
 from executive.state.files import FileFolder as FileFolder
 from executive.state.files import FileStamp as FileStamp
 from executive.state.files import check_path as check_path
@@ -10,10 +10,10 @@ from executive.state.fusion import PoseDisagreement as PoseDisagreement
 from executive.state.fusion import disagreement as disagreement
 from executive.state.motion_statistics import MotionStatistics as MotionStatistics
 from executive.state.rejections import Rejections as Rejections
-from executive.state.standstill import FRAME_WAY_M as FRAME_WAY_M
+from executive.state.standstill import FRAME_DISTANCE_M as FRAME_DISTANCE_M
 from executive.state.standstill import SourceMotion as SourceMotion
 from executive.state.standstill import is_slow as is_slow
-from executive.state.standstill import listed as listed
+from executive.state.standstill import join_sources as join_sources
 from executive.state.status import Status as Status
 from executive.state.telemetry import Telemetry as Telemetry
 from executive.state.uncertainty import PROMISED_M as PROMISED_M

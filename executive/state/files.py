@@ -20,8 +20,8 @@ from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import FileEvent, FileEventKind, Identity
 
-LONGEST_PATH: Final = 255
-LONGEST_NAME: Final = 240
+MAX_PATH_OCTETS: Final = 255
+MAX_NAME_OCTETS: Final = 240
 """Maximum octets of one path component; the part file's name then fits a file system's 255."""
 ABOUT: Final = ".about"
 PART: Final = ".part"
@@ -49,19 +49,19 @@ class FileStamp:
 def check_path(path: str, argument: int = 1) -> Refusal | None:
     """Return a refusal if a path cannot name a file of the folder; checks the text alone."""
     parts = path.split("/")
-    if not path or len(path) > LONGEST_PATH or not path.isprintable():
-        why = f"a path has 1 to {LONGEST_PATH} printable characters"
+    if not path or len(path) > MAX_PATH_OCTETS or not path.isprintable():
+        why = f"a path has 1 to {MAX_PATH_OCTETS} printable characters"
     elif any(part in {"", "."} for part in parts):
         why = "it must be relative to the folder, its parts separated by single slashes"
     elif ".." in parts:
         why = "it leaves the folder"
     elif any(part.startswith(".") for part in parts):
         why = "names that begin with a dot are not part of the folder"
-    elif any(len(part.encode()) > LONGEST_NAME for part in parts):
-        why = f"a name has {LONGEST_NAME} octets at most"
+    elif any(len(part.encode()) > MAX_NAME_OCTETS for part in parts):
+        why = f"a name has {MAX_NAME_OCTETS} octets at most"
     else:
         return None
-    return Refusal(Reason.BAD_PATH, f"{path[:LONGEST_PATH]!r}: {why}", argument=argument)
+    return Refusal(Reason.BAD_PATH, f"{path[:MAX_PATH_OCTETS]!r}: {why}", argument=argument)
 
 
 class FileFolder:
@@ -72,9 +72,9 @@ class FileFolder:
         tell: callback for each change made here.
     """
 
-    def __init__(self, root: Path, tell: Callable[[FileEvent], None]) -> None:
+    def __init__(self, root: Path, notify: Callable[[FileEvent], None]) -> None:
         self.root = root
-        self._tell = tell
+        self._notify = notify
 
     def find(self, path: str) -> Path | Refusal:
         """Return the file of this name, or a refusal.
@@ -84,9 +84,9 @@ class FileFolder:
         refusal = check_path(path)
         if refusal is not None:
             return refusal
-        place = self.root / path
-        if self._inside(place) and os.path.isfile(place):
-            return place
+        file = self.root / path
+        if self._inside(file) and os.path.isfile(file):
+            return file
         return Refusal(Reason.NO_SUCH_FILE, f"there is no file {path}", subject=path)
 
     def target(self, path: str) -> Path | Refusal:
@@ -94,20 +94,20 @@ class FileFolder:
         refusal = check_path(path, argument=2)
         if refusal is not None:
             return refusal
-        place = self.root / path
-        if not self._inside(place):
+        file = self.root / path
+        if not self._inside(file):
             return Refusal(Reason.BAD_PATH, f"{path}: it leaves the folder", argument=2)
-        if os.path.lexists(place):
+        if os.path.lexists(file):
             return Refusal(Reason.TARGET_EXISTS, f"{path} exists already: choose another")
-        return place
+        return file
 
     def stamp(self, path: str) -> FileStamp | None:
         """Return the stamp of a file, or None without one."""
-        place = self.find(path)
-        if isinstance(place, Refusal):
+        found = self.find(path)
+        if isinstance(found, Refusal):
             return None
         try:
-            return FileStamp.of(place.stat())
+            return FileStamp.of(found.stat())
         except OSError:
             return None
 
@@ -129,7 +129,7 @@ class FileFolder:
         """Yield the paths of all files below a folder, sorted; raises as `entries` does."""
         yield from sorted(path for path, _ in self.entries(folder))
 
-    def about(self, path: str) -> tuple[Figure, ...]:
+    def metadata(self, path: str) -> tuple[Figure, ...]:
         """Return the figures stored with a file; empty if the file was replaced since."""
         try:
             known, figures = json.loads(self._about(path).read_text(encoding="utf-8"))
@@ -148,20 +148,20 @@ class FileFolder:
         """
         if (refusal := check_path(path)) is not None:
             raise ValueError(refusal.text)
-        place, note = self.root / path, self._about(path)
-        place.parent.mkdir(parents=True, exist_ok=True)
+        file, note = self.root / path, self._about(path)
+        file.parent.mkdir(parents=True, exist_ok=True)
         note.parent.mkdir(parents=True, exist_ok=True)
-        part = place.with_name(f".{place.name}{PART}")
-        kind = FileEventKind.CHANGED if place.exists() else FileEventKind.STORED
+        part = file.with_name(f".{file.name}{PART}")
+        kind = FileEventKind.CHANGED if file.exists() else FileEventKind.STORED
         try:
             part.write_bytes(data)
             figures = [[f.name, f.value, f.unit] for f in about]
             note.write_text(json.dumps([_mark(part.stat()), figures]), encoding="utf-8")
-            part.replace(place)
+            part.replace(file)
         except OSError:
             part.unlink(missing_ok=True)
             raise
-        self._tell(FileEvent(kind, path))
+        self._notify(FileEvent(kind, path))
 
     def delete(self, path: str) -> Refusal | None:
         """Delete a file; return a refusal if it cannot be.
@@ -169,13 +169,13 @@ class FileFolder:
         Raises:
             OSError: it cannot be deleted.
         """
-        place = self.find(path)
-        if isinstance(place, Refusal):
-            return place
-        place.unlink()
+        found = self.find(path)
+        if isinstance(found, Refusal):
+            return found
+        found.unlink()
         with suppress(OSError):
             self._about(path).unlink()
-        self._tell(FileEvent(FileEventKind.DELETED, path))
+        self._notify(FileEvent(FileEventKind.DELETED, path))
         return None
 
     def move(self, path: str, target: str) -> Refusal | None:
@@ -184,22 +184,22 @@ class FileFolder:
         Raises:
             OSError: it cannot be moved.
         """
-        place, there = self.find(path), self.target(target)
-        if isinstance(place, Refusal):
-            return place
+        found, there = self.find(path), self.target(target)
+        if isinstance(found, Refusal):
+            return found
         if isinstance(there, Refusal):
             return there
         there.parent.mkdir(parents=True, exist_ok=True)
-        place.rename(there)
+        found.rename(there)
         with suppress(OSError):
             note_there = self._about(target)
             note_there.parent.mkdir(parents=True, exist_ok=True)
             self._about(path).rename(note_there)
-        self._tell(FileEvent(FileEventKind.DELETED, path))
-        self._tell(FileEvent(FileEventKind.STORED, target))
+        self._notify(FileEvent(FileEventKind.DELETED, path))
+        self._notify(FileEvent(FileEventKind.STORED, target))
         return None
 
-    def tidy(self) -> None:
+    def remove_partial_files(self) -> None:
         """Remove the part files of a process that was killed."""
         for part in self.root.rglob(f".*{PART}"):
             with suppress(OSError):
@@ -227,11 +227,11 @@ class FileFolder:
                 continue
 
     def _about(self, path: str) -> Path:
-        place = self.root / ABOUT / path
-        return place.with_name(f".{place.name}")
+        file = self.root / ABOUT / path
+        return file.with_name(f".{file.name}")
 
-    def _inside(self, place: Path) -> bool:
-        return Path(os.path.realpath(place)).is_relative_to(os.path.realpath(self.root))
+    def _inside(self, path: Path) -> bool:
+        return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.root))
 
 
 def _mark(stat: os.stat_result) -> list[int]:
@@ -240,7 +240,7 @@ def _mark(stat: os.stat_result) -> list[int]:
 
 
 PICTURE_FOLDER: Final = "pictures"
-LONGEST_SOURCE: Final = 64
+MAX_SOURCE_LENGTH: Final = 64
 PICTURE_PARAMETERS: Final = {
     Parameter.POS_X,
     Parameter.POS_Y,
@@ -275,5 +275,5 @@ def store_picture(
 def _file_name(source: str) -> str:
     """Return a short file name that is unique for each source."""
     name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in source)
-    name = name[:LONGEST_SOURCE]
+    name = name[:MAX_SOURCE_LENGTH]
     return name if name == source else f"{name}-{sha256(source.encode()).hexdigest()[:12]}"

@@ -20,10 +20,10 @@ from typing import Final
 from executive.values.facts import Odometry, SecondOdometry
 from executive.values.geometry import Point, Pose, wrap_rad
 
-KEPT_S: Final = 3.0
-MOST_KEPT: Final = 1024
+FRAME_BUFFER_S: Final = 3.0
+MAX_BUFFERED_POSES: Final = 1024
 """Bounds of the pose buffer; older frames are left out."""
-AHEAD_S: Final = 0.1
+MAX_FRAME_LEAD_S: Final = 0.1
 """Maximum lead of a frame over the odometry; frames with more are left out."""
 FRAME_M: Final = 0.01
 FRAME_PER_M: Final = 0.015
@@ -37,12 +37,12 @@ GATE_SD: Final = 2.5
 """Gate in standard deviations of the second odometry, beyond which the wheels must be wrong."""
 STEP_M: Final = 0.02
 """Maximum correction per odometry message."""
-LEARNT_AFTER: Final = 0.05
+PRIOR_WEIGHT: Final = 0.05
 """Weight of the prior of no slide, in radians times sine of the slope."""
-FORGOTTEN: Final = 0.9
+FORGETTING_FACTOR: Final = 0.9
 """Forgetting factor of the learnt slide, per frame with a turn on a slope."""
-LEAST_TURN_RAD: Final = 0.15
-LEAST_SLOPE: Final = 0.05
+MIN_TURN_RAD: Final = 0.15
+MIN_SLOPE: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +50,13 @@ class FramePair:
     """A frame of the second odometry and the pose at its stamp.
 
     Attributes:
-        way_m: distance driven since the start.
+        travelled_m: distance driven since the start.
         pose, second: in the frames of both odometries.
         position_sd_m, heading_sd_rad: of the second; 0 if it reports none.
     """
 
     stamp_s: float
-    way_m: float
+    travelled_m: float
     pose: Pose
     second: Pose
     position_sd_m: float
@@ -69,7 +69,7 @@ class PoseDisagreement:
 
     off_m: float
     off_rad: float
-    way_m: float
+    distance_m: float
 
 
 def disagreement(first: FramePair, last: FramePair) -> PoseDisagreement:
@@ -78,7 +78,9 @@ def disagreement(first: FramePair, last: FramePair) -> PoseDisagreement:
     turned_rad = wrap_rad(last.pose.heading_rad - first.pose.heading_rad)
     other_rad = wrap_rad(last.second.heading_rad - first.second.heading_rad)
     return PoseDisagreement(
-        own.distance_m(other), abs(wrap_rad(turned_rad - other_rad)), last.way_m - first.way_m
+        own.distance_m(other),
+        abs(wrap_rad(turned_rad - other_rad)),
+        last.travelled_m - first.travelled_m,
     )
 
 
@@ -88,7 +90,7 @@ class _OdometrySample:
 
     stamp_s: float
     pose: Pose
-    way_m: float
+    distance_m: float
     turn_rad: float
     slide: float
     downhill_x: float
@@ -107,7 +109,7 @@ class PoseFusion:
 
     def __init__(self, fused: bool) -> None:
         self.fused = fused
-        self._places: deque[_OdometrySample] = deque(maxlen=MOST_KEPT)
+        self._samples: deque[_OdometrySample] = deque(maxlen=MAX_BUFFERED_POSES)
         self._raw: Odometry | None = None
         self.latest: FramePair | None = None
         self.unconfirmed_since: FramePair | None = None
@@ -121,10 +123,10 @@ class PoseFusion:
     @property
     def pose(self) -> Pose:
         """The pose; at the origin before the first odometry."""
-        return self._corrected(self._places[-1].pose) if self._places else Pose()
+        return self._corrected(self._samples[-1].pose) if self._samples else Pose()
 
     @property
-    def settled(self) -> bool:
+    def correction_applied(self) -> bool:
         """Whether the correction is fully applied."""
         return self._applied == self._target
 
@@ -140,26 +142,26 @@ class PoseFusion:
     @property
     def slide_m_per_rad(self) -> float:
         """Downhill slide of a turn, per radian and sine of the slope."""
-        return self._slid / (self._turns2 + LEARNT_AFTER**2)
+        return self._slid / (self._turns2 + PRIOR_WEIGHT**2)
 
-    def slide(self, turn_rad: float) -> Point:
+    def turn_slide(self, turn_rad: float) -> Point:
         """Return the expected slide of a turn on the spot here, in the plane."""
-        if not self._places:
+        if not self._samples:
             return Point(0.0, 0.0)
-        x, y = _downhill(self._places[-1].pose)
+        x, y = _downhill(self._samples[-1].pose)
         slid = self.slide_m_per_rad * abs(turn_rad)
         return Point(slid * x, slid * y)
 
     def odometry(self, fact: Odometry) -> None:
         """Add a sample of the wheel odometry."""
         before, self._raw = self._raw, fact
-        if self._places and fact.stamp_s < self._places[-1].stamp_s:
-            self._places.clear()
+        if self._samples and fact.stamp_s < self._samples[-1].stamp_s:
+            self._samples.clear()
             self._before = None
-        if before is None or not self._places:
-            self._places.append(_OdometrySample(fact.stamp_s, fact.pose, 0.0, 0.0, 0.0, 0.0, 0.0))
+        if before is None or not self._samples:
+            self._samples.append(_OdometrySample(fact.stamp_s, fact.pose, 0.0, 0.0, 0.0, 0.0, 0.0))
             return
-        last = self._places[-1]
+        last = self._samples[-1]
         step = Point(fact.pose.x_m - before.pose.x_m, fact.pose.y_m - before.pose.y_m)
         turn_rad = abs(wrap_rad(fact.pose.heading_rad - before.pose.heading_rad))
         x, y = _downhill(fact.pose)
@@ -168,22 +170,23 @@ class PoseFusion:
         if self.fused:
             x_m, y_m = last.pose.x_m + step.x_m, last.pose.y_m + step.y_m
             pose = replace(pose, x_m=x_m + slid * x, y_m=y_m + slid * y)
-        slope, way_m = hypot(x, y), hypot(step.x_m, step.y_m)
+        slope, distance_m = hypot(x, y), hypot(step.x_m, step.y_m)
         since_s = max(0.0, fact.stamp_s - last.stamp_s)
-        self._places.append(
+        self._samples.append(
             _OdometrySample(
                 fact.stamp_s,
                 pose,
-                last.way_m + way_m,
+                last.distance_m + distance_m,
                 last.turn_rad + turn_rad,
                 last.slide
-                + slope * (SLIDE_M_PER_RAD * turn_rad + SLIDE_PER_M * way_m + SLIDE_MPS * since_s),
+                + slope
+                * (SLIDE_M_PER_RAD * turn_rad + SLIDE_PER_M * distance_m + SLIDE_MPS * since_s),
                 last.downhill_x + turn_rad * x,
                 last.downhill_y + turn_rad * y,
             )
         )
-        while self._places[0].stamp_s < fact.stamp_s - KEPT_S:
-            self._places.popleft()
+        while self._samples[0].stamp_s < fact.stamp_s - FRAME_BUFFER_S:
+            self._samples.popleft()
         self._approach()
 
     def second_odometry(self, fact: SecondOdometry) -> None:
@@ -199,11 +202,11 @@ class PoseFusion:
         if self.fused and newest is not None and self._before is not None:
             self._correct(self._before, here, newest.second, fact.pose)
         self._before = here
-        place = Point(here.pose.x_m + self._target.x_m, here.pose.y_m + self._target.y_m)
+        point = Point(here.pose.x_m + self._target.x_m, here.pose.y_m + self._target.y_m)
         self.latest = FramePair(
             fact.stamp_s,
-            here.way_m,
-            replace(here.pose, x_m=place.x_m, y_m=place.y_m),
+            here.distance_m,
+            replace(here.pose, x_m=point.x_m, y_m=point.y_m),
             fact.pose,
             fact.position_sd_m,
             fact.heading_sd_rad,
@@ -218,11 +221,11 @@ class PoseFusion:
         apart_x = step.x_m * cosine - step.y_m * sine - (here.pose.x_m - before.pose.x_m)
         apart_y = step.x_m * sine + step.y_m * cosine - (here.pose.y_m - before.pose.y_m)
         self._learn(before, here, apart_x, apart_y)
-        way_m, turn_rad = here.way_m - before.way_m, here.turn_rad - before.turn_rad
+        distance_m, turn_rad = here.distance_m - before.distance_m, here.turn_rad - before.turn_rad
         left_x, left_y = self._left.x_m + apart_x, self._left.y_m + apart_y
-        self._left_sd_m += FRAME_PER_M * way_m
+        self._left_sd_m += FRAME_PER_M * distance_m
         self._wheels_m2 += (
-            WHEELS_PER_M * way_m + WHEELS_PER_RAD * turn_rad + here.slide - before.slide
+            WHEELS_PER_M * distance_m + WHEELS_PER_RAD * turn_rad + here.slide - before.slide
         ) ** 2
         sd_m = FRAME_M + self._left_sd_m
         beyond_m = max(0.0, hypot(left_x, left_y) - GATE_SD * sd_m)
@@ -240,22 +243,25 @@ class PoseFusion:
         turn_rad = here.turn_rad - before.turn_rad
         x, y = here.downhill_x - before.downhill_x, here.downhill_y - before.downhill_y
         turned = hypot(x, y)
-        if turn_rad < LEAST_TURN_RAD or turned < LEAST_SLOPE * turn_rad:
+        if turn_rad < MIN_TURN_RAD or turned < MIN_SLOPE * turn_rad:
             return
         downhill_m = (apart_x * x + apart_y * y) / turned + self.slide_m_per_rad * turned
-        self._turns2 = FORGOTTEN * self._turns2 + turned**2
-        self._slid = FORGOTTEN * self._slid + turned * downhill_m
+        self._turns2 = FORGETTING_FACTOR * self._turns2 + turned**2
+        self._slid = FORGETTING_FACTOR * self._slid + turned * downhill_m
 
     def _at(self, stamp_s: float) -> _OdometrySample | None:
         """Return the dead-reckoned sample at a stamp; None if it is outside of the buffer."""
-        places = self._places
-        if not places or not places[0].stamp_s <= stamp_s <= places[-1].stamp_s + AHEAD_S:
+        samples = self._samples
+        if (
+            not samples
+            or not samples[0].stamp_s <= stamp_s <= samples[-1].stamp_s + MAX_FRAME_LEAD_S
+        ):
             return None
-        after = places[-1]
-        for place in reversed(places):
-            if place.stamp_s <= stamp_s:
-                return _between(place, after, stamp_s)
-            after = place
+        after = samples[-1]
+        for sample in reversed(samples):
+            if sample.stamp_s <= stamp_s:
+                return _between(sample, after, stamp_s)
+            after = sample
         return None
 
     def _approach(self) -> None:
@@ -303,7 +309,7 @@ def _between(one: _OdometrySample, other: _OdometrySample, stamp_s: float) -> _O
     return _OdometrySample(
         stamp_s,
         pose,
-        mix(one.way_m, other.way_m),
+        mix(one.distance_m, other.distance_m),
         mix(one.turn_rad, other.turn_rad),
         mix(one.slide, other.slide),
         mix(one.downhill_x, other.downhill_x),

@@ -13,7 +13,7 @@ from executive.settings import SlipSettings
 from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
 
-LONGEST_S: Final = 0.2
+MAX_GAP_S: Final = 0.2
 """Maximum time between two odometry messages; a longer gap is not corrected."""
 
 
@@ -61,7 +61,7 @@ class SlipCorrection:
 
     def _add(self, last: Odometry, odometry: Odometry) -> None:
         step_s = odometry.stamp_s - last.stamp_s
-        if not 0.0 < step_s <= LONGEST_S:
+        if not 0.0 < step_s <= MAX_GAP_S:
             return
         velocity = odometry.velocity
         travel_mps2 = (velocity.travel_mps - last.velocity.travel_mps) / step_s

@@ -20,22 +20,22 @@ WINDOW_S: Final = 0.2
 """Minimum duration of standstill by each fast source."""
 STANDING_TRAVEL_MPS: Final = 0.03
 STANDING_ROTATE_RADPS: Final = 0.06
-STANDING_WAY_M: Final = 0.01
+STANDING_DISTANCE_M: Final = 0.01
 STANDING_TURN_RAD: Final = 0.02
 """Maximum motion of the pose within the window."""
 STANDING_WHEEL_RADPS: Final = 0.5
 """Maximum wheel rate; a rim of 0.1 m then moves at 0.05 m/s."""
-FRAME_WAY_M: Final = 0.03
+FRAME_DISTANCE_M: Final = 0.03
 FRAME_TURN_RAD: Final = 0.02
 """Maximum motion between two frames of the second odometry: more than its noise."""
-SHAKEN_MPS2: Final = 1.5
+PUSH_MPS2: Final = 1.5
 """Level acceleration that shows a push while the wheels are stationary: more than noise."""
-SETTLED_S: Final = 0.06
+BRAKING_END_S: Final = 0.06
 """Time from the last motion in the odometry until braking no longer shows in the acceleration."""
-FELT_S: Final = 0.1
+PUSH_S: Final = 0.1
 """Duration of a push, and maximum time offset between odometry and inertial sensors."""
-SILENT_S: Final = 0.5
-FRAMES_SILENT_S: Final = 3.0
+SOURCE_TIMEOUT_S: Final = 0.5
+FRAME_TIMEOUT_S: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class SourceMotion:
     """
 
     source: str
-    stands: bool
+    is_standing: bool
     figures: tuple[Figure, ...]
     awaited: bool = False
 
@@ -75,7 +75,7 @@ class _Odometry:
         seen.append((now_s, stamp_s, pose, velocity))
         while len(seen) > 1 and seen[1][0] <= now_s - WINDOW_S:
             seen.popleft()
-        if not self._stands(now_s):
+        if not self._is_standing(now_s):
             self.since_s = inf
         elif self.since_s == inf:
             self.since_s = seen[0][1]
@@ -87,25 +87,25 @@ class _Odometry:
 
     def motion(self, now_s: float) -> SourceMotion | None:
         """Return the motion that it shows; None without a recent sample."""
-        if not self._seen or now_s - self._seen[-1][0] > SILENT_S:
+        if not self._seen or now_s - self._seen[-1][0] > SOURCE_TIMEOUT_S:
             return None
         first_s, _, first, _ = self._seen[0]
         last_s, _, last, velocity = self._seen[-1]
         travel_mps, rotate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
         if last_s > first_s:
-            way_m, turn_rad = _step(first, last)
-            travel_mps = max(travel_mps, way_m / (last_s - first_s))
+            distance_m, turn_rad = _step(first, last)
+            travel_mps = max(travel_mps, distance_m / (last_s - first_s))
             rotate_radps = max(rotate_radps, turn_rad / (last_s - first_s))
         return SourceMotion(
             "odometry", self.since_s < inf, _figures("odometry", travel_mps, rotate_radps)
         )
 
-    def _stands(self, now_s: float) -> bool:
+    def _is_standing(self, now_s: float) -> bool:
         first_s, _, first, _ = self._seen[0]
-        way_m, turn_rad = _step(first, self._seen[-1][2])
+        distance_m, turn_rad = _step(first, self._seen[-1][2])
         return (
             first_s <= now_s - WINDOW_S + 1e-9
-            and way_m < STANDING_WAY_M
+            and distance_m < STANDING_DISTANCE_M
             and turn_rad < STANDING_TURN_RAD
             and all(is_slow(velocity) for _, _, _, velocity in self._seen)
         )
@@ -118,23 +118,23 @@ class _Rate:
         self._source = source
         self._bound = bound
         self._rate = 0.0
-        self._since_s = self._heard_s = -inf
+        self._since_s = self._last_sample_s = -inf
 
     def take(self, now_s: float, rate_radps: float) -> None:
         if not isfinite(rate_radps):
             return
-        if abs(rate_radps) >= self._bound or now_s - self._heard_s > SILENT_S:
+        if abs(rate_radps) >= self._bound or now_s - self._last_sample_s > SOURCE_TIMEOUT_S:
             self._since_s = now_s
-        self._rate, self._heard_s = abs(rate_radps), now_s
+        self._rate, self._last_sample_s = abs(rate_radps), now_s
 
     def motion(self, now_s: float) -> SourceMotion | None:
         """Return the motion that it shows; None before the first sample."""
-        if self._heard_s == -inf:
+        if self._last_sample_s == -inf:
             return None
-        silent = now_s - self._heard_s > SILENT_S
-        stands = not silent and self._heard_s - self._since_s >= WINDOW_S - 1e-9
+        silent = now_s - self._last_sample_s > SOURCE_TIMEOUT_S
+        is_standing = not silent and self._last_sample_s - self._since_s >= WINDOW_S - 1e-9
         figures = (Figure(self._source, self._rate, "rad/s"),)
-        return SourceMotion(self._source, stands, figures, silent)
+        return SourceMotion(self._source, is_standing, figures, silent)
 
 
 class _Frames:
@@ -143,34 +143,34 @@ class _Frames:
     def __init__(self) -> None:
         self._reference: tuple[float, Pose] | None = None
         self._last: tuple[float, Pose] | None = None
-        self._heard_s = -inf
+        self._last_frame_s = -inf
         self._speeds = (0.0, 0.0)
-        self._stands = self._compared = False
+        self._is_standing = self._compared = False
 
     def take(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
         """Add a frame. `since_s` is the stamp since which odometry shows standstill."""
         if not pose.finite:
             return
-        before, self._last, self._heard_s = self._last, (stamp_s, pose), now_s
+        before, self._last, self._last_frame_s = self._last, (stamp_s, pose), now_s
         if before is not None and stamp_s > before[0]:
-            way_m, turn_rad = _step(before[1], pose)
-            self._speeds = way_m / (stamp_s - before[0]), turn_rad / (stamp_s - before[0])
-        self._stands = self._compared = False
+            distance_m, turn_rad = _step(before[1], pose)
+            self._speeds = distance_m / (stamp_s - before[0]), turn_rad / (stamp_s - before[0])
+        self._is_standing = self._compared = False
         if self._reference is not None and self._reference[0] >= since_s:
             self._compared = True
-            way_m, turn_rad = _step(self._reference[1], pose)
-            self._stands = way_m < FRAME_WAY_M and turn_rad < FRAME_TURN_RAD
-        if not self._stands:
+            distance_m, turn_rad = _step(self._reference[1], pose)
+            self._is_standing = distance_m < FRAME_DISTANCE_M and turn_rad < FRAME_TURN_RAD
+        if not self._is_standing:
             self._reference = (stamp_s, pose)
 
     def motion(self, now_s: float, since_s: float) -> SourceMotion | None:
         """Return the motion that it shows; None before the first frame."""
         if self._reference is None:
             return None
-        known = now_s - self._heard_s <= FRAMES_SILENT_S and self._reference[0] >= since_s
+        known = now_s - self._last_frame_s <= FRAME_TIMEOUT_S and self._reference[0] >= since_s
         figures = _figures("second odometry", *self._speeds)
-        stands = known and self._stands
-        return SourceMotion("second odometry", stands, figures, not (known and self._compared))
+        is_standing = known and self._is_standing
+        return SourceMotion("second odometry", is_standing, figures, not (known and self._compared))
 
 
 class StandstillDetector:
@@ -192,7 +192,7 @@ class StandstillDetector:
                 self._odometry.take(now_s, stamp_s, pose, velocity)
             case Imu():
                 self._gyro.take(now_s, fact.gyro_z_radps)
-                if _level_mps2(fact) > SHAKEN_MPS2:
+                if _level_mps2(fact) > PUSH_MPS2:
                     self._shaken_s = self._odometry.stamp_s
             case Joints():
                 wheels_radps = (*fact.left_radps, *fact.right_radps)
@@ -212,8 +212,8 @@ class StandstillDetector:
 
         While the rover brakes, they cannot show a push.
         """
-        pushed = self._shaken_s > self.since_s + SETTLED_S
-        return self._shaken_s + FELT_S if pushed else self.since_s
+        pushed = self._shaken_s > self.since_s + BRAKING_END_S
+        return self._shaken_s + PUSH_S if pushed else self.since_s
 
     def by_source(self) -> tuple[SourceMotion, ...]:
         """Return the motion by each source that was ever received."""
@@ -227,7 +227,7 @@ class StandstillDetector:
         return tuple(motion for motion in motions if motion is not None)
 
 
-def listed(sources: Sequence[str]) -> str:
+def join_sources(sources: Sequence[str]) -> str:
     """Return a list of sources, for display."""
     if len(sources) == 1:
         return f"by {sources[0]} alone"

@@ -37,7 +37,7 @@ from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reports import Identity
 
-COUNTED_M: Final = 0.01
+ODOMETER_STEP_M: Final = 0.01
 """Minimum step that counts for the distance travelled: noise of odometry at rest does not count."""
 
 
@@ -46,7 +46,7 @@ class Status:
 
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the speed limits set now.
-        slow_ratio: factor of these speeds while a fault slows the rover down, else 1.
+        speed_limit_ratio: factor of these speeds while a fault slows the rover down, else 1.
         compensation: offset of the measured pose, applied before use.
         odometry: the newest finite one, with the slip that it does not include itself.
         frame: the last camera frame; `frames` is its number.
@@ -67,7 +67,7 @@ class Status:
         self.travel_speed_mps = settings.drive.travel_speed_mps
         self.rotate_speed_radps = settings.drive.rotate_speed_radps
         self.camera_speed_radps = settings.camera.rotate_speed_radps
-        self.slow_ratio = 1.0
+        self.speed_limit_ratio = 1.0
         self.compensation = Pose()
         self.odometry: Odometry | None = None
         self.battery: Battery | None = None
@@ -79,8 +79,8 @@ class Status:
         self.motion_started_at_s = -inf
         self.motion_ended: MotionEnded | None = None
         self._motion_ended_at_s = -inf
-        self.elsewhere: Identity | None = None
-        self.foreign: tuple[str, ...] = ()
+        self.executed_by_relay: Identity | None = None
+        self.foreign_publishers: tuple[str, ...] = ()
         self.standstill = StandstillDetector(clock)
         self.rejections = Rejections(clock)
         second = settings.sensors.second_odometry
@@ -114,7 +114,7 @@ class Status:
                 self.frame = fact
                 self.frames += 1
             case ForeignPublishers(names):
-                self.foreign = names
+                self.foreign_publishers = names
             case MotionStarted():
                 self.motion_started = fact
                 self.motion_started_at_s = self._clock.now_s()
@@ -122,7 +122,7 @@ class Status:
                 self.motion_ended = fact
                 self._motion_ended_at_s = self._clock.now_s()
             case CommandUnderWay(identity):
-                self.elsewhere = identity
+                self.executed_by_relay = identity
             case Imu() | Joints():
                 self.standstill.observe(fact)
             case SecondOdometry():
@@ -131,7 +131,7 @@ class Status:
                     self.fusion.second_odometry(fact)
             case LaserScan():
                 if self._local_map is not None and self.odometry_fresh:
-                    self._local_map.see(fact, self._clock.now_s())
+                    self._local_map.add_scan(fact, self._clock.now_s())
             case RejectedData():
                 self.rejections.observe(fact)
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
@@ -166,20 +166,20 @@ class Status:
             known.position_m + position_m, known.heading_rad + heading_rad, cause
         )
 
-    def forget_seen(self) -> None:
+    def clear_local_map(self) -> None:
         """Clear the local map: the pose changed without a motion."""
         if self._local_map is not None:
-            self._local_map.forget()
+            self._local_map.clear()
 
     @property
     def travel_limit_mps(self) -> float:
         """The speed limit now."""
-        return self.travel_speed_mps * self.slow_ratio
+        return self.travel_speed_mps * self.speed_limit_ratio
 
     @property
     def rotate_limit_radps(self) -> float:
         """The yaw-rate limit now."""
-        return self.rotate_speed_radps * self.slow_ratio
+        return self.rotate_speed_radps * self.speed_limit_ratio
 
     @property
     def pose(self) -> Pose:
@@ -198,11 +198,11 @@ class Status:
             pitch_rad=raw.pitch_rad,
         )
 
-    def slide(self, turn_rad: float) -> Point:
+    def turn_slide(self, turn_rad: float) -> Point:
         """Return the expected slide of a turn on the spot here, in the frame of `pose`."""
         if self.fusion is None:
             return Point(0.0, 0.0)
-        slid, heading_rad = self.fusion.slide(turn_rad), self.compensation.heading_rad
+        slid, heading_rad = self.fusion.turn_slide(turn_rad), self.compensation.heading_rad
         return Point(
             slid.x_m * cos(heading_rad) - slid.y_m * sin(heading_rad),
             slid.x_m * sin(heading_rad) + slid.y_m * cos(heading_rad),
@@ -241,7 +241,7 @@ class Status:
         return is_slow(self.odometry.velocity)
 
     @property
-    def stood_since_motion(self) -> bool:
+    def stationary_since_motion(self) -> bool:
         """Whether odometry received since the end of the last whole motion shows standstill."""
         return self.standing and self._odometry_at_s >= self._motion_ended_at_s
 
@@ -281,7 +281,7 @@ class Status:
         if self._slip is not None:
             fact = self._slip.corrected(fact)
         if not self.odometry_fresh:
-            self.forget_seen()
+            self.clear_local_map()
         step_m, explained_m = 0.0, 0.0
         if (last := self.odometry) is not None:
             step_m = last.pose.point.distance_m(fact.pose.point)
@@ -289,15 +289,15 @@ class Status:
             explained_m = self._settings.faults.odometry_jumped.bound
             explained_m += self.odometry_age_s * max(speeds_mps)
         self.odometry = fact
-        place = fact.pose.point
+        point = fact.pose.point
         if self._counted_at is None or step_m > explained_m:
-            self._counted_at = place
-        elif (way_m := self._counted_at.distance_m(place)) >= COUNTED_M:
-            self._counted_m += way_m
-            self._counted_at = place
+            self._counted_at = point
+        elif (distance_m := self._counted_at.distance_m(point)) >= ODOMETER_STEP_M:
+            self._counted_m += distance_m
+            self._counted_at = point
         self._odometry_at_s = self._clock.now_s()
         self.standstill.observe(fact)
         if self.fusion is not None:
             self.fusion.odometry(fact)
         if self._local_map is not None:
-            self._local_map.follow(fact.stamp_s, self.pose, fact.velocity)
+            self._local_map.add_pose(fact.stamp_s, self.pose, fact.velocity)

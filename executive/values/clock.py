@@ -14,7 +14,7 @@ class Clock(Protocol):
         """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
 
 
-def kept_s(time_s: float) -> float:
+def round_for_recording_s(time_s: float) -> float:
     """Round a time to 0.1 ms. Finer digits would only enlarge recordings."""
     return round(time_s, 4)
 
@@ -24,11 +24,11 @@ class SystemClock:
 
     def now_s(self) -> float:
         """Return seconds since boot, including the time suspended."""
-        return kept_s(time.clock_gettime(time.CLOCK_BOOTTIME))
+        return round_for_recording_s(time.clock_gettime(time.CLOCK_BOOTTIME))
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""
-        return kept_s(time.time())
+        return round_for_recording_s(time.time())
 
 
 class LatchedClock:
@@ -43,7 +43,7 @@ class LatchedClock:
         self.begin()
 
     @property
-    def held(self) -> bool:
+    def latched(self) -> bool:
         """Whether the reading is latched."""
         return self._depth > 0
 

@@ -68,8 +68,10 @@ class Pose:
     @property
     def finite(self) -> bool:
         """Whether every component is finite."""
-        place = isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.z_m)
-        return place and all(map(isfinite, (self.heading_rad, self.roll_rad, self.pitch_rad)))
+        is_position_finite = isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.z_m)
+        return is_position_finite and all(
+            map(isfinite, (self.heading_rad, self.roll_rad, self.pitch_rad))
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ class Velocity:
         """Whether both components are finite."""
         return isfinite(self.travel_mps) and isfinite(self.rotate_radps)
 
-    def toward(self, other: "Velocity", part: float) -> "Velocity":
+    def interpolate(self, other: "Velocity", part: float) -> "Velocity":
         """Interpolate between this velocity (part 0) and another (part 1)."""
         return Velocity(
             self.travel_mps + part * (other.travel_mps - self.travel_mps),
@@ -95,7 +97,7 @@ class Velocity:
 STANDING = Velocity()
 
 
-FINEST_TURN_RAD: Final = 0.2
+ARC_RESOLUTION_RAD: Final = 0.2
 """Maximum turn of an arc for each line segment that approximates it; chosen, not measured."""
 
 
@@ -106,14 +108,14 @@ def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point],
     """
     turn_rad = velocity.rotate_radps * duration_s
     length_m = velocity.travel_mps * duration_s
-    pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / FINEST_TURN_RAD))
+    pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / ARC_RESOLUTION_RAD))
     whole = pieces * max(1.0, abs(turn_rad) / (2 * pi))
     parts = [step / whole for step in range(pieces + 1)]
-    places = [on_arc(pose, length_m * part, turn_rad * part).point for part in parts]
-    return places, on_arc(pose, length_m, turn_rad)
+    points = [arc_end(pose, length_m * part, turn_rad * part).point for part in parts]
+    return points, arc_end(pose, length_m, turn_rad)
 
 
-def on_arc(pose: Pose, length_m: float, turn_rad: float) -> Pose:
+def arc_end(pose: Pose, length_m: float, turn_rad: float) -> Pose:
     """Return the end pose of an arc that starts at a pose, along its heading."""
     half_rad = turn_rad / 2
     chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)

@@ -47,7 +47,7 @@ class WholeMotion:
     command: Identity
 
 
-Wanted = Velocity | WholeMotion
+MotionIntent = Velocity | WholeMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class VelocityRover(Rover, Protocol):
 class DelegatedMotionRover(Rover, Protocol):
     """A rover that executes whole motions by itself, and reports their end as `MotionEnded`."""
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         """Start a motion, replacing the running one."""
 
     def halt(self) -> None:
@@ -107,10 +107,10 @@ class Video(Protocol):
     """Forwarder of the camera's video stream to the ground."""
 
     @property
-    def on(self) -> bool:
+    def enabled(self) -> bool:
         """Whether the stream is forwarded."""
 
-    def switch(self, on: bool) -> None:
+    def set_enabled(self, on: bool) -> None:
         """Start or stop forwarding.
 
         Raises:

@@ -58,31 +58,31 @@ class Firmware:
         self.distort: Callable[[Readings], Readings | None] = lambda readings: readings
         self.mute = False
         self.ignored = 0
-        self._heard = MopsStream(self._ignore)
-        self._said = bytearray()
+        self._input_stream = MopsStream(self._ignore)
+        self._to_send = bytearray()
         self._task: _Task | None = None
         self._stops: list[Message] = []
-        self._heard_s = 0.0
+        self._last_received_s = 0.0
         self._silence_s = inf
         self._telemetry_number = 1
 
-    def take(self, octets: bytes, now_s: float) -> None:
+    def receive(self, octets: bytes, now_s: float) -> None:
         """Process octets, split at any position."""
-        self._heard_s = now_s
-        for message in self._heard.feed(octets):
-            self._hear(message, now_s)
+        self._last_received_s = now_s
+        for message in self._input_stream.feed(octets):
+            self._process_message(message, now_s)
 
-    def give(self) -> bytes:
+    def transmit(self) -> bytes:
         """Return the output since the last call."""
-        octets = b"" if self.mute else bytes(self._said)
-        self._said.clear()
+        octets = b"" if self.mute else bytes(self._to_send)
+        self._to_send.clear()
         return octets
 
     def step(self, now_s: float, senses: SensorReadings, period_s: float) -> SetPoints:
         """Advance by a period: take measurements, continue the task, emit replies and telemetry."""
         machine = self.machine
         machine.sense(now_s, senses)
-        if self._task is not None and now_s - self._heard_s > self._silence_s:
+        if self._task is not None and now_s - self._last_received_s > self._silence_s:
             machine.brake()
             text = f"no message of the host for {self._silence_s:g} s"
             self._end(Stage.CANCELLED, Reason.INTERRUPTED, text)
@@ -92,7 +92,7 @@ class Firmware:
             machine.begin(task.work)
             if machine.moving:
                 self._reply(task.command, Stage.STARTED)
-        points = self._go_on(period_s)
+        points = self._continue(period_s)
         if task is not None and task.begun and task is self._task and not machine.moving:
             self._end(Stage.EXECUTED)
         if self._stops and machine.odometry.standing:
@@ -105,14 +105,14 @@ class Firmware:
             self._measure()
         return points
 
-    def _go_on(self, period_s: float) -> SetPoints:
+    def _continue(self, period_s: float) -> SetPoints:
         try:
             return self.machine.set_points(period_s)
         except StuckError as error:
             self._end(Stage.FAILED, Reason.MOTION_NOT_EXECUTED, str(error))
             return self.machine.set_points(period_s)
 
-    def _hear(self, message: Message, now_s: float) -> None:
+    def _process_message(self, message: Message, now_s: float) -> None:
         if message.dest != self._settings.name or message.received or message.executed:
             self._ignore(str(message))
             return
@@ -135,7 +135,7 @@ class Firmware:
         elif self._task is not None or self._stops:
             doing = self._stops[0] if self._task is None else self._task.command
             self._refuse(message, Reason.QUEUE_FULL, f"BUSY: {doing.command} is under way")
-        elif text := self.machine.objection(request):
+        elif text := self.machine.refusal(request):
             self._refuse(message, Reason.OUT_OF_RANGE, text)
         else:
             due_s = now_s + self._random.uniform(*self._settings.latency_s)
@@ -175,7 +175,7 @@ class Firmware:
             received=stage is not Stage.REJECTED,
             executed=stage is Stage.EXECUTED,
         )
-        self._said += encode(reply)
+        self._to_send += encode(reply)
 
     def _measure(self) -> None:
         """Send telemetry with pose and speed."""
@@ -203,7 +203,7 @@ class Firmware:
         message = Message(
             spelling.code, self._settings.name, TO_ALL, spelling.command, outputs=tuple(outputs)
         )
-        self._said += encode(message)
+        self._to_send += encode(message)
 
     def _ignore(self, _: str) -> None:
         self.ignored += 1

@@ -37,9 +37,9 @@ Work = (
 )
 """Commands that this brick executes, except stop."""
 
-_SLOWEST = 0.01
-_FARTHEST_M = 100.0
-_FARTHEST_RAD = 100.0
+_MIN_SPEED = 0.01
+_MAX_DISTANCE_M = 100.0
+_MAX_ANGLE_RAD = 100.0
 _STILL: Rims = (0.0, 0.0)
 
 
@@ -96,23 +96,23 @@ class Machine:
         self.senses = senses
         self.odometry.advance(now_s, senses.left_deg, senses.right_deg)
 
-    def objection(self, work: Work) -> str:
+    def refusal(self, work: Work) -> str:
         """Return the reason to reject a command; empty to accept it."""
         fastest = self._settings
         match work:
             case SetTravelSpeed(speed_mps):
-                return _bound("speed", speed_mps, _SLOWEST, fastest.travel_mps)
+                return _bound("speed", speed_mps, _MIN_SPEED, fastest.travel_mps)
             case SetRotateSpeed(speed_radps):
-                return _bound("speed", speed_radps, _SLOWEST, fastest.rotate_radps)
+                return _bound("speed", speed_radps, _MIN_SPEED, fastest.rotate_radps)
             case SetCameraRotateSpeed(speed_radps):
-                return _bound("speed", speed_radps, _SLOWEST, MAX_SPEED_RADPS)
+                return _bound("speed", speed_radps, _MIN_SPEED, MAX_SPEED_RADPS)
             case MoveForward(distance_m):
-                return _bound("distance", distance_m, -_FARTHEST_M, _FARTHEST_M)
+                return _bound("distance", distance_m, -_MAX_DISTANCE_M, _MAX_DISTANCE_M)
             case MoveTo(target):
                 here, there = self.odometry.pose.point, Point(target.x_m, target.y_m)
-                return _bound("distance", here.distance_m(there), 0.0, _FARTHEST_M)
+                return _bound("distance", here.distance_m(there), 0.0, _MAX_DISTANCE_M)
             case RotateBy(angle_rad) | RotateTo(angle_rad):
-                return _bound("angle", angle_rad, -_FARTHEST_RAD, _FARTHEST_RAD)
+                return _bound("angle", angle_rad, -_MAX_ANGLE_RAD, _MAX_ANGLE_RAD)
             case DriveFor(travel_mps, rotate_radps, duration_s):
                 return (
                     _bound("travel", abs(travel_mps), 0.0, fastest.travel_mps)

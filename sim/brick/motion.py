@@ -16,7 +16,7 @@ from sim.brick.settings import BrickSettings
 
 _SYNC_PER_S = 4.0
 """Gain that slows down the wheel that leads. Chosen, not measured."""
-_SYNC_MOST = 0.3
+_MAX_SYNC = 0.3
 
 
 class Segment(Protocol):
@@ -58,7 +58,7 @@ class RollSegment:
         faster_mps = self._now_mps + self.settings.rim_mps2 * period_s
         braking_mps = max(self.settings.creep_mps, sqrt(2 * self.settings.rim_mps2 * rest_m))
         self._now_mps = min(self.speed_mps, faster_mps, braking_mps)
-        max_mps = _SYNC_MOST * self._now_mps
+        max_mps = _MAX_SYNC * self._now_mps
         sync_mps = max(-max_mps, min(max_mps, _SYNC_PER_S * (left_m - right_m)))
         return self.left * (self._now_mps - sync_mps), self.right * (self._now_mps + sync_mps)
 
@@ -98,7 +98,7 @@ PlannedSegment = Callable[[Pose], Segment]
 
 _STILL: Rims = (0.0, 0.0)
 _SHOULD_TURN_MPS = 0.005
-_NEAR_M = 0.005
+_MIN_DRIVE_M = 0.005
 """Distance to a target below which no line is driven."""
 
 
@@ -127,7 +127,7 @@ class SegmentSequence:
             StuckError: a wheel does not turn.
         """
         rims_m = self._odometry.rims_m
-        self._look_after_wheels(rims_m, period_s)
+        self._check_stall(rims_m, period_s)
         if self._segment is None and self._odometry.standing:
             if not self._waiting:
                 return None
@@ -141,7 +141,7 @@ class SegmentSequence:
         self._rolling_mps = rolling_mps or _STILL
         return self._rolling_mps
 
-    def _look_after_wheels(self, rims_m: Rims, period_s: float) -> None:
+    def _check_stall(self, rims_m: Rims, period_s: float) -> None:
         for number, side in enumerate(("left", "right")):
             seen_m, still_s = self._watched[number]
             turns = rims_m[number] != seen_m or abs(self._rolling_mps[number]) < _SHOULD_TURN_MPS
@@ -185,7 +185,7 @@ def course(
                 lambda pose: headed(pose.point.bearing_rad(position))(pose),
                 lambda pose: line(pose.point.distance_m(position)),
             ]
-            if odometry.pose.point.distance_m(position) < _NEAR_M:
+            if odometry.pose.point.distance_m(position) < _MIN_DRIVE_M:
                 segments.clear()
             if target.heading_rad is not None:
                 segments.append(headed(target.heading_rad))

@@ -9,7 +9,7 @@ from typing import Final
 PACKET: Final = 64
 CLAIMED: Final = b"\x01"
 """Sent to a host that has claimed the brick; a second host receives the end of the stream."""
-MOST_WAITING: Final = 1024
+MAX_QUEUED: Final = 1024
 """Maximum number of packets queued for a host that does not read; further ones are lost."""
 
 
@@ -58,7 +58,7 @@ class UsbPlug:
         if self._host is None:
             return
         for start in range(0, len(octets), PACKET):
-            if len(self._waiting) < MOST_WAITING:
+            if len(self._waiting) < MAX_QUEUED:
                 self._waiting.append(octets[start : start + PACKET].ljust(PACKET, b"\0"))
         self._flush()
 

@@ -16,7 +16,7 @@ from sim.rover.lockstep import LockStep
 
 PLAN: Final = "calibration"
 REST_S: Final = 1.0
-LIMIT_S: Final = 300.0
+TIMEOUT_S: Final = 300.0
 
 
 def drive_pattern(settings: Settings, recording: Path, cargo_kg: float, seed: int) -> None:
@@ -31,15 +31,15 @@ def drive_pattern(settings: Settings, recording: Path, cargo_kg: float, seed: in
         closing(RunFile(recording)) as tape,
     ):
         lockstep = LockStep(settings, World(), Path(folder), seed, tape=tape)
-        lockstep.rover.load(cargo_kg)
+        lockstep.rover.set_cargo_mass(cargo_kg)
         lockstep.run(REST_S)
         lockstep.submit(Command(Identity(PLAN, 1), SubmitPlan(definition), "direct"))
         lockstep.submit(Command(Identity(PLAN, 2), ActivatePlan(PLAN), "direct"))
-        lockstep.run_until(lambda: _plan(lockstep).status in FINAL_STATUSES, LIMIT_S)
+        lockstep.run_until(lambda: _plan(lockstep).status in FINAL_STATUSES, TIMEOUT_S)
         plan = _plan(lockstep)
         lockstep.executive.close()
     if plan.status is not PlanStatus.COMPLETED:
-        raise RuntimeError(plan.text or f"the pattern is {plan.status.name} after {LIMIT_S:g} s")
+        raise RuntimeError(plan.text or f"the pattern is {plan.status.name} after {TIMEOUT_S:g} s")
 
 
 def _plan(lockstep: LockStep) -> PlanUpdate:

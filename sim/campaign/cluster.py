@@ -114,8 +114,8 @@ def results(
     given: dict[Any, J] = {}
     running = as_completed(with_results=True, raise_errors=False, loop=client.loop)
 
-    def submit(most: int) -> None:
-        chunk = list(islice(waiting, most))
+    def submit(maximum: int) -> None:
+        chunk = list(islice(waiting, maximum))
         futures = client.map(play, chunk, pure=False) if chunk else []
         given.update((future.key, job) for future, job in zip(futures, chunk, strict=True))
         running.update(futures)

@@ -137,7 +137,7 @@ def _play(
     runs: int | None,
     out: Path,
     resume: bool,
-    keep: int,
+    max_saved: int,
     cluster: "AbstractContextManager[Client]",
     again: str,
 ) -> int:
@@ -150,9 +150,9 @@ def _play(
     from sim.campaign.output import open_output
     from sim.campaign.progress import ProgressBar, show
     from sim.campaign.reading import campaign_path, load_campaign
-    from sim.campaign.session import CampaignSession, keep_failed
+    from sim.campaign.session import CampaignSession, save_failed_runs
     from sim.campaign.verdict import judge
-    from sim.campaign.worker import play_and_keep, play_job
+    from sim.campaign.worker import run_and_archive, run_job
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     loaded = load_campaign(file, runs)
@@ -164,9 +164,9 @@ def _play(
         click.echo(f"Warning: {text} and grids more often than others", err=True)
     try:
         with cluster as client, ProgressBar(console) as bar:
-            CampaignSession(loaded, data, partial(results, client, play_job), bar).to_the_end()
-            unlike = keep_failed(
-                loaded, data, partial(results, client, play_and_keep), out, keep, bar
+            CampaignSession(loaded, data, partial(results, client, run_job), bar).to_the_end()
+            unlike = save_failed_runs(
+                loaded, data, partial(results, client, run_and_archive), out, max_saved, bar
             )
         for run in unlike:
             click.echo(f"Warning: run {run}, repeated, was not identical bit for bit", err=True)
@@ -174,10 +174,10 @@ def _play(
         show(console, verdict)
         _report(console, loaded, data, verdict, out)
     except ClusterError as error:
-        click.echo(f"Error: {error}\n{_kept(len(data.numbers()), out, again)}", err=True)
+        click.echo(f"Error: {error}\n{_resume_hint(len(data.numbers()), out, again)}", err=True)
         return NOT_USABLE
     except KeyboardInterrupt:
-        click.echo(f"Interrupted. {_kept(len(data.numbers()), out, again)}", err=True)
+        click.echo(f"Interrupted. {_resume_hint(len(data.numbers()), out, again)}", err=True)
         return INTERRUPTED
     if verdict.empty:
         click.echo("Error: a criterion matches no run", err=True)
@@ -208,5 +208,5 @@ def _cluster(on: str | None, jobs: int | None) -> "AbstractContextManager[Client
     return local_cluster(jobs or cores()) if on is None else cluster_at(on)
 
 
-def _kept(runs: int, out: Path, again: str) -> str:
+def _resume_hint(runs: int, out: Path, again: str) -> str:
     return f"{runs} runs are saved in {out}; resume with: {again}"

@@ -8,9 +8,9 @@ from math import isfinite, prod
 from typing import Final
 
 from executive.settings import figure
-from sim.campaign.where import EVERYWHERE, RunFilter
+from sim.campaign.run_filter import EVERYWHERE, RunFilter
 
-MOST_RUNS: Final = 10_000_000
+MAX_RUNS: Final = 10_000_000
 
 Scalar = str | int | float | bool
 """One value of YAML; a text is YAML itself, such as `5deg` or `[1, 2]`."""
@@ -178,7 +178,7 @@ class Success:
         where: filter of the runs.
     """
 
-    success: float = figure(most=1.0)
+    success: float = figure(maximum=1.0)
     confidence: float = figure(0.5, 0.999999, default=0.95)
     where: RunFilter = EVERYWHERE
 
@@ -191,7 +191,7 @@ class Success:
         """The minimum share."""
         return self.success
 
-    wanted = bound
+    required_share = bound
 
     def __str__(self) -> str:
         return f"success at least {self.success:g}, confidence {self.confidence:g}{self.where}"
@@ -209,7 +209,7 @@ class Quantile:
         where: filter of the runs. A run without the figure does not meet the bound.
     """
 
-    quantile: float = figure(most=1.0)
+    quantile: float = figure(maximum=1.0)
     of: str
     below: float | None = None
     above: float | None = None
@@ -219,7 +219,7 @@ class Quantile:
     def __post_init__(self) -> None:
         if (self.below is None) == (self.above is None):
             raise ValueError("one of below, above is needed")
-        if self.wanted == 0:
+        if self.required_share == 0:
             side = "above 0" if self.above is None else "below 1"
             raise ValueError(f"quantile: {self.quantile:g} holds for any runs; give one {side}")
 
@@ -231,7 +231,7 @@ class Quantile:
         return found
 
     @property
-    def wanted(self) -> float:
+    def required_share(self) -> float:
         """Share of the runs that must meet the bound."""
         return self.quantile if self.above is None else 1 - self.quantile
 
@@ -243,7 +243,7 @@ class Quantile:
         )
 
 
-Hold = Success | Quantile
+Criterion = Success | Quantile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,8 +258,8 @@ class Until:
 
     until: float = figure(1e-6, 1.0)
     confidence: float = figure(0.5, 0.999999, default=0.95)
-    at_least: int = figure(1, MOST_RUNS, default=100)
-    most: int = figure(1, MOST_RUNS, default=100_000)
+    at_least: int = figure(1, MAX_RUNS, default=100)
+    most: int = figure(1, MAX_RUNS, default=100_000)
 
     def __post_init__(self) -> None:
         if self.most < self.at_least:
@@ -284,7 +284,7 @@ class Campaign:
     runs: int | Until
     seed: int = figure(default=0)
     vary: tuple[Variation, ...] = ()
-    hold: tuple[Hold, ...]
+    hold: tuple[Criterion, ...]
 
     @property
     def grids(self) -> tuple[tuple[str, Grid], ...]:

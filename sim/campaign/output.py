@@ -44,7 +44,7 @@ class CampaignFingerprint:
         prints = "".join(map(fingerprint, campaign.scenarios))
         return cls(campaign.title, _digest(drawn), _digest(prints), software())
 
-    def obstacle(self, other: "CampaignFingerprint") -> str:
+    def mismatch(self, other: "CampaignFingerprint") -> str:
         """Return why another campaign's runs do not fit this one's; empty if they do."""
         if self.software != other.software:
             return f"the software has changed: {self.software.differences(other.software)}"
@@ -94,7 +94,7 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
     identity = CampaignFingerprint.of(campaign)
     begun = (folder / FILE).is_file()
     if resume and begun:
-        obstacle = _read(folder / FILE).obstacle(identity)
+        obstacle = _read(folder / FILE).mismatch(identity)
         if obstacle:
             raise SettingsError(f"{folder} cannot be resumed: {obstacle}; choose another --out")
     elif not _usable(folder):

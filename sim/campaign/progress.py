@@ -60,7 +60,7 @@ class ProgressBar(Progress):
             console=console,
         )
         self._runs = self.add_task("runs", total=None, succeeded=0)
-        self._kept = self._runs
+        self._save_task = self._runs
         self._succeeded = self._failed = 0
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
@@ -68,24 +68,24 @@ class ProgressBar(Progress):
         self._succeeded = succeeded
         self.update(self._runs, total=total, completed=done, succeeded=succeeded)
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         """Show one more run; the first failed ones with their number and cause."""
         self._succeeded += run.holds
         if not run.holds:
             self._failed += 1
-            self._tell_of(run)
+            self._print_failure(run)
         self.update(self._runs, advance=1, succeeded=self._succeeded)
 
-    def keep(self, total: int) -> None:
+    def mark_delivered(self, total: int) -> None:
         """Show the number of failed runs to save."""
         if total:
-            self._kept = self.add_task("failed runs saved", total=total)
+            self._save_task = self.add_task("failed runs saved", total=total)
 
-    def kept(self) -> None:
+    def delivered_up_to(self) -> None:
         """Show that one more is saved."""
-        self.advance(self._kept)
+        self.advance(self._save_task)
 
-    def _tell_of(self, run: CampaignRun) -> None:
+    def _print_failure(self, run: CampaignRun) -> None:
         if self._failed <= FIRST_FAILURES:
             self.console.print(f"run {run.run} fails: {escape(run.failed_findings[0])}")
             self.console.print(f"  [dim]{escape(run.command)}[/]", soft_wrap=True)

@@ -25,7 +25,7 @@ from executive.settings import (
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
 from sim.campaign.model import (
-    MOST_RUNS,
+    MAX_RUNS,
     Alternative,
     Campaign,
     Choice,
@@ -45,14 +45,14 @@ from sim.campaign.model import (
     Variation,
     combinations,
 )
-from sim.campaign.where import RunFilter, require_key
+from sim.campaign.run_filter import RunFilter, require_key
 from sim.scenario.changes import NO_FAULT, Override
 from sim.scenario.model import RunMode
 from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 
-MOST_COMBINATIONS: Final = 1_000_000
+MAX_COMBINATIONS: Final = 1_000_000
 _NAME: Final = re.compile(r"[A-Za-z_][\w-]*")
-FARTHEST: Final = 6.0
+TRIED_STANDARD_DEVIATIONS: Final = 6.0
 """Tried range of a normal distribution in standard deviations from its mean; one draw in 500
 million is beyond."""
 
@@ -101,8 +101,8 @@ def _campaign(raw: object, folder: Path) -> Campaign:
     filled = {key: value for key, value in raw.items() if key not in ("scenario", "vary")}
     filled |= {"scenarios": list(scenarios), "vary": list(vary)}
     many = combinations(scenarios, vary)
-    if many > MOST_COMBINATIONS:
-        raise FormatError("vary", f"{many} combinations of grids; {MOST_COMBINATIONS} at most")
+    if many > MAX_COMBINATIONS:
+        raise FormatError("vary", f"{many} combinations of grids; {MAX_COMBINATIONS} at most")
     if "runs" not in raw and any(variation.grids for variation in vary):
         filled["runs"] = many
     if not raw.get("hold"):
@@ -149,8 +149,8 @@ def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
 def _runs(raw: object) -> int | Until:
     if isinstance(raw, dict):
         return _reader().read(raw, Until)
-    if type(raw) is not int or not 1 <= raw <= MOST_RUNS:
-        raise ValueError(f"expected 1 .. {MOST_RUNS}, or until: WIDTH, got {shown(raw)}")
+    if type(raw) is not int or not 1 <= raw <= MAX_RUNS:
+        raise ValueError(f"expected 1 .. {MAX_RUNS}, or until: WIDTH, got {shown(raw)}")
     return raw
 
 
@@ -293,7 +293,10 @@ def _check_scenarios(campaign: Campaign) -> None:
                 except FormatError as error:
                     if not _boundless(variation):
                         raise
-                    hint = f"normal is tried {FARTHEST:g} standard deviations from its mean"
+                    hint = (
+                        f"normal is tried {TRIED_STANDARD_DEVIATIONS:g} standard deviations from"
+                        " its mean"
+                    )
                     raise FormatError(path, f"{error.faults[0][1]}; {hint}: add within") from error
 
 
@@ -313,19 +316,19 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
             assert not isinstance(value, FaultDraw)
             yield path, Override(variation.key, draws.written(value))
         return
-    said = {"at": variation.at, "for": variation.lasts}
+    raw = {"at": variation.at, "for": variation.lasts}
     times = {
         key: [time] if isinstance(time, float) else list(_ends_of(time))
-        for key, time in said.items()
+        for key, time in raw.items()
         if time is not None
     }
     faults = [each for each in values if isinstance(each, FaultDraw) and each.name != NO_FAULT]
     for index, fault in enumerate(faults):
-        drawn = any(isinstance(said, Number) for _, said in fault.parameters)
+        drawn = any(isinstance(raw, Number) for _, raw in fault.parameters)
         for end in (0, -1) if drawn or not index else (0,):
             given = {
-                name: list(_ends_of(said))[end] if isinstance(said, Number) else said
-                for name, said in fault.parameters
+                name: list(_ends_of(raw))[end] if isinstance(raw, Number) else raw
+                for name, raw in fault.parameters
             }
             ends = {key: found[end] for key, found in times.items()}
             yield path, fault_change(fault.name, given, ends)
@@ -345,7 +348,10 @@ def _ends_of(distribution: Distribution) -> Iterator[Any]:
         case Uniform(interval) | LogUniform(interval):
             yield from (interval.low, interval.high)
         case Normal((mean, deviation), None):
-            yield from (mean - FARTHEST * deviation, mean + FARTHEST * deviation)
+            yield from (
+                mean - TRIED_STANDARD_DEVIATIONS * deviation,
+                mean + TRIED_STANDARD_DEVIATIONS * deviation,
+            )
         case Normal(_, Interval(low, high)):
             yield from (low, high)
         case Integers((first, last)):

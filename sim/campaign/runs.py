@@ -21,7 +21,7 @@ from executive.settings import SettingsError
 from executive.values.reasons import Reason
 from sim.campaign.draws import ValueKind, VariedQuantity, quantities
 from sim.campaign.model import Campaign, Scalar
-from sim.campaign.where import EVERYWHERE, RunFilter
+from sim.campaign.run_filter import EVERYWHERE, RunFilter
 from sim.campaign.worker import JobResult
 from sim.scenario.outcome import RunMetrics
 

@@ -43,17 +43,17 @@ class ProgressListener(Protocol):
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Called with the planned number of runs, and the existing ones."""
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         """Called with each further run."""
 
 
 class ArtifactListener(Protocol):
     """Receives the progress of saving failed runs."""
 
-    def keep(self, total: int) -> None:
+    def mark_delivered(self, total: int) -> None:
         """Called with the number of failed runs to save."""
 
-    def kept(self) -> None:
+    def delivered_up_to(self) -> None:
         """Called for each saved one."""
 
 
@@ -133,7 +133,7 @@ class CampaignSession:
                 run = self._run(result, given.pop(result.run))
                 fresh.append(run)
                 self._holds[run.run] = run.holds
-                self._watcher.played(run)
+                self._watcher.on_run(run)
                 now_s = self._clock()
                 if len(fresh) >= WRITE_EVERY or now_s - written_s >= WRITE_EVERY_S:
                     self._write(fresh)
@@ -149,7 +149,7 @@ class CampaignSession:
     def _run(self, result: JobResult | JobFailed, drawn: Draw) -> CampaignRun:
         if isinstance(result, JobFailed):
             raise SettingsError(
-                f"run {result.run} ({drawn.command}) cannot be executed: {result.why}"
+                f"run {result.run} ({drawn.command}) cannot be executed: {result.reason}"
             )
         names = [each.name for each in quantities(self._campaign)]
         return CampaignRun(
@@ -165,12 +165,12 @@ class CampaignSession:
         fresh.clear()
 
 
-def keep_failed(
+def save_failed_runs(
     campaign: Campaign,
     runs: RunTable,
     play: Callable[[Iterable[Job]], Iterator[RunArtifacts | JobFailed]],
     folder: Path,
-    most: int,
+    maximum: int,
     watcher: ArtifactListener,
 ) -> list[int]:
     """Save the files of failed runs that are not saved yet.
@@ -180,7 +180,7 @@ def keep_failed(
         runs: its complete data set.
         play: executes jobs, in any order.
         folder: folder of the campaign.
-        most: maximum number of saved runs, the first ones.
+        maximum: maximum number of saved runs, the first ones.
         watcher: receives the progress.
 
     Returns:
@@ -189,17 +189,17 @@ def keep_failed(
     Raises:
         SettingsError: a run cannot be repeated, or not be written.
     """
-    digests = {run.run: run.digest for run in islice(runs.read(failed=True), most)}
+    digests = {run.run: run.digest for run in islice(runs.read(failed=True), maximum)}
     missing = [run for run in digests if not folder_of(folder, run).exists()]
-    watcher.keep(len(missing))
+    watcher.mark_delivered(len(missing))
     unlike = []
     for result in play(job_of(draw(campaign, run)) for run in missing):
         if isinstance(result, JobFailed):
-            raise SettingsError(f"run {result.run} cannot be repeated: {result.why}")
+            raise SettingsError(f"run {result.run} cannot be repeated: {result.reason}")
         if result.digest != digests[result.run]:
             unlike.append(result.run)
         _unpack(result, folder_of(folder, result.run))
-        watcher.kept()
+        watcher.delivered_up_to()
     return sorted(unlike)
 
 
@@ -208,20 +208,20 @@ def folder_of(folder: Path, run: int) -> Path:
     return folder / FOLDER / f"run-{run:06d}"
 
 
-def is_kept(folder: Path, run: CampaignRun) -> bool:
+def is_saved(folder: Path, run: CampaignRun) -> bool:
     """Return whether the files of a failed run are saved, identical bit for bit."""
     digest = folder_of(folder, run.run) / DIGEST
     return digest.exists() and digest.read_text(encoding="utf-8") == run.digest
 
 
-def _unpack(kept: RunArtifacts, place: Path) -> None:
+def _unpack(artifacts: RunArtifacts, path: Path) -> None:
     """Write the files of a run into a folder, atomically."""
-    unfinished = place.with_suffix(".unfinished")
+    unfinished = path.with_suffix(".unfinished")
     rmtree(unfinished, ignore_errors=True)
     try:
-        with zipfile.ZipFile(io.BytesIO(kept.archive)) as files:
+        with zipfile.ZipFile(io.BytesIO(artifacts.archive)) as files:
             files.extractall(unfinished)
-        (unfinished / DIGEST).write_text(kept.digest, encoding="utf-8")
-        unfinished.rename(place)
+        (unfinished / DIGEST).write_text(artifacts.digest, encoding="utf-8")
+        unfinished.rename(path)
     except OSError as error:
-        raise SettingsError(f"{place}: cannot be written ({error.strerror})") from error
+        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from error

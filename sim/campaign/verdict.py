@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, assert_never
 
 from scipy.stats import binomtest
 
-from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success, Until
+from sim.campaign.model import Campaign, Criterion, Interval, Quantile, Success, Until
 from sim.campaign.runs import RunTable
 
 if TYPE_CHECKING:
@@ -111,12 +111,12 @@ class CampaignVerdict:
         (folder / FILE).write_text(text, encoding="utf-8")
 
 
-def clopper_pearson(kept: int, runs: int, confidence: float = INTERVAL_CONFIDENCE) -> Interval:
+def clopper_pearson(passed: int, runs: int, confidence: float = INTERVAL_CONFIDENCE) -> Interval:
     """Return the exact interval of a share, from the number of runs that meet it.
 
     The true share is beyond each end with half of the complement of the confidence.
     """
-    found = binomtest(kept, runs).proportion_ci(confidence, method="exact")
+    found = binomtest(passed, runs).proportion_ci(confidence, method="exact")
     return Interval(float(found.low), float(found.high))
 
 
@@ -153,41 +153,41 @@ def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
             )
 
 
-def _judged(hold: Hold, runs: RunTable) -> CriterionResult:
+def _judged(hold: Criterion, runs: RunTable) -> CriterionResult:
     """Judge by the number of runs that meet a bound; one without the figure does not."""
     key = hold.of if isinstance(hold, Quantile) else "holds"
     seen = runs.frame(key, where=hold.where)[key]
     judged = CriterionResult(
-        hold=str(hold), bound=hold.bound, wanted=hold.wanted, confidence=hold.confidence
+        hold=str(hold), bound=hold.bound, wanted=hold.required_share, confidence=hold.confidence
     )
     if seen.empty:
         return judged
-    which, figure = _kept(hold, seen)
-    kept, many, missing = int(which.sum()), len(seen), int(seen.isna().sum())
+    which, figure = _meets_bound(hold, seen)
+    passed, many, missing = int(which.sum()), len(seen), int(seen.isna().sum())
     # Each end alone has the required confidence, so that both together have less.
-    interval = clopper_pearson(kept, many, 2 * hold.confidence - 1)
-    judgement = _judgement(hold.wanted, interval, all_keep=kept == many)
+    interval = clopper_pearson(passed, many, 2 * hold.confidence - 1)
+    judgement = _judgement(hold.required_share, interval, all_passed=passed == many)
     text = f"{figure:.4g}" if isfinite(figure) else f"no {key} in {missing} runs"
-    text += f"; {kept} of {many} runs meet it"
+    text += f"; {passed} of {many} runs meet it"
     text += f", a share of {interval.low:.4g} .. {interval.high:.4g}"
-    if judgement is CriterionStatus.UNDECIDED and kept == many:
-        needed = ceil(log(1 - hold.confidence) / log(hold.wanted))
+    if judgement is CriterionStatus.UNDECIDED and passed == many:
+        needed = ceil(log(1 - hold.confidence) / log(hold.required_share))
         text += f"; {needed} runs are needed if all meet it"
     return replace(
         judged,
         judgement=judgement,
         figure=figure if isfinite(figure) else None,
-        share=kept / many,
+        share=passed / many,
         low=interval.low,
         high=interval.high,
-        kept=kept,
+        kept=passed,
         runs=many,
         missing=missing,
         text=text,
     )
 
 
-def _kept(hold: Hold, seen: "Series") -> tuple["Series", float]:
+def _meets_bound(hold: Criterion, seen: "Series") -> tuple["Series", float]:
     """Return the runs that meet a bound, and the figure: infinite if too many have none."""
     match hold:
         case Success():
@@ -200,8 +200,8 @@ def _kept(hold: Hold, seen: "Series") -> tuple["Series", float]:
             assert_never(hold)
 
 
-def _judgement(wanted: float, interval: Interval, *, all_keep: bool) -> CriterionStatus:
-    if interval.low >= wanted or (wanted == 1 and all_keep):
+def _judgement(wanted: float, interval: Interval, *, all_passed: bool) -> CriterionStatus:
+    if interval.low >= wanted or (wanted == 1 and all_passed):
         return CriterionStatus.HOLDS
     fails = interval.high < wanted or wanted == 1
     return CriterionStatus.FAILS if fails else CriterionStatus.UNDECIDED

@@ -17,9 +17,9 @@ from executive.settings import SettingsError
 from executive.values.reports import printable
 from sim.scenario.changes import Override
 from sim.scenario.model import RunMode, Scenario
-from sim.scenario.outcome import RunMetrics, play_once
-from sim.scenario.playing import DATA, play_recorded
+from sim.scenario.outcome import RunMetrics, run_once
 from sim.scenario.reading import load_scenario
+from sim.scenario.run import DATA, run_recorded
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
 ERROR: Final = "error.txt"
@@ -76,7 +76,7 @@ class JobFailed:
     """A run that cannot be executed, and the cause."""
 
     run: int
-    why: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +93,13 @@ class RunArtifacts:
     archive: bytes
 
 
-def play_job(job: Job) -> JobResult | JobFailed:
+def run_job(job: Job) -> JobResult | JobFailed:
     """Execute a run and return its result; one that raises an error has failed."""
     began_s = time.perf_counter()
     try:
         scenario = _scenario(job)
         with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as folder:
-            outcome = play_once(job.scenario, scenario, Path(folder))
+            outcome = run_once(job.scenario, scenario, Path(folder))
     except _OF_THIS_MACHINE as error:
         return JobFailed(job.run, _why(error))
     except Exception as error:
@@ -116,7 +116,7 @@ def play_job(job: Job) -> JobResult | JobFailed:
     return JobResult(job.run, scenario.seed, figures, holds, failed, digest, seconds)
 
 
-def play_and_keep(job: Job) -> RunArtifacts | JobFailed:
+def run_and_archive(job: Job) -> RunArtifacts | JobFailed:
     """Execute a run and return all its files, as `rover scenario --out` writes them.
 
     One that raises an error has `error.txt`, and the onboard files written before.
@@ -129,7 +129,7 @@ def play_and_keep(job: Job) -> RunArtifacts | JobFailed:
             folder = Path(scratch, "run")
             (folder / DATA).mkdir(parents=True)
             try:
-                outcome = play_recorded(job.scenario, scenario, folder)
+                outcome = run_recorded(job.scenario, scenario, folder)
             except _OF_THIS_MACHINE:
                 raise
             except Exception as error:

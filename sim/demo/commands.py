@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sim.scenario.scene import Fleet
 
 FAILED: Final = 1
-LONGEST_S: Final = 180.0
+MAX_DURATION_S: Final = 180.0
 """Maximum duration of a demonstration."""
 DEFAULT: Final = "jackal"
 SHOWS: Final = {
@@ -29,7 +29,7 @@ SHOWS: Final = {
 """Scenarios in config/demo that run at the same time, by demonstration."""
 NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
 ENDS: Final = "\nUse --stay to leave all processes running."
-ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\n"
+WATCH_NOTE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\n"
 
 
 @click.command()
@@ -110,8 +110,8 @@ def demo(
     from sim.processes import (
         AddressError,
         ChildError,
-        free_place,
-        known_place,
+        allocate_address,
+        default_address,
         operations_console,
     )
     from sim.scenario.model import RunMode
@@ -121,14 +121,16 @@ def demo(
     try:
         require("rclpy")
         with ExitStack() as running:
-            place = known_place() if stay or no_play else running.enter_context(free_place())
+            address = (
+                default_address() if stay or no_play else running.enter_context(allocate_address())
+            )
             folder = _make_folder(out)
             scenarios = _scenarios(show, mode, seed, played=not no_play)
             several = len(scenarios) > 1
             folders = [folder / each.settings.asset if several else folder for each in scenarios]
             relayed = folder if relay or assets else None
             fleet = running.enter_context(
-                fleet_of(scenarios, folders, place, relayed, speed, restart=True)
+                fleet_of(scenarios, folders, address, relayed, speed, restart=True)
             )
             # Imported while the processes start: these imports take as long as theirs.
             from sim.demo.display import make_console
@@ -146,7 +148,7 @@ def demo(
             played = play(fleet, scenarios, folders, mode, console, operations, not no_play)
             as_planned = show_outcome(played, folder, console) if played else True
             if stay or no_play:
-                _stay(fleet, place, console, operations)
+                _stay(fleet, address, console, operations)
             else:
                 console.print(ENDS)
             if not as_planned:
@@ -163,7 +165,7 @@ def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Seque
     paths = [config_folder() / "demo" / f"{name}.yaml" for name in SHOWS[show]]
     loaded = [replace(load_scenario(str(path), mode), seed=seed) for path in paths]
     return [
-        replace(each, lasts_s=LONGEST_S) if played else replace(each, timeline=())
+        replace(each, lasts_s=MAX_DURATION_S) if played else replace(each, timeline=())
         for each in loaded
     ]
 
@@ -176,9 +178,9 @@ async def _uris(fleet: "Fleet") -> list[str]:
     return [await fleet.uri(rover, mode) for rover in fleet.rovers for mode in modes]
 
 
-def _show(**asked: bool) -> str:
+def _show(**requested: bool) -> str:
     """Return the requested demonstration. Raise click.UsageError if there are several."""
-    chosen = [name for name, wanted in asked.items() if wanted]
+    chosen = [name for name, wanted in requested.items() if wanted]
     if len(chosen) > 1:
         options = " and ".join(f"--{name}" for name in chosen)
         raise click.UsageError(f"{options} are demonstrations of their own: choose one of them")
@@ -200,7 +202,7 @@ def _stay(
     if operations is not None:
         console.print(f"{BROWSE}{asyncio.run(operations.address())}\n")
     if place.domain != 0:
-        console.print(ELSEWHERE)
+        console.print(WATCH_NOTE)
     console.print("Ctrl-C ends it.")
     processes = [fleet.processes, *([operations] if operations else [])]
     try:
@@ -219,7 +221,7 @@ def _proposals(fleet: "Fleet", uris: Sequence[str]) -> str:
     of_rover = len(uris) // len(fleet.rovers)
     for number, rover in enumerate(fleet.rovers):
         asset = rover.settings.asset
-        there = f" --to 127.0.0.1:{rover.place.port}" if number else ""
+        there = f" --to 127.0.0.1:{rover.address.port}" if number else ""
         proposed = [f"command{there} moveTo 3 2 --heading 90deg", f"command{there} stop"]
         proposed += [f"command{there} resume", f"status{there}"]
         proposed.append("watch" if asset == DEFAULT else f"watch --asset {asset}")

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_HEARD, NEXT_CONTACT
+from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_RECEIVED, NEXT_CONTACT
 from executive.values.parameters import Parameter
 from executive.values.reports import Stage
 from sim.scenario.record import Receipt, Record, SeenStatus
@@ -91,15 +91,16 @@ def status_line(status: SeenStatus) -> Text:
 def relay_line(status: SeenStatus) -> Text:
     """Return the state of the relay in one line; unknown values are infinite."""
     queued, oldest_s, next_s, last_s = (
-        status.values.get(name, inf) for name in (DTN_QUEUED, DTN_OLDEST, NEXT_CONTACT, LAST_HEARD)
+        status.values.get(name, inf)
+        for name in (DTN_QUEUED, DTN_OLDEST, NEXT_CONTACT, LAST_RECEIVED)
     )
     contact: str | tuple[str, str] = ("contact ", "green")
     if next_s > 0:
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
-    oldest = f", oldest {oldest_s:.0f} s" if oldest_s else ""
+    age_text = f", oldest {oldest_s:.0f} s" if oldest_s else ""
     last = "" if isinf(last_s) else f"  last contact {last_s:.0f} s ago"
-    return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{oldest}", last)
+    return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{age_text}", last)
 
 
 COMMAND: Final = 32
@@ -251,5 +252,5 @@ def display(console: Console) -> LineDisplay:
     return TerminalDisplay(console) if console.is_terminal else LineDisplay(console)
 
 
-def _cut(words: str) -> str:
-    return words if len(words) <= COMMAND else f"{words[: COMMAND - 1]}…"
+def _cut(text: str) -> str:
+    return text if len(text) <= COMMAND else f"{text[: COMMAND - 1]}…"

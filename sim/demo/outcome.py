@@ -11,14 +11,14 @@ from rich.table import Table
 
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
-from sim.processes.recorder import told
+from sim.processes.recorder import format_elapsed
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.pictures import last_error, waited, write_run
 from sim.scenario.record import Record
-from sim.scenario.scene import Scene
+from sim.scenario.scene import LiveSetup
 from sim.scenario.sent import RELAY, sent_commands
-from sim.scenario.truth import way_m
+from sim.scenario.truth import path_length_m
 from trees import as_svg as tree_as_svg
 
 LOG = "mission-control.log"
@@ -34,7 +34,7 @@ Files = Iterator[tuple[tuple[Path, ...], str]]
 class Played:
     """A session that was run, and the folder of its files."""
 
-    scene: Scene
+    scene: LiveSetup
     scenario: Scenario
     folder: Path
     record: Record
@@ -82,16 +82,16 @@ def _summary(played: Played) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    record, heard = played.record, played.scene.heard
+    record, heard = played.record, played.scene.downlink_record
     if record.poses and record.odometry:
         drift_m = record.poses[-1].pose.point.distance_m(record.odometry[-1].point)
         table.add_row(
             "true error at the last waypoint",
             f"{last_error(record)}   (odometry is {100 * drift_m:.1f} cm off)",
         )
-    table.add_row("driven", f"{way_m(record.poses):.1f} m in {record.simulated_s:.1f} s")
+    table.add_row("driven", f"{path_length_m(record.poses):.1f} m in {record.simulated_s:.1f} s")
     if heard.moved_after_s is not None:
-        table.add_row("first motion", f"{told(heard.moved_after_s)} after the start")
+        table.add_row("first motion", f"{format_elapsed(heard.moved_after_s)} after the start")
     if any(receipt.link == RELAY for receipt in record.receipts):
         for name, figure in waited(record):
             table.add_row(name, figure)
@@ -117,7 +117,11 @@ def by_both(record: Record) -> Iterator[tuple[str, str]]:
 
 def _write(played: Played) -> Files:
     """Write the files of a rover, and yield them with their descriptions."""
-    folder, heard, aboard = played.folder, played.scene.heard, played.scene.rover.aboard
+    folder, recorder, aboard = (
+        played.folder,
+        played.scene.downlink_record,
+        played.scene.rover.aboard,
+    )
     *drawn, reports = write_run(folder, played.scenario, played.record)
     yield tuple(drawn[:2]), "the drive: planned, driven by odometry, true"
     relayed = played.scene.orbiter is not None
@@ -127,10 +131,10 @@ def _write(played: Played) -> Files:
     if pictures:
         picture = Path(shutil.copyfile(pictures[0], folder / "picture.jpg"))
         yield (picture,), "picture of the camera"
-    if heard.busiest is not None:
+    if recorder.busiest is not None:
         tree = folder / "tree.svg"
-        title = f"{heard.busiest.mode}: {heard.busiest.why}"
-        tree.write_text(tree_as_svg(heard.busiest.nodes, title), encoding="utf-8")
+        title = f"{recorder.busiest.mode}: {recorder.busiest.why}"
+        tree.write_text(tree_as_svg(recorder.busiest.nodes, title), encoding="utf-8")
         yield (tree,), "the behaviour tree at its busiest"
     yield (reports,), "every received report, as JSON"
     yield (aboard,), "data folder of the executive: ledger and files"

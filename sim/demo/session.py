@@ -11,11 +11,11 @@ from rich.console import Console
 
 from sim.demo.display import SessionView, display
 from sim.demo.outcome import LOG, Played
-from sim.processes import LOOK_S, AddressError, OperationsConsole
-from sim.processes.recorder import since_start_s, told
-from sim.scenario.live import play_in, ready
+from sim.processes import POLL_S, AddressError, OperationsConsole
+from sim.processes.recorder import format_elapsed, since_start_s
+from sim.scenario.live import ready, run_in_setup
 from sim.scenario.model import RunMode, Scenario
-from sim.scenario.scene import Fleet, Scene, links_of, scene_in
+from sim.scenario.scene import Fleet, LiveSetup, links_of, scene_in
 
 T = TypeVar("T")
 BROWSE: Final = "In a browser on this computer: "
@@ -67,16 +67,18 @@ def play(
             for scene, scenario in zip(scenes, scenarios, strict=True):
                 await _guarded(fleet, _get_ready(scene, scenario, mode))
             names = "rovers and executives are" if len(scenes) > 1 else "rover and executive are"
-            console.print(f"{names} ready after {told(since_start_s())}", style="dim")
+            console.print(f"{names} ready after {format_elapsed(since_start_s())}", style="dim")
             if not scripted:
                 return ()
             with display(console) as shown:
 
-                async def play_one(scene: Scene, scenario: Scenario, folder: Path) -> Played:
+                async def play_one(scene: LiveSetup, scenario: Scenario, folder: Path) -> Played:
                     links = [each.link for each in links_of(scenario, mode)]
                     name = scenario.settings.asset if len(scenes) > 1 else ""
                     view: SessionView = shown.view(links, name)
-                    record = await play_in(scene, scenario, mode, brief=True, on_news=view.on_news)
+                    record = await run_in_setup(
+                        scene, scenario, mode, brief=True, on_news=view.on_news
+                    )
                     return Played(scene, scenario, folder, record)
 
                 async def tell_address() -> None:
@@ -92,16 +94,16 @@ def play(
         return asyncio.run(play_all())
 
 
-async def _get_ready(scene: Scene, scenario: Scenario, mode: RunMode) -> None:
+async def _get_ready(scene: LiveSetup, scenario: Scenario, mode: RunMode) -> None:
     """Wait until a rover is ready on all links, and is the only publisher of its topics."""
     for link in links_of(scenario, mode):
         await ready(scene, link)
-    while not scene.heard.ready:
-        await asyncio.sleep(LOOK_S / 5)
-    place = scene.rover.place
+    while not scene.downlink_record.ready:
+        await asyncio.sleep(POLL_S / 5)
+    place = scene.rover.address
     if place.shared:
         await asyncio.sleep(DISCOVERY_S)
-    if scene.heard.rovers() > 1:
+    if scene.downlink_record.rovers() > 1:
         raise AddressError(
             f"another rover runs in ROS domain {place.domain}."
             " End it, or set ROS_DOMAIN_ID to another number, the same in every terminal."

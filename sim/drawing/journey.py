@@ -14,7 +14,7 @@ from sim.drawing.lanes import (
     RECEIVED,
     SENT,
     STARTED,
-    TURN,
+    WAITING_FOR_TURN,
     WORK,
     Style,
     line,
@@ -49,7 +49,7 @@ LEGEND: Final[dict[str, list[Style]]] = {
 LEGEND_OF_WAITING: Final[dict[str, list[Style]]] = {
     "queued at the orbiter": [_STORAGE],
     "expired there": [_LOST],
-    "queued aboard": [TURN],
+    "queued aboard": [WAITING_FOR_TURN],
     "report queued aboard": [_REPORTED],
 }
 
@@ -161,7 +161,7 @@ def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
     """Draw waiting and execution of a command aboard."""
     received, started, ended = lane.received, lane.started, lane.ended
     if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
-        axes.plot([received.made_s, started.made_s], [rover, rover], **TURN)
+        axes.plot([received.made_s, started.made_s], [rover, rover], **WAITING_FOR_TURN)
     if started is not None and ended is not None:
         axes.plot([started.made_s, ended.made_s], [rover, rover], **WORK)
         axes.plot(ended.made_s, rover, **ENDED)

@@ -50,14 +50,14 @@ ENDS: Final = {
     "FAILED": WRONG,
 }
 """Colours of the endings of a command."""
-TURN: Final = line(MOTION, 2, linestyle=(0, (2, 2)))
+WAITING_FOR_TURN: Final = line(MOTION, 2, linestyle=(0, (2, 2)))
 """Style of a command queued aboard."""
 
 
-def write_beside(axes: Axes, x_px: float, y: float, words: str, **style: Any) -> None:
+def write_beside(axes: Axes, x_px: float, y: float, text: str, **style: Any) -> None:
     """Write to the left of the axes, at `x_px` from the left edge of the sheet."""
     across = (x_px - LEFT_PX) / (WIDTH_PX - LEFT_PX - RIGHT_PX)
-    axes.text(across, y, words, transform=axes.get_yaxis_transform(), **style)
+    axes.text(across, y, text, transform=axes.get_yaxis_transform(), **style)
 
 
 def draw_rule(axes: Axes, y: float) -> None:

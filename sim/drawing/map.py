@@ -30,10 +30,10 @@ VIEW_M: Final = 2.8
 """Drawn range of a camera view."""
 ARROW_M: Final = 0.32
 MARGIN_M: Final = 0.9
-SMALLEST_M: Final = 4.2
+MIN_WINDOW_M: Final = 4.2
 """Minimum side of the window, with space for the legend beside it."""
 CLEAR_M: Final = 0.2
-ASIDE_M: Final = 0.35
+STOP_MARK_OFFSET_M: Final = 0.35
 """Offset of a stop's mark if the stop is nearer than `CLEAR_M` to a waypoint."""
 
 HALF_VIEW_DEG: Final = 34.8
@@ -80,7 +80,7 @@ class Incident:
     """A fault or failure, with the pose of the rover."""
 
     pose: Pose
-    words: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class DriveMap:
     scale: float = 1.0
     incidents: tuple[Incident, ...] = ()
     zones: Zones = field(default_factory=Zones)
-    seen: tuple[ScannedObstacle, ...] = ()
+    scanned: tuple[ScannedObstacle, ...] = ()
 
 
 def draw_map(drive: DriveMap) -> Figure:
@@ -135,7 +135,7 @@ def draw_map(drive: DriveMap) -> Figure:
         axes.yaxis.set_major_locator(MultipleLocator(scale))
         _draw_ground(axes, drive.world)
         draw_zones(axes, drive.zones)
-        for each in drive.seen:
+        for each in drive.scanned:
             axes.add_patch(Circle((each.x_m, each.y_m), each.radius_m, zorder=2.3, **_SEEN))
         for pose in drive.views:
             _draw_view(axes, pose, scale)
@@ -157,19 +157,19 @@ def draw_map(drive: DriveMap) -> Figure:
     return figure
 
 
-def thinned(places: Sequence[Point]) -> list[Point]:
+def thinned(points: Sequence[Point]) -> list[Point]:
     """Return points at least `STEP_M` apart, so that noise at rest adds no distance."""
-    selected = list(places[:1])
-    for point in places:
+    selected = list(points[:1])
+    for point in points:
         if point.distance_m(selected[-1]) >= STEP_M:
             selected.append(point)
     return selected
 
 
-def _span(places_m: Sequence[float], scale: float) -> tuple[float, float]:
+def _span(positions_m: Sequence[float], scale: float) -> tuple[float, float]:
     """Return the bounds of a window that contains all positions, in m."""
-    low_m, high_m = min(places_m) - scale * MARGIN_M, max(places_m) + scale * MARGIN_M
-    more_m = max(0.0, scale * SMALLEST_M - (high_m - low_m)) / 2
+    low_m, high_m = min(positions_m) - scale * MARGIN_M, max(positions_m) + scale * MARGIN_M
+    more_m = max(0.0, scale * MIN_WINDOW_M - (high_m - low_m)) / 2
     return low_m - more_m, high_m + more_m
 
 
@@ -248,8 +248,8 @@ def _outline(rock: Rock, random: Random) -> list[tuple[float, float]]:
     return spots
 
 
-def _draw_line(axes: Axes, places: Sequence[Point], **style: Any) -> None:
-    axes.plot([point.x_m for point in places], [point.y_m for point in places], **style)
+def _draw_line(axes: Axes, points: Sequence[Point], **style: Any) -> None:
+    axes.plot([point.x_m for point in points], [point.y_m for point in points], **style)
 
 
 def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
@@ -269,10 +269,12 @@ def draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
         axes.add_patch(Polygon(spots, color=colour, **style))
 
 
-def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> None:
+def _draw_waypoint(axes: Axes, waypoint: Waypoint, scale: float, number: int) -> None:
     """Draw a numbered disc, with an arrow for a commanded heading."""
-    if place.heading_rad is not None:
-        tip = Pose(place.x_m, place.y_m, heading_rad=place.heading_rad).ahead(scale * ARROW_M)
+    if waypoint.heading_rad is not None:
+        tip = Pose(waypoint.x_m, waypoint.y_m, heading_rad=waypoint.heading_rad).ahead(
+            scale * ARROW_M
+        )
         arrow = {
             "arrowstyle": "-|>",
             "color": PLANNED,
@@ -280,17 +282,19 @@ def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> No
             "shrinkA": 0,
             "shrinkB": 0,
         }
-        axes.annotate("", (tip.x_m, tip.y_m), (place.x_m, place.y_m), arrowprops=arrow, zorder=3)
-    axes.plot(place.x_m, place.y_m, zorder=3, **_DISC)
+        axes.annotate(
+            "", (tip.x_m, tip.y_m), (waypoint.x_m, waypoint.y_m), arrowprops=arrow, zorder=3
+        )
+    axes.plot(waypoint.x_m, waypoint.y_m, zorder=3, **_DISC)
     centred: Any = {"ha": "center", "va": "center_baseline", "fontweight": "bold"}
-    axes.text(place.x_m, place.y_m, str(number), fontsize=11 * POINT, zorder=4, **centred)
+    axes.text(waypoint.x_m, waypoint.y_m, str(number), fontsize=11 * POINT, zorder=4, **centred)
 
 
 def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point]) -> None:
     """Draw a stop sign at the pose of a stop, or with an offset if a waypoint is near."""
     near = [point for point in waypoints if pose.point.distance_m(point) < scale * CLEAR_M]
     here = (pose.x_m, pose.y_m)
-    sign = _from(pose, 0.0, scale * ASIDE_M) if near else here
+    sign = _from(pose, 0.0, scale * STOP_MARK_OFFSET_M) if near else here
     if near:
         axes.plot(*zip(here, sign, strict=True), color=WRONG, linewidth=1.0)
         axes.plot(*here, "o", color=WRONG, markersize=4, zorder=5)
@@ -309,7 +313,7 @@ def draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
         up = near[1] < low_m + MARGIN_M
         axes.plot(*here, zorder=5, **_INCIDENT)
         axes.annotate(
-            incident.words,
+            incident.text,
             near,
             xytext=(-9 if left else 9, (9 + 9 * row) * (1 if up else -1)),
             textcoords="offset points",
@@ -392,7 +396,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
             ("keep-in zone", _KEEP_IN, drive.zones.keep_in),
             ("keep-out zone", _KEEP_OUT, drive.zones.keep_out),
             ("rock known to the rover", _KNOWN_ROCK, drive.zones.rocks),
-            ("scanned by the laser at the end", _SEEN, drive.seen),
+            ("scanned by the laser at the end", _SEEN, drive.scanned),
         )
         if present
     ]

@@ -22,7 +22,7 @@ LOOKS: Final = {
     TrackSource.WHEELS: line(WHEEL, 0.9),
 }
 """Line styles of the sources of a track or a speed, the lowest layer first."""
-_LEAST: Final = {"m/s": 0.1, "rad/s": 0.1}
+_MIN_AXIS_SPAN: Final = {"m/s": 0.1, "rad/s": 0.1}
 """Minimum span of an axis, for a stationary rover."""
 
 
@@ -48,7 +48,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
     """Draw series on one scale, which contains zero."""
     values = [value for each in panel.series for value in each.values if isfinite(value)]
     low = min(0.0, min(values, default=0.0))
-    high = max(_LEAST.get(panel.unit, 0.0), max(values, default=0.0))
+    high = max(_MIN_AXIS_SPAN.get(panel.unit, 0.0), max(values, default=0.0))
     margin = 0.12 * (high - low)
     axes.set_ylim(low - margin, high + margin)
     axes.yaxis.set_major_locator(MaxNLocator(4))

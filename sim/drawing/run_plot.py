@@ -59,7 +59,7 @@ def draw_run(plot: RunPlot) -> Figure:
         others = [figure.add_subplot(grid[at], sharex=first) for at in range(3, len(heights))]
         _draw_map(ground, plot)
         draw_rows([first, *others], plot.timeline)
-        _add_words(figure, ground, plot, height)
+        _add_captions(figure, ground, plot, height)
     return figure
 
 
@@ -98,13 +98,13 @@ def _draw_map(axes: Axes, plot: RunPlot) -> None:
     draw_incidents(axes, plot.incidents)
 
 
-def _around(places_m: Sequence[float], scale: float) -> tuple[float, float]:
+def _around(positions_m: Sequence[float], scale: float) -> tuple[float, float]:
     """Return the bounds of a map that contains all positions, in m."""
-    low_m, high_m = min(places_m, default=0.0), max(places_m, default=0.0)
+    low_m, high_m = min(positions_m, default=0.0), max(positions_m, default=0.0)
     return low_m - scale * _AROUND_M, high_m + scale * _AROUND_M
 
 
-def _add_words(figure: Figure, ground: Axes, plot: RunPlot, height: float) -> None:
+def _add_captions(figure: Figure, ground: Axes, plot: RunPlot, height: float) -> None:
     """Add the figures of the run and the legend of the colours beside the map."""
     sources = {each.source for panel in plot.timeline.panels for each in panel.series}
     sources |= {track.source for track in plot.tracks}

@@ -58,9 +58,9 @@ def as_png(figure: Figure) -> bytes:
     """Return a drawing as PNG with 256 colours."""
     with rc_context(_STYLE):
         figure.savefig(pixels := BytesIO(), format="png")
-    finest = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too
+    quantizer = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too
     with Image.open(pixels) as picture:
-        few = picture.convert("RGB").quantize(256, finest, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(256, quantizer, dither=Image.Dither.NONE)
     few.save(octets := BytesIO(), format="png", optimize=True)
     return octets.getvalue()
 

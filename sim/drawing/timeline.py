@@ -32,7 +32,7 @@ from sim.drawing.lanes import (
     RIGHT_PX,
     SENT,
     STARTED,
-    TURN,
+    WAITING_FOR_TURN,
     WIDTH_PX,
     WORK,
     Style,
@@ -93,7 +93,7 @@ class CommandLane:
     started_s: float | None = None
     ended_s: float | None = None
     last: Stage | None = None
-    words: str = ""
+    text: str = ""
     figures: str = ""
     journey: Journey | None = None
 
@@ -104,7 +104,7 @@ class CommandLane:
 
 
 def lane_of(
-    life: CommandHistory | None,
+    entry: CommandHistory | None,
     time_of: Callable[[Report], float],
     title: str,
     sent_s: Sequence[float],
@@ -113,21 +113,21 @@ def lane_of(
     """Return the lane of a command.
 
     Args:
-        life: history of the command; None without reports.
+        entry: history of the command; None without reports.
         time_of: returns the time of a report on the axis.
         title: name of the lane.
         sent_s: times of the first and each further transmission.
         unreported: text of a command without reports.
     """
-    if life is None:
-        return CommandLane(title, tuple(sent_s), words=unreported)
+    if entry is None:
+        return CommandLane(title, tuple(sent_s), text=unreported)
 
     def when(stage: Stage) -> float | None:
-        report = life.at(stage)
+        report = entry.report_at(stage)
         return None if report is None else time_of(report)
 
-    end = life.end
-    last = end or life.stages[-1]
+    end = entry.end
+    last = end or entry.stages[-1]
     return CommandLane(
         title=title,
         sent_s=tuple(sent_s),
@@ -135,7 +135,7 @@ def lane_of(
         started_s=when(Stage.STARTED),
         ended_s=None if end is None else time_of(end),
         last=last.stage,
-        words="" if last.reason is None else last.reason.name,
+        text="" if last.reason is None else last.reason.name,
     )
 
 
@@ -261,8 +261,8 @@ def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
     write_beside(axes, 46, top + ROW_PX / 2 + 5, _cut(name), color=colour)
 
 
-def _cut(words: str, most: int = _TITLE) -> str:
-    return words if len(words) <= most else f"{words[: most - 1].rstrip('-., ')}…"
+def _cut(text: str, most: int = _TITLE) -> str:
+    return text if len(text) <= most else f"{text[: most - 1].rstrip('-., ')}…"
 
 
 def _colour(lane: CommandLane) -> str:
@@ -284,15 +284,15 @@ def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
             continue
         write_beside(axes, 46, top + 19, _cut(lane.title), fontweight="bold")
         end = "no report" if lane.last is None else lane.last.name
-        text = f"{end}: {lane.words}" if lane.words else end
+        text = f"{end}: {lane.text}" if lane.text else end
         write_beside(axes, 46, top + 34, text, color=_colour(lane), fontsize=11 * POINT)
-        _draw_life(axes, lane, top + 24)
+        _draw_lifecycle(axes, lane, top + 24)
     bottom = bottom or LANE_PX
     draw_rule(axes, bottom)
     return float(bottom)
 
 
-def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
+def _draw_lifecycle(axes: Axes, lane: CommandLane, middle: float) -> None:
     """Draw waiting and execution of a command aboard."""
     received_s, started_s, ended_s = lane.received_s, lane.started_s, lane.ended_s
     waited_until_s = started_s if started_s is not None else ended_s
@@ -301,7 +301,7 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
         and waited_until_s is not None
         and waited_until_s - received_s > SHORT_S
     ):
-        axes.plot([received_s, waited_until_s], [middle, middle], **TURN)
+        axes.plot([received_s, waited_until_s], [middle, middle], **WAITING_FOR_TURN)
     if started_s is not None:
         until_s = axes.get_xlim()[1] if ended_s is None else ended_s
         axes.plot([started_s, until_s], [middle, middle], **WORK)
@@ -352,7 +352,7 @@ def _add_legend(figure: Figure, timeline: RunTimeline) -> None:
         add_legend_row(figure, 48, LEGEND)
     entries: dict[str, list[Style]] = {
         "sent": [SENT],
-        "queued aboard": [TURN],
+        "queued aboard": [WAITING_FOR_TURN],
         "started": [STARTED],
         "executed, ended": [WORK, ENDED],
     }

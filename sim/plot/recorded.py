@@ -161,14 +161,14 @@ class _Plot:
         return tuple(Track(source, tuple(poses)) for source, poses in tracks.items() if poses)
 
     def _lanes(self) -> Iterator[CommandLane]:
-        lives, received = self._history.lives(), self._history.received
+        histories, received = self._history.command_histories(), self._history.received
         names = {each.identity: each.name for each in received}
-        for identity in dict.fromkeys([*names, *lives]):
+        for identity in dict.fromkeys([*names, *histories]):
             sent_s = [self._since(each.utc_s) for each in received if each.identity == identity]
-            life = lives.get(identity)
+            entry = histories.get(identity)
             title = f"{names.get(identity, 'command')} {identity}"
-            lane = lane_of(life, self._time_of, title, sent_s)
-            last = None if life is None else life.end or life.stages[-1]
+            lane = lane_of(entry, self._time_of, title, sent_s)
+            last = None if entry is None else entry.end or entry.stages[-1]
             yield replace(lane, figures=_measured(last) if last and last.reason else "")
 
     def _modes(self) -> tuple[tuple[Mode, float, float], ...]:
@@ -177,7 +177,9 @@ class _Plot:
         ends_s = [*(begin_s for begin_s, _ in modes[1:]), self._end_s]
         merged: list[tuple[Mode, float, float]] = []
         for (begin_s, mode), next_s in zip(modes, ends_s, strict=False):
-            end_s = min([next_s, *(gone_s for gone_s, _ in self._absences if gone_s > begin_s)])
+            end_s = min(
+                [next_s, *(absent_s for absent_s, _ in self._absences if absent_s > begin_s)]
+            )
             if merged and merged[-1][0] is mode and merged[-1][2] == begin_s:
                 begin_s = merged.pop()[1]
             merged.append((mode, begin_s, end_s))
@@ -185,7 +187,7 @@ class _Plot:
 
     def _incidents(self) -> tuple[Incident, ...]:
         """Return the failed commands with the rover's pose on the reference track."""
-        ends = (life.end for life in self._history.lives().values())
+        ends = (entry.end for entry in self._history.command_histories().values())
         return tuple(
             Incident(_nearest(self._track, end.utc_s), end.reason.name)
             for end in ends

@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-PATIENCE_S: Final = 5.0
+TERMINATE_TIMEOUT_S: Final = 5.0
 _PR_SET_PDEATHSIG: Final = 1
 _TAIL_LINES: Final = 15
 _LOG: Final = logging.getLogger(__name__)
@@ -92,16 +92,19 @@ class ChildProcess:
         tail = "\n".join(f"  | {line}" for line in lines) or "  | (the log is empty)"
         raise ChildError(f"the {self.name} process ended {how}. The end of {self.log}:\n{tail}")
 
-    def said(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+    def find_output(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
         """Return the first match in its output so far."""
         return pattern.search(self.log.read_text(encoding="utf-8", errors="replace"))
 
     def end(self) -> None:
-        """Terminate it, kill it after `PATIENCE_S`; then kill the processes that it has left."""
+        """Terminate it, kill it after `TERMINATE_TIMEOUT_S`.
+
+        Then kill the processes that it has left.
+        """
         self._ending = True
         self._process.terminate()
         try:
-            self._process.wait(PATIENCE_S)
+            self._process.wait(TERMINATE_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -126,7 +129,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 
 
 class ProcessGroup:
@@ -149,15 +152,15 @@ class ProcessGroup:
         for child in self.children:
             child.check()
 
-    async def said(self, child: ChildProcess, pattern: re.Pattern[str]) -> str:
+    async def wait_for_output(self, child: ChildProcess, pattern: re.Pattern[str]) -> str:
         """Wait until a process has written a pattern, and return its first group.
 
         Raises:
             ChildError: a process ended.
         """
-        while (found := child.said(pattern)) is None:
+        while (found := child.find_output(pattern)) is None:
             self.check()
-            await asyncio.sleep(LOOK_S / 5)
+            await asyncio.sleep(POLL_S / 5)
         return found[1]
 
     async def guard(self) -> None:
@@ -168,4 +171,4 @@ class ProcessGroup:
         """
         while True:
             self.check()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)

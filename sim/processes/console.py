@@ -10,7 +10,7 @@ from typing import Final
 
 from adapters.console import PORT, PORT_VARIABLE
 from sim.processes.children import ChildProcess, ProcessGroup
-from sim.processes.place import ANY_PORT, is_free
+from sim.processes.rover_address import ANY_PORT, is_free
 
 SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
 
@@ -28,7 +28,7 @@ class OperationsConsole(ProcessGroup):
         Raises:
             ChildError: it ended.
         """
-        return await self.said(self._console, SERVES)
+        return await self.wait_for_output(self._console, SERVES)
 
 
 @contextmanager

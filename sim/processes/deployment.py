@@ -10,7 +10,7 @@ from typing import Final
 from adapters.process import ROS_ARGS
 from executive.settings import LocomotionKind, Settings, load_settings
 from sim.processes.children import ChildProcess, ProcessGroup
-from sim.processes.place import HOST, RoverAddress, free_udp_ports
+from sim.processes.rover_address import HOST, RoverAddress, free_udp_ports
 
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
@@ -27,7 +27,7 @@ class Deployment(ProcessGroup):
 
     def __init__(
         self,
-        place: RoverAddress,
+        address: RoverAddress,
         settings: Settings,
         aboard: Path,
         speed: float,
@@ -35,7 +35,7 @@ class Deployment(ProcessGroup):
         *others: ChildProcess,
     ) -> None:
         super().__init__(*others, executive)
-        self.place = place
+        self.address = address
         self.settings = settings
         self.aboard = aboard
         self.speed = speed
@@ -47,12 +47,12 @@ class Deployment(ProcessGroup):
         Raises:
             ChildError: a process ended.
         """
-        return await self.said(self._executive, LISTENS)
+        return await self.wait_for_output(self._executive, LISTENS)
 
 
 @contextmanager
 def deployed(
-    place: RoverAddress,
+    address: RoverAddress,
     folder: Path,
     asset: str,
     world: str,
@@ -63,7 +63,7 @@ def deployed(
     """Yield a rover in a world; at the end the executive ends before the rover.
 
     Args:
-        place: ROS domain and port of its processes.
+        address: ROS domain and port of its processes.
         folder: created if missing; receives their logs, and the executive's data.
         asset: name of the asset, or its YAML file.
         world: name of the world, or its YAML file.
@@ -73,7 +73,7 @@ def deployed(
     """
     folder.mkdir(parents=True, exist_ok=True)
     aboard = folder / "aboard"
-    environment = {"ROS_DOMAIN_ID": str(place.domain)}
+    environment = {"ROS_DOMAIN_ID": str(address.domain)}
     settings = load_settings(asset)
     with ExitStack() as running:
 
@@ -103,10 +103,10 @@ def deployed(
         executive = start(
             "executive",
             "adapters.onboard.process",
-            *("--port", str(place.port), "--data", str(aboard)),
+            *("--port", str(address.port), "--data", str(aboard)),
             *(() if cable else ("--relay",)),
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
             *followed,
         )
-        yield Deployment(place, settings, aboard, speed, executive, simulation, *between)
+        yield Deployment(address, settings, aboard, speed, executive, simulation, *between)

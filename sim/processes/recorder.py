@@ -33,7 +33,7 @@ def since_start_s() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) - started_s
 
 
-def told(seconds: float) -> str:
+def format_elapsed(seconds: float) -> str:
     """Return a time since the start as text, as the launcher may have installed first."""
     installed = " (installation included)" if os.environ.get("ROVER_INSTALLED") else ""
     return f"{seconds:.1f} s{installed}"

@@ -28,7 +28,7 @@ from executive.settings import SettingsError, config_folder
 from sim.processes.children import ChildProcess, ProcessGroup
 from sim.processes.contacts import Outage, plan_text
 from sim.processes.deployment import Deployment
-from sim.processes.place import ANY_PORT, HOST, free_udp_ports
+from sim.processes.rover_address import ANY_PORT, HOST, free_udp_ports
 
 SILENT_AFTER_S: Final = 5.0
 HEALTH_INTERVAL_S: Final = 1.0
@@ -65,7 +65,7 @@ def relay_settings(
                 security=_security(behind[asset]),
             )
         )
-        mrs_port = ANY_PORT if rover.place.port == ANY_PORT else behind[asset].port
+        mrs_port = ANY_PORT if rover.address.port == ANY_PORT else behind[asset].port
         served.append(replace(behind[asset], ltp=_at(port), tcpcl=None, udp=None, port=mrs_port))
     settings = replace(
         known,
@@ -143,7 +143,7 @@ class Orbiter(ProcessGroup):
             ChildError: a process ended.
         """
         listens = re.compile(rf"^{re.escape(asset)} listens at (maltcp://\S+)", re.MULTILINE)
-        return await self.said(self._orbiter, listens)
+        return await self.wait_for_output(self._orbiter, listens)
 
 
 @contextmanager
@@ -200,7 +200,7 @@ def relayed(
                 "adapters.relay.rover.process",
                 relay,
                 *("--asset", rover.settings.asset, "--data", str(rover.aboard)),
-                domain=rover.place.domain,
+                domain=rover.address.domain,
                 up=RELAYS if restart else None,
             )
             for rover, relay in zip(rovers, relays, strict=True)
@@ -211,6 +211,6 @@ def relayed(
             "adapters.relay.orbiter.process",
             settings,
             *("--data", str(data)),
-            domain=rovers[0].place.domain,
+            domain=rovers[0].address.domain,
         )
         yield Orbiter(start_utc_s, eclipses, data, orbiter, children, rovers)

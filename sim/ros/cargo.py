@@ -31,7 +31,7 @@ def serve_cargo(node: Node, rover: SimulatedBody) -> None:
 
     def on_mass(message: Float64) -> None:
         try:
-            rover.load(message.data)
+            rover.set_cargo_mass(message.data)
         except ValueError as error:
             _LOG.warning("%s", error)
         else:
@@ -47,7 +47,7 @@ _GLANCE_S: Final = 0.02
 
 
 @contextmanager
-def loading(asset: str, domain: int, parameters: Path) -> Iterator[Callable[[float], None]]:
+def cargo_publisher(asset: str, domain: int, parameters: Path) -> Iterator[Callable[[float], None]]:
     """Yield a function that sets the cargo of a simulated rover, kg, once that is subscribed.
 
     Raises:

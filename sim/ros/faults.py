@@ -23,10 +23,10 @@ from sim.rover.body import SimulatedBody
 from sim.rover.faults import (
     SimulatedFault,
     fault_declaration,
-    lacking,
+    format_fault,
     read_fault,
     read_kind,
-    written,
+    unsupported_reason,
 )
 
 SERVICE: Final = "simulation/faults"
@@ -48,7 +48,7 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
         for fault in wanted:
             if isinstance(fault, SimulatedFault):
                 rover.inject(fault)
-                _LOG.warning("fault injected: %s", written(fault))
+                _LOG.warning("fault injected: %s", format_fault(fault))
             else:
                 rover.clear(fault)
                 _LOG.warning("fault cleared: %s", fault_declaration(fault).name)
@@ -77,7 +77,7 @@ def _read(parameter: Parameter, rover: SimulatedBody) -> SimulatedFault | type[S
             fault = read_fault({parameter.name: given})
         case _:
             raise ValueError(f"{parameter.name}: expected a text, true or false")
-    why = lacking(kind, rover.parts)
+    why = unsupported_reason(kind, rover.parts)
     if why is not None:
         raise ValueError(why)
     return fault
@@ -104,7 +104,7 @@ class FaultClient:
             ValueError: the rover cannot have it; the text names the missing part.
             TimeoutError: the simulation does not answer.
         """
-        ((name, given),) = written(fault).items()
+        ((name, given),) = format_fault(fault).items()
         text = yaml.safe_dump(given, default_flow_style=True)
         self._set(name, ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=text))
 

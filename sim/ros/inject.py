@@ -52,7 +52,7 @@ def _command(declaration: SimulatedFaultDeclaration) -> click.Command:
             fault = declaration.make({name: _plain(text) for name, text in texts.items()})
         except ValueError as error:
             raise click.UsageError(str(error)) from error
-        _tell(declaration, asset, None if clear else fault)
+        _inject(declaration, asset, None if clear else fault)
 
     begin_or_end.__doc__ = _help(declaration)
     for parameter in reversed(declaration.parameters):
@@ -60,7 +60,7 @@ def _command(declaration: SimulatedFaultDeclaration) -> click.Command:
     return click.command(declaration.name)(begin_or_end)
 
 
-def _tell(declaration: SimulatedFaultDeclaration, asset: str, fault: Any) -> None:
+def _inject(declaration: SimulatedFaultDeclaration, asset: str, fault: Any) -> None:
     """Send the request to the simulation, and print the result."""
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.ros.faults import fault_client

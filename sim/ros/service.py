@@ -68,9 +68,9 @@ from sim.rover.mocup import SimulatedMocup
 NODE_NAME: Final = "simulation"
 SECOND_FRAME: Final = "visual_odom"
 """Frame of the second odometry, with its origin at the rover's start."""
-GREATEST_BURST_PERIODS: Final = 10
+MAX_BURST_PERIODS: Final = 10
 """Maximum burst of periods to catch up: commands wait during it, and a base stops after 0.25 s."""
-GREATEST_LAG_S: Final = 10.0
+MAX_LAG_S: Final = 10.0
 """Maximum delay that is caught up gradually in real time: other nodes have their own clocks there,
 and a dropped delay appears as latency of all sensors. At other speeds they use /clock."""
 CAMERA_SPEED_RADPS: Final = 0.5
@@ -152,12 +152,12 @@ class JackalOnRos:
     def _on_velocity(self, name: str | None, message: Twist) -> None:
         velocity = Velocity(message.linear.x, message.angular.z)
         if velocity.finite:
-            self._rover.take(name, velocity)
+            self._rover.mux_command(name, velocity)
         else:
             _LOG.warning("velocity refused: %s", velocity)
 
     def _on_lock(self, name: str, message: Bool) -> None:
-        self._rover.take_lock(name, message.data)
+        self._rover.mux_lock(name, message.data)
 
     def _point(self, part: str, message: Float64) -> None:
         if isfinite(message.data):
@@ -186,11 +186,11 @@ class BrickOnUsb:
         """Transfer the queued octets in both directions. Never blocks; called once a period."""
         octets = self._plug.receive()
         if octets:
-            self._rover.hear(octets)
+            self._rover.receive(octets)
         if self._connected != self._plug.connected:
             self._connected = self._plug.connected
             _LOG.info("the brick is %s", "claimed" if self._connected else "released")
-        self._plug.send(self._rover.brick.give())
+        self._plug.send(self._rover.brick.transmit())
 
     def close(self) -> None:
         """Unplug."""
@@ -220,8 +220,8 @@ class SimulationNode:
             1, round(1 / (declare_rate(node, "camera_hz", "pictures") * PERIOD_S))
         )
         self._period_s = PERIOD_S / speed
-        burst_s = GREATEST_BURST_PERIODS * self._period_s
-        self._greatest_lag_s = GREATEST_LAG_S if speed == 1.0 else burst_s
+        burst_s = MAX_BURST_PERIODS * self._period_s
+        self._max_lag_s = MAX_LAG_S if speed == 1.0 else burst_s
         self._started_s = monotonic()
         self._periods = 0
         self._clock = node.create_publisher(Clock, "/clock", 1)
@@ -233,11 +233,11 @@ class SimulationNode:
 
     def _on_time(self) -> None:
         behind_s = monotonic() - self._started_s - self._periods * self._period_s
-        if behind_s > self._greatest_lag_s:
+        if behind_s > self._max_lag_s:
             _LOG.warning("slower than the requested speed: %.2f s dropped", behind_s)
             self._started_s += behind_s
             behind_s = self._period_s
-        for _ in range(min(round(behind_s / self._period_s), GREATEST_BURST_PERIODS)):
+        for _ in range(min(round(behind_s / self._period_s), MAX_BURST_PERIODS)):
             self._advance()
 
     def _advance(self) -> None:

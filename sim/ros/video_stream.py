@@ -12,11 +12,11 @@ from typing import Final
 
 from executive.settings import SettingsError
 
-MOST_SCAN: Final = 1200
+MAX_SCAN_OCTETS: Final = 1200
 """Maximum payload of a packet in octets, to avoid fragmentation in any network."""
 KIND: Final = 26
 CLOCK_HZ: Final = 90_000
-LARGEST: Final = 2040
+MAX_SIDE_PX: Final = 2040
 """Maximum side of a picture in pixels, by the 8-bit header fields (RFC 2435, 3.1)."""
 TABLE: Final = 64
 """Length of a quantization table in octets."""
@@ -57,9 +57,9 @@ class RtpJpegSender:
         """
         picture = read_jpeg(jpeg)
         time = (round(time_s * CLOCK_HZ) % (1 << 32)).to_bytes(4)
-        for offset in range(0, len(picture.scan), MOST_SCAN):
-            part = picture.scan[offset : offset + MOST_SCAN]
-            last = offset + MOST_SCAN >= len(picture.scan)
+        for offset in range(0, len(picture.scan), MAX_SCAN_OCTETS):
+            part = picture.scan[offset : offset + MAX_SCAN_OCTETS]
+            last = offset + MAX_SCAN_OCTETS >= len(picture.scan)
             yield b"".join(
                 (
                     bytes((0x80, KIND | (_MARKER if last else 0))),
@@ -75,7 +75,7 @@ class RtpJpegSender:
 
 def carries(width: int, height: int) -> bool:
     """Return whether RTP transports pictures of a size, in pixels."""
-    return all(0 < side <= LARGEST and side % 8 == 0 for side in (width, height))
+    return all(0 < side <= MAX_SIDE_PX and side % 8 == 0 for side in (width, height))
 
 
 def read_jpeg(octets: bytes) -> Jpeg:
@@ -127,7 +127,8 @@ class VideoStream:
         """
         if not carries(width, height):
             raise SettingsError(
-                f"RTP carries no JPEG of {width} x {height}: only multiples of 8 up to {LARGEST}"
+                f"RTP carries no JPEG of {width} x {height}: only multiples of 8 up to"
+                f" {MAX_SIDE_PX}"
             )
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)

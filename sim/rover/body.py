@@ -132,7 +132,7 @@ class CameraView:
     octets: int | None = None
 
 
-def moved_left(pose: Pose, distance_m: float) -> Pose:
+def offset_left(pose: Pose, distance_m: float) -> Pose:
     """Return a pose moved by a distance to the left, with the same heading."""
     x_m, y_m = -distance_m * sin(pose.heading_rad), distance_m * cos(pose.heading_rad)
     return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
@@ -247,7 +247,7 @@ class SimulatedBody(ABC):
         view = self._stale or CameraView(self.data, self.time_s)
         return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
 
-    def load(self, mass_kg: float) -> None:
+    def set_cargo_mass(self, mass_kg: float) -> None:
         """Set the cargo, evenly distributed; it replaces the previous one, 0 is none.
 
         Raises:
@@ -268,7 +268,7 @@ class SimulatedBody(ABC):
         Raises:
             ValueError: this rover cannot have it; the text names the missing part.
         """
-        why = faults.lacking(type(fault), self.parts)
+        why = faults.unsupported_reason(type(fault), self.parts)
         if why is not None:
             raise ValueError(why)
         self._faults[type(fault)] = fault
@@ -282,7 +282,7 @@ class SimulatedBody(ABC):
             case faults.HeadStuck():
                 self._stuck_head = self.camera_angles
             case faults.Pushed(by_m):
-                self._disturbance.push(moved_left(self.true_pose, by_m))
+                self._disturbance.push(offset_left(self.true_pose, by_m))
             case faults.Tip(by_rad):
                 self._disturbance.tip(by_rad)
             case _:

@@ -141,11 +141,11 @@ def _turned(vectors: Floats, rotation: Floats) -> Floats:
     return np.asarray(np.einsum("ni,ji->nj", vectors, rotation.reshape(3, 3)))
 
 
-def _sampled(texture: scenery.Image, places: Floats) -> Floats:
+def _sampled(texture: scenery.Image, positions: Floats) -> Floats:
     """Return the colours of a repeated texture, interpolated between pixels: shape (n, 3)."""
     size = texture.shape[0]
-    corner = np.floor(places).astype(np.int64)
-    right, up = (places - corner).T[:, :, None]
+    corner = np.floor(positions).astype(np.int64)
+    right, up = (positions - corner).T[:, :, None]
     x, y = (corner % size).T
     beside, above = (x + 1) % size, (y + 1) % size
     low = (1 - right) * texture[y, x] + right * texture[y, beside]

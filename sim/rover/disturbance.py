@@ -88,15 +88,15 @@ class Disturbance:
         lift_m = reach_m * (sin(abs(angle_rad)) if abs(angle_rad) < pi / 2 else 1.0)
         turned, about_x = np.empty(4), np.array((cos(angle_rad / 2), sin(angle_rad / 2), 0.0, 0.0))
         mujoco.mju_mulQuat(turned, self._data.qpos[3:_FREE], about_x)
-        self._place(turned, float(self._data.qpos[2]) + lift_m)
+        self._set_state(turned, float(self._data.qpos[2]) + lift_m)
 
     def set_upright(self, pose: Pose) -> None:
         """Set the rover on its wheels at its present position and heading."""
         upright = np.array((cos(pose.heading_rad / 2), 0.0, 0.0, sin(pose.heading_rad / 2)))
         height_m = self._ground_m(pose.x_m, pose.y_m) + self._chassis.base_height_m + _DROP_M
-        self._place(upright, height_m)
+        self._set_state(upright, height_m)
 
-    def _place(self, quaternion: NDArray[np.float64], height_m: float) -> None:
+    def _set_state(self, quaternion: NDArray[np.float64], height_m: float) -> None:
         self._data.qpos[2] = height_m
         self._data.qpos[3:_FREE] = quaternion
         self._data.qvel[:6] = 0.0

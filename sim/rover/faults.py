@@ -11,7 +11,7 @@ from enum import Enum, unique
 from math import pi, radians
 from typing import Final, NewType, TypeVar, assert_never, dataclass_transform
 
-from executive.commands import Argument, ValueRange, argument, arguments_of, record, within
+from executive.commands import Argument, ValueRange, argument, arguments_of, bounded, record
 from executive.settings import (
     FormatError,
     LocomotionKind,
@@ -170,21 +170,21 @@ class OdometryRepeated(SimulatedFault):
 class OdometryJump(SimulatedFault):
     """The pose of the odometry jumps once; clearing it does not jump back."""
 
-    by_m: float = argument(within(10.0), "to the left", default=0.36)
+    by_m: float = argument(bounded(10.0), "to the left", default=0.36)
 
 
 @fault(FaultTarget.ODOMETRY, Onset.LATENT)
 class OdometryDrift(SimulatedFault):
     """The pose of the odometry drifts, its velocity stays right; clearing it ends the drift."""
 
-    rate_mps: float = argument(within(5.0), "to the left", default=0.1)
+    rate_mps: float = argument(bounded(5.0), "to the left", default=0.1)
 
 
 @fault(FaultTarget.ENCODERS, Onset.LATENT)
 class EncoderScale(SimulatedFault):
     """The wheel encoders count too much or too little."""
 
-    factor: float = argument(within(3.0), "1 is right", default=1.1)
+    factor: float = argument(bounded(3.0), "1 is right", default=1.1)
     shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
@@ -192,7 +192,7 @@ class EncoderScale(SimulatedFault):
 class GyroGain(SimulatedFault):
     """The gyro measures too much or too little."""
 
-    factor: float = argument(within(3.0), "1 is right", default=1.2)
+    factor: float = argument(bounded(3.0), "1 is right", default=1.2)
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
@@ -200,15 +200,15 @@ class GyroGain(SimulatedFault):
 class OdometryLate(SimulatedFault):
     """Odometry arrives late, with the stamps of when it was measured."""
 
-    by_s: float = argument(within(0.02, 10.0), default=0.2)
+    by_s: float = argument(bounded(0.02, 10.0), default=0.2)
 
 
 @fault(FaultTarget.ODOMETRY_LINK)
 class OdometryJitter(SimulatedFault):
     """Odometry arrives late by chance, in order, as over a busy computer or network."""
 
-    mean_s: float = argument(within(0.0, 1.0), "exponentially distributed", default=0.015)
-    stall_s: float = argument(within(0.0, 10.0), "maximum pause, every 4 s or so", default=0.18)
+    mean_s: float = argument(bounded(0.0, 1.0), "exponentially distributed", default=0.015)
+    stall_s: float = argument(bounded(0.0, 10.0), "maximum pause, every 4 s or so", default=0.18)
 
 
 @fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
@@ -220,7 +220,7 @@ class OdometryZeroTwist(SimulatedFault):
 class GyroBias(SimulatedFault):
     """The gyro measures a turn that is not there."""
 
-    rate_radps: float = argument(within(3.0), "counter-clockwise positive", default=0.02)
+    rate_radps: float = argument(bounded(3.0), "counter-clockwise positive", default=0.02)
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
@@ -265,7 +265,7 @@ class MotorDead(SimulatedFault):
 class Slip(SimulatedFault):
     """All ground is slippery."""
 
-    factor: float = argument(within(0.01, 1.0), "of the friction that is left", default=0.1)
+    factor: float = argument(bounded(0.01, 1.0), "of the friction that is left", default=0.1)
 
 
 @fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
@@ -277,11 +277,11 @@ class CmdVelCut(SimulatedFault):
 class CmdVelTaken(SimulatedFault):
     """Another publisher commands a velocity, too; without a mux the newest command counts."""
 
-    travel_mps: float = argument(within(2.0), default=0.5)
-    rotate_radps: float = argument(within(4.0), default=0.0)
-    rate_hz: float = argument(within(0.1, 50.0), "how often", default=50.0)
+    travel_mps: float = argument(bounded(2.0), default=0.5)
+    rotate_radps: float = argument(bounded(4.0), default=0.0)
+    rate_hz: float = argument(bounded(0.1, 50.0), "how often", default=50.0)
     priority: float = argument(
-        within(0.0, 255.0), "of its input if the base has a mux", default=10.0
+        bounded(0.0, 255.0), "of its input if the base has a mux", default=10.0
     )
 
 
@@ -289,14 +289,14 @@ class CmdVelTaken(SimulatedFault):
 class Brownout(SimulatedFault):
     """The motors have only a part of their torque."""
 
-    factor: float = argument(within(0.0, 1.0), "of the torque that is left", default=0.12)
+    factor: float = argument(bounded(0.0, 1.0), "of the torque that is left", default=0.12)
 
 
 @fault(None, Onset.ABRUPT)
 class Tip(SimulatedFault):
     """The rover is tipped over sideways at once; clearing it sets it upright where it lies."""
 
-    by_rad: float = argument(within(pi), "to the right", default=radians(120))
+    by_rad: float = argument(bounded(pi), "to the right", default=radians(120))
 
 
 @fault(FaultTarget.BATTERY)
@@ -308,7 +308,7 @@ class BatteryLow(SimulatedFault):
 class BatteryDrained(SimulatedFault):
     """The battery has lost charge at once; clearing it does not charge it."""
 
-    charge: float = argument(within(0.0, 1.0), "of the whole, at most left", default=0.1)
+    charge: float = argument(bounded(0.0, 1.0), "of the whole, at most left", default=0.1)
 
 
 @fault(FaultTarget.BATTERY)
@@ -370,14 +370,14 @@ class SecondOdometryFrozen(SimulatedFault):
 class SecondOdometryJump(SimulatedFault):
     """The pose of the second odometry jumps once; clearing it does not jump back."""
 
-    by_m: float = argument(within(10.0), "to the left", default=0.36)
+    by_m: float = argument(bounded(10.0), "to the left", default=0.36)
 
 
 @fault(FaultTarget.SECOND_ODOMETRY, Onset.LATENT)
 class SecondOdometryDrift(SimulatedFault):
     """The pose of the second odometry drifts; clearing it ends the drift."""
 
-    rate_mps: float = argument(within(5.0), "to the left", default=0.1)
+    rate_mps: float = argument(bounded(5.0), "to the left", default=0.1)
 
 
 @fault(FaultTarget.LASER)
@@ -389,15 +389,15 @@ class LaserDead(SimulatedFault):
 class LaserBlind(SimulatedFault):
     """Rays of the laser measure nothing usable: they are not a number."""
 
-    share: float = argument(within(0.0, 1.0), "of the rays of the sector", default=1.0)
-    sector_rad: float = argument(within(0.0, 2 * pi), "its width, about ahead", default=2 * pi)
+    share: float = argument(bounded(0.0, 1.0), "of the rays of the sector", default=1.0)
+    sector_rad: float = argument(bounded(0.0, 2 * pi), "its width, about ahead", default=2 * pi)
 
 
 @fault(None, Onset.GROUND)
 class Pushed(SimulatedFault):
     """The rover is pushed sideways at once; clearing it does not push it back."""
 
-    by_m: float = argument(within(5.0), "to the left", default=0.5)
+    by_m: float = argument(bounded(5.0), "to the left", default=0.5)
 
 
 @fault(FaultTarget.LINK)
@@ -447,23 +447,23 @@ def fault_declaration(kind: type[SimulatedFault]) -> SimulatedFaultDeclaration:
     return found
 
 
-def jackal_parts(sensors: Sensors) -> frozenset[FaultTarget]:
+def jackal_fault_targets(sensors: Sensors) -> frozenset[FaultTarget]:
     """Return the parts of a simulated Jackal with these sensors."""
     return JACKAL_PARTS.union(SENSOR_PARTS[each] for each in sensors.present)
 
 
-def parts_of(settings: Settings) -> frozenset[FaultTarget]:
+def fault_targets_of(settings: Settings) -> frozenset[FaultTarget]:
     """Return the parts of the simulated rover of an asset."""
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return jackal_parts(settings.sensors)
+            return jackal_fault_targets(settings.sensors)
         case LocomotionKind.WHOLE_MOTION:
             return MOCUP_PARTS
         case _:
             assert_never(settings.locomotion)
 
 
-def lacking(kind: type[SimulatedFault], parts: frozenset[FaultTarget]) -> str | None:
+def unsupported_reason(kind: type[SimulatedFault], parts: frozenset[FaultTarget]) -> str | None:
     """Return why a rover with these parts cannot have a fault; None if it can."""
     declaration = fault_declaration(kind)
     if declaration.needs is None or declaration.needs in parts:
@@ -499,7 +499,7 @@ def read_fault(raw: object) -> SimulatedFault:
     return declaration.make(given)
 
 
-def written(fault: SimulatedFault) -> dict[str, dict[str, float | bool | str]]:
+def format_fault(fault: SimulatedFault) -> dict[str, dict[str, float | bool | str]]:
     """Return the written form that `read_fault` reads."""
     declaration, plain = fault_declaration(type(fault)), _READER.plain(fault)
     return {declaration.name: {each.name: plain[each.field] for each in declaration.parameters}}

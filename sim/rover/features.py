@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from executive.settings import figure
 from executive.values.geometry import Point
 
-FARTHEST_M: Final = 1000.0
+MAX_COORDINATE_M: Final = 1000.0
 BANK_M: Final = 0.1
 """Width of the sides of a ditch and of a slope, inside it."""
-STEEPEST_RAD: Final = 0.7
+MAX_SLOPE_RAD: Final = 0.7
 _FRICTION: Final = (0.01, 2.0)
-_SIDE_M: Final = (0.02, 2 * FARTHEST_M)
+_SIDE_M: Final = (0.02, 2 * MAX_COORDINATE_M)
 _RELIEF_M: Final = (0.005, 2.0)
 
 Floats = NDArray[np.float64]
@@ -65,8 +65,8 @@ class Outline:
 class GroundPoint:
     """A position on the ground."""
 
-    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
-    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    x_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
+    y_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +79,8 @@ class Rectangle:
         width_m: across it.
     """
 
-    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
-    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    x_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
+    y_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
     length_m: float = figure(*_SIDE_M)
     width_m: float = figure(*_SIDE_M)
     heading_rad: float = figure(-2 * pi, 2 * pi, default=0.0)
@@ -126,8 +126,8 @@ class Wall:
         friction: friction of wheels on it; with that of rough ground, wheels climb it.
     """
 
-    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
-    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    x_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
+    y_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M)
     to: GroundPoint
     height_m: float = figure(0.02, 10.0, default=1.0)
     thickness_m: float = figure(0.02, 5.0, default=0.1)
@@ -211,7 +211,7 @@ class SlopeZone(Rectangle):
         slope_rad: slope; negative descends.
     """
 
-    slope_rad: float = figure(-STEEPEST_RAD, STEEPEST_RAD)
+    slope_rad: float = figure(-MAX_SLOPE_RAD, MAX_SLOPE_RAD)
 
     def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
         """Return the heights that it makes of level ground, at positions."""

@@ -19,8 +19,8 @@ from sim.rover.body import STEP_S, SimulatedBody
 Vector = tuple[float, float, float]
 
 _GRAVITY_MPS2: Final = 9.81
-_GREATEST_RADPS: Final = 35.0
-_GREATEST_MPS2: Final = 157.0
+_MAX_RADPS: Final = 35.0
+_MAX_MPS2: Final = 157.0
 """Saturation of gyros and accelerometers: 2000 degrees per second, 16 g."""
 _WHEELS: Final = slice(7, 11)
 """Angles of front left and right, rear left and right, in the state of physics."""
@@ -114,12 +114,12 @@ class InertialUnit(Instrument):
             stamp_s,
             atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) + noise[6],
             asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))) + noise[7],
-            _cut(roll_radps + noise[0], _GREATEST_RADPS),
-            _cut(pitch_radps + noise[1], _GREATEST_RADPS),
-            _cut(yaw_radps + noise[2], _GREATEST_RADPS),
-            _cut(x_mps2 + bias_x + shaking_mps2 * noise[3], _GREATEST_MPS2),
-            _cut(y_mps2 + bias_y + shaking_mps2 * noise[4], _GREATEST_MPS2),
-            _cut(z_mps2 + bias_z + shaking_mps2 * noise[5], _GREATEST_MPS2),
+            _cut(roll_radps + noise[0], _MAX_RADPS),
+            _cut(pitch_radps + noise[1], _MAX_RADPS),
+            _cut(yaw_radps + noise[2], _MAX_RADPS),
+            _cut(x_mps2 + bias_x + shaking_mps2 * noise[3], _MAX_MPS2),
+            _cut(y_mps2 + bias_y + shaking_mps2 * noise[4], _MAX_MPS2),
+            _cut(z_mps2 + bias_z + shaking_mps2 * noise[5], _MAX_MPS2),
         )
 
     def _shoved_mps2(self) -> float:
@@ -184,8 +184,8 @@ def _felt(
     )
 
 
-def _cut(value: float, most: float) -> float:
-    return value if -most <= value <= most else max(-most, min(most, value))
+def _cut(value: float, maximum: float) -> float:
+    return value if -maximum <= value <= maximum else max(-maximum, min(maximum, value))
 
 
 _SPEED_NOISE_RADPS: Final = 0.03

@@ -23,10 +23,10 @@ from sim.rover.body import (
     STEPS_PER_PERIOD,
     BatteryPack,
     SimulatedBody,
-    moved_left,
+    offset_left,
 )
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import SimulatedFault, jackal_parts
+from sim.rover.faults import SimulatedFault, jackal_fault_targets
 from sim.rover.instruments import draws
 from sim.rover.model import JACKAL
 from sim.rover.mux import Mux
@@ -151,13 +151,13 @@ class WheelOdometry:
         return Odometry(stamp_s, self.pose, Velocity(travel_mps, rotate_radps))
 
 
-ANOTHER: Final = "another"
-ANOTHER_TIMEOUT_S: Final = 0.5
+FOREIGN_INPUT: Final = "another"
+FOREIGN_INPUT_TIMEOUT_S: Final = 0.5
 """Timeout of an input that the executive does not know."""
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
 _STALL_EVERY_S = 4.0
-_SHORTEST_STALL = 0.28
+_MIN_STALL_RATIO = 0.28
 """Minimum stall as a ratio of the maximum: 50 ms of 180."""
 
 
@@ -188,7 +188,7 @@ class SimulatedJackal(SimulatedBody):
             mux: mux of the base; None accepts every velocity.
         """
         sensors = sensors or Sensors()
-        super().__init__(JACKAL, BatteryPack(), world, picture, jackal_parts(sensors))
+        super().__init__(JACKAL, BatteryPack(), world, picture, jackal_fault_targets(sensors))
         random = np.random.default_rng(seed)
         self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController()
@@ -210,9 +210,9 @@ class SimulatedJackal(SimulatedBody):
             ValueError: if a figure is not finite.
         """
         if faults.CmdVelCut not in self._faults:
-            self.take(None if self._mux is None else self._mux.settings.input, velocity)
+            self.mux_command(None if self._mux is None else self._mux.settings.input, velocity)
 
-    def take(self, name: str | None, velocity: Velocity) -> None:
+    def mux_command(self, name: str | None, velocity: Velocity) -> None:
         """Process a velocity of an input of the mux; None without a mux.
 
         Raises:
@@ -223,7 +223,7 @@ class SimulatedJackal(SimulatedBody):
         if name is None or self._mux is None or self._mux.passes(name, self.time_s):
             self._base.command(velocity, self.time_s)
 
-    def take_lock(self, name: str, locked: bool) -> None:
+    def mux_lock(self, name: str, locked: bool) -> None:
         """Process a message of a lock of the mux."""
         if self._mux is not None:
             self._mux.lock(name, locked, self.time_s)
@@ -234,8 +234,8 @@ class SimulatedJackal(SimulatedBody):
             return
         settings = self._mux.settings
         if held and settings.stop is not None:
-            self.take(settings.stop, STANDING)
-        self.take_lock(settings.lock, held)
+            self.mux_command(settings.stop, STANDING)
+        self.mux_lock(settings.lock, held)
 
     def emergency_stop(self) -> None:
         """Command zero velocity, and hold the lock."""
@@ -258,7 +258,7 @@ class SimulatedJackal(SimulatedBody):
         super().inject(fault)
         match fault:
             case faults.OdometryJump(by_m):
-                self.odometry.pose = moved_left(self.odometry.pose, by_m)
+                self.odometry.pose = offset_left(self.odometry.pose, by_m)
             case faults.CmdVelTaken():
                 self._other_command_s = self.time_s + PERIOD_S
                 self._other_input = self._input_of(round(fault.priority))
@@ -269,7 +269,7 @@ class SimulatedJackal(SimulatedBody):
         """Read the sensors at the end of a period."""
         drift = self.fault(faults.OdometryDrift)
         if drift is not None:
-            self.odometry.pose = moved_left(self.odometry.pose, drift.rate_mps * PERIOD_S)
+            self.odometry.pose = offset_left(self.odometry.pose, drift.rate_mps * PERIOD_S)
         counted_rad = self.counted(turned_rad)
         self._publish_odometry(
             self.odometry.advance(
@@ -316,7 +316,7 @@ class SimulatedJackal(SimulatedBody):
         wait_s = jitter.mean_s * float(self._delays.standard_exponential())
         max_s = max(jitter.stall_s, jitter.mean_s)
         if self._delays.random() < PERIOD_S / _STALL_EVERY_S:
-            wait_s += jitter.stall_s * float(self._delays.uniform(_SHORTEST_STALL, 1.0))
+            wait_s += jitter.stall_s * float(self._delays.uniform(_MIN_STALL_RATIO, 1.0))
         return min(wait_s, max_s)
 
     def _distorted(self, fact: Odometry, last: Odometry | None) -> Odometry:
@@ -336,10 +336,10 @@ class SimulatedJackal(SimulatedBody):
         for name, entry in self._mux.settings.topics.items():
             if entry.priority == priority:
                 return name
-        self._mux.add(ANOTHER, MuxEntry(ANOTHER, ANOTHER_TIMEOUT_S, priority))
-        return ANOTHER
+        self._mux.add(FOREIGN_INPUT, MuxEntry(FOREIGN_INPUT, FOREIGN_INPUT_TIMEOUT_S, priority))
+        return FOREIGN_INPUT
 
-    def _tell_of_input(self, name: str | None) -> None:
+    def _report_mux_input(self, name: str | None) -> None:
         """Notify the executive, which subscribes to its topic and the mux's other inputs."""
         settings = None if self._mux is None else self._mux.settings
         if settings is None or name == settings.input:
@@ -353,8 +353,8 @@ class SimulatedJackal(SimulatedBody):
         taken = self.fault(faults.CmdVelTaken)
         if taken is not None and self.time_s >= self._other_command_s - SOON_S:
             self._other_command_s += 1 / taken.rate_hz
-            self.take(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
-            self._tell_of_input(self._other_input)
+            self.mux_command(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
+            self._report_mux_input(self._other_input)
         left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
         head_rad = self._head_rad(*self._servos.setpoints_rad(PERIOD_S))
         self._ctrl[:] = (left, right, left, right, *head_rad)

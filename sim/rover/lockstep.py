@@ -44,7 +44,7 @@ class InProcessMocup(MocupRover):
         self._stream = MopsStream(_refuse)
 
         def send(message: Message) -> None:
-            body.hear(encode(message))
+            body.receive(encode(message))
 
         super().__init__(dictionary, clock, send, self._due.append, SOURCE, brick)
 
@@ -57,12 +57,12 @@ class InProcessMocup(MocupRover):
 
     def facts(self) -> list[Fact]:
         """Return the brick's facts since the last call, and the requested picture."""
-        for message in self._stream.feed(self._body.brick.give()):
+        for message in self._stream.feed(self._body.brick.transmit()):
             if message.code == self._telemetry.code:
                 with suppress(MopsError):  # telemetry that cannot be read is lost, as over ROS
                     self._due += facts_of(message, self._telemetry, self._clock.now_s())
             else:
-                self.take(message)
+                self.on_reply(message)
         due = [*self._due, *self._body.facts()]
         self._due.clear()
         return due
@@ -106,7 +106,7 @@ class LockStep:
 
     Args:
         folder: folder of the ledger and the files.
-        downlinks: further receivers of reports and telemetry, in addition to `heard`.
+        downlinks: further receivers of reports and telemetry, in addition to `downlink_record`.
         picture: size and renderer of camera pictures.
         odometry: accuracy of a Jackal's odometry.
         solver: solver of plans; created if the settings offer mpc, unless given.
@@ -137,9 +137,9 @@ class LockStep:
         self._tape = tape
         self.rover = _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
-        self.heard = DownlinkRecorder()
+        self.downlink_record = DownlinkRecorder()
         self._folder = folder
-        self._downlinks = (self.heard, *downlinks)
+        self._downlinks = (self.downlink_record, *downlinks)
         self._steps = 0
         self._woken = False
         self._tick_steps = round(settings.tick_s / STEP_S)
@@ -161,7 +161,7 @@ class LockStep:
             raise ConnectionError("the executive does not run")
         answers: list[SubmitResult] = []
         self.executive.submit(command, answers.append)
-        self.executive.turn()
+        self.executive.serve_inbox()
         self._serve_while_woken()
         return answers[0]
 
@@ -180,7 +180,7 @@ class LockStep:
 
     def kill(self) -> None:
         """End the executive as by kill -9: it receives no facts, and does not tick or command."""
-        self.executive.abandon()
+        self.executive.simulate_crash()
         self.alive = False
 
     def start(self) -> None:
@@ -189,7 +189,7 @@ class LockStep:
         self.alive = True
 
     def _start(self) -> Executive:
-        self._seen = self._seen_by_executive()
+        self._seen = self._rover_port()
         ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
         executive = Executive(
             settings=self.settings,
@@ -205,7 +205,7 @@ class LockStep:
         executive.wake = self._wake
         return executive
 
-    def _seen_by_executive(self) -> SimulatedJackal | InProcessMocup:
+    def _rover_port(self) -> SimulatedJackal | InProcessMocup:
         """Return the rover from the view of an executive; for MOCUP with a plugin of its own."""
         if isinstance(self.rover, SimulatedJackal):
             return self.rover
@@ -233,7 +233,7 @@ class LockStep:
         """Execute the turns that the executive requests, without advancing the time."""
         while self._woken:
             self._woken = False
-            self.executive.turn()
+            self.executive.serve_inbox()
 
 
 def _rover(

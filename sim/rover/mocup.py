@@ -11,7 +11,7 @@ from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from sim.brick import BrickSettings, Firmware, Readings, SensorReadings, SetPoints
 from sim.rover import faults
-from sim.rover.body import PERIOD_S, BatteryPack, SimulatedBody, moved_left
+from sim.rover.body import PERIOD_S, BatteryPack, SimulatedBody, offset_left
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import MOCUP_PARTS, SimulatedFault
 from sim.rover.model import MOCUP
@@ -51,21 +51,21 @@ class SimulatedMocup(SimulatedBody):
         self.brick = Firmware(load_dictionary(), brick or BrickSettings(), start, Random(seed))
         self.brick.distort = self._distorted
         self._measured: deque[tuple[float, Readings]] = deque()
-        self._told: Readings | None = None
+        self._last_readings: Readings | None = None
         self._counts = (0, 0)
         self._first_rad = self._wheels_rad
         self._points = SetPoints(0.0, 0.0, 0.0, 0.0)
         self._actuate()
 
-    def hear(self, octets: bytes) -> None:
+    def receive(self, octets: bytes) -> None:
         """Pass octets to the brick."""
-        self.brick.take(octets, self.time_s)
+        self.brick.receive(octets, self.time_s)
 
     def inject(self, fault: SimulatedFault) -> None:
         """Inject a fault."""
         super().inject(fault)
         if isinstance(fault, faults.OdometryJump):
-            self._move_belief(fault.by_m)
+            self._offset_believed_pose(fault.by_m)
         if isinstance(fault, faults.BrickSilent):
             self.brick.mute = True
 
@@ -79,7 +79,7 @@ class SimulatedMocup(SimulatedBody):
         """Run the brick for the period."""
         drift = self.fault(faults.OdometryDrift)
         if drift is not None:
-            self._move_belief(drift.rate_mps * PERIOD_S)
+            self._offset_believed_pose(drift.rate_mps * PERIOD_S)
         counted_rad = self.counted(turned_rad)
         if counted_rad is not turned_rad:
             self._first_rad = [
@@ -98,10 +98,10 @@ class SimulatedMocup(SimulatedBody):
         senses = SensorReadings(*self._counts, self._voltage_v(), angles.pan_rad, angles.tilt_rad)
         self._points = self.brick.step(self.time_s, senses, PERIOD_S)
 
-    def _move_belief(self, distance_m: float) -> None:
+    def _offset_believed_pose(self, distance_m: float) -> None:
         """Move the brick's estimated pose by a distance to the left."""
         odometry = self.brick.machine.odometry
-        odometry.pose = moved_left(odometry.pose, distance_m)
+        odometry.pose = offset_left(odometry.pose, distance_m)
 
     def _distorted(self, readings: Readings) -> Readings | None:
         """Return the telemetry sent for the brick's readings."""
@@ -113,8 +113,8 @@ class SimulatedMocup(SimulatedBody):
         measured_s, readings = self._measured[0]
         if measured_s > sent_s or faults.OdometryLost in self._faults:
             return None
-        if self._told is not None and faults.OdometryRepeated in self._faults:
-            return self._told
+        if self._last_readings is not None and faults.OdometryRepeated in self._faults:
+            return self._last_readings
         changed = dict(readings)
         if faults.OdometryZeroTwist in self._faults:
             changed |= {
@@ -123,7 +123,7 @@ class SimulatedMocup(SimulatedBody):
             }
         if faults.BatterySilent in self._faults:
             del changed[Parameter.BATERY_VOLTAGE]
-        self._told = changed
+        self._last_readings = changed
         return changed
 
     def _actuate(self) -> None:

@@ -67,18 +67,18 @@ def build_model(world: World, step_s: float, chassis: Chassis) -> mujoco.MjModel
     """
     spec = mujoco.MjSpec.from_string(files("sim.rover").joinpath(chassis.file).read_text("utf-8"))
     spec.option.timestep = step_s
-    _add_looks(spec)
+    _add_materials(spec)
     soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
     scene = _Scene(spec, soil, world, world.terrain, _contact(world, chassis))
     _add_soil(scene)
     _add_rocks(scene)
     _add_features(scene)
     _add_hills(soil)
-    _stand(spec.body("base_link"), scene, chassis)
+    _place_rover(spec.body("base_link"), scene, chassis)
     return spec.compile()
 
 
-def _stand(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
+def _place_rover(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
     """Place the rover at its start, tilted like the ground, above the ground with all wheels."""
     start, soil = scene.world.start, scene.soil
     reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
@@ -97,7 +97,7 @@ def _rise(slope_rad: float) -> tuple[float, float, float, float]:
     return (cos(slope_rad / 2), 0, -sin(slope_rad / 2), 0)
 
 
-def _add_looks(spec: mujoco.MjSpec) -> None:
+def _add_materials(spec: mujoco.MjSpec) -> None:
     """Add sky, sun, haze and the materials of the ground."""
     visual = spec.visual
     visual.quality.shadowsize = 1024

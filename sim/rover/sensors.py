@@ -36,7 +36,7 @@ class SensorSuite:
             if each in sensors.present
         )
         self._due_s = dict.fromkeys(self._instruments, 0.0)
-        self._on_their_way: list[tuple[float, Fact]] = []
+        self._delayed: list[tuple[float, Fact]] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
     def read(self, steps: int) -> list[Fact]:
@@ -54,10 +54,10 @@ class SensorSuite:
                 continue
             due_s = max(time_s + instrument.latency_s, self._due_s[instrument])
             self._due_s[instrument] = due_s
-            self._on_their_way.append((due_s, fact))
+            self._delayed.append((due_s, fact))
         return published
 
     def _arrived(self, time_s: float) -> list[Fact]:
-        pending, until_s = self._on_their_way, time_s + SOON_S
-        self._on_their_way = [each for each in pending if each[0] > until_s]
+        pending, until_s = self._delayed, time_s + SOON_S
+        self._delayed = [each for each in pending if each[0] > until_s]
         return [fact for due_s, fact in pending if due_s <= until_s]

@@ -10,7 +10,7 @@ import numpy as np
 from executive.values.facts import LaserScan, SecondOdometry
 from executive.values.geometry import Pose, wrap_rad
 from sim.rover import faults
-from sim.rover.body import SimulatedBody, moved_left
+from sim.rover.body import SimulatedBody, offset_left
 from sim.rover.instruments import Instrument
 
 _SCALE: Final = (0.01, 0.02)
@@ -42,7 +42,7 @@ class VisualOdometry(Instrument):
         super().__init__(rover, rate_hz, random)
         self._scale = 1 + copysign(random.uniform(*_SCALE), random.uniform(-1, 1))
         self._drift_radpm = _DRIFT_RADPM * random.standard_normal()
-        self._way_m = 0.0
+        self._distance_m = 0.0
         self._true = rover.true_pose
         self._pose = Pose()
         self._gap_from_s = random.uniform(0.0, _BETWEEN_GAPS_S[1])
@@ -68,7 +68,7 @@ class VisualOdometry(Instrument):
         x_m, y_m = true.x_m - before.x_m, true.y_m - before.y_m
         off_rad = self._pose.heading_rad - before.heading_rad
         distance_m = hypot(x_m, y_m)
-        self._way_m += distance_m
+        self._distance_m += distance_m
         turn_rad = wrap_rad(true.heading_rad - before.heading_rad) + self._drift_radpm * distance_m
         self._pose = Pose(
             self._pose.x_m + self._scale * (x_m * cos(off_rad) - y_m * sin(off_rad)),
@@ -84,10 +84,10 @@ class VisualOdometry(Instrument):
         jump = self._fault(faults.SecondOdometryJump)
         drift = self._fault(faults.SecondOdometryDrift)
         if jump is not None and jump is not self._jumped:
-            self._pose = moved_left(self._pose, jump.by_m)
+            self._pose = offset_left(self._pose, jump.by_m)
         self._jumped = jump
         if drift is not None:
-            self._pose = moved_left(self._pose, drift.rate_mps * self._since_s)
+            self._pose = offset_left(self._pose, drift.rate_mps * self._since_s)
 
     def _frame(self, stamp_s: float) -> tuple[SecondOdometry, bool]:
         """Return the fact of a frame, and whether it has a result; both use the same draws."""
@@ -108,8 +108,8 @@ class VisualOdometry(Instrument):
         fact = SecondOdometry(
             stamp_s,
             measured,
-            hypot(_NOISE_M, sum(_SCALE) / 2 * self._way_m),
-            hypot(_NOISE_RAD, _DRIFT_RADPM * self._way_m),
+            hypot(_NOISE_M, sum(_SCALE) / 2 * self._distance_m),
+            hypot(_NOISE_RAD, _DRIFT_RADPM * self._distance_m),
         )
         return fact, seen and not self._in_gap(stamp_s) and not self._rover.world.dark
 

@@ -16,7 +16,7 @@ from executive.settings import SettingsError, figure, load_yaml, structure
 from executive.values.geometry import Pose
 from sim.rover.features import (
     BANK_M,
-    FARTHEST_M,
+    MAX_COORDINATE_M,
     Ditch,
     FrictionPatch,
     Outline,
@@ -41,7 +41,7 @@ class SoilShape:
         seed: seed of the random shape.
     """
 
-    amplitude_m: float = figure(most=2.0, default=0.0)
+    amplitude_m: float = figure(maximum=2.0, default=0.0)
     feature_m: float = figure(0.3, default=2.0)
     size_m: float = figure(2.0, 60.0, default=30.0)
     seed: int = figure(default=0)
@@ -80,7 +80,7 @@ class Scatter:
         clearings: areas without rocks.
     """
 
-    count: int = figure(most=500, default=0)
+    count: int = figure(maximum=500, default=0)
     size_m: float = 24.0
     smallest_m: float = 0.06
     largest_m: float = 0.4
@@ -120,8 +120,8 @@ class Scatter:
 class StartPose:
     """Start pose of the rover."""
 
-    x_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
-    y_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
+    x_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M, default=0.0)
+    y_m: float = figure(-MAX_COORDINATE_M, MAX_COORDINATE_M, default=0.0)
     heading_rad: float = figure(-pi, pi, default=0.0)
 
 
@@ -156,7 +156,7 @@ class World:
     patches: tuple[FrictionPatch, ...] = ()
     slopes: tuple[SlopeZone, ...] = ()
     start: StartPose = field(default_factory=StartPose)
-    charge_ratio: float = figure(most=1.0, default=0.9)
+    charge_ratio: float = figure(maximum=1.0, default=0.9)
     dark: bool = False
 
     def __post_init__(self) -> None:

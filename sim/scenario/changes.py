@@ -49,7 +49,7 @@ class Override:
         return f"{self.key}={self.value}"
 
 
-def changed(
+def apply_overrides(
     raw: dict[str, Any], changes: Sequence[Override], world: Callable[[str], dict[str, Any]]
 ) -> dict[str, Any]:
     """Return the plain data of a scenario with overrides applied in order.
@@ -146,11 +146,11 @@ def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
     return {**raw, "timeline": [*(raw.get("timeline") or []), entry]}
 
 
-def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:
+def _end(name: str, raw: dict[str, Any]) -> dict[str, Any]:
     """Return the entry that clears a fault after its duration."""
-    if "near" in said:
+    if "near" in raw:
         raise ValueError(f"{_LASTS} does not go with near: the end time is unknown")
-    at_s, lasts_s = said.get("at"), said[_LASTS]
+    at_s, lasts_s = raw.get("at"), raw[_LASTS]
     for key, time_s in (("at", at_s), (_LASTS, lasts_s)):
         if isinstance(time_s, bool) or not isinstance(time_s, int | float) or time_s < 0:
             raise ValueError(f"{_LASTS} needs seconds, and at: {key} is {shown(time_s)}")

@@ -50,7 +50,7 @@ class ExpectedLife:
 
     def judge(self, record: Record) -> Check:
         """Compare the life cycle of the command with the expected one."""
-        reports = record.life(self.command)
+        reports = record.reports_of(self.command)
         found = joined(f"command {self.command}", list(self._aspects(reports, record)))
         if found.holds or not reports:
             return found
@@ -133,7 +133,7 @@ class PlanIs(Scheduled):
     def judge(self, record: Record) -> Check:
         """Compare the status of the plan at a time with the expected one."""
         subject, wanted = f"plan {self.plan}", f"{self.status.name} {self.when}"
-        time_s = record.moment(self)
+        time_s = record.resolve_time(self)
         if time_s is None:
             return Check(subject, wanted, NEVER, False)
         updates = [
@@ -203,7 +203,7 @@ class FileFetched:
         """Compare the received octets with the file aboard and with the reported checksum."""
         attempts = [each for each in record.fetched if each.path == self.fetched]
         faults = [fault for each in attempts if (fault := _fault(each))]
-        octets = [f"{len(each.came)} octets" for each in attempts if isinstance(each, Fetched)]
+        octets = [f"{len(each.received)} octets" for each in attempts if isinstance(each, Fetched)]
         return Check(
             f"fetched {self.fetched}",
             "octets as aboard, checksum as reported",
@@ -241,10 +241,10 @@ def _reason(reason: Reason | None) -> str:
 
 def _fault(attempt: Fetched | FetchFailed) -> str:
     if isinstance(attempt, FetchFailed):
-        return attempt.why
-    if attempt.came != attempt.aboard:
+        return attempt.reason
+    if attempt.received != attempt.aboard:
         return "octets differ from aboard"
-    crc = crc32(attempt.came)
+    crc = crc32(attempt.received)
     return "" if crc == attempt.checksum else f"CRC-32 {crc:08x}, reported {attempt.checksum:08x}"
 
 

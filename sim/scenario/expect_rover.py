@@ -25,12 +25,12 @@ from sim.scenario.record import (
     TruePose,
 )
 
-SHORTEST_S: Final = 0.001
+MIN_INTERVAL_S: Final = 0.001
 """Minimum length of a required interval."""
 STILL_M: Final = 0.02
 STILL_RAD: Final = radians(2.0)
 """Maximum displacement of a stationary rover from its first pose; chosen, not measured."""
-LEAST_CONTRAST: Final = 16
+MIN_CONTRAST: Final = 16
 """Minimum difference of the brightest and darkest pixel, of 255; below it a picture is blank."""
 
 
@@ -105,7 +105,7 @@ class RoverMoves(ScheduledInterval):
     """Expected motion state: truly stationary throughout an interval, or moving within it."""
 
     rover: Movement
-    for_s: float = figure(SHORTEST_S)
+    for_s: float = figure(MIN_INTERVAL_S)
 
     def judge(self, record: Record) -> Check:
         """Compare the true motion in the interval with the expected state."""
@@ -114,12 +114,12 @@ class RoverMoves(ScheduledInterval):
         if not poses:
             return Check("rover", wanted, NEVER, False)
         away_m, turned_rad = travel(poses)
-        stands = away_m <= STILL_M and turned_rad <= STILL_RAD
+        is_standing = away_m <= STILL_M and turned_rad <= STILL_RAD
         return Check(
             "rover",
             wanted,
             f"went {away_m:.3f} m, turned {_angle(turned_rad)}",
-            stands is (self.rover is Movement.STANDS),
+            is_standing is (self.rover is Movement.STANDS),
         )
 
 
@@ -150,7 +150,7 @@ class ParameterIs(ScheduledInterval):
         subject = self.parameter.value
         once = ", once" if self.once else ""
         wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}{once}"
-        seen = [each.value for each in self._looked_at(record)]
+        seen = [each.value for each in self._samples(record)]
         if not seen:
             return Check(subject, wanted, "no value received", False)
         known = [value for value in seen if value is not None]
@@ -162,7 +162,7 @@ class ParameterIs(ScheduledInterval):
         holds = self._distance(judged) <= self.tolerance
         return Check(subject, wanted, f"{judged:.4g} {unit}{count}", holds)
 
-    def _looked_at(self, record: Record) -> Sequence[ReceivedValue]:
+    def _samples(self, record: Record) -> Sequence[ReceivedValue]:
         wanted = self.parameter
         if self.asked is not None:
             answers = [answer.values for answer in record.answers if answer.label == self.asked]
@@ -188,7 +188,7 @@ class TelemetryCount(ScheduledInterval):
     def judge(self, record: Record) -> Check:
         """Compare the number of values of each parameter with the expected one."""
         wanted = f"{self.telemetry} ± {self.tolerance} × each parameter {self.period}"
-        if record.moment(self) is None:
+        if record.resolve_time(self) is None:
             return Check("telemetry", wanted, NEVER, False)
         received = Counter(value.parameter for value in record.during(record.values, self))
         counts = sorted(received[each] for each in Parameter)
@@ -238,13 +238,13 @@ class VideoComes(ScheduledInterval):
     """
 
     video: int = figure()
-    for_s: float = figure(SHORTEST_S)
+    for_s: float = figure(MIN_INTERVAL_S)
 
     def judge(self, record: Record) -> Check:
         """Check the received pictures; if none is expected, that no datagram was received."""
         wanted = f"at least {self.video} pictures" if self.video else "no datagram"
         wanted = f"{wanted} {self.period}"
-        if record.moment(self) is None:
+        if record.resolve_time(self) is None:
             return Check("video", wanted, NEVER, False)
         arrived = record.during(record.video, self)
         pictures = [each.picture for each in arrived if each.picture is not None]
@@ -301,7 +301,7 @@ def _fault(octets: bytes, width_px: int | None = None, height_px: int | None = N
     if width_px not in (None, size_px[0]) or height_px not in (None, size_px[1]):
         return f"is {size_px[0]} × {size_px[1]} px"
     contrast = brightest - darkest  # type: ignore[operator]  # one band gives one pair
-    return "is blank" if contrast < LEAST_CONTRAST else ""
+    return "is blank" if contrast < MIN_CONTRAST else ""
 
 
 def _angle(angle_rad: float) -> str:

@@ -15,11 +15,11 @@ from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind
 from executive.values.parameters import Parameter
-from sim.scenario.live_session import GLANCE_S, LiveSession, watched
+from sim.scenario.live_session import CONDITION_POLL_S, LiveSession, watched
 from sim.scenario.model import RunMode, Scenario
 from sim.scenario.record import Record, TruePose
-from sim.scenario.scene import START_S, Scene, links_of, scene_of
-from sim.scenario.truth import look_up_requests, undelayed_s
+from sim.scenario.scene import START_S, LiveSetup, links_of, live_setup
+from sim.scenario.truth import load_requests, undelayed_s
 
 
 def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0) -> Record:
@@ -34,17 +34,17 @@ def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0
         TimeoutError: the rover did not get ready in time.
     """
     relay = RunMode.RELAY in links_of(scenario, mode)
-    with scene_of(scenario, folder, relay, speed) as scene:
+    with live_setup(scenario, folder, relay, speed) as scene:
 
         async def play() -> Record:
             await ready(scene, RunMode.DIRECT)
-            return await play_in(scene, scenario, mode)
+            return await run_in_setup(scene, scenario, mode)
 
         return asyncio.run(play())
 
 
-async def play_in(
-    scene: Scene,
+async def run_in_setup(
+    scene: LiveSetup,
     scenario: Scenario,
     mode: RunMode,
     brief: bool = False,
@@ -73,13 +73,13 @@ async def play_in(
         if late_s > 0:
             raise TimeoutError(f"the rover was ready {late_s:.0f} s after the planned start")
         await asyncio.sleep(-late_s)
-    heard, speed = scene.heard, scene.rover.speed
-    first = len(heard.true)
+    recorder, speed = scene.downlink_record, scene.rover.speed
+    first = len(recorder.true)
     files = scene.rover.aboard / "files"
-    record = Record(start_utc_s, files, float if speed == 1.0 else heard.simulated_s)
+    record = Record(start_utc_s, files, float if speed == 1.0 else recorder.simulated_s)
 
     def look() -> None:
-        new = heard.true[first + len(record.poses) :]
+        new = recorder.true[first + len(record.poses) :]
         record.poses += [TruePose(record.since_start_s(seen.utc_s), seen.pose) for seen in new]
 
     session = LiveSession(
@@ -99,17 +99,17 @@ async def play_in(
             await watching.enter_async_context(watched(scene.ground, record))
         await session.play()
     scene.check()
-    true = heard.true[first:]
-    heard_s = [record.since_start_s(seen.utc_s) for seen in true]
-    times_s = undelayed_s(heard_s, [seen.stamp_s for seen in true])
+    true = recorder.true[first:]
+    received_s = [record.since_start_s(seen.utc_s) for seen in true]
+    times_s = undelayed_s(received_s, [seen.stamp_s for seen in true])
     record.poses = [TruePose(time_s, seen.pose) for time_s, seen in zip(times_s, true, strict=True)]
-    driven = (seen for seen in heard.driven if seen.utc_s >= start_utc_s)
+    driven = (seen for seen in recorder.driven if seen.utc_s >= start_utc_s)
     record.odometry = [seen.pose for seen in driven]
-    look_up_requests(record, scene.rover.aboard / "ledger.sqlite")
+    load_requests(record, scene.rover.aboard / "ledger.sqlite")
     return record
 
 
-async def ready(scene: Scene, mode: RunMode) -> str:
+async def ready(scene: LiveSetup, mode: RunMode) -> str:
     """Wait until link and simulation report the pose of the rover; return the link's URI.
 
     An executive starts with a stop, which a brick may receive late. If the relay reaches the brick
@@ -129,17 +129,17 @@ async def ready(scene: Scene, mode: RunMode) -> str:
         raise TimeoutError(f"the rover was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: Scene, mode: RunMode) -> None:
+async def _known(uri: str, scene: LiveSetup, mode: RunMode) -> None:
     """Wait until pose and camera are received over a link, and the true pose here.
 
     Other parameters follow later: health figures of the executive's process are seconds apart.
     """
     needed = (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
-        while not scene.heard.true or any(
+        while not scene.downlink_record.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
-            await asyncio.sleep(GLANCE_S)
+            await asyncio.sleep(CONDITION_POLL_S)
         brick = scene.rover.settings.locomotion is LocomotionKind.WHOLE_MOTION
         if brick and mode is RunMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

@@ -23,7 +23,7 @@ from adapters.mrs.spec import (
     ParameterValue,
     PlanUpdate,
     describe_error,
-    given_up,
+    lost_command,
     mode_of,
     plan_update_of,
     report_of,
@@ -68,10 +68,10 @@ from sim.scenario.timeline import CommandFactory, Timeline
 T = TypeVar("T")
 _LOG: Final = logging.getLogger(__name__)
 
-LEAST_PAUSE_S: Final = 0.005
-GLANCE_S: Final = 0.02
+MIN_PAUSE_S: Final = 0.005
+CONDITION_POLL_S: Final = 0.02
 """Polling period while waiting for a state of the rover."""
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 """Polling period of the status."""
 
 
@@ -101,7 +101,7 @@ class LiveSession:
         mode: RunMode,
         load: Callable[[float], None] | None,
         faults: FaultClient | None,
-        look: Callable[[], None],
+        poll: Callable[[], None],
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
@@ -111,7 +111,7 @@ class LiveSession:
         self._system = system
         self._uris, self._mode, self._load, self._brief = uris, mode, load, brief
         self._on_news = on_news
-        self._look = look
+        self._poll = poll
         self._speed = speed
         self._entries = len(scenario.timeline)
         self._record = record
@@ -123,7 +123,7 @@ class LiveSession:
         self._faults = faults
         self._contact_s = inf
         self._lost = False
-        self._news = asyncio.Event()
+        self._new_data = asyncio.Event()
 
     async def play(self) -> None:
         """Run to the end.
@@ -159,7 +159,7 @@ class LiveSession:
             await line.end()
 
     def _tell(self) -> None:
-        self._news.set()
+        self._new_data.set()
         self._on_news(self._record)
 
     @property
@@ -173,20 +173,20 @@ class LiveSession:
             if now_s >= self._contact_s and not self._lost:
                 self._contact_s = inf
                 await (await self._connect(self._mode.link)).catch_up()
-            if self._timeline.looks:
-                self._look()
+            if self._timeline.has_position_triggers:
+                self._poll()
             for entry in self._timeline.due(now_s):
                 await self._carry_out(entry)
                 self._record.played += 1
-            self._news.clear()
+            self._new_data.clear()
             contact_s = inf if self._lost else self._contact_s
             until_s = min(self._timeline.next_s(), contact_s, self._lasts_s)
-            pause_s = max(LEAST_PAUSE_S, until_s - self._now_s()) / self._speed
-            if self._timeline.looks:
-                pause_s = min(pause_s, GLANCE_S)
+            pause_s = max(MIN_PAUSE_S, until_s - self._now_s()) / self._speed
+            if self._timeline.has_position_triggers:
+                pause_s = min(pause_s, CONDITION_POLL_S)
             with suppress(TimeoutError):
                 async with asyncio.timeout(pause_s):
-                    await self._news.wait()
+                    await self._new_data.wait()
 
     @property
     def _done(self) -> bool:
@@ -199,7 +199,7 @@ class LiveSession:
                 label, command = self._ground.command(entry, self._system.utc_s())
                 await self._submit(label, command)
             case QueryParameters(ask=label):
-                self._record.answers.append(await self._asked(label))
+                self._record.answers.append(await self._query_answer(label))
             case Fetch(fetch=path):
                 if self._client is None:
                     self._record.fetched.append(FetchFailed(path, "no contact"))
@@ -261,13 +261,15 @@ class LiveSession:
             record.requested.append(AdmittedRequest(identity, command.request))
         self._on_news(record)
 
-    async def _asked(self, label: str) -> QueryAnswer:
+    async def _query_answer(self, label: str) -> QueryAnswer:
         if self._client is None:
             return QueryAnswer(label, (), ())
         values = rover_values_of(await self._client.get_value())
         direct = self._mode is RunMode.DIRECT
         files = await self._client.list_files() if direct else ()
-        return QueryAnswer(label, self._record.heard(values), tuple(file.path for file in files))
+        return QueryAnswer(
+            label, self._record.received_values(values), tuple(file.path for file in files)
+        )
 
 
 class DownlinkSubscriptions:
@@ -283,13 +285,13 @@ class DownlinkSubscriptions:
         record: Record,
         link: str,
         system: System,
-        on_news: Callable[[], None],
+        on_data: Callable[[], None],
     ) -> None:
         self.client = client
         self._record = record
         self._link, self._system = link, system
         self._main = record.main_link
-        self._on_news = on_news
+        self._on_data = on_data
         self._notifications = client.notifications()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -299,13 +301,13 @@ class DownlinkSubscriptions:
 
         def on_report(notification: Notification) -> None:
             self._receive([notification])
-            self._on_news()
+            self._on_data()
 
         def on_value(value: ParameterValue) -> None:
-            record.values += record.heard(rover_values_of([value]))
+            record.values += record.received_values(rover_values_of([value]))
 
-        def on_file(news: FileNotification) -> None:
-            record.file_events.append(FileEvent(news.event, news.file.path))
+        def on_file(notification: FileNotification) -> None:
+            record.file_events.append(FileEvent(notification.event, notification.file.path))
 
         def on_plan(update: PlanUpdate) -> None:
             record.plans.append(plan_update_of(update))
@@ -316,7 +318,7 @@ class DownlinkSubscriptions:
         if self._link == self._main == RunMode.DIRECT.link:
             self._start(_each(await client.file_events(), on_file))
             self._start(_each(await client.plan_updates(), on_plan))
-        self._start(self._look())
+        self._start(self._poll())
 
     async def catch_up(self) -> None:
         """Retrieve the reports made while disconnected; telemetry of that time is lost."""
@@ -331,7 +333,7 @@ class DownlinkSubscriptions:
         record.file_events += [
             FileEvent(FileEventKind.STORED, path) for path in listed if path not in known
         ]
-        self._on_news()
+        self._on_data()
 
     def check(self) -> None:
         """Raise the exception that ended a subscription, if any."""
@@ -353,7 +355,7 @@ class DownlinkSubscriptions:
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         self._tasks.append(asyncio.create_task(work))
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         record = self._record
         while True:
             status = await self.client.get_status()
@@ -368,14 +370,14 @@ class DownlinkSubscriptions:
             }
             seen_s = record.since_start_s(self._system.utc_s())
             record.statuses.append(SeenStatus(seen_s, self._link, mode, values))
-            self._on_news()
-            await asyncio.sleep(LOOK_S)
+            self._on_data()
+            await asyncio.sleep(POLL_S)
 
 
 def _report(notification: Notification) -> Report:
     """Return the report; if the orbiter expires a command, with the identity of that command."""
     report = report_of(notification)
-    return replace(report, identity=report.identity or given_up(notification))
+    return replace(report, identity=report.identity or lost_command(notification))
 
 
 async def _each(stream: Stream[T], put: Callable[[T], None]) -> None:

@@ -34,7 +34,7 @@ from sim.scenario.record import (
     TruePose,
 )
 from sim.scenario.timeline import CommandFactory, Timeline
-from sim.scenario.truth import look_up_requests
+from sim.scenario.truth import load_requests
 
 
 class DownlinkCollector:
@@ -45,15 +45,15 @@ class DownlinkCollector:
         dark: whether the link is down now, by a loss or an outage.
     """
 
-    def __init__(self, said: DownlinkRecorder, record: Record) -> None:
-        self._said = said
+    def __init__(self, recorder: DownlinkRecorder, record: Record) -> None:
+        self._recorder = recorder
         self._record = record
         self._batches = 0
         self._until_s = -inf
         self.lost = False
         self.dark = False
 
-    def lose(self, lost: bool) -> None:
+    def set_lost(self, lost: bool) -> None:
         """Set or clear the loss of the link; an outage still applies."""
         self.lost = lost
         self.dark = self.dark or lost
@@ -66,13 +66,13 @@ class DownlinkCollector:
     def listen(self, now_s: float) -> None:
         """Copy the downlink since the last call, unless the link is down."""
         self.dark = self.lost or now_s < self._until_s - ALMOST_S
-        downlink, record = self._said, self._record
+        downlink, record = self._recorder, self._record
         batches = downlink.telemetry_batches[self._batches :]
         self._batches += len(batches)
         if self.dark:
             return
         for batch in batches:
-            record.values += record.heard(batch)
+            record.values += record.received_values(batch)
         record.reports += downlink.reports[len(record.reports) :]
         record.file_events += downlink.file_events[len(record.file_events) :]
         record.plans += downlink.plans[len(record.plans) :]
@@ -102,12 +102,12 @@ def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None)
     began_s = time.perf_counter()
     _LockstepRun(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
-    record.seen = lock.executive.status.obstacles.seen
-    lock.executive.abandon()
+    record.seen = lock.executive.status.obstacles.scanned
+    lock.executive.simulate_crash()
     record.simulated_s = lock.time_s
     record.energy_j = lock.rover.energy_j
     record.contacts = lock.rover.contacts
-    look_up_requests(record, folder / "ledger.sqlite")
+    load_requests(record, folder / "ledger.sqlite")
     return record
 
 
@@ -119,7 +119,7 @@ class _LockstepRun:
         self._tick_steps = round(scenario.settings.tick_s / STEP_S)
         self._timeline = Timeline(scenario, record)
         self._ground = CommandFactory(scenario, RunMode.LOCK_STEP.link)
-        self._downlink = DownlinkCollector(lock.heard, record)
+        self._downlink = DownlinkCollector(lock.downlink_record, record)
         self._start_s = inf
 
     def to_the_end(self) -> None:
@@ -137,7 +137,7 @@ class _LockstepRun:
             self._downlink.listen(self._lock.time_s)
             step = target
             if step % self._tick_steps == 0:
-                self._look()
+                self._observe()
 
     def _act(self) -> None:
         if self._lock.time_s >= self._start_s:
@@ -148,11 +148,11 @@ class _LockstepRun:
             self._downlink.listen(self._lock.time_s)
             self._record.played += 1
 
-    def _look(self) -> None:
+    def _observe(self) -> None:
         time_s = self._lock.time_s
         self._record.poses.append(TruePose(time_s, self._lock.rover.true_pose))
         if self._there:
-            self._lock.executive.ground.hear()
+            self._lock.executive.ground.record_contact()
         if self._lock.alive:
             self._record.modes.append(ModeSample(time_s, self._lock.executive.mode))
 
@@ -164,7 +164,7 @@ class _LockstepRun:
             case model.Fix(fix=label):
                 self._send(model.Send(command=self._compensation(), label=label))
             case model.QueryParameters(ask=label):
-                values = record.heard(lock.executive.parameters() if self._there else ())
+                values = record.received_values(lock.executive.parameters() if self._there else ())
                 files = tuple(lock.executive.files.paths()) if self._there else ()
                 record.answers.append(QueryAnswer(label, values, files))
             case model.Fetch(fetch=path):
@@ -174,7 +174,7 @@ class _LockstepRun:
             case model.Clear(clear=kind):
                 self._fault(kind, None)
             case model.Cargo(cargo_kg=mass_kg):
-                lock.rover.load(mass_kg)
+                lock.rover.set_cargo_mass(mass_kg)
             case model.Eclipse(eclipse_s=dark_s):
                 self._downlink.eclipse(lock.time_s + dark_s)
             case model.Crash(crash_s=down_s):
@@ -209,7 +209,7 @@ class _LockstepRun:
     def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Inject a fault, or clear the fault of a kind."""
         if kind is LinkLost:
-            self._downlink.lose(begins is not None)
+            self._downlink.set_lost(begins is not None)
         elif begins is not None:
             self._lock.rover.inject(begins)
         else:

@@ -14,7 +14,7 @@ from sim.rover.body import MAX_CARGO_KG
 from sim.rover.faults import SimulatedFault
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.expect_commands import CommandExpectation
-from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
+from sim.scenario.expect_rover import MIN_INTERVAL_S, RoverExpectation
 from sim.scenario.record import Scheduled
 
 
@@ -35,7 +35,7 @@ class RunMode(Enum):
         return "relay" if self is RunMode.RELAY else "direct"
 
 
-LONGEST_S = 3600.0
+MAX_DURATION_S = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ class Crash(Scheduled):
 class Cargo(Scheduled):
     """Sets the mass of the rover's cargo, in kg."""
 
-    cargo_kg: float = figure(most=MAX_CARGO_KG)
+    cargo_kg: float = figure(maximum=MAX_CARGO_KG)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +150,7 @@ class Eclipse(Scheduled):
         eclipse_s: duration of the outage in seconds.
     """
 
-    eclipse_s: float = figure(SHORTEST_S)
+    eclipse_s: float = figure(MIN_INTERVAL_S)
 
 
 Expectation = CommandExpectation | RoverExpectation
@@ -179,7 +179,7 @@ class Scenario:
     world: World
     odometry: OdometrySettings = field(default_factory=OdometrySettings)
     seed: int = figure(default=0)
-    lasts_s: float = figure(SHORTEST_S, LONGEST_S)
+    lasts_s: float = figure(MIN_INTERVAL_S, MAX_DURATION_S)
     timeline: tuple[Entry, ...] = ()
     expect: tuple[Expectation, ...]
     false_executed: tuple[str, ...] = ()

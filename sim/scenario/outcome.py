@@ -18,7 +18,7 @@ from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.record import Check, Record, SentCommand, between
-from sim.scenario.truth import reported_error, true_ends, way_m, what_was_executed_is_true
+from sim.scenario.truth import check_executed_truth, path_length_m, reported_error, true_ends
 
 DIGITS: Final = 6
 """Decimal digits of seconds: stamps in UTC have no finer ones."""
@@ -27,7 +27,7 @@ BRAKING_S: Final = 1.5
 STANDING_S: Final = 0.2
 STANDING_M: Final = 0.01
 """Maximum displacement within `STANDING_S` at standstill; chosen, not measured."""
-HELD: Final = frozenset({Mode.STOPPED, Mode.SAFE})
+HELD_MODES: Final = frozenset({Mode.STOPPED, Mode.SAFE})
 ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 """Motions to a pose in the world frame; an error of the reported pose displaces them."""
 
@@ -92,7 +92,7 @@ class ScenarioResult:
     record: Record = field(repr=False, compare=False)
 
 
-def play_once(
+def run_once(
     name: str, scenario: Scenario, folder: Path, tape: Tape | None = None
 ) -> ScenarioResult:
     """Run a scenario in lock step and evaluate it.
@@ -110,10 +110,10 @@ def play_once(
         record = run_in_lock_step(scenario, folder, tape)
     except SettingsError as error:
         raise SettingsError(f"{name}: {error}") from error
-    return outcome_of(scenario, record)
+    return evaluate(scenario, record)
 
 
-def outcome_of(scenario: Scenario, record: Record) -> ScenarioResult:
+def evaluate(scenario: Scenario, record: Record) -> ScenarioResult:
     """Return the result of a run of any mode."""
     findings = tuple(judge(scenario, record))
     holds = all(finding.holds for finding in findings)
@@ -138,8 +138,8 @@ def judge(scenario: Scenario, record: Record) -> list[Check]:
         played,
         _commands_end_once(record),
         _reports_without_gap(record),
-        _stands_while_held(record),
-        what_was_executed_is_true(record, scenario.false_executed),
+        _check_standstill(record),
+        check_executed_truth(record, scenario.false_executed),
     ]
 
 
@@ -171,10 +171,10 @@ def _reports_without_gap(record: Record) -> Check:
     )
 
 
-def _stands_while_held(record: Record) -> Check:
+def _check_standstill(record: Record) -> Check:
     """Check that the rover is stationary while STOPPED or SAFE."""
     worst_m = worst_rad = 0.0
-    for held, seen in groupby(record.modes, key=lambda seen: seen.mode in HELD):
+    for held, seen in groupby(record.modes, key=lambda seen: seen.mode in HELD_MODES):
         if held:
             times = [each.time_s for each in seen]
             away_m, turned_rad = travel(between(record.poses, times[0] + BRAKING_S, times[-1]))
@@ -189,22 +189,24 @@ def _stands_while_held(record: Record) -> Check:
 
 def figures_of(record: Record) -> RunMetrics:
     """Return the figures of a run."""
-    lives = record.lives().values()
-    ends = [life.end for life in lives if life.end is not None]
-    begun_s = [record.time_of(life.stages[0]) for life in lives]
+    histories = record.all_lifecycles().values()
+    ends = [entry.end for entry in histories if entry.end is not None]
+    begun_s = [record.time_of(entry.stages[0]) for entry in histories]
     ended_s = [record.time_of(end) for end in ends]
     true = true_ends(record)
     began_s, detection_s = _began_s(record), _detection_s(record)
     reported_s = inf if began_s is None or detection_s is None else began_s + detection_s
-    absolute = [sent for sent in record.sendings if _asks_for(record, sent, ABSOLUTE)]
-    fixes_s = [s.time_s for s in record.sendings if _asks_for(record, s, SetPositionCompensation)]
+    absolute = [sent for sent in record.sendings if _is_request_of(record, sent, ABSOLUTE)]
+    fixes_s = [
+        s.time_s for s in record.sendings if _is_request_of(record, s, SetPositionCompensation)
+    ]
     fixed_s = min(fixes_s, default=inf)
     error_m, error_rad = reported_error(record, absolute[0].time_s) if absolute else (None, None)
     return RunMetrics(
         duration_s=round(max(ended_s) - min(begun_s), DIGITS) if ended_s else None,
         true_error_m=max((end.off_m for end in true if end.off_m is not None), default=None),
         true_error_rad=max((end.off_rad for end in true if end.off_rad is not None), default=None),
-        distance_m=way_m(record.poses),
+        distance_m=path_length_m(record.poses),
         energy_j=record.energy_j,
         detection_s=detection_s,
         stopping_m=_stopping_m(record),
@@ -221,7 +223,7 @@ def figures_of(record: Record) -> RunMetrics:
     )
 
 
-def _asks_for(record: Record, sent: SentCommand, kinds: type | tuple[type, ...]) -> bool:
+def _is_request_of(record: Record, sent: SentCommand, kinds: type | tuple[type, ...]) -> bool:
     """Return whether a command was received and its request is of these kinds."""
     requests = (each.request for each in record.requested if each.identity == sent.identity)
     return isinstance(next(requests, None), kinds)
@@ -229,8 +231,8 @@ def _asks_for(record: Record, sent: SentCommand, kinds: type | tuple[type, ...])
 
 def _executed(record: Record, sent: Sequence[SentCommand]) -> float | None:
     """Return the share of commands that ended EXECUTED; None without commands."""
-    lives = [record.life(each.label) for each in sent]
-    done = [any(report.stage is Stage.EXECUTED for report in life) for life in lives]
+    lifecycles = [record.reports_of(each.label) for each in sent]
+    done = [any(report.stage is Stage.EXECUTED for report in reports) for reports in lifecycles]
     return sum(done) / len(done) if done else None
 
 
@@ -254,7 +256,7 @@ def _stopping_m(record: Record) -> float | None:
             continue
         away_m, turned_rad = travel(between(poses[index:], seen.time_s, seen.time_s + STANDING_S))
         if away_m <= STANDING_M and turned_rad <= STILL_RAD:
-            return way_m(poses[: index + 1])
+            return path_length_m(poses[: index + 1])
     return None
 
 
@@ -262,13 +264,13 @@ def _detection_s(record: Record) -> float | None:
     began_s = _began_s(record)
     if began_s is None:
         return None
-    reported_s = [record.time_of(report) for report in record.reports if _tells_of_a_fault(report)]
+    reported_s = [record.time_of(report) for report in record.reports if _is_fault_report(report)]
     reported_s += [seen.time_s for seen in record.modes if seen.mode is Mode.SAFE]
     after_s = (time_s - began_s for time_s in reported_s if time_s >= began_s)
     return min((round(time_s, DIGITS) for time_s in after_s), default=None)
 
 
-def _tells_of_a_fault(report: Report) -> bool:
+def _is_fault_report(report: Report) -> bool:
     if report.kind is ReportKind.COMMAND:
         return report.stage is Stage.FAILED and report.reason is not Reason.INTERRUPTED
     worrying = report.severity is not Severity.INFORMATIONAL

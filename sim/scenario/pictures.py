@@ -49,7 +49,7 @@ from sim.drawing import (
 from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
 from sim.scenario.record import Receipt, Record, TruePose
 from sim.scenario.sent import RELAY, CommandJourney, sent_commands
-from sim.scenario.truth import true_ends, way_m
+from sim.scenario.truth import path_length_m, true_ends
 
 REPORTS: Final = "reports.jsonl"
 SMALL_ROVER: Final = 0.5
@@ -93,12 +93,12 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
     """Return the data of a run's map."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
-    lives = record.lives()
+    histories = record.all_lifecycles()
 
     def done_s(kind: type) -> Iterator[float]:
         for each in record.requested:
-            life = lives.get(each.identity) if isinstance(each.request, kind) else None
-            executed = None if life is None else life.at(Stage.EXECUTED)
+            life = histories.get(each.identity) if isinstance(each.request, kind) else None
+            executed = None if life is None else life.report_at(Stage.EXECUTED)
             if executed is not None:
                 yield record.time_of(executed)
 
@@ -114,10 +114,10 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
         figures=tuple(_figures(record, end)),
         scale=SMALL_ROVER if small else 1.0,
         zones=scenario.settings.zones,
-        seen=record.seen,
+        scanned=record.seen,
         incidents=tuple(
-            Incident(_at(poses, time_s), words)
-            for time_s, words in sorted(_incidents(scenario, record))
+            Incident(_at(poses, time_s), text)
+            for time_s, text in sorted(_incidents(scenario, record))
         ),
     )
 
@@ -125,13 +125,13 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
 def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     """Return the data of a run's timeline."""
     relayed = any(sent.link == RELAY for sent in record.sendings) and bool(record.receipts)
-    lives = record.lives()
-    identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *lives]))
-    lanes = (_lane(record, each, lives.get(each)) for each in identities)
+    histories = record.all_lifecycles()
+    identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *histories]))
+    lanes = (_lane(record, each, histories.get(each)) for each in identities)
     eclipses = tuple(
         (begin_s, min(begin_s + entry.eclipse_s, record.simulated_s))
         for entry in scenario.timeline
-        if isinstance(entry, Eclipse) and (begin_s := record.moment(entry)) is not None
+        if isinstance(entry, Eclipse) and (begin_s := record.resolve_time(entry)) is not None
     )
     return RunTimeline(
         title=scenario.title,
@@ -149,7 +149,7 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
 def _true_speeds(record: Record) -> Series:
     """Return the true speed over ground."""
     moved = [
-        (end.time_s, way_m((start, end)) / (end.time_s - start.time_s))
+        (end.time_s, path_length_m((start, end)) / (end.time_s - start.time_s))
         for start, end in pairwise(record.poses)
         if end.time_s > start.time_s
     ]
@@ -177,7 +177,7 @@ def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
 
 
 def _figures(record: Record, end: Pose) -> Iterator[str]:
-    yield f"driven {way_m(record.poses):.1f} m in {record.simulated_s:.1f} s"
+    yield f"driven {path_length_m(record.poses):.1f} m in {record.simulated_s:.1f} s"
     yield f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {degrees(end.heading_rad):z.0f}°"
     last = last_error(record)
     if last is not None:
@@ -197,11 +197,11 @@ def last_error(record: Record) -> str | None:
 
 def planned_places(record: Record) -> tuple[Waypoint, ...]:
     """Return the waypoints of the started motions, without consecutive repeats."""
-    poses, lives = record.poses, record.lives()
+    poses, lives = record.poses, record.all_lifecycles()
     waypoints: list[Waypoint] = []
     for each in record.requested:
         life = lives.get(each.identity)
-        started = None if life is None else life.at(Stage.STARTED)
+        started = None if life is None else life.report_at(Stage.STARTED)
         if started is not None and poses:
             waypoints += _to(each.request, _at(poses, record.time_of(started)))
     return tuple(waypoint for waypoint, _ in groupby(waypoints))
@@ -234,8 +234,8 @@ def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]
     untrue = {end.label: end.wrong.split(", of ")[0] for end in true_ends(record) if end.wrong}
     for span in _faults(scenario, record):
         yield span.begin_s, span.name
-    for identity, life in record.lives().items():
-        label, end = record.label(identity), life.end
+    for identity, entry in record.all_lifecycles().items():
+        label, end = record.label(identity), entry.end
         if end is not None and end.stage is Stage.FAILED:
             reason = f": {end.reason.name}" if end.reason else ""
             yield record.time_of(end), f"{label} FAILED{reason}"
@@ -255,7 +255,7 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[TimeSpan]:
     for name, time_s in begun_s.items():
         yield TimeSpan(name, time_s, end_s)
     for entry in scenario.timeline:
-        begin_s = record.moment(entry)
+        begin_s = record.resolve_time(entry)
         if begin_s is None or begin_s > end_s:
             continue
         match entry:
@@ -267,11 +267,11 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[TimeSpan]:
                 pass
 
 
-def _lane(record: Record, identity: Identity, life: CommandHistory | None) -> CommandLane:
+def _lane(record: Record, identity: Identity, entry: CommandHistory | None) -> CommandLane:
     sent = [each for each in record.sendings if each.identity == identity]
     answers = ", ".join(dict.fromkeys(each.answer.value for each in sent))
     sent_s = [each.time_s for each in sent]
-    return lane_of(life, record.time_of, record.label(identity), sent_s, answers)
+    return lane_of(entry, record.time_of, record.label(identity), sent_s, answers)
 
 
 def journey_lane(sent: CommandJourney) -> CommandLane:

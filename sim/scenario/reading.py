@@ -17,7 +17,7 @@ from executive.commands import (
     PlanDefinition,
     Request,
     SubmitPlan,
-    declared,
+    all_declarations,
 )
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
@@ -39,17 +39,17 @@ from sim.rover.faults import (
     FaultTarget,
     LinkLost,
     SimulatedFault,
-    lacking,
-    parts_of,
+    fault_targets_of,
     read_fault,
     read_kind,
+    unsupported_reason,
 )
 from sim.rover.jackal import OdometrySettings
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
 from sim.scenario import expect_rover as of_rover
 from sim.scenario import model
-from sim.scenario.changes import Override, changed
+from sim.scenario.changes import Override, apply_overrides
 from sim.scenario.model import (
     Entry,
     Expectation,
@@ -63,10 +63,10 @@ from sim.scenario.model import (
 from sim.scenario.record import Scheduled, ScheduledInterval, StageTime
 
 SUFFIXES: Final = (".yaml", ".yml")
-OPERATIONS: Final = {each.name: each for each in declared()}
+OPERATIONS: Final = {each.name: each for each in all_declarations()}
 LINKS: Final = tuple(each.link for each in (RunMode.DIRECT, RunMode.RELAY))
 """Links of live runs."""
-_LARGEST_PX: Final = (1280, 960)
+_MAX_PX: Final = (1280, 960)
 _FOLDER: Final[ContextVar[Path]] = ContextVar("folder")
 """Folder of the file that is being read; plans are found in it."""
 
@@ -127,7 +127,7 @@ def _checked(
     scenario = _scenario(raw, folder, changes)
     check(scenario)
     if mode is not None:
-        check_play_mode(scenario, mode)
+        check_run_mode(scenario, mode)
     return scenario
 
 
@@ -149,7 +149,7 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Override]) -> Scenari
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
     reader = _reader()
     _FOLDER.set(folder)
-    raw = changed(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
+    raw = apply_overrides(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
     settings = _settings(raw.get("asset", "jackal"), folder)
     filled = {
         **raw,
@@ -234,8 +234,8 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
     if declaration.kind is SubmitPlan:
         return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan"))
     made = reader.read(arguments, _written(declaration), name)
-    request: Request = declaration.make(
-        *(getattr(made, each.field) for each in declaration.written)
+    request: Request = declaration.build_request(
+        *(getattr(made, each.field) for each in declaration.user_arguments)
     )
     return request
 
@@ -253,15 +253,15 @@ def _written(declaration: CommandDeclaration) -> Any:
     return make_dataclass(declaration.kind.__name__, written)
 
 
-def _plan(said: PlanFile, path: str) -> PlanDefinition:
-    named = config_folder() / "plans" / f"{said.plan}.xml"
-    file = _FOLDER.get() / said.plan if said.plan.endswith(".xml") else named
+def _plan(entry: PlanFile, path: str) -> PlanDefinition:
+    named = config_folder() / "plans" / f"{entry.plan}.xml"
+    file = _FOLDER.get() / entry.plan if entry.plan.endswith(".xml") else named
     try:
         content = file.read_bytes()
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise FormatError(path, f"{said.plan!r} cannot be read ({why})") from error
-    return PlanDefinition(said.id or file.stem, file.name, FORMAT, content, said.arguments)
+        raise FormatError(path, f"{entry.plan!r} cannot be read ({why})") from error
+    return PlanDefinition(entry.id or file.stem, file.name, FORMAT, content, entry.arguments)
 
 
 def check(scenario: Scenario) -> None:
@@ -273,13 +273,13 @@ def check(scenario: Scenario) -> None:
     _check_settings(scenario)
     _check_odometry(scenario)
     _check_start(scenario)
-    parts = parts_of(scenario.settings) | {FaultTarget.LINK}
+    parts = fault_targets_of(scenario.settings) | {FaultTarget.LINK}
     commands, queries = _labels(scenario, Send, model.Fix), _labels(scenario, QueryParameters)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
             _known(label, commands, "false_executed")
     fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
-    for path, item in _said(scenario):
+    for path, item in _entries_with_paths(scenario):
         if isinstance(item, Scheduled):
             if item.after is not None:
                 _known(item.after.label, commands, f"{path}.after")
@@ -291,7 +291,7 @@ def check(scenario: Scenario) -> None:
         match item:
             case Repeat(repeat=label):
                 _known(label, commands, f"{path}.repeat")
-            case model.Inject(inject=fault) if why := lacking(type(fault), parts):
+            case model.Inject(inject=fault) if why := unsupported_reason(type(fault), parts):
                 raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
             case of_commands.ExpectedLife(command=label):
                 _known(label, commands, f"{path}.command")
@@ -315,7 +315,7 @@ def _check_settings(scenario: Scenario) -> None:
         if value <= 0:
             raise FormatError("settings", f"{name} {value:g} is not above 0")
     size_px = (camera.width_px, camera.height_px)
-    for name, size, bound in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
+    for name, size, bound in zip(("width", "height"), size_px, _MAX_PX, strict=True):
         if not 1 <= size <= bound:
             raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {bound}")
     if settings.locomotion is LocomotionKind.WHOLE_MOTION and settings.sensors.present:
@@ -330,7 +330,7 @@ def _check_start(scenario: Scenario) -> None:
             raise FormatError(
                 "settings.zones",
                 f"the start of the world, x {start.x_m:g} y {start.y_m:g}, is not on the right side"
-                f" of {obstacle.title}",
+                f" of {obstacle.label}",
             )
 
 
@@ -347,7 +347,7 @@ def _usual(odometry: OdometrySettings) -> bool:
     return odometry == OdometrySettings()
 
 
-def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
+def _entries_with_paths(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
     """Yield all entries and expectations with their paths in the file."""
     for index, entry in enumerate(scenario.timeline):
         yield f"timeline[{index}]", entry
@@ -375,7 +375,7 @@ def _known(label: str, labels: set[str], path: str) -> None:
         raise FormatError(path, f"no {label!r} in timeline; known are {', '.join(sorted(labels))}")
 
 
-def check_play_mode(scenario: Scenario, mode: RunMode) -> None:
+def check_run_mode(scenario: Scenario, mode: RunMode) -> None:
     """Check that a mode of running supports all of a scenario.
 
     Raises:
@@ -383,14 +383,14 @@ def check_play_mode(scenario: Scenario, mode: RunMode) -> None:
     """
     if mode is not RunMode.LOCK_STEP and not _usual(scenario.odometry):
         raise FormatError("odometry", "works in lock step only")
-    for path, item in _said(scenario):
+    for path, item in _entries_with_paths(scenario):
         for key, text in _obstacles(item, mode):
             raise FormatError(f"{path}{key}", text)
 
 
-def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, str]]:
+def _obstacles(entry: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, str]]:
     live, relay = mode is not RunMode.LOCK_STEP, mode is RunMode.RELAY
-    match said:
+    match entry:
         case model.Crash() if live:
             yield "", "crash works in lock step only"
         case model.Fix() if live:
@@ -421,6 +421,6 @@ def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, 
             | of_commands.PlanIs()
             | of_rover.VideoComes()
         ) if relay:
-            yield f".{next(iter(said.__slots__))}", "does not travel over the relay"
+            yield f".{next(iter(entry.__slots__))}", "does not travel over the relay"
         case _:
             pass

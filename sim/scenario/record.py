@@ -64,7 +64,7 @@ class StageTime:
         delay = f" + {self.delay_s:g} s" if self.delay_s else ""
         return f"{self.label} {self.stage}{delay}"
 
-    def comes_with(self, report: Report) -> bool:
+    def matches(self, report: Report) -> bool:
         """Return whether this report has the stage; a report of the orbiter counts as EXPIRED."""
         stage = Stage.EXPIRED if report.kind is ReportKind.LINK else report.stage
         return stage in _STAGES[self.stage]
@@ -290,7 +290,7 @@ class Fetched:
     """
 
     path: str
-    came: bytes
+    received: bytes
     aboard: bytes
     checksum: int
 
@@ -300,7 +300,7 @@ class FetchFailed:
     """A file that could not be fetched, with the reason."""
 
     path: str
-    why: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +374,7 @@ class Record:
         """Return the scenario time of a UTC."""
         return self.clock(utc_s) - self.clock(self.start_utc_s)
 
-    def heard(self, values: Sequence[ParameterValue]) -> tuple[ReceivedValue, ...]:
+    def received_values(self, values: Sequence[ParameterValue]) -> tuple[ReceivedValue, ...]:
         """Return values with scenario times."""
         return tuple(
             ReceivedValue(self.since_start_s(value.utc_s), value.parameter, value.value)
@@ -403,24 +403,24 @@ class Record:
         labels = (sent.label for sent in self.sendings if sent.identity == identity)
         return next(labels, str(identity))
 
-    def life(self, label: str) -> tuple[Report, ...]:
+    def reports_of(self, label: str) -> tuple[Report, ...]:
         """Return the reports of the stages of a command, each once, in order."""
         identity = self.identity(label)
-        life = None if identity is None else self.lives().get(identity)
-        return () if life is None else life.stages
+        entry = None if identity is None else self.all_lifecycles().get(identity)
+        return () if entry is None else entry.stages
 
     def given_up(self, label: str) -> Report | None:
         """Return the orbiter's report that a command's lifetime ended there, or None."""
         identity = self.identity(label)
         return next((each for each in self.reports if gives_up(each, identity)), None)
 
-    def lives(self) -> dict[Identity, CommandHistory]:
+    def all_lifecycles(self) -> dict[Identity, CommandHistory]:
         """Return the history of each command with reports."""
         once = {(report.sequence, report.identity): report for report in self.reports}
         reports = tuple(sorted(once.values(), key=lambda report: report.sequence))
-        return RunHistory(self.start_utc_s, reports).lives()
+        return RunHistory(self.start_utc_s, reports).command_histories()
 
-    def moment(self, timed: Scheduled) -> float | None:
+    def resolve_time(self, timed: Scheduled) -> float | None:
         """Return the due time of an item, or None while unknown.
 
         An item without a time is due at the end.
@@ -438,8 +438,8 @@ class Record:
             last_s = self.simulated_s if timed.at_end else 0.0
             return last_s if timed.at_s is None else timed.at_s
         given_up = self.given_up(after.label)
-        for report in (*self.life(after.label), *([given_up] if given_up else ())):
-            if after.comes_with(report):
+        for report in (*self.reports_of(after.label), *([given_up] if given_up else ())):
+            if after.matches(report):
                 return self.time_of(report) + after.delay_s
         return None
 
@@ -447,14 +447,14 @@ class Record:
         """Return the first sample after the due time; the last one for an item at the end."""
         if timed.at_end:
             return samples[-1] if samples else None
-        time_s = self.moment(timed)
+        time_s = self.resolve_time(timed)
         if time_s is None:
             return None
         return next((each for each in samples if each.time_s > time_s + ALMOST_S), None)
 
     def during(self, samples: Sequence[S], lasting: ScheduledInterval) -> Sequence[S]:
         """Return the samples of an interval, which for an item at the end is the last one."""
-        start_s = self.moment(lasting)
+        start_s = self.resolve_time(lasting)
         if start_s is None:
             return ()
         if lasting.at_end:

@@ -19,8 +19,8 @@ from sim.processes import (
     Deployment,
     ProcessGroup,
     RoverAddress,
+    allocate_address,
     deployed,
-    free_place,
 )
 from sim.processes import Outage as Dark
 from sim.rover.faults import LinkLost, SimulatedFault
@@ -66,7 +66,7 @@ class Fleet:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class LiveSetup:
     """Environment of the live runs of one rover.
 
     Attributes:
@@ -77,7 +77,7 @@ class Scene:
 
     fleet: Fleet
     rover: Deployment
-    heard: "RoverRecorder"
+    downlink_record: "RoverRecorder"
     ground: socket.socket | None
     load: Callable[[float], None] | None
     faults: "FaultClient | None"
@@ -133,7 +133,7 @@ def fleet_of(
         rovers = tuple(
             running.enter_context(
                 deployed(
-                    place.beside(number),
+                    place.next_address(number),
                     folder,
                     *_write(scenario, folder),
                     scenario.seed,
@@ -157,7 +157,7 @@ def fleet_of(
 @contextmanager
 def scene_in(
     fleet: Fleet, rover: Deployment, scenario: Scenario, ground: socket.socket | None = None
-) -> Iterator[Scene]:
+) -> Iterator[LiveSetup]:
     """Yield the environment of a scenario's run; starts a thread that records topics.
 
     Raises:
@@ -165,25 +165,27 @@ def scene_in(
     """
     from sim.processes.recorder import recorder
 
-    name, domain = rover.settings.asset, rover.place.domain
+    name, domain = rover.settings.asset, rover.address.domain
     parameters = config_folder() / f"{name}.ros.yaml"
     with ExitStack() as running:
         heard = running.enter_context(recorder(name, domain, parameters))
         load: Callable[[float], None] | None = None
         if any(isinstance(entry, Cargo) for entry in scenario.timeline):
-            from sim.ros.cargo import loading
+            from sim.ros.cargo import cargo_publisher
 
-            load = running.enter_context(loading(name, domain, parameters))
+            load = running.enter_context(cargo_publisher(name, domain, parameters))
         faults: FaultClient | None = None
         if any(kind is not LinkLost for kind in _fault_kinds(scenario)):
             from sim.ros.faults import fault_client
 
             faults = running.enter_context(fault_client(name, domain, parameters, START_S))
-        yield Scene(fleet, rover, heard, ground, load, faults)
+        yield LiveSetup(fleet, rover, heard, ground, load, faults)
 
 
 @contextmanager
-def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) -> Iterator[Scene]:
+def live_setup(
+    scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0
+) -> Iterator[LiveSetup]:
     """Start a rover and yield its environment, for scenarios with this rover and world.
 
     Raises:
@@ -194,9 +196,9 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
         ground = running.enter_context(socket.socket(type=socket.SOCK_DGRAM))
         ground.bind((HOST, ANY_PORT))
         video_to = "{}:{}".format(*ground.getsockname())
-        place = running.enter_context(free_place())
+        address = running.enter_context(allocate_address())
         fleet = running.enter_context(
-            fleet_of([scenario], [folder], place, folder if relay else None, speed, video_to)
+            fleet_of([scenario], [folder], address, folder if relay else None, speed, video_to)
         )
         yield running.enter_context(scene_in(fleet, fleet.rovers[0], scenario, ground))
 

@@ -11,7 +11,6 @@ from rich.console import Console
 from executive.settings import SettingsError, names_in
 from sim.scenario.changes import Override
 from sim.scenario.model import RunMode, Scenario
-from sim.scenario.playing import RunError, play, show
 from sim.scenario.reading import load_scenario, scenario_folder
 from sim.scenario.results import (
     ScenarioError,
@@ -21,6 +20,7 @@ from sim.scenario.results import (
     summary,
     write_results,
 )
+from sim.scenario.run import RunError, run_scenario, show
 
 FAILED: Final = 1
 BAD_FILE: Final = 2
@@ -107,7 +107,7 @@ class ScenarioBatch:
         if out is not None and self._repeat > 1:
             out /= f"seed-{scenario.seed}"
         try:
-            outcome = play(name, scenario, self._mode, self._speed, out)
+            outcome = run_scenario(name, scenario, self._mode, self._speed, out)
         except SettingsError as error:
             self._break(name, str(error), BAD_FILE)
             return None

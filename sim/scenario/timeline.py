@@ -31,7 +31,7 @@ class Timeline:
         return found
 
     @property
-    def looks(self) -> bool:
+    def has_position_triggers(self) -> bool:
         """Whether an entry depends on the rover's position."""
         return any(entry.near is not None for entry in self._waiting)
 
@@ -41,7 +41,11 @@ class Timeline:
 
     def _times(self) -> list[float]:
         record = self._record
-        known = (len(record.reports), len(record.sendings), len(record.poses) * self.looks)
+        known = (
+            len(record.reports),
+            len(record.sendings),
+            len(record.poses) * self.has_position_triggers,
+        )
         if known != self._known:
             self._times_s = [self._time_of(entry) for entry in self._waiting]
             self._known = known
@@ -50,7 +54,7 @@ class Timeline:
     def _time_of(self, entry: Entry) -> float:
         if isinstance(entry, Repeat) and self._record.identity(entry.repeat) is None:
             return inf
-        time_s = self._record.moment(entry)
+        time_s = self._record.resolve_time(entry)
         return inf if time_s is None else time_s
 
 

@@ -1,8 +1,9 @@
 """Compares the true pose with the target of each command that ended EXECUTED.
 
-The position tolerance is `NEAR_M` plus `NEAR_PER_M` times the commanded distance; the heading
-tolerance is `NEAR_RAD`. A turn on the spot must end within `NEAR_M` of its start. A stop must not
-end EXECUTED while the rover is faster than `STANDING_MPS`. The bounds are chosen, not measured.
+The position tolerance is `POSITION_TOLERANCE_M` plus `POSITION_TOLERANCE_PER_M` times the commanded
+distance; the heading tolerance is `HEADING_TOLERANCE_RAD`. A turn on the spot must end within
+`POSITION_TOLERANCE_M` of its start. A stop must not end EXECUTED while the rover is faster than
+`STANDING_MPS`. The bounds are chosen, not measured.
 """
 
 from bisect import bisect_right
@@ -22,14 +23,14 @@ from executive.values.parameters import Parameter
 from executive.values.reports import Report, Stage
 from sim.scenario.record import ALMOST_S, AdmittedRequest, Check, Record, TruePose
 
-NEAR_M: Final = 0.15
-NEAR_PER_M: Final = 0.05
-NEAR_RAD: Final = 0.1
+POSITION_TOLERANCE_M: Final = 0.15
+POSITION_TOLERANCE_PER_M: Final = 0.05
+HEADING_TOLERANCE_RAD: Final = 0.1
 STANDING_MPS: Final = 0.05
 STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
 """Time before and after an instant over which its true speed is estimated."""
-UNSEEN_S: Final = 0.5
+MAX_SAMPLE_GAP_S: Final = 0.5
 """Maximum time between an instant and its true pose."""
 
 
@@ -59,33 +60,33 @@ class _Target:
 
     Attributes:
         heading_rad: None if none is commanded.
-        way_m: commanded distance from the start.
-        near_m: position tolerance without the share `NEAR_PER_M` of the distance.
+        distance_m: commanded distance from the start.
+        near_m: position tolerance without the share `POSITION_TOLERANCE_PER_M` of the distance.
     """
 
-    place: Point
+    point: Point
     heading_rad: float | None
-    way_m: float
-    near_m: float = NEAR_M
+    distance_m: float
+    near_m: float = POSITION_TOLERANCE_M
 
 
 def true_ends(record: Record) -> list[TrueEnd]:
     """Return the true end of each motion and stop that ended EXECUTED."""
     requests = {each.identity: each.request for each in record.requested}
     ends = []
-    for identity, life in record.lives().items():
-        executed = life.at(Stage.EXECUTED)
+    for identity, entry in record.all_lifecycles().items():
+        executed = entry.report_at(Stage.EXECUTED)
         if executed is None:
             continue
         if identity in requests:
-            ends.append(_true_end(record, life, executed, requests[identity]))
+            ends.append(_true_end(record, entry, executed, requests[identity]))
         elif identity.source.startswith(SOURCE_PREFIX):
             wrong, end_s = "has an unknown request", record.time_of(executed)
             ends.append(TrueEnd(str(identity), end_s, wrong=wrong, seen=False))
     return [end for end in ends if end is not None]
 
 
-def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> Check:
+def check_executed_truth(record: Record, false_executed: Sequence[str]) -> Check:
     """Check every command that ended EXECUTED against its target.
 
     Args:
@@ -116,14 +117,14 @@ def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> 
     )
 
 
-def look_up_requests(record: Record, ledger: Path) -> None:
+def load_requests(record: Record, ledger: Path) -> None:
     """Add the requests of commands that the ground did not send, from the ledger aboard.
 
     Raises:
         executive.record.LedgerError: the ledger cannot be read.
     """
     known = {each.identity for each in record.requested}
-    unknown = [identity for identity in record.lives() if identity not in known]
+    unknown = [identity for identity in record.all_lifecycles() if identity not in known]
     if not unknown:
         return
     aboard = Ledger(ledger, Synchronous.NORMAL)
@@ -136,59 +137,63 @@ def look_up_requests(record: Record, ledger: Path) -> None:
         aboard.abandon()
 
 
-def undelayed_s(heard_s: Sequence[float], stamps_s: Sequence[float]) -> list[float]:
+def undelayed_s(received_s: Sequence[float], stamps_s: Sequence[float]) -> list[float]:
     """Return the stamps of delayed samples on the local clock.
 
     The clock offset is the difference of the least delayed sample. If the sender's clock loses
     time, the offset grows from then on, so the minimum is taken over later samples only.
 
     Args:
-        heard_s: times of receipt on the local clock, in order.
+        received_s: times of receipt on the local clock, in order.
         stamps_s: creation times on the sender's clock.
     """
-    delays_s = [received - stamp for received, stamp in zip(heard_s, stamps_s, strict=True)]
+    delays_s = [received - stamp for received, stamp in zip(received_s, stamps_s, strict=True)]
     offsets_s = [*accumulate(reversed(delays_s), min)][::-1]
     return [stamp + offset for stamp, offset in zip(stamps_s, offsets_s, strict=True)]
 
 
-def way_m(poses: Iterable[TruePose]) -> float:
+def path_length_m(poses: Iterable[TruePose]) -> float:
     """Return the length of the path through poses, in m."""
     return sum(one.pose.point.distance_m(other.pose.point) for one, other in pairwise(poses))
 
 
 def _true_end(
-    record: Record, life: CommandHistory, executed: Report, request: Request
+    record: Record, entry: CommandHistory, executed: Report, request: Request
 ) -> TrueEnd | None:
-    label, poses, end_s = record.label(life.identity), record.poses, record.time_of(executed)
+    label, poses, end_s = record.label(entry.identity), record.poses, record.time_of(executed)
     if isinstance(request, Stop):
         return _stopped(poses, label, end_s)
     if not isinstance(request, Motion):
         return None
-    first = _index(poses, record.time_of(life.at(Stage.STARTED) or executed))
+    first = _index(poses, record.time_of(entry.report_at(Stage.STARTED) or executed))
     last = _index(poses, end_s)
     if first is None or last is None:
         return _unseen(label, end_s)
     target = _target(request, _start(poses, first, last, request))
     end = poses[last].pose
-    off_m = end.point.distance_m(target.place)
-    near_m = target.near_m + NEAR_PER_M * target.way_m
+    off_m = end.point.distance_m(target.point)
+    near_m = target.near_m + POSITION_TOLERANCE_PER_M * target.distance_m
     wrong = [f"{off_m:.3f} m off, of {near_m:.3f} m allowed"] if off_m > near_m else []
     off_rad = None
     if target.heading_rad is not None:
         off_rad = abs(wrap_rad(end.heading_rad - target.heading_rad))
-        if off_rad > NEAR_RAD:
-            wrong.append(f"{degrees(off_rad):.1f}° off, of {degrees(NEAR_RAD):.1f}° allowed")
+        if off_rad > HEADING_TOLERANCE_RAD:
+            wrong.append(
+                f"{degrees(off_rad):.1f}° off, of {degrees(HEADING_TOLERANCE_RAD):.1f}° allowed"
+            )
     return TrueEnd(label, end_s, off_m, off_rad, " and ".join(wrong))
 
 
 def _target(request: Motion, start: Pose) -> _Target:
     """Return the target of a motion from a start pose."""
     segments = request.segments(start)
-    end, way_m = segments[-1].end, sum(abs(each.by_m) for each in segments)
+    end, distance_m = segments[-1].end, sum(abs(each.by_m) for each in segments)
     turns = [each.reference for each in segments if isinstance(each, Turn)]
-    lines = [each.tolerance_m or NEAR_M for each in segments if isinstance(each, Line)]
+    lines = [
+        each.tolerance_m or POSITION_TOLERANCE_M for each in segments if isinstance(each, Line)
+    ]
     heading_rad = None if turns[-1:] == [Reference.NEXT_LINE] else end.heading_rad
-    return _Target(end.point, heading_rad, way_m, max([NEAR_M, *lines[-1:]]))
+    return _Target(end.point, heading_rad, distance_m, max([POSITION_TOLERANCE_M, *lines[-1:]]))
 
 
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
@@ -198,7 +203,7 @@ def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
     first, last = _index(poses, end_s - SPEED_OVER_S), _index(poses, end_s + SPEED_OVER_S)
     before = poses[max(0, at - 1 if first is None else min(first, at - 1))]
     after = poses[min(len(poses) - 1, at + 1 if last is None else max(last, at + 1))]
-    if not 0 < after.time_s - before.time_s <= 2 * UNSEEN_S:
+    if not 0 < after.time_s - before.time_s <= 2 * MAX_SAMPLE_GAP_S:
         return _unseen(label, end_s)
     speed_mps = _speed_mps(before, poses[at], after)
     wrong = f"ended at {speed_mps:.2f} m/s" if speed_mps > STANDING_MPS else ""
@@ -214,7 +219,7 @@ def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
     `w = v**2 / (2 * a)` and `a = 2 * (m - v) / t`.
     """
     until_s, from_s = now.time_s - before.time_s, after.time_s - now.time_s
-    until_m, from_m = way_m((before, now)), way_m((now, after))
+    until_m, from_m = path_length_m((before, now)), path_length_m((now, after))
     if not until_s or not from_s:
         return (until_m + from_m) / (until_s + from_s)
     before_mps, after_mps = until_m / until_s, from_m / from_s
@@ -243,10 +248,13 @@ def _unseen(label: str, end_s: float) -> TrueEnd:
 
 
 def _index(poses: Sequence[TruePose], time_s: float) -> int | None:
-    """Return the index of the last pose up to a time; None without a pose within `UNSEEN_S`."""
+    """Return the index of the last pose up to a time.
+
+    None without a pose within `MAX_SAMPLE_GAP_S`.
+    """
     until = bisect_right(poses, time_s + ALMOST_S, key=lambda seen: seen.time_s)
     index = max(0, until - 1)
-    seen = index < len(poses) and abs(poses[index].time_s - time_s) <= UNSEEN_S
+    seen = index < len(poses) and abs(poses[index].time_s - time_s) <= MAX_SAMPLE_GAP_S
     return index if seen else None
 
 
@@ -257,7 +265,7 @@ def _start(poses: Sequence[TruePose], first: int, last: int, request: Motion) ->
     for before, seen in pairwise(poses[max(0, first - 1) : last + 1]):
         took_s = seen.time_s - before.time_s
         turned_rad = abs(wrap_rad(seen.pose.heading_rad - before.pose.heading_rad))
-        slow = way_m((before, seen)) <= STANDING_MPS * took_s
+        slow = path_length_m((before, seen)) <= STANDING_MPS * took_s
         if slow and turned_rad <= STANDING_RADPS * took_s:
             return seen.pose
     return poses[first].pose

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from sim.scenario.expect_commands import ExpectedLife
-from sim.scenario.live import play_in
+from sim.scenario.live import run_in_setup
 from sim.scenario.model import QueryParameters, RunMode, Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Scheduled
-from sim.scenario.scene import scene_of
+from sim.scenario.scene import live_setup
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 240
@@ -57,8 +57,8 @@ def _over(timed: Scheduled, label: str, later_s: float) -> QueryParameters:
 def test_hold_over_real_processes(name: str, tmp_path: Path) -> None:
     """One at a time: a rover and its processes take most of a core."""
     scenario = patient(load_scenario(name, RunMode.DIRECT))
-    with scene_of(scenario, tmp_path, relay=False) as scene:
-        record = asyncio.run(play_in(scene, scenario, RunMode.DIRECT, brief=True))
+    with live_setup(scenario, tmp_path, relay=False) as scene:
+        record = asyncio.run(run_in_setup(scene, scenario, RunMode.DIRECT, brief=True))
     assert [str(found) for found in judge(scenario, record) if not found.holds] == []
 
 

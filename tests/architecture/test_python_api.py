@@ -3,14 +3,14 @@
 import pytest
 
 from adapters import api
-from executive.commands import declared
+from executive.commands import all_declarations
 from tests.docs.pages import CHECKOUT, blocks
 
 PAGES = ("python-api", "command-a-rover", "fetch-a-picture")
 
 
 def test_every_request_is_in_it() -> None:
-    assert {each.kind.__name__ for each in declared()} <= set(api.__all__)
+    assert {each.kind.__name__ for each in all_declarations()} <= set(api.__all__)
 
 
 @pytest.mark.parametrize("page", PAGES)

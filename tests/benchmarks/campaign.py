@@ -19,7 +19,7 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import campaign_path
 from sim.campaign.runs import CampaignRun
 from sim.campaign.session import CampaignSession
-from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, play_job
+from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, run_job
 from sim.scenario.outcome import RunMetrics
 from tests.support.figures import Figure, Goal
 
@@ -85,15 +85,15 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
         local_cluster(WORKERS) as two,
         multiprocessing.get_context("spawn").Pool(WORKERS) as pool,
     ):
-        list(results(one, play_job, warm))
-        list(results(two, play_job, warm))
-        list(pool.imap_unordered(play_job, warm))
+        list(results(one, run_job, warm))
+        list(results(two, run_job, warm))
+        list(pool.imap_unordered(run_job, warm))
         for number in range(1, ROUNDS + 1):
             tell(f"campaign: {runs} runs by a pool, by {WORKERS} workers and by one,"
                  f" {number} of {ROUNDS} ...")  # fmt: skip
-            rate(pool.imap_unordered(play_job, jobs), pools)
-            rate(results(two, play_job, jobs), twos)
-            rate(results(one, play_job, jobs), ones)
+            rate(pool.imap_unordered(run_job, jobs), pools)
+            rate(results(two, run_job, jobs), twos)
+            rate(results(one, run_job, jobs), ones)
     over = f"{runs} runs of {SCENARIO}, {ROUNDS} times in turn"
     beside = median(two / pool for two, pool in zip(twos, pools, strict=True))
     scaling = median(two / one for two, one in zip(twos, ones, strict=True))
@@ -122,7 +122,7 @@ class _Clocked:
         """Begin."""
         self.times_s = [time.perf_counter()]
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         """Count one more."""
         self._done += 1
         if self._done % 500 == 0:

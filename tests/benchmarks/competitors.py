@@ -11,7 +11,7 @@ from math import copysign, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final, Protocol
 
 from executive.settings import Controller, SpeedProfileKind
-from executive.values.geometry import Pose, Velocity, on_arc, wrap_rad
+from executive.values.geometry import Pose, Velocity, arc_end, wrap_rad
 
 if TYPE_CHECKING:
     from tests.benchmarks.mppi import Mppi
@@ -56,7 +56,7 @@ class Seen:
 
     def soon(self, after_s: float) -> Pose:
         """Return the pose after so many seconds with what was commanded last."""
-        return on_arc(self.pose, self.sent.travel_mps * after_s, self.sent.rotate_radps * after_s)
+        return arc_end(self.pose, self.sent.travel_mps * after_s, self.sent.rotate_radps * after_s)
 
 
 class Competitor(Protocol):

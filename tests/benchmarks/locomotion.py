@@ -117,22 +117,22 @@ class TimedSolver:
         self.later_s: list[float] = []
         self.missed = 0
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Solve a problem, and note how long it took."""
         began_s = process_time()
-        self._solver.ask(problem)
+        self._solver.request(problem)
         took_s = process_time() - began_s
         (self.first_s if problem.guess is None else self.later_s).append(took_s)
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the answer to the last problem."""
-        plan = self._solver.answer()
+        plan = self._solver.take_result()
         self.missed += plan is None
         return plan
 
-    def beside(self, apart: bool = False) -> SharedSolver:
+    def fork(self, apart: bool = False) -> SharedSolver:
         """Return one that is not timed: for predictions."""
-        return self._solver.beside(apart)
+        return self._solver.fork(apart)
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,12 +285,14 @@ def _drive_one(goal: DriveGoal, lockstep: LockStep) -> Run:
     done = _stage(lockstep) is Stage.EXECUTED
     lockstep.run(REST_S)
     seen = lockstep.executive.status.pose
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
     return course.made_up(done, time_s, energy_j, seen)
 
 
 def _stage(lockstep: LockStep) -> Stage:
-    stages = [report.stage for report in lockstep.heard.reports if report.stage is not None]
+    stages = [
+        report.stage for report in lockstep.downlink_record.reports if report.stage is not None
+    ]
     return stages[-1] if stages else Stage.RECEIVED
 
 

@@ -26,9 +26,9 @@ NO_RULES: Final = (
     "executive/faults",
     "executive/motion/minimum_time.py",  # the solver, whose plans are inputs of the core
     "executive/motion/motion_model.py",
-    "executive/motion/obstacles.py",
-    "executive/motion/polylines.py",
-    "executive/motion/programme.py",
+    "executive/motion/obstacle_constraints.py",
+    "executive/motion/initial_guess.py",
+    "executive/motion/optimal_control.py",
     "executive/values/reasons.py",  # their numbers, by which they are known to the ground
     "executive/core/recording.py",  # the recorder
     "executive/core/recorder.py",

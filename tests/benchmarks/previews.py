@@ -99,7 +99,7 @@ def drive(settings: Settings, motions: Sequence[Motion], seed: int) -> list[Outc
         lockstep = LockStep(settings, World(), Path(folder), seed)
         lockstep.run(REST_S)
         outcomes = [_drive_one(lockstep, motion, i) for i, motion in enumerate(motions, 1)]
-        lockstep.executive.abandon()
+        lockstep.executive.simulate_crash()
     return outcomes
 
 
@@ -146,7 +146,7 @@ def _previewed(lockstep: LockStep, motion: Motion) -> Preview | Refusal:
 
 def _stage(lockstep: LockStep, number: int) -> Stage:
     identity = Identity("bench", number)
-    reports = lockstep.heard.reports
+    reports = lockstep.downlink_record.reports
     return next(
         (each.stage for each in reversed(reports) if each.identity == identity and each.stage),
         Stage.RECEIVED,

@@ -159,7 +159,7 @@ class Run:
         self.lock.submit(Command(identity, request, "direct"))
 
     def last(self, identity: Identity) -> Report:
-        return [each for each in self.lock.heard.reports if each.identity == identity][-1]
+        return [each for each in self.lock.downlink_record.reports if each.identity == identity][-1]
 
     def ended(self, identity: Identity) -> bool:
         last = self.last(identity)
@@ -206,11 +206,11 @@ class Run:
         over_ground = lock.executive.safety.history.over_ground
         slid_m = 0.0 if over_ground is None else over_ground.slid_m
         uncertain_m = lock.executive.status.uncertainty.position_m
-        lock.executive.abandon()
+        lock.executive.simulate_crash()
         assert last.stage is not None
         told = [
             r.text
-            for r in lock.heard.reports
+            for r in lock.downlink_record.reports
             if r.identity == identity and r.stage is Stage.PROGRESS
         ]
         took_s = lock.time_s - (stood_s or began_s)

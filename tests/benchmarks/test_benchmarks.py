@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
+from executive.motion.initial_guess import initial_guesses
 from executive.motion.locomotion import Bounds
-from executive.motion.polylines import polylines
 from executive.values.geometry import Pose
 from tests.benchmarks.commands import bench
 from tests.benchmarks.competitors import COMPETITORS
@@ -129,7 +129,7 @@ def test_no_motion_is_faster_than_the_lower_bound(
 ) -> None:
     start, end = Pose(heading_rad=from_rad), Pose(x_m, y_m, heading_rad=to_rad)
     bound_s = lower_bound_s(start, end, TRAVEL, ROTATE)
-    motions = polylines(start.point, from_rad, end.point, to_rad, TRAVEL, ROTATE)
+    motions = initial_guesses(start.point, from_rad, end.point, to_rad, TRAVEL, ROTATE)
     assert all(each.duration_s >= bound_s - 1e-3 for each in motions)
     assert lower_bound_s(start, end, TRAVEL, ROTATE, 0.03, 0.03) <= bound_s + 1e-3
 

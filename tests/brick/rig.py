@@ -72,7 +72,7 @@ class Rig:
         return message
 
     def hear(self, octets: bytes) -> None:
-        self.brick.take(octets, self.time_s)
+        self.brick.receive(octets, self.time_s)
 
     def run(self, duration_s: float) -> None:
         for _ in range(round(duration_s / PERIOD_S)):
@@ -86,7 +86,7 @@ class Rig:
         left, right = (int(degrees(angle_rad) // 1) for angle_rad in self._wheels_rad)
         senses = SensorReadings(left, right, 8.0, self.points.pan_rad, self.points.tilt_rad)
         self.points = self.brick.step(self.time_s, senses, PERIOD_S)
-        for message in self._stream.feed(self.brick.give()):
+        for message in self._stream.feed(self.brick.transmit()):
             telemetry = message.code == SPELLING.telemetry.code
             (self.telemetry if telemetry else self.replies).append(Said(self.time_s, message))
 

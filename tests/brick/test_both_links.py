@@ -210,7 +210,7 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
         await relay.until(end.done)
         assert end.result().executed
         if command is move:
-            assert "received over another link first" in (end.result().life[-1].text or "")
+            assert "received over another link first" in (end.result().notifications[-1].text or "")
         await relay.executed(command)
     assert await along(client) - start_m == pytest.approx(-0.5, abs=0.03)
 

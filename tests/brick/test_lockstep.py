@@ -57,7 +57,7 @@ class Mocup:
     def life(self, number: int) -> list[Report]:
         return [
             report
-            for report in self.lock.heard.reports
+            for report in self.lock.downlink_record.reports
             if report.identity == Identity("MOE", number)
         ]
 
@@ -168,7 +168,7 @@ def test_a_velocity_that_is_held_leads_as_far_as_it_says(mocup: Mocup, velocity:
 def test_a_voltage_that_is_no_number_is_warned_of_and_stops_nothing(mocup: Mocup) -> None:
     mocup.rover.inject(BatteryNan())
     assert mocup.do(MoveForward(0.5)).stage is Stage.EXECUTED
-    reasons = [report.reason for report in mocup.lock.heard.reports]
+    reasons = [report.reason for report in mocup.lock.downlink_record.reports]
     assert Reason.BATTERY_NOT_FINITE in reasons
 
 

@@ -27,12 +27,12 @@ def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
     """Give the commands one after the other; return all that the brick said."""
     said = b""
     for number, (name, *inputs) in enumerate((*SETTINGS, *script), 1):
-        rover.hear(str(command(name, number, *inputs)).encode())
+        rover.receive(str(command(name, number, *inputs)).encode())
         answer = b""
         while f"|True|True|{number}|#".encode() not in answer:
             assert rover.time_s < 120.0, answer
             rover.advance(0.02)
-            answer += rover.brick.give()
+            answer += rover.brick.transmit()
         said += answer
     return said
 
@@ -71,10 +71,10 @@ def test_a_run_repeats_bit_for_bit() -> None:
 
     def run(advance: Callable[[SimulatedMocup], None]) -> tuple[bytes, object]:
         rover = SimulatedMocup(world, seed=3)
-        rover.hear(str(command("moveTo", 1, "0.5", "0.5", "0.0", "")).encode())
+        rover.receive(str(command("moveTo", 1, "0.5", "0.5", "0.0", "")).encode())
         for _ in range(400):
             advance(rover)
-        return rover.brick.give(), (rover.true_pose, rover.energy_j)
+        return rover.brick.transmit(), (rover.true_pose, rover.energy_j)
 
     def by_step(rover: SimulatedMocup) -> None:
         for _ in range(4):
@@ -102,7 +102,7 @@ def test_telemetry_that_fails_comes_back() -> None:
     rover = SimulatedMocup(World())
     rover.inject(OdometryLost())
     rover.advance(1.0)
-    assert rover.brick.give() == b""
+    assert rover.brick.transmit() == b""
     rover.clear(OdometryLost)
     rover.advance(1.0)
-    assert rover.brick.give().count(b"#") == 5
+    assert rover.brick.transmit().count(b"#") == 5

@@ -77,7 +77,7 @@ class TestedNode:
 
     def commit(self) -> StoreError | None:
         failures: list[StoreError | None] = []
-        self.node.transaction.then(failures.append)
+        self.node.transaction.on_commit(failures.append)
         self.node.transaction.commit()
         return failures[0]
 

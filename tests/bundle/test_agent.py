@@ -260,7 +260,7 @@ async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_told_of
                     assert caplog.text.count(told) == 1
                 else:
                     assert sorted(await two.take(2)) == [b"x", b"y"]
-                    assert two.agent.health().neighbours[0].last_heard_s is not None
+                    assert two.agent.health().neighbours[0].last_received_s is not None
                     await router.until(lambda: router.agent.health().queued == 0)
 
 
@@ -330,7 +330,7 @@ async def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Pat
         async with running(tmp_path, number, 1, back, listen) as other:
             await other.agent.send(ONE, b"x")
             assert (await one.take_one()).source == Ipn(number, 1)
-        heard = [each.last_heard_s is not None for each in one.agent.health().neighbours]
+        heard = [each.last_received_s is not None for each in one.agent.health().neighbours]
         assert heard == [True, number == 3]
     await one.agent.close()
 
@@ -355,7 +355,7 @@ async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the
             host = "127.0.0.1"
         return look_up(host, *others, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(udp, "LOOKUP_AGAIN_S", 0.02)
+    monkeypatch.setattr(udp, "LOOKUP_RETRY_S", 0.02)
     monkeypatch.setattr(socket, "getaddrinfo", names)
     (port,) = free_udp_ports(1)
     to_two = link(Address("orbiter.example", port))

@@ -278,7 +278,7 @@ def test_an_unknown_administrative_record_is_none_of_ours() -> None:
 def test_a_number_comes_back_and_is_not_read_before_its_end(value: int) -> None:
     encoded = encode_sdnv(value)
     reader = SdnvReader(encoded + b"x")
-    assert (reader.number(), reader.left) == (value, 1)
+    assert (reader.number(), reader.remaining) == (value, 1)
     with pytest.raises(TruncatedError):
         SdnvReader(encoded[:-1]).number()
 

@@ -74,7 +74,7 @@ def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(pair: Pair
     carry(one, two)
     fetched = two.node.fetch()
     assert fetched
-    two.node.give_back(fetched)
+    two.node.requeue_delivery(fetched)
     assert two.node.fetch() == fetched
     two.restart()
     assert two.take() == [b"x"]
@@ -288,7 +288,7 @@ def test_a_listener_that_raises_keeps_nobody_else_from_hearing(pair: Pair) -> No
 
     one.node.put(Ipn(2, 1), b"x")
     for listener in (heard.append, fail, heard.append):
-        one.node.transaction.then(listener)
+        one.node.transaction.on_commit(listener)
     with pytest.raises(ZeroDivisionError):
         one.node.transaction.commit()
     assert heard == [None, None]

@@ -42,7 +42,7 @@ async def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
         assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
         (neighbour,) = two.agent.health().neighbours
         assert neighbour.contact
-        assert neighbour.last_heard_s is not None
+        assert neighbour.last_received_s is not None
         (to_two,) = one.agent.health().neighbours
         traffic = to_two.traffic
         assert (traffic.sent, traffic.acknowledged) == (41, 41)
@@ -117,14 +117,14 @@ async def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
         sent = 0
-        while not one.agent.health().no_room:
+        while not one.agent.health().full_text:
             await one.agent.send(TWO, bytes(2000))
             sent += 1
         with pytest.raises(StoreFull):
             await one.agent.send(TWO, b"x")
         one.agent.override(Ipn(2, 0), ContactOverride.UP)
         assert len(await two.take(sent)) == sent
-        await one.until(lambda: not one.agent.health().no_room)
+        await one.until(lambda: not one.agent.health().full_text)
         await one.agent.send(TWO, b"again")
         assert await two.take(1) == [b"again"]
 
@@ -135,7 +135,7 @@ async def test_a_receiver_that_is_full_loses_nothing(kind: Kind, tmp_path: Path)
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         payloads = [b"%04d" % number + bytes(8000) for number in range(15)]
         await send_all(one, TWO, payloads)
-        await two.until(lambda: bool(two.agent.health().no_room))
+        await two.until(lambda: bool(two.agent.health().full_text))
         assert sorted(await two.take(15)) == payloads
 
 

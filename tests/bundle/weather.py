@@ -154,7 +154,7 @@ class Side:
             self.node.transaction.commit()
             self._read()
         self.link.on_contact(self.gate.state())
-        self.link.pump()
+        self.link.send_waiting()
 
     def _read(self) -> None:
         while self.reads and (fetched := self.node.fetch()):
@@ -273,7 +273,7 @@ class Mortal:
         payload = b"%d-%06d" % (self.side.number, self._number)
         self._number += 1
         self.side.put(payload)
-        self.side.node.transaction.then(lambda failure: self._count(payload, failure))
+        self.side.node.transaction.on_commit(lambda failure: self._count(payload, failure))
 
     def _count(self, payload: bytes, failure: object) -> None:
         if failure is None:

@@ -10,7 +10,7 @@ from sim.campaign.reading import load_campaign
 from sim.rover.faults import FaultTarget, declared_faults
 from sim.scenario.changes import Override
 from sim.scenario.model import RunMode
-from sim.scenario.outcome import RunMetrics, play_once
+from sim.scenario.outcome import RunMetrics, run_once
 from sim.scenario.reading import load_scenario
 
 CAMPAIGNS = ("after_faults", "after_sensor_faults")
@@ -40,7 +40,7 @@ def play(folder: Path, scene: str, sensors: str, crash: str, fault: str) -> RunM
         Override("settings.sensors", alternatives("settings.sensors")[sensors]),
     )
     loaded = load_scenario(scenario, RunMode.LOCK_STEP, changes)
-    return play_once(scenario, loaded, folder).figures
+    return run_once(scenario, loaded, folder).figures
 
 
 @pytest.mark.parametrize(

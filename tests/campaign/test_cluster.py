@@ -25,7 +25,7 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import CampaignSession, Play
-from sim.campaign.worker import Job, JobResult, Software, fingerprint, play_job
+from sim.campaign.worker import Job, JobResult, Software, fingerprint, run_job
 from tests.campaign.conftest import Write
 from tests.support.certificates import certified
 from tests.support.processes import Running
@@ -45,7 +45,7 @@ class Watcher:
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Need nothing of that."""
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         self._after -= 1
         if self._after == 0:
             self._act()
@@ -75,14 +75,14 @@ def test_runs_are_alike_without_workers_and_on_some_that_die(
     monkeypatch.setattr(tempfile, "tempdir", None)
     campaign = load_campaign(write())
     processes = psutil.Process().children(recursive=True)
-    here = timeless(play(campaign, "here", lambda jobs: map(play_job, jobs), Watcher()))
+    here = timeless(play(campaign, "here", lambda jobs: map(run_job, jobs), Watcher()))
     with local_cluster(2) as client:
         victim, other = pids(client)
         for pid in (victim, other, os.getpid()):
             sockets = psutil.Process(pid).net_connections()
             assert {each.laddr.ip for each in sockets if each.status == "LISTEN"} == {"127.0.0.1"}
         killed = Watcher(2, lambda: os.kill(victim, signal.SIGKILL))
-        two = timeless(play(campaign, "two", partial(results, client, play_job), killed))
+        two = timeless(play(campaign, "two", partial(results, client, run_job), killed))
     assert two == here
     assert [run.run for run in here] == list(range(12))
     assert {run.holds for run in here} == {True, False}
@@ -203,7 +203,7 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
         runs = RunTable(Path("out"), ())
         assert runs.numbers() == list(range(12))
         given = draw(campaign, 3)
-        here = play_job(Job(3, given.scenario, given.changes, fingerprint(given.scenario)))
+        here = run_job(Job(3, given.scenario, given.changes, fingerprint(given.scenario)))
         assert isinstance(here, JobResult)
         assert runs.frame("digest")["digest"][3] == here.digest
 
@@ -212,7 +212,7 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
         with pytest.MonkeyPatch.context() as patch:
             lose = Watcher(5, lambda: far.scheduler.send(signal.SIGKILL))
             patch.setattr(
-                "sim.campaign.progress.ProgressBar.played", lambda _, run: lose.played(run)
+                "sim.campaign.progress.ProgressBar.on_run", lambda _, run: lose.on_run(run)
             )
             status, said = rover_campaign(*far_again)
     assert status == 2
@@ -256,9 +256,9 @@ def test_no_worker_is_told_and_one_of_other_software_refused(
 
 def test_a_worker_that_comes_later_with_another_scenario_is_refused(write: Write) -> None:
     campaign = load_campaign(write())
-    told = play_job(Job(0, campaign.scenarios[0], (), "another"))
+    told = run_job(Job(0, campaign.scenarios[0], (), "another"))
     assert not isinstance(told, JobResult)
-    assert "another version of scenario short.yaml" in told.why
+    assert "another version of scenario short.yaml" in told.reason
 
 
 @pytest.mark.parametrize(

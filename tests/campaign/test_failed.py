@@ -14,12 +14,12 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_report
 from sim.campaign.runs import RunTable
-from sim.campaign.session import DIGEST, FOLDER, CampaignSession, job_of, keep_failed
+from sim.campaign.session import DIGEST, FOLDER, CampaignSession, job_of, save_failed_runs
 from sim.campaign.verdict import judge
-from sim.campaign.worker import Job, JobFailed, RunArtifacts, play_and_keep, play_job
+from sim.campaign.worker import Job, JobFailed, RunArtifacts, run_and_archive, run_job
 from sim.scenario.model import Scenario
-from sim.scenario.outcome import ScenarioResult, play_once
-from sim.scenario.playing import play_recorded
+from sim.scenario.outcome import ScenarioResult, run_once
+from sim.scenario.run import run_recorded
 from tests.campaign.conftest import Write
 from tests.campaign.test_session import Watcher
 
@@ -31,10 +31,10 @@ class Keeper:
     def __init__(self) -> None:
         self.total = self.done = 0
 
-    def keep(self, total: int) -> None:
+    def mark_delivered(self, total: int) -> None:
         self.total = total
 
-    def kept(self) -> None:
+    def delivered_up_to(self) -> None:
         self.done += 1
 
 
@@ -46,19 +46,19 @@ def campaign(write: Write) -> Campaign:
 @pytest.fixture
 def runs(campaign: Campaign) -> RunTable:
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    CampaignSession(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).to_the_end()
     return found
 
 
 def here(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
-    return map(play_and_keep, jobs)
+    return map(run_and_archive, jobs)
 
 
 def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: RunTable) -> None:
     failed = [run.run for run in runs.read(failed=True)]
     assert len(failed) == 2
     first = Keeper()
-    assert keep_failed(campaign, runs, here, OUT, 1, first) == []
+    assert save_failed_runs(campaign, runs, here, OUT, 1, first) == []
     assert (first.total, first.done) == (1, 1)
     kept = OUT / FOLDER / f"run-{failed[0]:06d}"
     left = {"map.png", "timeline.png", "reports.jsonl", "run.mcap", "plot.png"}
@@ -66,7 +66,7 @@ def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: RunTable)
     assert replay(kept / "run.mcap").difference is None
     assert any("ledger" in path.name for path in kept.rglob("*"))
     again = Keeper()
-    keep_failed(campaign, runs, here, OUT, 100, again)
+    save_failed_runs(campaign, runs, here, OUT, 100, again)
     assert again.total == 1
 
 
@@ -77,13 +77,13 @@ def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
 
     def count(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
         played.append(kept.name)
-        return play_recorded(name, scenario, kept)
+        return run_recorded(name, scenario, kept)
 
-    monkeypatch.setattr("sim.campaign.report.failures.play_recorded", count)
+    monkeypatch.setattr("sim.campaign.report.failures.run_recorded", count)
     write_report(OUT, campaign, runs, judge(campaign, runs))
     shown = sorted(played)
     once_more = (OUT / "report.html").read_text()
-    keep_failed(campaign, runs, here, OUT, 1, Keeper())
+    save_failed_runs(campaign, runs, here, OUT, 1, Keeper())
     (kept,) = (OUT / FOLDER).iterdir()
     assert kept.name in shown
     for told, again in (
@@ -104,12 +104,12 @@ def runs_digest(runs: RunTable, folder: str) -> str:
 def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: RunTable) -> None:
     def other(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
         for job in jobs:
-            found = play_and_keep(job)
+            found = run_and_archive(job)
             assert isinstance(found, RunArtifacts)
             yield replace(found, digest="other")
 
     failed = [run.run for run in runs.read(failed=True)]
-    assert keep_failed(campaign, runs, other, OUT, 1, Keeper()) == failed[:1]
+    assert save_failed_runs(campaign, runs, other, OUT, 1, Keeper()) == failed[:1]
 
 
 def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
@@ -124,18 +124,18 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
         return once
 
     seed = int(draw(campaign, 1).changes[-2].value)
-    monkeypatch.setattr("sim.campaign.worker.play_once", broken(play_once))
+    monkeypatch.setattr("sim.campaign.worker.run_once", broken(run_once))
     for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
-        monkeypatch.setattr(f"{place}.play_recorded", broken(play_recorded))
+        monkeypatch.setattr(f"{place}.play_recorded", broken(run_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    CampaignSession(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).to_the_end()
     assert found.numbers() == [0, 1]
     broke = list(found.read())[1]
     assert not broke.holds
     assert broke.failed_findings[0].startswith(
         "run: expected no ZeroDivisionError, seen by nothing"
     )
-    assert keep_failed(campaign, found, here, OUT, 100, Keeper()) == []
+    assert save_failed_runs(campaign, found, here, OUT, 100, Keeper()) == []
     kept = OUT / FOLDER / "run-000001" / "error.txt"
     assert kept.read_text().endswith("ZeroDivisionError: by\nnothing\n")
     page = write_report(OUT, campaign, found, judge(campaign, found)).read_text()
@@ -148,12 +148,12 @@ def test_an_error_of_the_machine_is_no_failed_run(
     def full(*_: object) -> ScenarioResult:
         raise OSError(28, "No space left on device")
 
-    for way in ("play_once", "play_recorded"):
+    for way in ("run_once", "run_recorded"):
         monkeypatch.setattr(f"sim.campaign.worker.{way}", full)
     job = job_of(draw(campaign, 0))
-    for told in (play_job(job), play_and_keep(job)):
+    for told in (run_job(job), run_and_archive(job)):
         assert isinstance(told, JobFailed)
-        assert "No space left on device" in told.why
+        assert "No space left on device" in told.reason
 
 
 def test_a_run_that_cannot_be_played_any_more_is_one_error(
@@ -163,4 +163,4 @@ def test_a_run_that_cannot_be_played_any_more_is_one_error(
         return (JobFailed(job.run, "no such world") for job in jobs)
 
     with pytest.raises(SettingsError, match="cannot be repeated: no such world"):
-        keep_failed(campaign, runs, refuse, OUT, 1, Keeper())
+        save_failed_runs(campaign, runs, refuse, OUT, 1, Keeper())

@@ -24,13 +24,13 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_campaign_junit, write_report
 from sim.campaign.report.charts import BINS, by_number, by_value
-from sim.campaign.report.failures import choose, failure_groups
-from sim.campaign.report.junit import MOST_RUNS
-from sim.campaign.report.page import MOST_WORST, judgement_of
+from sim.campaign.report.failures import failure_groups, select_runs
+from sim.campaign.report.junit import MAX_CASES
+from sim.campaign.report.page import MAX_WORST_RUNS, judgement_of
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import CampaignSession
 from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pearson, judge
-from sim.campaign.worker import play_job
+from sim.campaign.worker import run_job
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
 
 SHORT: Final = """\
@@ -79,7 +79,7 @@ class Watching:
 
     def expect(self, total: int, done: int, succeeded: int) -> None: ...
 
-    def played(self, run: CampaignRun) -> None: ...
+    def on_run(self, run: CampaignRun) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Reported:
         patch.chdir(folder)
         campaign = read(folder, CAMPAIGN)
         runs = RunTable(folder, quantities(campaign))
-        CampaignSession(campaign, runs, lambda jobs: map(play_job, jobs), Watching()).to_the_end()
+        CampaignSession(campaign, runs, lambda jobs: map(run_job, jobs), Watching()).to_the_end()
         return report(folder, campaign, runs)
 
 
@@ -193,7 +193,7 @@ def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them
     reported: Reported,
 ) -> None:
     groups = failure_groups(reported.runs)
-    shown = choose(reported.runs, groups, MOST_WORST)
+    shown = select_runs(reported.runs, groups, MAX_WORST_RUNS)
     assert [run.run for run, _ in shown][: len(groups)] == [g.example.run for g in groups]
     extremes = {why for _, why in shown[len(groups) :]}
     assert "the maximum true error" in extremes
@@ -209,7 +209,7 @@ def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them
 
 
 def test_no_more_runs_are_shown_than_asked_for(reported: Reported) -> None:
-    assert len(choose(reported.runs, failure_groups(reported.runs), 1)) == 1
+    assert len(select_runs(reported.runs, failure_groups(reported.runs), 1)) == 1
 
 
 def test_a_run_that_is_not_alike_when_it_is_repeated_is_told(
@@ -287,13 +287,13 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     runs = RunTable(tmp_path, quantities(campaign))
     failed = next(reported.runs.read(failed=True))
     failed = replace(failed, scenario="brief.yaml", varied={"seed": 1})
-    many = MOST_RUNS + 50
+    many = MAX_CASES + 50
     runs.add([replace(failed, run=number, holds=number >= many) for number in range(2 * many)])
     verdict = judge(campaign, runs)
     assert verdict.holds
     junit = JUnitXml.fromfile(str(write_campaign_junit(tmp_path, campaign, runs, verdict)))
     assert junit.failures == junit.errors == 0
-    assert junit.skipped == MOST_RUNS + 1
+    assert junit.skipped == MAX_CASES + 1
     (suite,) = [suite for suite in junit if suite.name == "brief.yaml"]
     *_, last = suite
     assert last.name == "50 more runs"
@@ -383,18 +383,18 @@ def test_each_run_with_a_number_is_in_one_bin(runs: list[tuple[float | None, boo
     shares = by_number(Series([value for value, _ in runs]), Series([held for _, held in runs]))
     known = [(value, held) for value, held in runs if value is not None]
     assert sum(share.runs for share in shares) == len(known)
-    assert sum(share.kept for share in shares) == sum(held for _, held in known)
+    assert sum(share.passed for share in shares) == sum(held for _, held in known)
     assert len(shares) <= max(BINS, 12)
     for before, after in pairwise(shares):
         assert before.low <= before.high <= after.low
     for share in shares:
-        assert share.interval == clopper_pearson(share.kept, share.runs)
+        assert share.interval == clopper_pearson(share.passed, share.runs)
 
 
 def test_values_are_ordered_by_their_share_the_least_first() -> None:
     holds = Series([True, True, False, False, False])
     shares = by_value(Series(["b", "a", None, "a", "c"]), holds)
-    assert [(each.name, each.kept, each.runs) for each in shares] == [
+    assert [(each.name, each.passed, each.runs) for each in shares] == [
         ("c", 0, 1),
         ("a", 1, 2),
         ("b", 1, 1),

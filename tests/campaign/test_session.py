@@ -14,7 +14,7 @@ from sim.campaign.output import FILE, open_output, sole_writer
 from sim.campaign.reading import campaign_path, load_campaign
 from sim.campaign.runs import FOLDER, CampaignRun, RunTable
 from sim.campaign.session import CampaignSession, Play
-from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, play_job
+from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, run_job
 from tests.campaign.conftest import Write
 from tests.campaign.test_verdict import FIGURES
 
@@ -43,7 +43,7 @@ class Watcher:
     def expect(self, total: int, done: int, succeeded: int) -> None:
         self.told.append((total, done, succeeded))
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         self.runs.append(run)
 
 
@@ -233,14 +233,14 @@ def test_a_scenario_edited_meanwhile_is_not_mixed_in(campaign: Campaign) -> None
 
     def edit(jobs: Iterable[Job]) -> Iterator[JobResult | JobFailed]:
         for job in jobs:
-            yield play_job(job)
+            yield run_job(job)
             Path("short.yaml").write_text(text.replace("lasts: 4", "lasts: 5"))
 
     with pytest.raises(SettingsError, match=r"run 1 .* another version of scenario "):
         play(campaign, edit)
     assert RunTable(Path("out"), quantities(campaign)).numbers() == [0]
     Path("short.yaml").write_text(text)
-    play(campaign, lambda jobs: map(play_job, list(jobs)[:1]), resume=True)
+    play(campaign, lambda jobs: map(run_job, list(jobs)[:1]), resume=True)
 
 
 def test_a_change_of_what_must_hold_is_none(campaign: Campaign) -> None:

@@ -12,8 +12,9 @@ from rich.console import Console
 from scipy.stats import binomtest
 
 from sim.campaign.draws import ValueKind, VariedQuantity
-from sim.campaign.model import Campaign, Hold, Quantile, Success, Until
+from sim.campaign.model import Campaign, Criterion, Quantile, Success, Until
 from sim.campaign.progress import show
+from sim.campaign.run_filter import RunFilter
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.verdict import (
     FILE,
@@ -24,7 +25,6 @@ from sim.campaign.verdict import (
     judge,
     quantile,
 )
-from sim.campaign.where import RunFilter
 from sim.scenario.outcome import RunMetrics
 
 FIGURES = RunMetrics(
@@ -59,7 +59,7 @@ VARIED = (
 )
 
 
-def judged(folder: Path, hold: Hold, *runs: CampaignRun) -> CriterionResult:
+def judged(folder: Path, hold: Criterion, *runs: CampaignRun) -> CriterionResult:
     data = RunTable(folder, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(runs)])
     campaign = Campaign(title="", scenarios=("locomotion",), runs=1, hold=(hold,))
@@ -162,7 +162,7 @@ def test_a_figure_that_no_run_has_keeps_no_bound(tmp_path: Path, side: str) -> N
         Quantile(quantile=0.5, of="duration_s", below=9.0, where=RunFilter.parse("executed > 7")),
     ],
 )
-def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
+def test_nothing_is_no_pass(tmp_path: Path, hold: Criterion) -> None:
     assert judged(tmp_path, hold, *outcomes(500, 0)).judgement is CriterionStatus.EMPTY
 
 

@@ -12,7 +12,7 @@ from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType
 
 from adapters.console.service import ConsoleOptions, running
 from adapters.mrs.cli import RoverTarget
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 LIMIT_S = 60.0

@@ -16,7 +16,7 @@ from aiohttp import ClientSession, TCPConnector, WSCloseCode
 
 from adapters.console.web import access, read_tokens
 from adapters.console.web.access import GUESS_S, MAX_PEERS, MAX_WAIT_S, TokenGuesses
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.process import StartError
 from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import at_console, operator, served

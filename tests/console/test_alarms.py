@@ -19,8 +19,8 @@ from adapters.console.archive import (
     acknowledge_alarms,
     change_alarms,
     delete_old,
+    open_alarms,
     read_alarms,
-    standing_alarms,
 )
 from adapters.console.messages import AlarmStatus
 from adapters.console.requests import AlarmRequests
@@ -134,23 +134,27 @@ async def test_consoles_at_one_database_show_the_same(
 
 async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    raised = partial(AlarmRaised, "jackal", "fault 1", severity="ALARM", text="low", lasts=True)
+    raised = partial(
+        AlarmRaised, "jackal", "fault 1", severity="ALARM", text="low", persistent=True
+    )
 
     async def change(*changes: Change) -> list[AlarmStatus]:
         await archive.write(partial(change_alarms, changes=changes))
-        return await archive.read(standing_alarms)
+        return await archive.read(open_alarms)
 
     async def acknowledge(alarm: AlarmStatus, utc: float) -> list[AlarmStatus]:
         seen = [(alarm.id, alarm.occurrences)]
         act = partial(acknowledge_alarms, seen=seen, operator="anna", utc_s=utc)
         await archive.write(act)
-        return await archive.read(standing_alarms)
+        return await archive.read(open_alarms)
 
     (first,) = await change(raised(utc=5.0), raised(utc=5.0), raised(utc=4.0))
     assert (first.occurrences, first.raised, first.cleared) == (1, 5.0, None)
     assert await change(AlarmCleared("jackal", "fault 1", 4.0)) == [first]
-    assert await change(raised(utc=6.0, again=False)) == [first]
-    (again,) = await change(AlarmCleared("jackal", "fault 1", 7.0), raised(utc=8.0, again=False))
+    assert await change(raised(utc=6.0, reoccurrence=False)) == [first]
+    (again,) = await change(
+        AlarmCleared("jackal", "fault 1", 7.0), raised(utc=8.0, reoccurrence=False)
+    )
     assert (again.id, again.occurrences, again.last, again.cleared) == (first.id, 2, 8.0, None)
     assert await acknowledge(first, 9.0) == [again]
     (known,) = await acknowledge(again, 9.0)
@@ -173,7 +177,7 @@ async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engin
     alarms = AlarmRequests(archive, told.append, lambda *_: (None, None))
 
     def hear(utc: float, text: str) -> None:
-        alarms.hear_report(replace(notified(1, utc), text=text))
+        alarms.on_report(replace(notified(1, utc), text=text))
 
     hear(1.0, "dust")
     looks = [asyncio.create_task(alarms.refresh()) for _ in range(3)]
@@ -190,12 +194,12 @@ async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Eng
     alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
     running = asyncio.create_task(alarms.run())
     await asyncio.sleep(0.1)
-    alarms.hear_report(replace(notified(1, 1.0), text="late", severity="WARNING"))
+    alarms.on_report(replace(notified(1, 1.0), text="late", severity="WARNING"))
     running.cancel()
     done, _ = await asyncio.wait({running}, timeout=5.0)
     assert done
     await alarms.close()
-    assert [each.text for each in await archive.read(standing_alarms)] == ["late"]
+    assert [each.text for each in await archive.read(open_alarms)] == ["late"]
     await archive.close()
 
 

@@ -281,9 +281,9 @@ def thinned(
 async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     began = command("one", CommandState.SENDING)
-    assert await archive.claim(began)
+    assert await archive.claim_command(began)
     assert await archive.read(partial(read_command, name="one")) == began
-    assert not await archive.claim(began)
+    assert not await archive.claim_command(began)
     ended = command("one", CommandState.EXECUTED, made=5.0)
     archive.put(ended)
     archive.put(command("old", CommandState.STARTED, made=1.0))
@@ -351,7 +351,7 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
     archive.put(command("open", CommandState.UNKNOWN, made=1.0))
     await archive.flush()
     for name in ("first", "last"):
-        assert await archive.claim(command(name, CommandState.EXECUTED, made=2.0))
+        assert await archive.claim_command(command(name, CommandState.EXECUTED, made=2.0))
     clock_is_wrong = Sample("sim", "X", LinkKind.DIRECT, 5.0, now_s - 1.0, 1.0, Quality.GOOD)
     archive.put(clock_is_wrong)
     await archive.flush()

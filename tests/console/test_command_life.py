@@ -5,7 +5,7 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.console.command_life import merge, reach
+from adapters.console.command_states import apply_stage, merge
 from adapters.console.messages import CommandState, CommandStatus, LinkKind, StageEntry
 
 SENT = CommandStatus(
@@ -28,7 +28,7 @@ TAKEN = StageEntry("TAKEN", "jackal", 0.5, 0.5, "")
 
 def after(command: CommandStatus, *stages: StageEntry) -> CommandStatus:
     for each in stages:
-        command = reach(command, each)
+        command = apply_stage(command, each)
     return command
 
 

@@ -62,7 +62,7 @@ async def test_what_was_fetched_longest_ago_is_forgotten(
     rover = launch()
     for number in range(4):
         rover.put(f"{number}.bin", bytes([number]) * 1000)
-    monkeypatch.setattr(file_store, "MOST_KEPT", 2500)
+    monkeypatch.setattr(file_store, "MAX_OCTETS", 2500)
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         await anna.page.is_up()
         for number in range(4):
@@ -152,7 +152,7 @@ async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_en
     async def retrieve(*_: object) -> None:
         raise TransferError("rock.raw was changed aboard: fetch it again")
 
-    monkeypatch.setattr(transfers, "AGAIN_S", 0.01)
+    monkeypatch.setattr(transfers, "RETRY_S", 0.01)
     monkeypatch.setattr(MrsClient, "retrieve_file", retrieve)
     rover = launch()
     rover.put("rock.raw", OCTETS)
@@ -166,7 +166,7 @@ async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_en
 async def test_so_many_transfers_run_at_once_and_others_wait(
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transfers, "MOST_AT_ONCE", 1)
+    monkeypatch.setattr(transfers, "MAX_ACTIVE", 1)
     rover = launch()
     for number in range(3):
         rover.put(f"{number}.raw", OCTETS[number:])

@@ -13,7 +13,7 @@ from adapters.console.messages import (
     Sample,
     encode,
 )
-from adapters.console.web import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
+from adapters.console.web import MAX_QUEUED, MAX_QUEUED_SAMPLES, REPLAY_BUFFER, Hub
 from adapters.system import OPERATING_SYSTEM
 
 
@@ -26,15 +26,15 @@ async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else()
     hub = Hub(OPERATING_SYSTEM)
     page = hub.open("A", "anna")
     page.subscribe(["tm:*", "dictionary"])
-    for number in range(MOST_SAMPLES + 500):
+    for number in range(MAX_QUEUED_SAMPLES + 500):
         hub.sample(sample(number))
         if number % 10 == 0:
             hub.publish(DictionaryChanged(f"asset{number}"))
     batch = json.loads(await page.batch())
     values = [said["value"] for said in batch if said["ty"] == "tm"]
-    assert values == [float(number) for number in range(500, MOST_SAMPLES + 500)]
+    assert values == [float(number) for number in range(500, MAX_QUEUED_SAMPLES + 500)]
     assert batch[-1] == {"ty": "gap", "dropped": 500}
-    assert sum(said["ty"] == "dictionary" for said in batch) == (MOST_SAMPLES + 500) // 10
+    assert sum(said["ty"] == "dictionary" for said in batch) == (MAX_QUEUED_SAMPLES + 500) // 10
     hub.sample(sample(0))
     assert [said["ty"] for said in json.loads(await page.batch())] == ["tm"]
 
@@ -44,14 +44,14 @@ async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
     page = hub.open("A", "anna")
     page.subscribe(["dictionary"])
     began = hub.hello(page, resumed=False).seq
-    for number in range(MOST_WAITING + 1):
+    for number in range(MAX_QUEUED + 1):
         hub.publish(DictionaryChanged(str(number)))
     assert page.too_slow
     assert not hub.can_resume(hub.instance, began)
-    assert hub.can_resume(hub.instance, began + 1 + MOST_WAITING - KEPT)
-    assert not hub.can_resume(hub.instance, began + MOST_WAITING + 2)
+    assert hub.can_resume(hub.instance, began + 1 + MAX_QUEUED - REPLAY_BUFFER)
+    assert not hub.can_resume(hub.instance, began + MAX_QUEUED + 2)
     back = hub.open("A", "anna")
-    back.resume(["dictionary"], began + MOST_WAITING - 1)
+    back.resume(["dictionary"], began + MAX_QUEUED - 1)
     assert [said["asset"] for said in json.loads(await back.batch())] == ["19999", "20000"]
 
 

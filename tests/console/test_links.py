@@ -10,10 +10,10 @@ from typing import cast
 import pytest
 
 from adapters.console.rovers.rover_link import LastNotification, LinkListener, RoverLink
-from adapters.console.tasks import end
+from adapters.console.tasks import cancel_tasks
 from adapters.mrs.ground import MrsClient, Stream
 from adapters.mrs.spec import AssetInfo, AssetStatus, Notification
-from adapters.mrs.terms import CLEAR
+from adapters.mrs.transport import CLEAR
 from adapters.system import OPERATING_SYSTEM
 from executive.commands import MoveForward, Stop
 from executive.values.clock import START_UTC_S as LANDED_S
@@ -128,7 +128,7 @@ class Hung:
         return None
 
     def on_status(self, _: RoverLink, __: AssetStatus) -> None:
-        self.ending = self.ending or asyncio.create_task(end((self.hearing,)))
+        self.ending = self.ending or asyncio.create_task(cancel_tasks((self.hearing,)))
         raise ConnectionError("lost")
 
 

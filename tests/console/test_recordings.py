@@ -13,7 +13,7 @@ from aiohttp import web
 from adapters.console.archive import Written
 from adapters.console.recordings import recordings
 from adapters.console.recordings.recorded import RecordedRun
-from adapters.console.rovers import FORMS, args_of, command_entries, request_of
+from adapters.console.rovers import FORMS, command_entries, form_values, request_of
 from adapters.process import StartError
 from adapters.recording import RecordingError, RunFile, RunReader, decode
 from executive.commands import Request, declaration_of
@@ -34,12 +34,12 @@ RUN = "jackal@run"
 def test_what_was_asked_is_shown_as_it_would_be_posted(request_: Request) -> None:
     forms = {each.name: each for each in command_entries(load_settings("jackal"))}
     form = forms[declaration_of(type(request_)).name]
-    assert request_of(form, args_of(request_)) == request_
+    assert request_of(form, form_values(request_)) == request_
 
 
 @pytest.mark.parametrize("request_", GOOD, ids=lambda request: type(request).__name__)
 def test_what_was_asked_is_json_also_where_it_is_never_posted(request_: Request) -> None:
-    assert json.loads(json.dumps(args_of(request_))) == args_of(request_)
+    assert json.loads(json.dumps(form_values(request_))) == form_values(request_)
 
 
 async def test_a_recording_is_an_asset_with_the_past_of_its_file(

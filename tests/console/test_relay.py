@@ -73,7 +73,7 @@ async def test_a_command_of_another_client_is_known_from_its_departure_on(tmp_pa
         far.life = LIFE
         await far.telemetry(POS_X=1.0)
         while not far.commands[1:]:
-            await relay.ask_again()
+            await relay.retransmit_unanswered()
             await asyncio.sleep(0.02)
         assert (await anna.page.command(name, "executed"))["name"] == "RECEIVED"  # its text
 

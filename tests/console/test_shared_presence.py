@@ -6,7 +6,7 @@ from pathlib import Path
 
 from adapters.console.archive import Archive, open_database
 from adapters.console.messages import Presence
-from adapters.console.web import GONE_S, Hub, SharedPresence
+from adapters.console.web import PRESENCE_TIMEOUT_S, Hub, SharedPresence
 from adapters.system import OPERATING_SYSTEM
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
@@ -24,7 +24,7 @@ class Console:
     @property
     def shown(self) -> list[str]:
         """Whose pages are told of."""
-        told = [each for each in self.hub.standing() if isinstance(each, Presence)]
+        told = [each for each in self.hub.latest_messages() if isinstance(each, Presence)]
         return [page.operator for each in told for page in each.consoles]
 
 
@@ -55,11 +55,11 @@ async def test_a_console_that_was_killed_is_not_shown_for_long(tmp_path: Path) -
     async with two(tmp_path) as (killed, other):
         killed.hub.open("A", "anna")
         await killed.presence.exchange()
-        for since_s in (0.0, GONE_S):
+        for since_s in (0.0, PRESENCE_TIMEOUT_S):
             other.now_s = since_s
             await other.presence.exchange()
             assert other.shown == ["anna"]
-        other.now_s = GONE_S + 0.1
+        other.now_s = PRESENCE_TIMEOUT_S + 0.1
         await other.presence.exchange()
         assert other.shown == []
         await killed.presence.exchange()  # it only stood still

@@ -26,7 +26,7 @@ from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, LookingRover
-from trees.motion import MOST_EVADED
+from trees.motion import MAX_DETOURS
 
 pytestmark = pytest.mark.alike
 
@@ -224,28 +224,28 @@ def test_ways_around_are_bounded(tmp_path: Path) -> None:
         assert bench.finish(1, 600.0) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.endswith(f" after {MOST_EVADED} detours")
+        assert last.text.endswith(f" after {MAX_DETOURS} detours")
 
 
 def test_what_was_seen_is_forgotten_when_the_pose_becomes_another(tmp_path: Path) -> None:
     with Looking(tmp_path, ROCK) as bench:
         status = bench.executive.status
-        assert status.obstacles.seen
+        assert status.obstacles.scanned
         bench.execute(SetPositionCompensation(1.0, 0.0, 0.0, 0.0), 1)
-        assert not status.obstacles.seen
+        assert not status.obstacles.scanned
         bench.run(0.5)
-        assert all(2.6 < each.x_m < 3.2 for each in status.obstacles.seen)
+        assert all(2.6 < each.x_m < 3.2 for each in status.obstacles.scanned)
         bench.rover.pose = Pose(-0.5)
         bench.step()
-        assert not status.obstacles.seen
+        assert not status.obstacles.scanned
         bench.run(0.5)
-        assert status.obstacles.seen
+        assert status.obstacles.scanned
         bench.odometry = False
         bench.run(1.0)
         bench.odometry = True
         bench.rover.discs.clear()
         bench.step()
-        assert not status.obstacles.seen
+        assert not status.obstacles.scanned
 
 
 def test_without_a_laser_what_is_told_is_all(tmp_path: Path) -> None:
@@ -276,19 +276,21 @@ def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
     lockstep = LockStep(asset, world, tmp_path, seed)
 
     def ended() -> Iterator[Stage]:
-        stages = (each.stage for each in lockstep.heard.reports)
+        stages = (each.stage for each in lockstep.downlink_record.reports)
         return (each for each in stages if each is not None and each.terminal)
 
     lockstep.run(0.5)
     lockstep.submit(Command(Identity("test", 1), MoveTo(place), "direct"))
     lockstep.run_until(lambda: any(ended()), 120.0)
     lockstep.run(1.0)
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
     gap_m = min(hypot(place.x_m - r.x_m, place.y_m - r.y_m) - r.radius_m for r in world.rocks)
     reached = gap_m - 0.3335 > 0.1
     assert list(ended()) == [Stage.EXECUTED if reached else Stage.FAILED]
     if not reached:
-        blocked = next(each for each in lockstep.heard.reports if each.stage is Stage.FAILED)
+        blocked = next(
+            each for each in lockstep.downlink_record.reports if each.stage is Stage.FAILED
+        )
         assert blocked.reason is Reason.PATH_BLOCKED
         assert "target too near to scanned obstacle at (" in blocked.text
     assert lockstep.rover.contacts == 0

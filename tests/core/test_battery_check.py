@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.checks import SpeedLimits, reckoned_j
+from executive.checks import SpeedLimits, estimate_energy_j
 from executive.commands import (
     ActivatePlan,
     DriveFor,
@@ -64,7 +64,7 @@ def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motio
         pass
     assert isinstance(run.result, Preview)
     speeds = SpeedLimits(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
-    reckoned = reckoned_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
+    reckoned = estimate_energy_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
     assert reckoned == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
 
 

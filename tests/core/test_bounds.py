@@ -9,7 +9,7 @@ import pytest
 from executive.commands import ActivatePlan, DeleteFile, DriveFor, FollowPath, SubmitPlan
 from executive.commands.lifecycle import Admitted
 from executive.obstacles.zones import KnownRock, Zones
-from executive.plans.builder import MOST_NODES
+from executive.plans.builder import MAX_NODES
 from executive.settings import load_settings
 from executive.values.geometry import STANDING, Velocity
 from executive.values.reasons import Reason
@@ -21,7 +21,7 @@ STEP = '<setTravelSpeed speed="0.5" deadline_s="9"/>'
 
 
 def test_a_plan_has_so_many_nodes_and_no_more(tmp_path: Path) -> None:
-    most, more = (f"<Sequence>{STEP * (MOST_NODES - 2 + each)}</Sequence>" for each in (0, 1))
+    most, more = (f"<Sequence>{STEP * (MAX_NODES - 2 + each)}</Sequence>" for each in (0, 1))
     with PlanBench(tmp_path) as bench:
         assert isinstance(bench.ask(SubmitPlan(plan(most))), Admitted)
         refused = bench.plan_refusal(SubmitPlan(plan(more, "larger")))

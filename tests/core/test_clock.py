@@ -34,9 +34,9 @@ def test_each_entry_reads_the_clock_once(tmp_path: Path) -> None:
         entries: dict[str, Callable[[], None]] = {
             "observe": lambda: executive.observe(fact),
             "event": lambda: executive.event(Severity.WARNING, "a link is slow"),
-            "turn": executive.turn,
+            "turn": executive.serve_inbox,
             "tick": executive.tick,
-            "make_safe": lambda: executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung")),
+            "make_safe": lambda: executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung")),
         }
         executive.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"), lambda _: None)
         readings = {}
@@ -52,10 +52,10 @@ def test_reports_of_one_turn_bear_one_time(tmp_path: Path) -> None:
     with Bench(tmp_path, clock=clock) as bench:
         executive = bench.executive
         first = executive.last_sequence + 1
-        executive.ask(lambda: executive.event(Severity.WARNING, "a link is slow"))
+        executive.query(lambda: executive.event(Severity.WARNING, "a link is slow"))
         for number, request in ((1, MoveForward(1.0)), (2, Stop())):
             executive.submit(Command(Identity("MOE", number), request, "direct"), lambda _: None)
-        executive.turn()
+        executive.serve_inbox()
         reports = executive.reports(first)
         assert len(reports) > 4
         assert len({each.utc_s for each in reports}) == 1
@@ -65,7 +65,7 @@ def test_a_restart_is_one_entry(tmp_path: Path) -> None:
     clock = RestlessClock()
     with Bench(tmp_path, clock=clock) as bench:
         bench.submit(MoveForward(1.0), 1)
-        bench.executive.abandon()
+        bench.executive.simulate_crash()
         before = clock.readings
         bench.restart()
         assert clock.readings - before == 1

@@ -203,7 +203,7 @@ def test_what_came_by_another_way_ends_as_there(bench: SelfMovingBench, executed
 def test_what_is_under_way_is_neither_stopped_nor_given_up(bench: SelfMovingBench) -> None:
     bench.run(0.2)
     bench.rover.told.clear()
-    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.rover.execute_motion(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
     bench.submit(MoveForward(5.0), 1)
     bench.run(0.2)
@@ -217,7 +217,7 @@ def test_what_is_under_way_is_neither_stopped_nor_given_up(bench: SelfMovingBenc
 
 def test_a_rover_that_another_command_moves_stands_before_its_leg(bench: SelfMovingBench) -> None:
     bench.run(0.2)
-    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.rover.execute_motion(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
     bench.execute(MoveForward(0.5), 2)
     assert None in bench.rover.told
@@ -225,7 +225,7 @@ def test_a_rover_that_another_command_moves_stands_before_its_leg(bench: SelfMov
 
 def test_a_restart_leaves_alone_what_another_link_moves(bench: SelfMovingBench) -> None:
     bench.rover.told.clear()
-    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.rover.execute_motion(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
     bench.crash()
     bench.run(1.0)
@@ -249,14 +249,14 @@ def test_a_restart_halts_what_the_executive_moved(bench: SelfMovingBench) -> Non
 
 
 def test_a_stop_halts_what_another_link_moves_but_once(bench: SelfMovingBench) -> None:
-    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.rover.execute_motion(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
     for number in (2, 3):
         bench.submit(Stop(), number)
         assert bench.rover.told[-1] is None
         assert bench.finish(number) is Stage.EXECUTED
         bench.run(0.2)
-        bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 4)))
+        bench.rover.execute_motion(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 4)))
         bench.run(3.0)
         assert bench.rover.told[-1] is not None
     assert bench.executive.mode is Mode.STOPPED

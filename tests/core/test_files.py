@@ -17,8 +17,8 @@ from executive.commands import (
     TakePicture,
 )
 from executive.commands.lifecycle import Admitted
-from executive.state import LONGEST_PATH, FileFolder, FileStamp, check_path
-from executive.state.files import LONGEST_NAME
+from executive.state import MAX_PATH_OCTETS, FileFolder, FileStamp, check_path
+from executive.state.files import MAX_NAME_OCTETS
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import FileEvent, FileEventKind, Identity, Stage
 from tests.support.kinematic import Bench
@@ -60,14 +60,14 @@ def test_no_path_leads_out(trap: FileFolder, path: str, target: str) -> None:
         assert isinstance(found, Refusal) or found.resolve().is_relative_to(root)
     stamp = trap.stamp(path)
     assert (stamp is None) == (path != "a/b.jpg")
-    assert trap.about(path) == ()
+    assert trap.metadata(path) == ()
 
 
 @given(path=PATHS)
 def test_a_path_is_fit_or_refused_with_the_argument(path: str) -> None:
     refusal = check_path(path, 2)
     if refusal is None:
-        assert 0 < len(path) <= LONGEST_PATH
+        assert 0 < len(path) <= MAX_PATH_OCTETS
         assert not path.startswith("/")
     else:
         assert (refusal.reason, refusal.argument) == (Reason.BAD_PATH, 2)
@@ -75,7 +75,7 @@ def test_a_path_is_fit_or_refused_with_the_argument(path: str) -> None:
 
 
 def test_names_too_long_for_a_disk_are_refused(folder: FileFolder) -> None:
-    name = "ä" * (LONGEST_NAME // 2)
+    name = "ä" * (MAX_NAME_OCTETS // 2)
     folder.store(name, b"1")
     assert isinstance(folder.find(name), Path)
     assert isinstance(folder.find(name + "a"), Refusal)
@@ -122,20 +122,20 @@ def test_stamps_tell_that_a_file_changed(folder: FileFolder) -> None:
 def test_what_is_known_of_a_file_is_not_told_of_another_in_its_place(folder: FileFolder) -> None:
     about = (Figure("commandId", 7), Figure("POS_X", 0.5, "m"))
     folder.store("a.jpg", b"1", about)
-    assert folder.about("a.jpg") == about
+    assert folder.metadata("a.jpg") == about
     folder.move("a.jpg", "b/c.jpg")
-    assert folder.about("b/c.jpg") == about
+    assert folder.metadata("b/c.jpg") == about
     (folder.root / "b" / "c.jpg").unlink()
-    assert folder.about("b/c.jpg") == ()
+    assert folder.metadata("b/c.jpg") == ()
     (folder.root / "b" / "c.jpg").write_bytes(b"other")
-    assert folder.about("b/c.jpg") == ()
+    assert folder.metadata("b/c.jpg") == ()
 
 
 def test_what_a_killed_process_left_is_tidied(folder: FileFolder) -> None:
     folder.store("a/b.jpg", b"1")
     left = folder.root / "a" / ".c.jpg.part"
     left.write_bytes(b"half")
-    folder.tidy()
+    folder.remove_partial_files()
     assert not left.exists()
     assert list(folder.paths()) == ["a/b.jpg"]
 
@@ -152,7 +152,7 @@ def test_a_disk_that_is_full_leaves_the_old_file(
     with pytest.raises(OSError, match="No space"):
         folder.store("a.jpg", b"new")
     assert (folder.root / "a.jpg").read_bytes() == b"old"
-    assert folder.about("a.jpg") == (Figure("commandId", 1),)
+    assert folder.metadata("a.jpg") == (Figure("commandId", 1),)
     assert [path.name for path in folder.root.iterdir()] == [".about", "a.jpg"]
     assert events == [FileEvent(FileEventKind.STORED, "a.jpg")]
 
@@ -179,17 +179,17 @@ def test_a_picture_shows_up_with_where_it_was_taken(bench: Bench) -> None:
     files = photograph(bench)
     assert bench.heard.files == [FileEvent(FileEventKind.STORED, PICTURE)]
     assert list(files.paths()) == [PICTURE]
-    about = {figure.name: figure.value for figure in files.about(PICTURE)}
+    about = {figure.name: figure.value for figure in files.metadata(PICTURE)}
     assert about["commandId"] == 1
     assert {"POS_X", "POS_Y", "HEAD", "CAM_PAN", "CAM_TILT"} <= set(about)
 
 
 def test_a_file_is_moved_with_what_is_known_about_it_and_deleted(bench: Bench) -> None:
     files = photograph(bench)
-    about = files.about(PICTURE)
+    about = files.metadata(PICTURE)
     bench.execute(MoveFile(PICTURE, "kept/rock.jpg"), 2)
     assert list(files.paths()) == ["kept/rock.jpg"]
-    assert files.about("kept/rock.jpg") == about
+    assert files.metadata("kept/rock.jpg") == about
     bench.execute(DeleteFile("kept/rock.jpg"), 3)
     assert list(files.paths()) == []
     assert bench.heard.files[1:] == [
@@ -246,9 +246,9 @@ def test_what_another_deletes_first_fails(bench: Bench) -> None:
 def test_a_text_command_is_done_whatever_its_case(bench: Bench) -> None:
     assert isinstance(bench.submit(ExecuteAction(" video  on "), 1), Admitted)
     assert bench.finish(1) is Stage.EXECUTED
-    switched = [bench.video.on]
+    switched = [bench.video.enabled]
     bench.execute(ExecuteAction("VIDEO OFF"), 2)
-    assert [*switched, bench.video.on] == [True, False]
+    assert [*switched, bench.video.enabled] == [True, False]
     assert reason(bench, ExecuteAction("DANCE"), 3) is Reason.UNKNOWN_ACTION
 
 
@@ -256,16 +256,16 @@ def test_while_a_stop_is_under_way_it_counts_among_those_that_wait(bench: Bench)
     bench.drive_on()
     bench.submit(Stop(), 2)
     bench.submit(ExecuteAction("VIDEO ON"), 3)
-    assert bench.executive.goals_waiting == 1
+    assert bench.executive.queued_goals == 1
     assert bench.finish(3) is Stage.EXECUTED
-    assert bench.executive.goals_waiting == 0
+    assert bench.executive.queued_goals == 0
 
 
 def test_an_action_that_cannot_be_done_fails(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_: bool) -> None:
         raise OSError(98, "Address already in use")
 
-    monkeypatch.setattr(bench.video, "switch", broken)
+    monkeypatch.setattr(bench.video, "set_enabled", broken)
     bench.submit(ExecuteAction("VIDEO ON"), 1)
     assert bench.finish(1) is Stage.FAILED
     assert "Address already in use" in bench.last(1).text

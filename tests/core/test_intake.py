@@ -27,10 +27,10 @@ from executive.commands import (
     SetTravelSpeed,
     TakePicture,
     Waypoint,
+    all_declarations,
     declaration_of,
-    declared,
 )
-from executive.commands.intake import bad_identity, validate
+from executive.commands.intake import check_identity, validate
 from executive.plans import LEAVES
 from executive.settings import load_settings
 from executive.state import Status
@@ -169,7 +169,7 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     ],
 )
 def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
-    refusal = bad_identity(Command(identity, RotateTo(0.0), "direct"))
+    refusal = check_identity(Command(identity, RotateTo(0.0), "direct"))
     assert refusal is not None
     assert refusal.reason is Reason.BAD_IDENTITY
     assert refusal.text.isprintable()
@@ -185,12 +185,12 @@ UNIONS = {
 
 
 def test_the_union_holds_what_is_declared() -> None:
-    assert {each.kind for each in declared()} == set(get_args(Request))
+    assert {each.kind for each in all_declarations()} == set(get_args(Request))
 
 
 def test_a_family_is_the_union_of_its_queue() -> None:
     for union, families in UNIONS.items():
-        kinds = {each.kind for each in declared() if each.family in families}
+        kinds = {each.kind for each in all_declarations() if each.family in families}
         assert kinds == set(get_args(union))
     assert set(ACCEPTED) == set(Family)
 
@@ -201,12 +201,12 @@ def test_there_is_a_good_example_of_every_request() -> None:
 
 def test_names_and_operations_are_used_once() -> None:
     for of_each in (lambda each: each.name, lambda each: (each.service, each.operation)):
-        found = list(map(of_each, declared()))
+        found = list(map(of_each, all_declarations()))
         assert len(found) == len(set(found))
 
 
 def test_what_is_declared_is_told_in_a_sentence() -> None:
-    for each in declared():
+    for each in all_declarations():
         assert each.summary.endswith("."), each.name
         assert each.examples or each.family in {Family.INSTANT, Family.PLAN, Family.PLAN_START}
 

@@ -51,8 +51,8 @@ def report(sequence: int, number: int = 1, stage: Stage = Stage.REJECTED) -> Rep
 def test_reports_come_back_as_they_were(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "deep" / "ledger.sqlite")
     event = Report(2, 2.5, ReportKind.EVENT, Severity.ALARM, "odometry lost")
-    ledger.append(report(1))
-    ledger.append(event)
+    ledger.append_report(report(1))
+    ledger.append_report(event)
     ledger.close()
     again = Ledger(tmp_path / "deep" / "ledger.sqlite")
     assert list(again.reports()) == [report(1), event]
@@ -79,8 +79,8 @@ def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> Non
         [(path, Stage.STARTED), (command(1), Stage.ACCEPTED), (command(2), Stage.EXECUTED)], 1
     ):
         ledger.record(asked)
-        ledger.reach(asked.identity, stage)
-        ledger.append(
+        ledger.set_stage(asked.identity, stage)
+        ledger.append_report(
             Report(
                 sequence, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage
             )
@@ -102,7 +102,7 @@ def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
 
 def test_a_failed_commit_writes_nothing_and_is_tried_again(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.sqlite")
-    ledger.append(report(1))
+    ledger.append_report(report(1))
     blocker = sqlite3.connect(tmp_path / "ledger.sqlite", isolation_level=None)
     blocker.execute("BEGIN IMMEDIATE")
     ledger.rows("PRAGMA busy_timeout = 0")
@@ -144,11 +144,11 @@ def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) ->
     for number in (1, 2):
         command = Command(Identity("MOE", number), Stop(), "relay", counter=number)
         ledger.record(command)
-        ledger.reach(command.identity, Stage.EXECUTED)
-        record.remember(command, 0x10)
+        ledger.set_stage(command.identity, Stage.EXECUTED)
+        record.add(command, 0x10)
     ledger.commit()
     ledger.prune(Identity("MOE", 1), Stage.EXECUTED)
     ledger.commit()
-    assert record.asked(Identity("MOE", 1)) is None
-    assert record.asked(Identity("MOE", 2)) == RelayedCommand(0x10, 2)
+    assert record.find(Identity("MOE", 1)) is None
+    assert record.find(Identity("MOE", 2)) == RelayedCommand(0x10, 2)
     ledger.close()

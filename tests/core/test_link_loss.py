@@ -65,7 +65,7 @@ def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_he
             "no contact with the ground for 2.0 s: the rover holds at the end of the step"
         ]
         assert bench.executive.why == f"standing: {told(bench)[0]}"
-        bench.executive.ground.hear()
+        bench.executive.ground.record_contact()
         assert bench.finish(2) is Stage.EXECUTED
         assert any(r.text == "ground link recovered" for r in bench.heard.reports)
 
@@ -74,7 +74,7 @@ def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
     with bench_with(tmp_path, teleop=[{"after_s": 1, "then": "stop"}], motion=STAGES) as bench:
         bench.submit(DriveFor(0.5, 0.0, 30.0), 1)
         bench.run(0.9)
-        bench.executive.ground.hear()
+        bench.executive.ground.record_contact()
         bench.run(0.9)
         assert bench.executive.mode is Mode.TELEOP
         bench.run(0.3)
@@ -126,7 +126,7 @@ def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path:
     around = [Waypoint(2.0, 0.0), Waypoint(2.0, 2.0), Waypoint(10.0, 2.0)]
     with bench_with(tmp_path, motion=AT_TEN) as bench:
         bench.execute(MoveForward(0.5), 1)
-        bench.executive.ground.hear()
+        bench.executive.ground.record_contact()
         bench.submit(FollowPath(tuple(around)), 2)
         bench.run(9.9)
         assert bench.rover.pose.y_m > 1.9
@@ -160,7 +160,7 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
         ]
         assert bench.rover.velocity.travel_mps < -0.1
         assert f"for {returns(bench)[-1].identity} followPath" in bench.executive.why
-        bench.executive.ground.hear()
+        bench.executive.ground.record_contact()
         bench.run(1.0)
         assert bench.rover.velocity == STANDING
         assert (returns(bench)[-1].stage, events(bench)[-1]) == (
@@ -260,9 +260,9 @@ def test_the_way_back_is_never_far_from_where_the_rover_came(
             heading_rad = pose.heading_rad + 0.05 * curvature_per_m
             place = replace(pose, heading_rad=heading_rad).ahead(0.05)
             pose = Pose(place.x_m, place.y_m, heading_rad=heading_rad)
-            trail.follow(pose)
+            trail.extend(pose)
             came.append(pose.point)
-    way = [pose.point, *(Point(each.x_m, each.y_m) for each in trail.back)]
+    way = [pose.point, *(Point(each.x_m, each.y_m) for each in trail.path_back)]
     for start, end in pairwise(way):
         for part in range(11):
             x_m = start.x_m + (end.x_m - start.x_m) * part / 10

@@ -9,7 +9,7 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.obstacles.local_map import KEPT_S, MOST_CIRCLES, LocalMap
+from executive.obstacles.local_map import FORGET_AFTER_S, MAX_CIRCLES, LocalMap
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock, Zones
 from executive.values.facts import LaserScan
 from executive.values.geometry import STANDING, Point, Pose, Velocity
@@ -24,16 +24,16 @@ def seeing(*looks: tuple[Pose, Sequence[Disc]], known: Zones | None = None) -> L
     found = LocalMap(JACKAL, known or Zones())
     for number, (pose, discs) in enumerate(looks):
         now_s = 0.1 * number
-        found.follow(now_s, pose, STANDING)
-        found.see(look(pose, discs, now_s), now_s)
+        found.add_pose(now_s, pose, STANDING)
+        found.add_scan(look(pose, discs, now_s), now_s)
     return found
 
 
 def more(found: LocalMap, pose: Pose, discs: Sequence[Disc], first_s: float, times: int) -> None:
     for number in range(times):
         now_s = first_s + 0.1 * number
-        found.follow(now_s, pose, STANDING)
-        found.see(look(pose, discs, now_s), now_s)
+        found.add_pose(now_s, pose, STANDING)
+        found.add_scan(look(pose, discs, now_s), now_s)
 
 
 def gaps_m(found: LocalMap, place: Point) -> list[float]:
@@ -88,7 +88,7 @@ def test_circles_are_bounded_and_the_nearest_are_kept() -> None:
     field = [Disc(random.uniform(-5, 5), random.uniform(-5, 5), 0.04) for _ in range(400)]
     field = [each for each in field if hypot(each.x_m, each.y_m) > 0.8]
     found = seeing(*[(Pose(), field)] * 3)
-    assert len(found.circles) == MOST_CIRCLES
+    assert len(found.circles) == MAX_CIRCLES
     nearest = min(field, key=lambda each: each.away_m(Point(0.0, 0.0)))
     assert min(gaps_m(found, Point(nearest.x_m, nearest.y_m))) < 0.1
 
@@ -119,8 +119,8 @@ def test_what_is_seen_to_be_free_is_forgotten_and_what_is_hidden_is_not() -> Non
 
 def test_what_is_old_or_far_away_is_forgotten() -> None:
     for pose, later_s, left in (
-        (Pose(), KEPT_S - 5.0, True),
-        (Pose(), KEPT_S + 1.0, False),
+        (Pose(), FORGET_AFTER_S - 5.0, True),
+        (Pose(), FORGET_AFTER_S + 1.0, False),
         (Pose(-5.0), 1.0, False),
     ):
         found = seeing(*[(Pose(), [ROCK])] * 3)
@@ -144,14 +144,14 @@ def test_a_late_scan_is_seen_from_where_it_was_taken() -> None:
     turning = Velocity(0.0, 2.0)
     for tick in range(40):
         now_s = 0.02 * tick
-        found.follow(now_s, Pose(heading_rad=2.0 * now_s), turning)
+        found.add_pose(now_s, Pose(heading_rad=2.0 * now_s), turning)
         taken_s = now_s - 0.07
         if tick % 5 == 4:
-            found.see(look(Pose(heading_rad=2.0 * taken_s), [ROCK], taken_s), now_s)
+            found.add_scan(look(Pose(heading_rad=2.0 * taken_s), [ROCK], taken_s), now_s)
     assert found.circles
     assert all(abs(each.y_m) + each.radius_m < 0.4 for each in found.circles)
-    found.see(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.0), 0.8)
-    found.see(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.1), 0.9)
+    found.add_scan(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.0), 0.8)
+    found.add_scan(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.1), 0.9)
     assert all(each.x_m > 0.0 for each in found.circles)
 
 
@@ -162,7 +162,7 @@ def test_the_same_scans_give_the_same_circles_and_nothing_changes_without_one() 
     one, other = seeing(*looks), seeing(*looks)
     assert one.circles == other.circles
     assert one.circles is one.circles
-    one.forget()
+    one.clear()
     assert one.circles == ()
 
 
@@ -171,9 +171,9 @@ def test_a_laser_that_looks_ahead_alone_forgets_nothing_behind() -> None:
     for number in range(5):
         now_s = 0.3 + 0.1 * number
         away = Pose(heading_rad=pi)
-        found.follow(now_s, away, STANDING)
+        found.add_pose(now_s, away, STANDING)
         scan = look(away, [], now_s)
-        found.see(replace(scan, angle_min_rad=-pi / 2, ranges_m=scan.ranges_m[:181]), now_s)
+        found.add_scan(replace(scan, angle_min_rad=-pi / 2, ranges_m=scan.ranges_m[:181]), now_s)
     assert found.circles
 
 
@@ -182,9 +182,9 @@ def test_a_laser_that_turns_the_other_way_sees_the_same() -> None:
     found = LocalMap(JACKAL, Zones())
     for number, discs in enumerate([[aside]] * 3 + [[Disc(0.0, 1.0, 0.4)]] * 3):
         now_s = 0.1 * number
-        found.follow(now_s, Pose(), STANDING)
+        found.add_pose(now_s, Pose(), STANDING)
         scan = look(Pose(), discs, now_s)
         ranges_m = (scan.ranges_m[0], *reversed(scan.ranges_m[1:]))
         turned = replace(scan, angle_min_rad=pi, angle_increment_rad=-pi / 180, ranges_m=ranges_m)
-        found.see(turned, now_s)
+        found.add_scan(turned, now_s)
     assert min(gaps_m(found, Point(0.0, 1.7))) < 0.05

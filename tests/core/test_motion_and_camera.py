@@ -204,9 +204,9 @@ def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
 def test_a_motion_that_is_commanded_between_ticks_begins_at_once(bench: Bench) -> None:
     bench.step()
     bench.submit(MoveForward(2.0), 1)
-    bench.executive.turn()
+    bench.executive.serve_inbox()
     assert bench.rover.sent[-1] == Velocity(1.0 * 0.05, 0.0)
-    bench.executive.turn()
+    bench.executive.serve_inbox()
     assert bench.rover.sent[-1] == Velocity(1.0 * 0.05, 0.0)
     bench.step()
     assert bench.rover.sent[-1].travel_mps == pytest.approx(2 * 1.0 * 0.05)

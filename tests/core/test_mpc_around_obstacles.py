@@ -20,8 +20,8 @@ from executive.motion import (
     make_solver,
 )
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import ObstacleConstraints
-from executive.motion.plan import TrajectoryTarget
+from executive.motion.obstacle_constraints import ObstacleConstraints
+from executive.motion.trajectory import TrajectoryTarget
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
 from executive.settings import Controller, LaserSettings, MpcSettings, Settings, load_settings
 from executive.values.geometry import Point
@@ -152,7 +152,7 @@ def test_where_something_came_into_view_the_next_plan_leads_around(
     straight = solver.solve(replace(free, obstacles=None))
     assert straight is not None
     start = straight.at(1.0)
-    among = replace(free, start=start, guess=straight.after(1.0))
+    among = replace(free, start=start, guess=straight.remainder(1.0))
     zones = Zones(rocks=(KnownRock("new", 3.0, 0.02, 0.2),))
     plan = solver.solve(replace(among, obstacles=ObstacleConstraints(zones, RADIUS_M)))
     assert plan is not None
@@ -220,14 +220,14 @@ class Failing:
     lead_ticks = 0
     busy = False
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Take a problem."""
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return None."""
         return None
 
-    def beside(self, apart: bool = False) -> "Failing":
+    def fork(self, apart: bool = False) -> "Failing":
         """Return itself."""
         return self
 
@@ -300,11 +300,11 @@ def in_simulation(
     lockstep.submit(Command(Identity("test", 1), MoveTo(target), "direct"))
 
     def ended() -> bool:
-        stages = (each.stage for each in lockstep.heard.reports)
+        stages = (each.stage for each in lockstep.downlink_record.reports)
         return any(each is not None and each.terminal for each in stages)
 
     lockstep.run_until(ended, 120.0)
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
     return lockstep
 
 
@@ -321,7 +321,7 @@ def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
         folder = tmp_path / scene["id"]
         folder.mkdir()
         lockstep = in_simulation(folder, settings, world, target, jackal_solver, seed=1)
-        reports = lockstep.heard.reports
+        reports = lockstep.downlink_record.reports
         assert Stage.EXECUTED in {each.stage for each in reports}
         assert lockstep.rover.contacts == 0
         assert {each.severity for each in reports} == {Severity.INFORMATIONAL}
@@ -348,7 +348,7 @@ def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
     settings = replace(JACKAL, zones=Zones(rocks=known_rocks))
     world = World(rocks=tuple(rocks))
     lockstep = in_simulation(tmp_path, settings, world, target, jackal_solver, seed=161)
-    texts = [each.text for each in lockstep.heard.reports if each.stage is Stage.PROGRESS]
+    texts = [each.text for each in lockstep.downlink_record.reports if each.stage is Stage.PROGRESS]
     assert len(texts) == 1
     assert texts[0].startswith("detour around obstacles by (")
     assert lockstep.rover.contacts == 0

@@ -61,15 +61,15 @@ class Wrapped:
         self._solver, self._problem, self._plan = solver, problem, plan
         self._asked = 0
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         self._asked += 1
-        self._solver.ask(self._problem(self._asked, problem))
+        self._solver.request(self._problem(self._asked, problem))
 
-    def answer(self) -> Trajectory | None:
-        return self._plan(self._asked, self._solver.answer())
+    def take_result(self) -> Trajectory | None:
+        return self._plan(self._asked, self._solver.take_result())
 
-    def beside(self, apart: bool = False) -> MinimumTimeSolver:
-        return self._solver.beside(apart)
+    def fork(self, apart: bool = False) -> MinimumTimeSolver:
+        return self._solver.fork(apart)
 
 
 @pytest.fixture(scope="module")
@@ -251,10 +251,10 @@ def test_a_waypoint_that_was_missed_is_driven_to_alone(
     tmp_path: Path, rover: Noted, solver: MinimumTimeSolver
 ) -> None:
     def beside(asked: int, problem: TrajectoryProblem) -> TrajectoryProblem:
-        if asked > 40 or not problem.through:
+        if asked > 40 or not problem.via_points:
             return problem
-        aside = replace(problem.through[0], y_m=problem.through[0].y_m + 0.2)
-        return replace(problem, through=(aside,))
+        aside = replace(problem.via_points[0], y_m=problem.via_points[0].y_m + 0.2)
+        return replace(problem, via_points=(aside,))
 
     with Bench(tmp_path, SMOOTH, rover=rover, solver=Wrapped(solver, beside)) as bench:
         bench.execute(STRAIGHT, 1)

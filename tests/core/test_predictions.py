@@ -47,7 +47,7 @@ def be_woken(bench: Bench) -> None:
     bench.executive.wake = lambda: woken.append(True)
     while woken:
         woken.clear()
-        bench.executive.turn()
+        bench.executive.serve_inbox()
 
 
 def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(bench: Bench) -> None:

@@ -23,8 +23,8 @@ from executive.motion import (
     make_solver,
 )
 from executive.motion.motion_model import MotionState
-from executive.motion.plan import TrajectoryTarget
 from executive.motion.predictive_control import model_of
+from executive.motion.trajectory import TrajectoryTarget
 from executive.settings import Controller, SettingsError, load_settings
 from executive.state import Status
 from executive.values.clock import ManualClock
@@ -59,18 +59,18 @@ class Failing:
         self._solver, self._fails, self._miss = solver, fails, miss
         self._asked = 0
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         self._asked += 1
-        self._solver.ask(problem)
+        self._solver.request(problem)
 
-    def answer(self) -> Trajectory | None:
-        plan = self._solver.answer()
+    def take_result(self) -> Trajectory | None:
+        plan = self._solver.take_result()
         if plan is None or not self._fails(self._asked):
             return plan
         return None if self._miss is None else replace(plan, miss=self._miss)
 
-    def beside(self, apart: bool = False) -> SharedSolver:
-        return self._solver.beside(apart)
+    def fork(self, apart: bool = False) -> SharedSolver:
+        return self._solver.fork(apart)
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
@@ -123,20 +123,20 @@ def drive(lockstep: LockStep, request: Request, limit_s: float = 60.0) -> Stage:
     lockstep.submit(Command(Identity("test", 1), request, "direct"))
     lockstep.run_until(ended, limit_s)
     lockstep.run(0.5)
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
     stage = reports(lockstep)[-1].stage
     assert stage is not None
     return stage
 
 
 def reports(lockstep: LockStep) -> list[Report]:
-    return [each for each in lockstep.heard.reports if each.stage is not None]
+    return [each for each in lockstep.downlink_record.reports if each.stage is not None]
 
 
 def alarms(lockstep: LockStep) -> list[str]:
     return [
         each.text
-        for each in lockstep.heard.reports
+        for each in lockstep.downlink_record.reports
         if each.kind is ReportKind.EVENT and each.severity is not Severity.INFORMATIONAL
     ]
 
@@ -214,16 +214,16 @@ class NextTick:
     def __init__(self, solver: BackgroundSolver) -> None:
         self._solver = solver
 
-    def ask(self, problem: TrajectoryProblem) -> None:
-        self._solver.ask(problem)
+    def request(self, problem: TrajectoryProblem) -> None:
+        self._solver.request(problem)
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         while self._solver.busy:
             Event().wait(0.001)
-        return self._solver.answer()
+        return self._solver.take_result()
 
-    def beside(self, apart: bool = False) -> "NextTick":
-        return NextTick(self._solver.beside(apart))
+    def fork(self, apart: bool = False) -> "NextTick":
+        return NextTick(self._solver.fork(apart))
 
 
 def test_plans_from_another_thread_are_for_the_tick_after(
@@ -254,15 +254,15 @@ class Late:
     def busy(self) -> bool:
         return self.now_s() < self._free_s
 
-    def ask(self, problem: TrajectoryProblem) -> None:
-        self._solver.ask(problem)
+    def request(self, problem: TrajectoryProblem) -> None:
+        self._solver.request(problem)
         self._free_s = self.now_s() + self._late_s
 
-    def answer(self) -> Trajectory | None:
-        return self._solver.answer()
+    def take_result(self) -> Trajectory | None:
+        return self._solver.take_result()
 
-    def beside(self, apart: bool = False) -> SharedSolver:
-        return self._solver.beside(apart)
+    def fork(self, apart: bool = False) -> SharedSolver:
+        return self._solver.fork(apart)
 
 
 @pytest.mark.parametrize("late_s", [0.12, 0.37])
@@ -290,7 +290,7 @@ def test_where_ticks_were_late_a_plan_leads_on_from_where_the_rover_came_to(
     lockstep.run(0.4)
     lockstep.alive = True
     lockstep.run(4.0)
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
     assert reports(lockstep)[-1].stage is Stage.EXECUTED
     assert [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS] == []
 
@@ -304,13 +304,13 @@ class Stuck:
     def __init__(self) -> None:
         self.released = Event()
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         self.released.wait()
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         return None
 
-    def beside(self, apart: bool = False) -> "Stuck":
+    def fork(self, apart: bool = False) -> "Stuck":
         return self
 
 
@@ -323,7 +323,7 @@ def test_a_solver_that_never_answers_delays_nothing_and_is_replaced(tmp_path: Pa
             command = Command(Identity("test", number), MoveTo(target), "direct")
             lockstep.submit(command)
         lockstep.run(12.0)
-        lockstep.executive.abandon()
+        lockstep.executive.simulate_crash()
         stuck.released.set()
     stages = [each.stage for each in reports(lockstep)]
     assert stages.count(Stage.EXECUTED) == 2
@@ -340,7 +340,7 @@ def test_two_runs_are_alike(tmp_path: Path) -> None:
         for _ in range(30):
             lockstep.run(0.1)
             poses.append(lockstep.rover.true_pose)
-        lockstep.executive.abandon()
+        lockstep.executive.simulate_crash()
         paths.append(poses)
     assert paths[0] == paths[1]
 

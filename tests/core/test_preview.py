@@ -24,7 +24,7 @@ from executive.commands import (
 from executive.core.runner import Executive
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.obstacles.zones import KeepOut, KnownRock, Zones
-from executive.preview import MOST_POSES, KinematicBase, Preview, PreviewRun, preview
+from executive.preview import MAX_POSES, KinematicBase, Preview, PreviewRun, preview
 from executive.settings import (
     Controller,
     PredictionSettings,
@@ -120,7 +120,7 @@ def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
     told = previewed(bench, FollowPath(tuple(Waypoint(float(x % 2), 0.0) for x in range(1, 30))))
     times_s = [each.time_s for each in told.path]
     assert times_s == sorted(set(times_s))
-    assert MOST_POSES / 2 < len(told.path) <= MOST_POSES
+    assert MAX_POSES / 2 < len(told.path) <= MAX_POSES
     assert (times_s[0], times_s[-1]) == (0.0, told.duration_s)
 
 
@@ -162,7 +162,7 @@ def test_what_an_uncertain_pose_refuses_is_refused(bench: Bench) -> None:
 
 
 def test_what_takes_too_long_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preview, "LONGEST_S", 5.0)
+    monkeypatch.setattr(preview, "MAX_PREVIEW_S", 5.0)
     found = refused(bench, MoveForward(9.0))
     assert found.reason is Reason.NOT_SUPPORTED
     assert "duration exceeds 5 s" in found.text
@@ -258,7 +258,7 @@ def test_what_mocup_carries_out_by_itself_takes_what_was_previewed(
     lockstep.submit(Command(Identity("MOE", 1), motion, "direct"))
     lockstep.run_until(lambda: lockstep.executive.active_command is not None, 1.0)
     lockstep.run_until(lambda: lockstep.executive.active_command is None, 60.0)
-    last = lockstep.heard.reports[-1]
+    last = lockstep.downlink_record.reports[-1]
     assert last.stage is Stage.EXECUTED
     ended = {figure.name: figure.value for figure in last.figures}
     assert ended["predicted duration"] == pytest.approx(told.duration_s)
@@ -266,7 +266,7 @@ def test_what_mocup_carries_out_by_itself_takes_what_was_previewed(
     seen = lockstep.executive.status.pose
     assert seen.point.distance_m(told.end.point) < 0.03
     assert abs(wrap_rad(seen.heading_rad - told.end.heading_rad)) < 0.05
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
 
 
 SMOOTH = replace(JACKAL, mpc=replace(JACKAL.mpc, offered=True))
@@ -299,7 +299,7 @@ def test_what_mpc_drives_takes_what_was_previewed(
     run.set_up()
     while run.result is None:
         run.advance(7)
-    found, last = run.result, lockstep.heard.reports
+    found, last = run.result, lockstep.downlink_record.reports
     assert isinstance(found, Preview), found
     began_s = lockstep.time_s
     lockstep.submit(Command(Identity("test", 1), motion, "direct"))
@@ -308,7 +308,7 @@ def test_what_mpc_drives_takes_what_was_previewed(
     assert lockstep.executive.status.pose.point.distance_m(found.end.point) < found.within_m + 0.01
     told = [each for each in last if "predicted:" in each.text]
     assert [f"{found.duration_s:.1f} s" in each.text for each in told] == [True]
-    lockstep.executive.abandon()
+    lockstep.executive.simulate_crash()
 
 
 def test_a_plan_with_steps_that_mpc_drives_is_previewed(
@@ -328,14 +328,14 @@ class Slow:
         self._solver = solver
         self.busy = False
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         self.busy = True
-        self._solver.ask(problem)
+        self._solver.request(problem)
 
-    def answer(self) -> Trajectory | None:
-        return self._solver.answer()
+    def take_result(self) -> Trajectory | None:
+        return self._solver.take_result()
 
-    def beside(self, apart: bool = False) -> "Slow":
+    def fork(self, apart: bool = False) -> "Slow":
         return self
 
 
@@ -347,7 +347,7 @@ def test_a_preview_waits_for_its_plans(tmp_path: Path, solver: SharedSolver) -> 
         run.set_up()
         waited = 0
         while not run.advance(1000):
-            assert run.waits
+            assert run.waiting_for_solver
             slow.busy = False
             waited += 1
         assert isinstance(run.result, Preview)

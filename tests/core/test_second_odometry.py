@@ -331,11 +331,11 @@ def test_what_nothing_explains_is_taken_over_on_level_ground_too() -> None:
 
 def test_the_slide_of_turns_is_learnt_and_then_foreseen() -> None:
     track = Track(lean=Pose(pitch_rad=radians(10)))
-    assert track.fusion.slide(1.0).x_m == 0.0
+    assert track.fusion.turn_slide(1.0).x_m == 0.0
     for _ in range(4):
         track.go(2.0, Velocity(0.0, 1.0), slide_m_per_rad=0.09)
         track.go(1.0, STANDING)
-    slide = track.fusion.slide(-2.0)
+    slide = track.fusion.turn_slide(-2.0)
     assert slide.x_m == pytest.approx(-0.18, abs=0.03)
     assert slide.y_m == pytest.approx(0.0, abs=0.02)
     before_m = track.true.x_m

@@ -8,7 +8,7 @@ import pytest
 
 from executive.settings import Controller, SettingsError, SlipSettings, load_settings, structure
 from executive.state import Status
-from executive.state.slip import LONGEST_S, SlipCorrection
+from executive.state.slip import MAX_GAP_S, SlipCorrection
 from executive.values.clock import ManualClock
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
@@ -73,7 +73,7 @@ def test_it_is_added_across_the_heading() -> None:
 
 def test_odometry_that_repeats_or_comes_after_a_gap_adds_nothing() -> None:
     correction = SlipCorrection(SlipSettings(offset_m=0.1), NONE)
-    for stamp_s in (0.0, 0.0, 2 * LONGEST_S, LONGEST_S):
+    for stamp_s in (0.0, 0.0, 2 * MAX_GAP_S, MAX_GAP_S):
         fact = Odometry(stamp_s, Pose(), Velocity(0.0, 1.0))
         assert correction.corrected(fact) == fact
 

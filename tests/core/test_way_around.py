@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from executive.checks import check_request, detoured_segments, path_check, path_of
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.obstacles.detour import Detour, find_way
+from executive.obstacles.detour import Detour, shortest_detour
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
 from executive.values.geometry import Point, Pose
@@ -69,15 +69,16 @@ def test_in_the_simulation_nothing_is_touched_and_no_monitor_objects(
 
     def ended() -> bool:
         return any(
-            each.stage is not None and each.stage.terminal for each in lockstep.heard.reports
+            each.stage is not None and each.stage.terminal
+            for each in lockstep.downlink_record.reports
         )
 
     lockstep.run(0.5)
     target = Waypoint(scene["x_m"], scene["y_m"], scene["heading_rad"])
     lockstep.submit(Command(Identity("test", 1), MoveTo(target), "direct"))
     lockstep.run_until(ended, 60.0)
-    lockstep.executive.abandon()
-    reports = lockstep.heard.reports
+    lockstep.executive.simulate_crash()
+    reports = lockstep.downlink_record.reports
     assert Stage.EXECUTED in [each.stage for each in reports]
     severe = [each.text for each in reports if each.severity is not Severity.INFORMATIONAL]
     assert [each for each in severe if each] == []
@@ -101,9 +102,9 @@ def test_the_way_of_a_command_is_searched_once_until_it_begins(
 
     def counted(start: Point, *rest: Any) -> Detour:
         searches.append(start)
-        return find_way(start, *rest)
+        return shortest_detour(start, *rest)
 
-    monkeypatch.setattr(path_check, "find_way", counted)
+    monkeypatch.setattr(path_check, "shortest_detour", counted)
     zones = Zones(rocks=(KnownRock("searched once", 2.0, 0.1, 0.3),))
     with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:
         bench.submit(MoveTo(Waypoint(4.0, 0.0)), 1)
@@ -140,17 +141,19 @@ def test_a_path_is_driven_as_it_is_given() -> None:
 
 def test_a_way_is_the_shortest_but_for_its_corners() -> None:
     rock = KnownRock("boulder", 3.0, 0.1, 0.5)
-    way = find_way(Point(0.0, 0.0), Point(6.0, 0.0), Zones(rocks=(rock,)), 0.5, lambda _: True)
-    assert way.complete
-    assert way.through == ()
+    way = shortest_detour(
+        Point(0.0, 0.0), Point(6.0, 0.0), Zones(rocks=(rock,)), 0.5, lambda _: True
+    )
+    assert way.reaches_goal
+    assert way.corners == ()
     zones = Zones(rocks=(rock,))
 
     def leads(place: Point) -> bool:
         return rock.clearance_m(Point(0.0, 0.0), place) >= 0.5
 
-    way = find_way(Point(0.0, 0.0), Point(6.0, 0.0), zones, 0.5, leads)
-    places = [Point(0.0, 0.0), *way.through, Point(6.0, 0.0)]
-    assert all(place.y_m < 0.0 for place in way.through)
+    way = shortest_detour(Point(0.0, 0.0), Point(6.0, 0.0), zones, 0.5, leads)
+    places = [Point(0.0, 0.0), *way.corners, Point(6.0, 0.0)]
+    assert all(place.y_m < 0.0 for place in way.corners)
     assert sum(a.distance_m(b) for a, b in pairwise(places)) < 6.0 + 0.35
 
 

@@ -124,7 +124,7 @@ def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -
         assert nearest_m >= min(0.4, begin_m) - 0.08
     else:
         assert nearest_m < 0.4 + 0.11 or begin_m < 0.4
-        assert 0 <= met.way_m <= sum(a.distance_m(b) for a, b in pairwise(path))
+        assert 0 <= met.distance_m <= sum(a.distance_m(b) for a, b in pairwise(path))
 
 
 @given(travel=st.floats(-1, 1), rotate=st.floats(-1.5, 1.5), lasts=st.floats(0.1, 60))

@@ -90,8 +90,8 @@ def test_what_the_orbiter_gives_up_has_ended_for_what_waits_and_what_is_expected
     for stage, holds in ((Stage.EXPIRED, True), (Stage.EXECUTED, False)):
         assert ExpectedLife(command="too-old", ends=stage).judge(record).holds is holds
     for after in (StageTime("too-old", "ENDED"), StageTime("too-old", "EXPIRED")):
-        assert record.moment(Scheduled(after=after)) is not None
-    assert record.moment(Scheduled(after=StageTime("too-old", "EXECUTED"))) is None
+        assert record.resolve_time(Scheduled(after=after)) is not None
+    assert record.resolve_time(Scheduled(after=StageTime("too-old", "EXECUTED"))) is None
 
 
 def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:

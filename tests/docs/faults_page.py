@@ -79,7 +79,7 @@ def _figures(window: Window) -> tuple[float | None, ...]:
 
 
 def _bounded(key: str, figure: str, bound: FaultParameter) -> str:
-    what = "" if key == "within" else f": {bound.what}"
+    what = "" if key == "within" else f": {bound.description}"
     return f"`{key}` {figure}".rstrip() + f"{what} ({bound.low:g} to {bound.high:g})"
 
 

@@ -30,22 +30,22 @@ from adapters.mal import (
 )
 from adapters.mops import load_dictionary
 from adapters.mrs.aboard.asset_services import ALL_EVENTS_HZ, EVENTS_HZ, PAGE
-from adapters.mrs.aboard.file_services import LARGEST_CHUNK_OCTETS, MOST_LISTED, MOST_TRANSFERS
-from adapters.mrs.aboard.gateway import MOST_PENDING
+from adapters.mrs.aboard.file_services import MAX_CHUNK_OCTETS, MAX_LISTED, MAX_TRANSFERS
+from adapters.mrs.aboard.gateway import MAX_PENDING
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from adapters.mrs.fleet.directory_service import (
-    LONGEST_URI,
-    MOST_OF_A_PEER,
-    MOST_OPERATIONS,
-    MOST_SERVICES,
+    MAX_OPERATIONS,
+    MAX_SERVICES,
+    MAX_SERVICES_PER_PEER,
+    MAX_URI_LENGTH,
 )
-from adapters.mrs.fleet.known_assets import MOST_ASSETS
-from adapters.mrs.spec import LONGEST_SOURCE, LONGEST_TEXT, MOST_FIGURES
-from adapters.mrs.spec.errors import MOST_AT_ONCE, AreaError, refused
-from adapters.mrs.spec.mapping import MOST_ARGUMENTS
+from adapters.mrs.fleet.known_assets import MAX_ASSETS
+from adapters.mrs.spec import MAX_FIGURES, MAX_SOURCE_LENGTH, MAX_TEXT_LENGTH
+from adapters.mrs.spec.errors import MAX_ITEMS, AreaError, refusal_error
+from adapters.mrs.spec.mapping import MAX_ARGUMENTS
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
-from adapters.mrs.terms import NAME, PORT
+from adapters.mrs.transport import NAME, PORT
 from executive.commands import (
     ACCEPTED,
     Argument,
@@ -57,12 +57,12 @@ from executive.commands import (
     Mode,
     SymmetricRange,
     ValueRange,
+    all_declarations,
     arguments_of,
-    declared,
 )
-from executive.plans.plan_xml import LARGEST_PLAN
+from executive.plans.plan_xml import MAX_PLAN_OCTETS
 from executive.settings import load_settings
-from executive.state import LONGEST_PATH
+from executive.state import MAX_PATH_OCTETS
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity
@@ -126,29 +126,29 @@ def _area(area: Area) -> Iterator[str]:
 
 def _limits() -> Iterator[tuple[str, str, str]]:
     """Yield item, limit, and reaction to more."""
-    in_list = f"{MOST_AT_ONCE} in one message"
+    in_list = f"{MAX_ITEMS} in one message"
     drive = load_settings("jackal").drive
     yield "a message to the rover", f"{MESSAGE_CAP:,} octets", "Too Many"
-    yield "requests queued for the core", f"{MOST_PENDING}, and any stop", "Too Many"
-    yield "a source", f"{LONGEST_SOURCE} characters", "Invalid; a stop is still executed"
+    yield "requests queued for the core", f"{MAX_PENDING}, and any stop", "Too Many"
+    yield "a source", f"{MAX_SOURCE_LENGTH} characters", "Invalid; a stop is still executed"
     yield "queued motions", f"{drive.queue_length} (`drive.queue_length`)", "Busy"
     yield "waypoints of a path", f"{drive.path_waypoints} (`drive.path_waypoints`)", "Invalid"
-    yield "a plan", f"{LARGEST_PLAN:,} octets, {MOST_ARGUMENTS} arguments", "Invalid"
+    yield "a plan", f"{MAX_PLAN_OCTETS:,} octets, {MAX_ARGUMENTS} arguments", "Invalid"
     yield "names, plan ids or values", in_list, "Too Many"
     yield "requested notifications", f"{PAGE} in one answer", "the first ones are returned"
-    yield "listed files", f"{MOST_LISTED} in one answer", "those changed last are returned"
-    yield "a path", f"{LONGEST_PATH} characters", "Invalid"
-    yield "chunkSize", f"{LARGEST_CHUNK_OCTETS:,} octets", "chunks are limited to it"
-    yield "active transfers", f"{MOST_TRANSFERS}", "Busy"
-    event = f"{LONGEST_TEXT} characters, {MOST_FIGURES} figures"
+    yield "listed files", f"{MAX_LISTED} in one answer", "those changed last are returned"
+    yield "a path", f"{MAX_PATH_OCTETS} characters", "Invalid"
+    yield "chunkSize", f"{MAX_CHUNK_OCTETS:,} octets", "chunks are limited to it"
+    yield "active transfers", f"{MAX_TRANSFERS}", "Busy"
+    event = f"{MAX_TEXT_LENGTH} characters, {MAX_FIGURES} figures"
     yield "an event of a client", event, "Invalid"
     yield "events of clients", f"{EVENTS_HZ} a second each, {ALL_EVENTS_HZ} in total", "Too Many"
     yield (
         "registered services",
-        f"{MOST_SERVICES}, {MOST_OF_A_PEER} of one peer; {MOST_ASSETS} assets",
+        f"{MAX_SERVICES}, {MAX_SERVICES_PER_PEER} of one peer; {MAX_ASSETS} assets",
         "Too Many",
     )
-    described = f"{MOST_OPERATIONS} operations, {LONGEST_URI} characters a URI"
+    described = f"{MAX_OPERATIONS} operations, {MAX_URI_LENGTH} characters a URI"
     yield "a registered service", described, "Invalid"
 
 
@@ -214,7 +214,7 @@ def _content(definition: CompositeType | EnumerationType) -> str:
 def _reason(reason: Reason) -> tuple[object, ...]:
     if reason.value // 100 in {7, 8}:
         return reason.value, reason.name, "none: it ends an accepted command"
-    error = AreaError(refused(Refusal(reason, ""), Identity("", 0)).number)
+    error = AreaError(refusal_error(Refusal(reason, ""), Identity("", 0)).number)
     return reason.value, reason.name, error.name.title().replace("_", "")
 
 
@@ -484,12 +484,12 @@ _COMMAND_HEADER: Final = (
 def _command_rows() -> Iterator[tuple[str, ...]]:
     """Yield a row for each command."""
     mops = load_dictionary().commands
-    for each in declared():
+    for each in all_declarations():
         spelled = mops.get(each.name)
         yield (
             f"`{each.name}`",
             each.summary,
-            "<br>".join(map(_argument, each.written)),
+            "<br>".join(map(_argument, each.user_arguments)),
             _modes(each.family),
             f"{each.service}.{each.operation}",
             "" if spelled is None else f"{spelled.code:03X} {spelled.command}",
@@ -501,7 +501,7 @@ def _argument(argument: Argument) -> str:
     relayed = "" if argument.relayed else "not over the relay"
     facts = ", ".join(filter(None, (argument.meaning, _values(argument), relayed)))
     optional = "?" if argument.optional else ""
-    if argument.many:
+    if argument.repeated:
         names = ", ".join(part.name for part in arguments_of(argument.kind))
         facts = f"each with {names} as above, {facts}"
     return f"`{argument.name}`{optional} {facts}".rstrip()

@@ -110,7 +110,7 @@ class TakesLines(StandIn):
                 raise AssertionError(f"no motion: {line.data}")
 
     def _begin(self, number: str, what: TurnBy | Advance) -> None:
-        self.rover.carry_out(WholeMotion(int(number), what, Identity("", 0)))
+        self.rover.execute_motion(WholeMotion(int(number), what, Identity("", 0)))
 
     def step(self) -> None:
         super().step()

@@ -13,10 +13,10 @@ from PIL import Image
 
 from adapters.cli.main import main
 from executive.commands import ACCEPTED, Family, Mode
-from executive.commands.lifecycle import EDGES, Edge, final_states
+from executive.commands.lifecycle import EDGES, Edge, terminal_states
 from executive.plans import plan_xml
-from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
-from executive.plans.planner import MOST_PLANS, PLAN_EDGES
+from executive.plans.builder import MAX_COMMANDS, MAX_LOOP_CYCLES, MAX_NODES
+from executive.plans.planner import MAX_PLANS, PLAN_EDGES
 from executive.settings import load_settings
 from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview
@@ -80,7 +80,7 @@ def mermaid(edges: Sequence[Edge[Any, Any]]) -> str:
     """Return a table of edges as a Mermaid state diagram."""
     lines = ["stateDiagram-v2", f"    [*] --> {edges[0].source.name}"]
     lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in edges]
-    lines += [f"    {state.name} --> [*]" for state in final_states(edges)]
+    lines += [f"    {state.name} --> [*]" for state in terminal_states(edges)]
     return "\n".join(lines) + "\n"
 
 
@@ -95,11 +95,12 @@ def test_the_life_is_drawn_from_its_table() -> None:
 
 def test_the_bounds_are_told() -> None:
     told = (
-        f"{plan_xml.LARGEST_PLAN // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their"
-        f" places, {plan_xml.DEEPEST} levels, {MOST_TIMES} times round a loop, {MOST_COMMANDS:_}"
-        f" commands if all loops run as often as they may, {MOST_PLANS} plans aboard,"
-        f" {plan_xml.MOST_PLACES} waypoints in a leaf (an asset may have less),"
-        f" {plan_xml.LONGEST_VALUE:_} characters in a value"
+        f"{plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes once subtrees are put in their"
+        f" places, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} times round a loop,"
+        f" {MAX_COMMANDS:_}"
+        f" commands if all loops run as often as they may, {MAX_PLANS} plans aboard,"
+        f" {plan_xml.MAX_WAYPOINTS} waypoints in a leaf (an asset may have less),"
+        f" {plan_xml.MAX_VALUE_LENGTH:_} characters in a value"
     )
     assert told.replace("_", " ") in PAGE.replace("\n", " ")
 

@@ -103,7 +103,7 @@ def test_it_is_written_the_same_each_time(tmp_path: Path) -> None:
 
 def test_what_went_wrong_is_named_where_it_did() -> None:
     near, far = Incident(Pose(1.0, 0.0), "slip"), Incident(Pose(2.5, 0.0), "FAILED")
-    axes = draw_map(replace(DRIVE, incidents=(near, replace(near, words="late"), far))).axes[0]
+    axes = draw_map(replace(DRIVE, incidents=(near, replace(near, text="late"), far))).axes[0]
     named = {text.get_text(): text for text in axes.texts if isinstance(text, Annotation)}
     assert {"slip", "late", "FAILED"} <= set(named)
     assert named["slip"].xy == named["late"].xy == (1.0, 0.0)
@@ -158,7 +158,7 @@ def test_zones_are_drawn_with_their_names() -> None:
 
 
 def test_what_the_laser_saw_is_drawn() -> None:
-    figure = draw_map(replace(DRIVE, seen=(ScannedObstacle("seen", 2.0, 1.0, 0.2),)))
+    figure = draw_map(replace(DRIVE, scanned=(ScannedObstacle("seen", 2.0, 1.0, 0.2),)))
     (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
     assert (circle.center, circle.radius) == ((2.0, 1.0), 0.2)
     assert "scanned by the laser at the end" in words(figure)

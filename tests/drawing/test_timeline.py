@@ -81,7 +81,7 @@ def test_a_run_of_nothing_says_so(end_s: float) -> None:
 
 def test_a_command_that_has_not_ended_is_drawn_to_the_end() -> None:
     going = CommandLane("ahead", (1.0,), 1.0, 1.1, None, Stage.STARTED)
-    silent = CommandLane("unheard", (4.0,), words="lost")
+    silent = CommandLane("unheard", (4.0,), text="lost")
     figure = draw_timeline(replace(RUN, commands=(going, silent)))
     assert (1.1, 12.0) in spans(figure, MOTION)
     assert "no report: lost" in words(figure)

@@ -101,5 +101,5 @@ class LiveBench(Bench):
             answer = ground.submit(work)
             answer.add_done_callback(lambda _: turns.put(False))
             while turns.get(timeout=ANSWER_S):
-                self.executive.turn()
+                self.executive.serve_inbox()
         return answer.result()

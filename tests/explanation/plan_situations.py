@@ -14,7 +14,7 @@ from executive.commands import (
     SubmitPlan,
     SuspendPlan,
 )
-from executive.plans.plan_xml import LARGEST_PLAN
+from executive.plans.plan_xml import MAX_PLAN_OCTETS
 from executive.values.reasons import Reason
 from tests.explanation.case import Case
 from tests.support.kinematic import Bench
@@ -58,7 +58,7 @@ def _goes_on(bench: Bench) -> None:
 
 PLANS: Final = (
     _refused(Reason.PLAN_FORMAT, xml(AHEAD), form="SCXML"),
-    _refused(Reason.PLAN_TOO_LARGE, b" " * (LARGEST_PLAN + 1)),
+    _refused(Reason.PLAN_TOO_LARGE, b" " * (MAX_PLAN_OCTETS + 1)),
     _refused(Reason.PLAN_STRUCTURE, xml("<Sequence/>"), "needs at least 1 child"),
     _refused(Reason.PLAN_UNKNOWN_NODE, xml("<fly/>"), "unknown node 'fly'"),
     _refused(Reason.PLAN_BAD_ARGUMENT, xml('<moveForward distance="far" deadline_s="9"/>')),

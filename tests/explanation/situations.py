@@ -107,7 +107,7 @@ def _resume_too_early(bench: Bench) -> None:
 
 def _without_authority(bench: Bench) -> None:
     asked = AuthorityRequest(AuthorityAction.REQUEST, "ELSE")
-    bench.executive.ask_authority(asked)
+    bench.executive.request_authority(asked)
     bench.submit(MoveForward(1.0), 1)
 
 
@@ -209,13 +209,13 @@ def _low_battery(bench: Bench) -> None:
 
 def _hung(bench: Bench) -> None:
     bench.drive_on()
-    bench.executive.make_safe(Refusal(Reason.CORE_HUNG, "the core hung for 2 s"))
+    bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "the core hung for 2 s"))
     bench.run(0.2)
 
 
 def _adapter_raised(bench: Bench) -> None:
     bench.drive_on()
-    bench.executive.make_safe(Refusal(Reason.ADAPTER_RAISED, "an adapter raised KeyError"))
+    bench.executive.enter_safe_mode(Refusal(Reason.ADAPTER_RAISED, "an adapter raised KeyError"))
     bench.run(0.2)
 
 

@@ -18,7 +18,7 @@ from adapters.explanation import (
     explain_command,
     explain_now,
     explanation_lines,
-    relevant,
+    select_for,
 )
 from adapters.recording import RunFile, read_history
 from executive.commands import Command, MoveForward, Resume, Stop
@@ -75,7 +75,7 @@ def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -
     explained, asked = explain(recorded, case.command), explain(live, case.command)
     assert is_right(case, explained), told(explained)
     assert is_right(case, asked), told(asked)
-    assert told(explain(relevant(recorded, case.command), case.command)) == told(explained)
+    assert told(explain(select_for(recorded, case.command), case.command)) == told(explained)
     known = {each.identity for each in recorded.received}
     of_plans = {each.identity for each in live.received} - known
     if starts == 1 and not of_plans:  # whose arguments the ledger knows

@@ -18,7 +18,7 @@ from adapters.mal import (
     connection,
     encode_message,
 )
-from adapters.mal.codec import SHORTEST, decode_message
+from adapters.mal.codec import MIN_MESSAGE_OCTETS, decode_message
 from adapters.mal.connection import MESSAGE_CAP, Framer, NotificationQueue
 from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided
 
@@ -186,7 +186,17 @@ def test_a_queue_that_is_paused_while_it_empties_keeps_the_rest() -> None:
     assert written == [b"a", b"b", b"c"]
 
 
-SIZES = (SHORTEST, 100, 5_000, 16 << 10, 66_000, 256 << 10, 700_000, 3 << 20, SHORTEST)
+SIZES = (
+    MIN_MESSAGE_OCTETS,
+    100,
+    5_000,
+    16 << 10,
+    66_000,
+    256 << 10,
+    700_000,
+    3 << 20,
+    MIN_MESSAGE_OCTETS,
+)
 
 
 def message(size: int, fill: int) -> bytes:

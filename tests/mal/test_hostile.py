@@ -24,7 +24,7 @@ from adapters.mal import (
     TypedAttribute,
     encode_message,
 )
-from adapters.mal.codec import SHORTEST, decode_message
+from adapters.mal.codec import MIN_MESSAGE_OCTETS, decode_message
 from adapters.mal.connection import MESSAGE_CAP, Framer
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, cut, provided
 from tests.stress.fuzzing import mutate
@@ -115,7 +115,7 @@ async def test_what_no_consumer_sends_ends_the_connection(
     ("octets", "why"),
     [
         ((MESSAGE_CAP + 1).to_bytes(4, "big"), "message length 67108865"),
-        ((SHORTEST - 1).to_bytes(4, "big"), "message length 26"),
+        ((MIN_MESSAGE_OCTETS - 1).to_bytes(4, "big"), "message length 26"),
         (b"\xff\xff\xff\xff", "message length 4294967295"),
         (b"\x23\0\0\0", "header of 521.0-B-2"),
     ],

@@ -72,7 +72,7 @@ async def test_a_large_transfer_does_not_pile_up_at_the_provider() -> None:
 async def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(transactions, "HELD_CAP", 4 * len(CHUNK))
+    monkeypatch.setattr(transactions, "MAX_BUFFERED_OCTETS", 4 * len(CHUNK))
 
     source = Source()
     provider, consumer = await provided(source)

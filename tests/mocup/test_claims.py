@@ -68,7 +68,7 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
     bench.submit(SetTravelSpeed(0.2), 6)
     bench.execute(MoveForward(1.5), 7)
     texts: list[str] = []
-    claims_of(bench, texts).again(bench.executive.reports())
+    claims_of(bench, texts).resend(bench.executive.reports())
     authority, *claims = messages(texts)
     assert authority.inputs == ("False", "", "", "")
     said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in claims]
@@ -90,10 +90,10 @@ def test_the_last_on_each_command_is_published_until_it_is_confirmed(
     claims.report(bench.heard.reports)
     ends = [text for text in texts if "EXECUTED" in text]
     texts.clear()
-    claims.look()
+    claims.poll()
     assert texts == []
-    claims.look()
+    claims.poll()
     assert texts == ends
     claims.taken(fingerprint(ends[0]))
-    claims.look()
+    claims.poll()
     assert texts == [*ends, ends[1]]

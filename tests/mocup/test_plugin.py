@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup import MocupFact, MocupRover
-from adapters.mocup.plugin import ANSWER_TIMEOUT_S, MOST_ASKED, RETRANSMIT_S
+from adapters.mocup.plugin import ANSWER_TIMEOUT_S, MAX_PENDING, RETRANSMIT_S
 from adapters.mops import Message, encode, load_dictionary
 from executive.commands.catalogue import Stop
 from executive.values.clock import ManualClock
@@ -49,7 +49,7 @@ class Desk:
         return [message.command for message in self.sent]
 
     def answer(self, executed: bool = True, received: bool = True, *outputs: str) -> None:
-        self.rover.take(reply(self.sent[-1], executed, received, *outputs))
+        self.rover.on_reply(reply(self.sent[-1], executed, received, *outputs))
 
 
 def reply(to: Message, executed: bool, received: bool = True, *outputs: str) -> Message:
@@ -70,7 +70,7 @@ def desk() -> Desk:
 
 
 def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     assert [str(m).split("|")[3:5] for m in desk.sent] == [["SET_TRAVEL_SPEED", "0.2"]]
     desk.answer()
     assert [str(m).split("|")[3:5] for m in desk.sent[1:]] == [["MOVE_FORWARD", "1.5"]]
@@ -78,30 +78,30 @@ def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
     desk.answer(False, True, "STARTED")
     desk.answer()
     assert desk.ended == [MotionStarted(1), MotionEnded(1, True, "")]
-    desk.rover.carry_out(replace(LINE, number=2))
+    desk.rover.execute_motion(replace(LINE, number=2))
     assert desk.commands[2:] == ["MOVE_FORWARD"]
 
 
 def test_a_velocity_is_held_by_the_brick(desk: Desk) -> None:
-    desk.rover.carry_out(HOLD)
+    desk.rover.execute_motion(HOLD)
     assert str(desk.sent[0]).split("|")[3:5] == ["DRIVE", "0.1,0.2,3.0"]
 
 
 @pytest.mark.parametrize("received", [True, False])
 def test_what_is_not_executed_is_told_with_why(desk: Desk, received: bool) -> None:
-    desk.rover.carry_out(HOLD)
+    desk.rover.execute_motion(HOLD)
     desk.answer(False, received, "FAILED", "9", "motor stuck")
     assert desk.ended == [MotionEnded(7, False, "FAILED 9 motor stuck")]
 
 
 def test_a_stop_does_not_wait_and_forgets_what_does(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(LINE)
+    desk.rover.execute_motion(TURN)
     desk.rover.halt()
     assert desk.commands == ["SET_TRAVEL_SPEED", "STOP"]
     desk.answer()
     assert desk.commands == ["SET_TRAVEL_SPEED", "STOP"]
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(TURN)
     assert desk.commands[2:] == ["SET_ROTATE_SPEED"]
 
 
@@ -110,7 +110,7 @@ def test_it_moves_the_brick_from_the_order_to_the_answer(desk: Desk) -> None:
     desk.rover.point_camera(CameraIntent(0.1, 0.2, 1.0))
     moving.append(desk.rover.moving)
     desk.answer()
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     while desk.commands[-1] != "MOVE_FORWARD":
         moving.append(desk.rover.moving)
         desk.answer()
@@ -120,70 +120,70 @@ def test_it_moves_the_brick_from_the_order_to_the_answer(desk: Desk) -> None:
 
 
 def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     desk.answer()
     motion = desk.sent[-1]
     desk.rover.halt()
-    desk.rover.take(reply(motion, False, True, "CANCELLED"))
+    desk.rover.on_reply(reply(motion, False, True, "CANCELLED"))
     assert desk.ended == [MotionEnded(1, False, "CANCELLED")]
     assert desk.commands[-1] == "STOP"
 
 
 def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(LINE)
+    desk.rover.execute_motion(TURN)
     stop = DICTIONARY.command(Stop(), Identity("MOE", 40), "MOCUP")
-    desk.rover.take(reply(stop, False, True, "STARTED"))
+    desk.rover.on_reply(reply(stop, False, True, "STARTED"))
     ends = [MotionEnded(number, False, "STARTED") for number in (1, 2)]
     assert desk.ended == [Stopped("MOE:40"), *ends]
     assert desk.commands == ["SET_TRAVEL_SPEED"]
-    desk.rover.carry_out(HOLD)
+    desk.rover.execute_motion(HOLD)
     assert desk.commands == ["SET_TRAVEL_SPEED", "DRIVE"]
-    desk.rover.take(reply(stop, True, True, "EXECUTED"))
+    desk.rover.on_reply(reply(stop, True, True, "EXECUTED"))
     desk.rover.halt()
     own = desk.sent[-1]
     desk.ended.clear()
     for _ in range(2):
-        desk.rover.take(reply(own, True, True, "EXECUTED"))
+        desk.rover.on_reply(reply(own, True, True, "EXECUTED"))
     assert not any(isinstance(fact, Stopped) for fact in desk.ended)
 
 
 def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     desk.answer()
     desk.rover.halt()
     desk.answer()
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(TURN)
     assert desk.commands[-1] == "SET_ROTATE_SPEED"
     desk.clock.advance(ANSWER_TIMEOUT_S)
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(TURN)
     assert desk.commands[-1] == "ROTATE_BY"
 
 
 def test_what_nobody_answers_is_sent_again_under_its_number(desk: Desk) -> None:
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(TURN)
     for _ in range(3):
-        desk.rover.remind()
+        desk.rover.retransmit()
     assert len(desk.sent) == 1
     desk.clock.advance(RETRANSMIT_S)
-    desk.rover.remind()
-    desk.rover.remind()
+    desk.rover.retransmit()
+    desk.rover.retransmit()
     assert desk.sent == [desk.sent[0]] * 2
     desk.answer()
     desk.clock.advance(RETRANSMIT_S)
-    desk.rover.remind()
+    desk.rover.retransmit()
     assert desk.commands == ["SET_ROTATE_SPEED", "SET_ROTATE_SPEED", "ROTATE_BY", "ROTATE_BY"]
     desk.answer(False, True, "STARTED")
     desk.clock.advance(100.0)
-    desk.rover.remind()
+    desk.rover.retransmit()
     assert len(desk.sent) == 4
 
 
 def test_a_setting_that_is_never_answered_holds_nothing_up_for_long(desk: Desk) -> None:
-    desk.rover.carry_out(TURN)
+    desk.rover.execute_motion(TURN)
     for _ in range(4):
         desk.clock.advance(RETRANSMIT_S)
-        desk.rover.remind()
+        desk.rover.retransmit()
     assert desk.commands[-1] == "ROTATE_BY"
 
 
@@ -205,15 +205,15 @@ def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Des
 
 
 def test_a_speed_is_set_again_for_the_next_command(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     desk.answer()
     desk.answer()
-    desk.rover.carry_out(replace(LINE, number=2, command=MOE8))
+    desk.rover.execute_motion(replace(LINE, number=2, command=MOE8))
     assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD", "SET_TRAVEL_SPEED"]
 
 
 def test_what_is_asked_for_a_command_carries_its_number_and_counts(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     desk.answer()
     desk.rover.halt()
     sent = [(m.source, m.moe_inputs_id, m.moe_inputs_counter) for m in desk.sent]
@@ -223,9 +223,9 @@ def test_what_is_asked_for_a_command_carries_its_number_and_counts(desk: Desk) -
 
 
 def test_a_motion_that_waits_for_its_speed_ends_as_it_ended_by_the_other_link(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     whole = replace(desk.sent[-1], moe_inputs_counter=None)
-    desk.rover.take(reply(whole, True, True, "EXECUTED"))
+    desk.rover.on_reply(reply(whole, True, True, "EXECUTED"))
     assert desk.ended == [MotionEnded(1, True, "EXECUTED"), CommandEnded(MOE7, True, "EXECUTED")]
 
 
@@ -233,16 +233,16 @@ def test_a_motion_that_waits_for_its_speed_ends_as_it_ended_by_the_other_link(de
 def test_a_command_that_came_by_the_other_link_first_ends_as_it_ended_there(
     desk: Desk, executed: bool
 ) -> None:
-    desk.rover.carry_out(LINE)
+    desk.rover.execute_motion(LINE)
     desk.answer()
     whole = replace(desk.sent[-1], moe_inputs_counter=None)
-    desk.rover.take(reply(whole, False, True, "STARTED"))
+    desk.rover.on_reply(reply(whole, False, True, "STARTED"))
     assert desk.ended == [CommandUnderWay(MOE7)]
     desk.ended.clear()
-    desk.rover.take(reply(whole, executed, True, "EXECUTED" if executed else "FAILED"))
+    desk.rover.on_reply(reply(whole, executed, True, "EXECUTED" if executed else "FAILED"))
     why = "EXECUTED" if executed else "FAILED"
     assert desk.ended == [MotionEnded(1, executed, why), CommandEnded(MOE7, executed, why)]
-    desk.rover.carry_out(replace(TURN, command=MOE8))
+    desk.rover.execute_motion(replace(TURN, command=MOE8))
     assert desk.commands[-1] == "SET_ROTATE_SPEED"
 
 
@@ -255,7 +255,7 @@ def test_one_thing_is_asked_at_a_time_whatever_comes(acts: list[str]) -> None:
             case "line" | "turn":
                 begun += 1
                 what = LINE.what if act == "line" else TURN.what
-                desk.rover.carry_out(WholeMotion(begun, what, MOE7))
+                desk.rover.execute_motion(WholeMotion(begun, what, MOE7))
             case "halt":
                 desk.rover.halt()
                 assert desk.sent[-1].command == "STOP"
@@ -289,7 +289,7 @@ def test_the_next_process_uses_other_numbers(desk: Desk) -> None:
 
 @pytest.mark.parametrize("source", ["Mission control", "a|b", "\N{SNOWMAN}", "M" * 5000])
 def test_a_command_whose_source_no_message_can_have_is_carried_out(desk: Desk, source: str) -> None:
-    desk.rover.carry_out(replace(LINE, command=Identity(source, 7)))
+    desk.rover.execute_motion(replace(LINE, command=Identity(source, 7)))
     desk.answer()
     desk.answer()
     assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD"]
@@ -298,8 +298,8 @@ def test_a_command_whose_source_no_message_can_have_is_carried_out(desk: Desk, s
 
 
 def test_a_motion_does_not_begin_at_a_speed_that_the_brick_did_not_take(desk: Desk) -> None:
-    desk.rover.carry_out(LINE)
-    desk.rover.carry_out(replace(TURN, command=MOE8))
+    desk.rover.execute_motion(LINE)
+    desk.rover.execute_motion(replace(TURN, command=MOE8))
     desk.answer(False, False, "REJECTED", "QUEUE_FULL", "BUSY")
     assert desk.commands == ["SET_TRAVEL_SPEED", "SET_ROTATE_SPEED"]
     assert desk.ended == [MotionEnded(1, False, "REJECTED QUEUE_FULL BUSY")]
@@ -308,8 +308,8 @@ def test_a_motion_does_not_begin_at_a_speed_that_the_brick_did_not_take(desk: De
 
 
 def test_what_nobody_answers_is_forgotten_after_many_others(desk: Desk) -> None:
-    desk.rover.carry_out(HOLD)
-    for _ in range(MOST_ASKED):
+    desk.rover.execute_motion(HOLD)
+    for _ in range(MAX_PENDING):
         assert desk.rover.moving
         desk.rover.halt()
     assert not desk.rover.moving

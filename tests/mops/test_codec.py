@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mops import Message, MopsError, MopsStream, decode, encode
-from adapters.mops.codec import HIGHEST_COUNTER, HIGHEST_ID, LONGEST
+from adapters.mops.codec import MAX_COUNTER, MAX_ID, MAX_MESSAGE_OCTETS
 
 KEPT = "".join(sorted(set(string.printable[:95]) - set("|,#")))
 NAMES = st.text(KEPT.replace(" ", ""), min_size=1, max_size=20)
@@ -22,8 +22,8 @@ MESSAGES = st.builds(
     VALUES,
     st.booleans(),
     st.booleans(),
-    st.none() | st.integers(0, HIGHEST_ID),
-    st.none() | st.integers(0, HIGHEST_COUNTER),
+    st.none() | st.integers(0, MAX_ID),
+    st.none() | st.integers(0, MAX_COUNTER),
 )
 MOVE = Message(0x102, "MOE", "MOCUP", "MOVE", ("1.500",), (), False, False, 7, 1)
 TEXT = b"102|MOE|MOCUP|MOVE|1.500||False|False|7|1#"
@@ -107,8 +107,8 @@ def test_what_is_wrong_is_named(octets: bytes, field: str) -> None:
         Message(1, "a", "b", "c", ("",)),
         Message(1, "a", "b", "c", (), ("\0",)),
         Message(1, "a", "b", "c", moe_inputs_id=-1),
-        Message(1, "a", "b", "c", moe_inputs_counter=HIGHEST_COUNTER + 1),
-        Message(1, "a", "b", "c", ("x" * LONGEST,)),
+        Message(1, "a", "b", "c", moe_inputs_counter=MAX_COUNTER + 1),
+        Message(1, "a", "b", "c", ("x" * MAX_MESSAGE_OCTETS,)),
     ],
 )
 def test_what_cannot_be_written_is_refused(message: Message) -> None:
@@ -161,8 +161,8 @@ def test_what_was_dropped_is_told_once_with_why() -> None:
 def test_what_never_ends_is_not_kept() -> None:
     told = Told()
     for _ in range(100):
-        assert told.feed(b"x" * (LONGEST - 1)) == []
-        assert len(told.stream._begun) < LONGEST
+        assert told.feed(b"x" * (MAX_MESSAGE_OCTETS - 1)) == []
+        assert len(told.stream._begun) < MAX_MESSAGE_OCTETS
     assert told.feed(b"x#" + TEXT) == [MOVE]
     (line,) = told.lines
-    assert line.startswith(f"{100 * (LONGEST - 1) + 2} octets")
+    assert line.startswith(f"{100 * (MAX_MESSAGE_OCTETS - 1) + 2} octets")

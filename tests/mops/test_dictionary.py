@@ -17,7 +17,7 @@ from executive.commands import (
     Request,
     Stop,
     Waypoint,
-    declared,
+    all_declarations,
 )
 from executive.settings import Controller, SettingsError
 from executive.values.parameters import Parameter
@@ -31,7 +31,7 @@ REQUESTS = st.one_of(*(st.from_type(kind) for kind in get_args(Request)))
 
 
 def test_every_command_is_spelled() -> None:
-    assert set(DICTIONARY.commands) == {each.name for each in declared()}
+    assert set(DICTIONARY.commands) == {each.name for each in all_declarations()}
 
 
 def spelled(request: Request) -> Message:

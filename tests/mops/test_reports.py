@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mops import (
-    HIGHEST_SEQUENCE,
+    MAX_SEQUENCE,
     UNNUMBERED,
     LinkHealth,
     Message,
@@ -28,8 +28,8 @@ from adapters.mops import (
     report_of,
     telemetry_of,
 )
-from adapters.mops.codec import HIGHEST_ID, LATEST_UTC_S
-from adapters.mops.reports import LONGEST_TEXT
+from adapters.mops.codec import MAX_ID, MAX_UTC_S
+from adapters.mops.reports import MAX_TEXT_LENGTH
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward
 from executive.values.facts import Battery, CameraAngles, Odometry
@@ -97,9 +97,9 @@ MOVE = DICTIONARY.commands["moveForward"]
 EVENT, LINK = DICTIONARY.spelling.event, DICTIONARY.spelling.link
 TELEMETRY = DICTIONARY.spelling.telemetry
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
-TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=LONGEST_TEXT)
-NUMBERS = st.integers(1, HIGHEST_SEQUENCE)
-TIMES = st.floats(0.0, LATEST_UTC_S)
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=MAX_TEXT_LENGTH)
+NUMBERS = st.integers(1, MAX_SEQUENCE)
+TIMES = st.floats(0.0, MAX_UTC_S)
 HEARD_S = 99.0
 ASKED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
 EXECUTED = Report(
@@ -119,7 +119,7 @@ REPLIES = st.builds(
     kind=st.just(ReportKind.COMMAND),
     severity=st.sampled_from(Severity),
     text=TEXTS,
-    identity=st.builds(Identity, NAMES, st.integers(0, HIGHEST_ID)),
+    identity=st.builds(Identity, NAMES, st.integers(0, MAX_ID)),
     stage=st.sampled_from(Stage),
     link=st.just("relay"),
     step=st.none() | st.integers(0, 1000),
@@ -287,7 +287,7 @@ def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
 def test_a_text_that_is_too_long_is_cut_and_still_fits() -> None:
     reply = reply_of(replace(EXECUTED, text="\U0001f916" * 5000), MOVE, "JACKAL")
     text = heard(reply).text
-    assert len(text) == LONGEST_TEXT
+    assert len(text) == MAX_TEXT_LENGTH
     assert text.endswith("…")
 
 

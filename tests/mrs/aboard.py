@@ -27,7 +27,7 @@ from adapters.mrs.spec import (
     Validity,
     mrs_specification,
 )
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import Request
 from executive.core.runner import Executive
 from executive.history import HistoryBuilder
@@ -62,7 +62,7 @@ def raises(number: int, *arguments: int) -> Iterator[None]:
 
 def stages(outcome: CommandOutcome) -> list[Stage | None]:
     """Return the stages of a command's life."""
-    return [notification.stage for notification in outcome.life]
+    return [notification.stage for notification in outcome.notifications]
 
 
 def event(**changes: Any) -> Notification:
@@ -237,7 +237,7 @@ class Aboard:
     def die(self) -> None:
         """End as kill -9 does: nothing is said, and what was not written down is lost."""
         self.do(lambda bench: bench.link.close())
-        self._end(lambda bench: bench.executive.abandon())
+        self._end(lambda bench: bench.executive.simulate_crash())
 
     def close(self) -> None:
         def end(bench: LinkedBench) -> None:
@@ -265,7 +265,7 @@ class Aboard:
     def _turn(self) -> None:
         assert self._bench is not None
         if not self._ended:
-            self._bench.executive.turn()
+            self._bench.executive.serve_inbox()
 
     def _serve(self, folder: Path) -> None:
         self._bench = LinkedBench(

@@ -10,7 +10,7 @@ from adapters.mal import Certificates
 from adapters.mrs.fleet.fleet_link import FleetLink
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0

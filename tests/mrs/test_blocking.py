@@ -19,11 +19,11 @@ def test_a_rover_is_commanded_and_asked_step_by_step(running: Aboard) -> None:
     told: list[Notification] = []
     with BlockingClient(running.uri, source="LAB") as rover:
         assert rover.run(MoveForward(1.0), told.append).executed
-        assert rover.ask(MrsClient.get_pose).x == pytest.approx(1.0, abs=0.05)
+        assert rover.call(MrsClient.get_pose).x == pytest.approx(1.0, abs=0.05)
         refused = rover.run(MoveForward(1000.0))
         assert refused.stage is Stage.REJECTED
         with pytest.raises(MalError):
-            rover.ask(lambda client: client.preview(MoveForward(1000.0)))
+            rover.call(lambda client: client.preview(MoveForward(1000.0)))
         assert sessions() == 1
     assert [each.stage for each in told if each.stage][-1] is Stage.EXECUTED
     assert sessions() == 0

@@ -40,8 +40,8 @@ from executive.commands import (
     Stop,
     TakePicture,
     Waypoint,
+    all_declarations,
     declaration_of,
-    declared,
 )
 from executive.core.runner import Executive
 from executive.settings import Controller
@@ -329,7 +329,8 @@ def test_a_name_that_no_computer_has_is_called_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "typed"), [(each.name, typed) for each in declared() for typed in each.examples]
+    ("name", "typed"),
+    [(each.name, typed) for each in all_declarations() for typed in each.examples],
 )
 def test_the_examples_of_a_declaration_can_be_typed(
     monkeypatch: pytest.MonkeyPatch, name: str, typed: str

@@ -65,7 +65,7 @@ def test_drives_for_a_time(aboard: Aboard) -> None:
 
 def test_a_path_tells_its_progress(aboard: Aboard) -> None:
     (outcome,) = aboard.carry_out(FollowPath((Waypoint(0.3, 0.0), Waypoint(0.6, 0.0))))
-    steps = [(n.step, n.stepCount) for n in outcome.life if n.stage is Stage.PROGRESS]
+    steps = [(n.step, n.stepCount) for n in outcome.notifications if n.stage is Stage.PROGRESS]
     assert steps[0] == (1, 2)
 
 

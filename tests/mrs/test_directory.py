@@ -160,7 +160,7 @@ def test_names_tell_whose_service_layer_it_is() -> None:
 async def test_so_many_and_no_more_but_who_is_gone_gives_way(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
-    monkeypatch.setattr(registries, "MOST_SERVICES", 3)
+    monkeypatch.setattr(registries, "MAX_SERVICES", 3)
 
     gone = await Consumer.connect(mrs_specification(), aboard.uri)
     await gone.submit("ServiceLayer", "registerService", replace(MAP, name="Gone"))

@@ -13,7 +13,7 @@ import pytest
 from adapters.mal import Encoding, MalError, MalUri
 from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import FileEventType
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from executive.commands import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard, raises
 from tests.support.certificates import make_ends

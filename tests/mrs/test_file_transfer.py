@@ -71,7 +71,7 @@ def test_chunks_join_to_the_rest_of_the_file(
     offset: int | None,
     chunk: int | None,
 ) -> None:
-    for name, octets in (("READ_OCTETS", 64), ("LARGEST_CHUNK_OCTETS", 64), ("CHUNK_OCTETS", 16)):
+    for name, octets in (("READ_OCTETS", 64), ("MAX_CHUNK_OCTETS", 64), ("CHUNK_OCTETS", 16)):
         monkeypatch.setattr(f"adapters.mrs.aboard.file_services.{name}", octets)
     film = random.Random(size).randbytes(size)
     aboard.put("film.avi", film)
@@ -136,7 +136,7 @@ async def test_a_stop_is_served_between_two_chunks(aboard: Aboard, consumer: Con
 async def test_several_at_a_time_and_no_more_than_there_is_room_for(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 2)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.MAX_TRANSFERS", 2)
     aboard.put("film.avi", BIG)
     aboard.put("other.avi", BIG[:3_000_000])
 
@@ -190,7 +190,7 @@ def test_who_takes_nothing_for_too_long_is_given_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_services.STALLED_S", 0.2)
-    monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 1)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.MAX_TRANSFERS", 1)
     aboard.put("film.avi", BIG)
 
     async def ended(consumer: Consumer) -> None:

@@ -254,7 +254,7 @@ def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -
 def test_many_files_at_once_are_told_of_in_their_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.aboard.file_access.MOST_REPORTED", 7)
+    monkeypatch.setattr("adapters.mrs.aboard.file_access.MAX_REPORTED", 7)
 
     async def act(_: FileFolder, __: FolderWatcher, told: Told) -> None:
         names = [f"{number:02}" for number in range(30)]

@@ -20,7 +20,7 @@ from adapters.mal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification, NotificationKind, ParameterValue, Severity
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from executive.commands import MoveForward, SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import (

@@ -12,10 +12,10 @@ from adapters.mal import AttributeType, MalError, NamedValue, TypedAttribute
 from adapters.mrs.fleet import known_assets as histories
 from adapters.mrs.fleet.fleet_subscriber import FIRST_PAGE, missed_notifications
 from adapters.mrs.fleet.known_assets import (
-    MOST_ASSETS,
-    MOST_NOTIFICATIONS,
-    MOST_OCTETS,
-    MOST_PARAMETERS,
+    MAX_ASSETS,
+    MAX_NOTIFICATIONS,
+    MAX_OCTETS,
+    MAX_PARAMETERS,
     KnownAssets,
     NotificationHistory,
 )
@@ -36,7 +36,7 @@ def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
 
 
 def numbers(
-    history: NotificationHistory, first: int = 0, count: int = MOST_NOTIFICATIONS
+    history: NotificationHistory, first: int = 0, count: int = MAX_NOTIFICATIONS
 ) -> list[int]:
     return [each.sequence for each in history.since(first, count)]
 
@@ -51,14 +51,14 @@ def test_a_history_holds_the_end_of_what_was_said_in_order(
     told: list[tuple[int, str, int]],
 ) -> None:
     bounds = pytest.MonkeyPatch()
-    bounds.setattr(histories, "MOST_NOTIFICATIONS", 10)
-    bounds.setattr(histories, "MOST_OCTETS", 8000)
+    bounds.setattr(histories, "MAX_NOTIFICATIONS", 10)
+    bounds.setattr(histories, "MAX_OCTETS", 8000)
     try:
         history = NotificationHistory()
         kept: list[Notification] = []
         for one in (said(number, text, figures) for number, text, figures in told):
             known = one in kept
-            assert history.take(one) is not known
+            assert history.add(one) is not known
             if not known:
                 kept = [one] if kept and one.sequence <= kept[-1].sequence else [*kept, one]
             held = list(history.since(0, 100))
@@ -76,45 +76,45 @@ def test_a_history_holds_the_end_of_what_was_said_in_order(
 
 def test_a_thousand_short_ones_fit_and_long_ones_are_fewer() -> None:
     history = NotificationHistory()
-    for number in range(1, 3 * MOST_NOTIFICATIONS):
-        history.take(said(number, "executed"))
-    assert numbers(history) == list(range(2 * MOST_NOTIFICATIONS, 3 * MOST_NOTIFICATIONS))
-    for number in range(1, MOST_NOTIFICATIONS):
-        history.take(said(number, "x" * 4096, figures=32))
-    assert 0 < len(numbers(history)) < MOST_OCTETS / 8192
-    assert numbers(history)[-1] == MOST_NOTIFICATIONS - 1
+    for number in range(1, 3 * MAX_NOTIFICATIONS):
+        history.add(said(number, "executed"))
+    assert numbers(history) == list(range(2 * MAX_NOTIFICATIONS, 3 * MAX_NOTIFICATIONS))
+    for number in range(1, MAX_NOTIFICATIONS):
+        history.add(said(number, "x" * 4096, figures=32))
+    assert 0 < len(numbers(history)) < MAX_OCTETS / 8192
+    assert numbers(history)[-1] == MAX_NOTIFICATIONS - 1
 
 
 def test_a_repeat_is_no_news_and_a_lower_number_is_a_new_ledger() -> None:
     history = NotificationHistory()
-    assert [history.take(said(number)) for number in (1, 2, 2, 1, 3)] == [
+    assert [history.add(said(number)) for number in (1, 2, 2, 1, 3)] == [
         True,
         True,
         False,
         False,
         True,
     ]
-    assert history.take(said(2, "otherwise"))
+    assert history.add(said(2, "otherwise"))
     assert numbers(history) == [2]
 
 
-@given(st.lists(st.text(max_size=3), max_size=3 * MOST_ASSETS))
+@given(st.lists(st.text(max_size=3), max_size=3 * MAX_ASSETS))
 def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
     fleet = KnownAssets("jackal")
-    for name in (*names, *map(str, range(2 * MOST_ASSETS)), "jackal"):
+    for name in (*names, *map(str, range(2 * MAX_ASSETS)), "jackal"):
         try:
             other = fleet.find_or_add(name)
         except MalError:
             assert not is_valid_name(name) or name == "jackal"
             continue
         assert fleet.find(name) is other
-        assert len(fleet.others) <= MOST_ASSETS
+        assert len(fleet.others) <= MAX_ASSETS
     assert not fleet.knows("jackal")
 
 
 def test_those_of_the_service_layer_above_do_not_give_way() -> None:
     fleet = KnownAssets("jackal")
-    for number in range(MOST_ASSETS):
+    for number in range(MAX_ASSETS):
         fleet.find_or_add(f"scout{number}").above = True
     with raises(65553):
         fleet.find_or_add("mule")
@@ -129,11 +129,11 @@ def test_nobody_is_called_so(name: str, number: int) -> None:
 
 def test_an_asset_has_only_so_many_parameters() -> None:
     scout = KnownAssets("jackal").find_or_add("scout")
-    for number in range(MOST_PARAMETERS):
-        scout.take_value(reading(f"P{number}"))
+    for number in range(MAX_PARAMETERS):
+        scout.add_value(reading(f"P{number}"))
     with pytest.raises(MalError):
-        scout.take_value(reading("ONE_MORE"))
-    scout.take_value(reading("P3", 2.0))
+        scout.add_value(reading("ONE_MORE"))
+    scout.add_value(reading("P3", 2.0))
     assert scout.values["P3"] == reading("P3", 2.0)
 
 

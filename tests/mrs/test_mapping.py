@@ -27,7 +27,7 @@ from adapters.mrs.spec import (
     invocation,
     notification_keys,
     notification_of,
-    refused,
+    refusal_error,
     supplements_of,
     with_text,
 )
@@ -67,7 +67,7 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
     (distance,) = declared.arguments
     with pytest.raises(KeyError, match="moveBackward"):
         carrier_of(replace(declared, operation="moveBackward"))
-    for change in ({"name": "way"}, {"kind": int}, {"optional": True}, {"many": True}):
+    for change in ({"name": "way"}, {"kind": int}, {"optional": True}, {"repeated": True}):
         wrong = replace(declared, arguments=(replace(distance, **change),))
         with pytest.raises(SpecificationError, match=r"MotionControl\.moveForward"):
             carrier_of(wrong)
@@ -130,22 +130,22 @@ def test_a_supplement_that_says_nothing_clear_is_invalid_but_keeps_no_stop(
 def test_the_block_of_a_reason_decides_the_error(
     reason: Reason, number: int, extra: object
 ) -> None:
-    error = refused(Refusal(reason, "why", argument=2), Identity("MOE", 7))
+    error = refusal_error(Refusal(reason, "why", argument=2), Identity("MOE", 7))
     assert (error.number, error.extra) == (number, extra)
 
 
 def test_a_refusal_that_blames_no_argument_names_none() -> None:
-    error = refused(Refusal(Reason.NOT_FINITE, "why"), Identity("MOE", 7))
+    error = refusal_error(Refusal(Reason.NOT_FINITE, "why"), Identity("MOE", 7))
     assert error.extra == TypedList(AttributeType.UINTEGER, ())
 
 
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (refused(Refusal(Reason.NOT_FINITE, "", argument=2), Identity("A", 1)), "argument 2"),
-        (refused(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command id 71"),
+        (refusal_error(Refusal(Reason.NOT_FINITE, "", argument=2), Identity("A", 1)), "argument 2"),
+        (refusal_error(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command id 71"),
         (
-            refused(Refusal(Reason.NOT_SUPPORTED, "no PNG"), Identity("A", 1)),
+            refusal_error(Refusal(Reason.NOT_SUPPORTED, "no PNG"), Identity("A", 1)),
             "NotSupported: no PNG",
         ),
         (with_text(StandardError.INTERNAL, "asleep"), "INTERNAL: asleep"),
@@ -196,7 +196,7 @@ def test_command_numbers_grow_within_and_across_clients() -> None:
     now_s = [(EPOCH_MS + 5) / 1000]
     system = TimedSystem(lambda: now_s[0])
     first = CommandIdGenerator(system)
-    assert [first.take(), first.take(), first.take()] == [5, 6, 7]
+    assert [first.next_id(), first.next_id(), first.next_id()] == [5, 6, 7]
     now_s[0] += 0.01
-    assert [first.take(), CommandIdGenerator(system).take()] == [15, 15]
-    assert CommandIdGenerator(TimedSystem(lambda: 0.0)).take() == 1
+    assert [first.next_id(), CommandIdGenerator(system).next_id()] == [15, 15]
+    assert CommandIdGenerator(TimedSystem(lambda: 0.0)).next_id() == 1

@@ -109,8 +109,8 @@ async def test_what_cannot_be_is_answered_by_an_error(
     assert outcome.refusal.number == number
     if said is None:
         assert outcome.refusal.extra.values == (1,)
-        assert outcome.life[-1].code == 115
-        assert (outcome.life[-1].text or "").startswith("line 3: unknown node 'fly'")
+        assert outcome.notifications[-1].code == 115
+        assert (outcome.notifications[-1].text or "").startswith("line 3: unknown node 'fly'")
     else:
         assert said in outcome.refusal.extra.value
 

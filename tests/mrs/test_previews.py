@@ -25,11 +25,11 @@ from adapters.mrs.spec import (
     PreviewPose,
     PreviewRequest,
     Stage,
-    asked_motion,
     is_prediction,
     motion_of,
+    preview_request,
 )
-from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, declared
+from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, all_declarations
 from tests.mrs.aboard import Aboard, raises
 from tests.support.plans import AHEAD, plan
 
@@ -46,7 +46,7 @@ def typed(*arguments: str, to: Aboard | None = None) -> click.testing.Result:
 
 @given(st.one_of(*(st.from_type(kind) for kind in get_args(Motion))))
 def test_a_motion_comes_back_from_its_parts(motion: Motion) -> None:
-    assert repr(motion_of(asked_motion(motion))) == repr(motion)
+    assert repr(motion_of(preview_request(motion))) == repr(motion)
 
 
 async def test_a_rover_tells_what_a_motion_and_a_plan_come_to(client: MrsClient) -> None:
@@ -91,7 +91,7 @@ def test_parts_that_are_no_motion_are_refused(asked: PreviewRequest, said: str) 
 
 async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
     asked = ("MotionControl", "preview", "moveForward", None, (3.0,), None)
-    most = preview_service.MOST_AT_ONCE
+    most = preview_service.MAX_CONCURRENT
     first = [asyncio.create_task(consumer.request(*asked)) for _ in range(most)]
     await asyncio.sleep(0)
     with raises(AreaError.BUSY.value):
@@ -105,7 +105,7 @@ async def test_one_that_takes_too_long_is_given_up(
     client: MrsClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(preview_service, "LONGEST_S", 0.0)
+        patch.setattr(preview_service, "MAX_PREVIEW_S", 0.0)
         with pytest.raises(MalError, match="was not computed within 0 s") as refused:
             await client.preview(MoveForward(1.0))
     assert refused.value.number == AreaError.BUSY.value
@@ -138,7 +138,7 @@ def test_what_makes_no_sense_as_typed(tmp_path: Path) -> None:
 
 
 def test_every_motion_can_be_typed() -> None:
-    motions = {each.name for each in declared() if each.kind in get_args(Motion)}
+    motions = {each.name for each in all_declarations() if each.kind in get_args(Motion)}
     assert set(preview_group.commands) == motions
     shown = CliRunner().invoke(preview_group, ["moveTo", "--help"]).output
     assert "rover preview moveTo 3 2 --heading 90deg" in shown
@@ -163,14 +163,19 @@ async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsCli
     foretold = outcome.prediction
     assert foretold is not None
     assert is_prediction(foretold)
-    assert (foretold.source, foretold.commandId) == (client.source, outcome.life[0].commandId)
+    assert (foretold.source, foretold.commandId) == (
+        client.source,
+        outcome.notifications[0].commandId,
+    )
     assert [each.stage for each in heard] == [
-        *(each.stage for each in outcome.life[:-1]),
+        *(each.stage for each in outcome.notifications[:-1]),
         None,
         Stage.EXECUTED,
     ]
     values = {
-        each.name: each.value.value for each in outcome.life[-1].parameters or () if each.value
+        each.name: each.value.value
+        for each in outcome.notifications[-1].parameters or ()
+        if each.value
     }
     told = {each.name: each.value.value for each in foretold.parameters or () if each.value}
     assert told

@@ -53,8 +53,8 @@ def test_refuses_with_number_and_cause(
     assert outcome.refusal.number == number
     assert extra is None or outcome.refusal.extra == extra
     assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
-    assert outcome.life[-1].code == code.value
-    assert outcome.life[-1].text
+    assert outcome.notifications[-1].code == code.value
+    assert outcome.notifications[-1].text
 
 
 def test_what_the_battery_cannot_bring_back_is_refused_with_its_figures(aboard: Aboard) -> None:
@@ -64,8 +64,8 @@ def test_what_the_battery_cannot_bring_back_is_refused_with_its_figures(aboard: 
     assert outcome.refusal is not None
     assert outcome.refusal.number == 2
     assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
-    assert outcome.life[-1].code == Reason.BATTERY_SHORT.value
-    told = outcome.life[-1].parameters or ()
+    assert outcome.notifications[-1].code == Reason.BATTERY_SHORT.value
+    told = outcome.notifications[-1].parameters or ()
     figures = {each.name: each.value.value for each in told if each.value}
     assert figures["needed"] > 0.0 == figures["left"]
     assert figures["reserve"] == 97_200.0
@@ -175,7 +175,7 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
 async def test_who_asks_without_end_keeps_no_stop_waiting(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, client: MrsClient
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.aboard.gateway.MOST_PENDING", 3)
+    monkeypatch.setattr("adapters.mrs.aboard.gateway.MAX_PENDING", 3)
     turn = aboard.do(lambda bench: bench.executive.wake)
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
@@ -186,7 +186,7 @@ async def test_who_asks_without_end_keeps_no_stop_waiting(
             await refused
     stop = asyncio.create_task(client.submit(client.command(Stop())))
     while not stop.done():
-        aboard.do(lambda bench: bench.executive.turn())
+        aboard.do(lambda bench: bench.executive.serve_inbox())
         await asyncio.sleep(0.01)
     await stop
     await asyncio.gather(*asked)

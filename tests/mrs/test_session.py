@@ -24,7 +24,7 @@ from executive.commands import (
     Stop,
     SubmitPlan,
 )
-from executive.plans.plan_xml import LARGEST_PLAN
+from executive.plans.plan_xml import MAX_PLAN_OCTETS
 from executive.values.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench, event
 
@@ -46,7 +46,7 @@ async def under_way(
     stream = client.notifications()
 
     async def life() -> list[Stage | None]:
-        return [notification.stage for notification in (await client.run(command)).life]
+        return [notification.stage for notification in (await client.run(command)).notifications]
 
     task = asyncio.create_task(life())
     await heard(stream, Stage.ACCEPTED)
@@ -115,7 +115,7 @@ async def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(
     await asyncio.to_thread(arrived.wait)
     aboard.hang_up()
     aboard.do(lambda bench: setattr(bench.executive, "wake", wake))
-    aboard.do(lambda bench: bench.executive.turn())
+    aboard.do(lambda bench: bench.executive.serve_inbox())
     aboard.listen()
     aboard.runs = True
     outcome = await task
@@ -125,11 +125,11 @@ async def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(
 
 @pytest.mark.parametrize(
     ("octets", "reason"),
-    [(LARGEST_PLAN, Reason.PLAN_NOT_XML), (LARGEST_PLAN + 1, Reason.PLAN_TOO_LARGE)],
+    [(MAX_PLAN_OCTETS, Reason.PLAN_NOT_XML), (MAX_PLAN_OCTETS + 1, Reason.PLAN_TOO_LARGE)],
 )
 def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason: Reason) -> None:
     (outcome,) = aboard.carry_out(plan(octets))
-    assert outcome.life[-1].code == reason.value
+    assert outcome.notifications[-1].code == reason.value
 
 
 async def test_a_message_that_is_too_long_is_answered_and_the_link_stays(client: MrsClient) -> None:
@@ -148,8 +148,8 @@ def test_a_rover_that_died_says_so_when_it_is_back(tmp_path: Path) -> None:
         first.die()
         with come_back(tmp_path, first.port) as second:
             outcome = await task
-            assert outcome.life[-1].stage is Stage.FAILED
-            assert outcome.life[-1].code == Reason.INTERRUPTED.value
+            assert outcome.notifications[-1].stage is Stage.FAILED
+            assert outcome.notifications[-1].code == Reason.INTERRUPTED.value
             second.run(1.0)
             assert second.do(lambda bench: bench.rover.pose.x_m) == 0.0
 

@@ -12,7 +12,7 @@ from tests.benchmarks.octets import Octets
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import Fleet, eventually
 
-SIGN_S = "adapters.mrs.ground.client.SIGN_S"
+SIGN_S = "adapters.mrs.ground.client.HEARTBEAT_S"
 
 
 def silent_s(rover: Aboard, for_s: float = 0.05) -> float:

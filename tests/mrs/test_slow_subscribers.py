@@ -125,7 +125,7 @@ async def work(client: MrsClient, aboard: Aboard, rounds: int) -> Watched:
             await anext(reports)
         await asyncio.to_thread(aboard.run, TICKS * STEP_S)
         if running is not None:
-            heard.lives.append([report.stage for report in (await running).life])
+            heard.lives.append([report.stage for report in (await running).notifications])
         for _ in range(TICKS * len(Parameter)):
             heard.values.append(await anext(values))
     heard.reports = list(await client.get_notifications())
@@ -199,7 +199,7 @@ def test_one_that_reads_late_has_the_tree_as_it_is_all_the_same(
 ) -> None:
     monkeypatch.setattr(connection, "DROPPABLE_CAP", 8)
     monkeypatch.setattr(tree_service, "snapshot_of", much)
-    for name in ("LOOK_S", "FIGURES_S", "WHOLE_S"):
+    for name in ("POLL_S", "FIGURES_ONLY_S", "FULL_UPDATE_S"):
         monkeypatch.setattr(tree_service, name, 0.0)
 
     async def watch(client: MrsClient) -> TreeSnapshot:

@@ -12,7 +12,7 @@ from adapters.mal import CertificateError, Certificates, Encoding
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import Stage
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import MoveForward
 from tests.mrs.aboard import Aboard, LinkedBench, rover
 from tests.support.certificates import Ends, make_ends, options
@@ -56,7 +56,7 @@ def carry_out(rover: Aboard, terms: TransportSettings) -> None:
         async with await MrsClient.connect(rover.uri, terms=terms) as client:
             values = await client.telemetry()
             outcome = await client.run(client.command(MoveForward(0.5)))
-            assert [report.stage for report in outcome.life] == LIFE
+            assert [report.stage for report in outcome.notifications] == LIFE
             assert (await client.get_pose()).x == pytest.approx(0.5, abs=0.05)
             assert (await anext(values)).value is not None
 

@@ -36,8 +36,8 @@ async def seen(trees: Stream[TreeSnapshot], wanted: TreeSnapshot) -> None:
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the tree be looked at all the time, and told at once."""
-    monkeypatch.setattr(tree_service, "LOOK_S", 0.0)
-    monkeypatch.setattr(tree_service, "FIGURES_S", 0.0)
+    monkeypatch.setattr(tree_service, "POLL_S", 0.0)
+    monkeypatch.setattr(tree_service, "FIGURES_ONLY_S", 0.0)
 
 
 async def test_the_tree_is_told_whole_and_then_as_it_changes(
@@ -156,7 +156,7 @@ async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
     aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
     while not changes:
         await client.get_pose()
-    monkeypatch.setattr(tree_service, "WHOLE_S", 0.0)
+    monkeypatch.setattr(tree_service, "FULL_UPDATE_S", 0.0)
     aboard.run(STEP_S)
     while heard[-1] != now(aboard):
         heard.append(await anext(trees))

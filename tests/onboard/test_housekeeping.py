@@ -19,8 +19,8 @@ from tests.core.test_pose_uncertainty import moved
 from tests.mrs.aboard import Aboard, LinkedBench
 from tests.mrs.aboard import rover as typed
 
-SLOW = TickStatistics(20, 20, 1.0, longest_period_s=0.125, longest_tick_s=0.0625, overruns=3)
-QUICK = TickStatistics(20, 20, 1.0, longest_period_s=0.0625, longest_tick_s=0.001, overruns=3)
+SLOW = TickStatistics(20, 20, 1.0, max_period_s=0.125, max_tick_s=0.0625, overruns=3)
+QUICK = TickStatistics(20, 20, 1.0, max_period_s=0.0625, max_tick_s=0.001, overruns=3)
 
 
 @pytest.fixture

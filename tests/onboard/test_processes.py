@@ -111,7 +111,7 @@ def test_a_stall_of_the_executive_is_taken_for_no_fault(
             process.send(signal.SIGSTOP)
             time.sleep(STALL_S)
             process.send(signal.SIGCONT)
-    ends = [outcome.life[-1] for outcome in outcomes.result()]
+    ends = [outcome.notifications[-1] for outcome in outcomes.result()]
     assert [(end.stage, end.text) for end in ends if end.stage is not Stage.EXECUTED] == []
     probe.standing()
 

@@ -10,7 +10,7 @@ import pytest
 
 from adapters.mal import Encoding
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
@@ -43,7 +43,7 @@ def test_mocup_is_named_by_its_settings() -> None:
         (MOCUP, "adapters.onboard.mocup:Mocup", "has no class 'Mocup'; there are: MocupOnRos$"),
         (JACKAL, "adapters.ros.rover:STANDING", "has no class 'STANDING'; there are: RosRover$"),
         (JACKAL, MOCUP.rover, "lacks drive: with locomotion velocity"),
-        (MOCUP, "adapters.ros.rover:RosRover", "lacks carry_out, halt: with .* whole_motion"),
+        (MOCUP, "adapters.ros.rover:RosRover", "lacks execute_motion, halt: with .* whole_motion"),
     ],
 )
 def test_what_names_no_fitting_class_is_told_why(
@@ -107,7 +107,7 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
 
         async def command(client: MrsClient) -> None:
             unauthorized = await client.run(client.command(SetTravelSpeed(0.4)))
-            assert unauthorized.life[-1].code == Reason.NO_AUTHORITY.value
+            assert unauthorized.notifications[-1].code == Reason.NO_AUTHORITY.value
             await client.authority.request()
             assert (await client.run(client.command(SetTravelSpeed(0.5)))).executed
 

@@ -42,12 +42,12 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
     shown = plot_of(stuck)
     first, *others = shown.timeline.commands
     assert (first.title, first.last) == ("moveForward MOE:1", Stage.FAILED)
-    assert first.words == "WHEELS_OFF_COMMAND"
+    assert first.text == "WHEELS_OFF_COMMAND"
     assert first.figures.startswith("commanded 1 m/s, wheels 0.3")
     assert ", bound 0.3" in first.figures
     assert {each.last for each in others} == {Stage.EXECUTED}
     incident = shown.incidents[0]
-    assert (incident.words, round(incident.pose.x_m, 1)) == ("WHEELS_OFF_COMMAND", 0.7)
+    assert (incident.text, round(incident.pose.x_m, 1)) == ("WHEELS_OFF_COMMAND", 0.7)
     assert [name for name, _ in shown.timeline.events] == ["WHEELS_OFF_COMMAND", "POSE_UNCERTAIN"]
     assert Mode.STOPPED in {mode for mode, _, _ in shown.timeline.modes}
     speed, turn = shown.timeline.panels

@@ -4,36 +4,41 @@ import socket
 
 import pytest
 
-from sim.processes.place import AddressError, RoverAddress, free_place, known_place
+from sim.processes.rover_address import (
+    AddressError,
+    RoverAddress,
+    allocate_address,
+    default_address,
+)
 from tests.support.ports import free_port
 
 
 def test_demonstrations_keep_apart() -> None:
-    with free_place() as one, free_place() as other:
+    with allocate_address() as one, allocate_address() as other:
         assert one.domain != other.domain
         assert 1 <= one.domain <= 101
 
 
 def test_rovers_beside_one_another_are_at_ports_of_their_own() -> None:
     known = RoverAddress(0, 21000, shared=False)
-    assert [known.beside(number).port for number in range(3)] == [21000, 21001, 21002]
-    with free_place() as free:
-        assert free.beside(1) == free, "each executive takes any free port"
+    assert [known.next_address(number).port for number in range(3)] == [21000, 21001, 21002]
+    with allocate_address() as free:
+        assert free.next_address(1) == free, "each executive takes any free port"
 
 
 def test_a_domain_is_given_back() -> None:
-    with free_place() as first:
+    with allocate_address() as first:
         pass
-    with free_place() as again:
+    with allocate_address() as again:
         assert again.domain == first.domain
 
 
 def test_a_domain_with_a_participant_is_not_free() -> None:
-    with free_place() as first:
+    with allocate_address() as first:
         pass
     with socket.socket(type=socket.SOCK_DGRAM) as participant:
         participant.bind(("", 7400 + 250 * first.domain))
-        with free_place() as other:
+        with allocate_address() as other:
             assert other.domain != first.domain
 
 
@@ -44,15 +49,15 @@ def test_a_taken_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         port = other.getsockname()[1]
         monkeypatch.setenv("ROVER_URI", f"localhost:{port}")
         with pytest.raises(AddressError, match=f"port {port} of 127.0.0.1 is in use"):
-            known_place()
+            default_address()
 
 
 def test_the_known_place_is_where_commands_look(monkeypatch: pytest.MonkeyPatch) -> None:
     port = free_port()
     monkeypatch.setenv("ROVER_URI", f"maltcp://127.0.0.1:{port}/MRS")
-    with free_place() as unused:
+    with allocate_address() as unused:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(unused.domain))
-        place = known_place()
+        place = default_address()
     assert (place.domain, place.port, place.shared) == (unused.domain, port, False)
 
 
@@ -70,4 +75,4 @@ def test_what_is_set_wrongly_is_named(
 ) -> None:
     monkeypatch.setenv(variable, value)
     with pytest.raises(AddressError, match=said):
-        known_place()
+        default_address()

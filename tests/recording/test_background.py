@@ -95,7 +95,7 @@ def test_a_full_disk_ends_the_recording_and_tells_once(
     monkeypatch.setattr(background, "FLUSH_S", 0.0)
     told: SimpleQueue[str] = SimpleQueue()
     with closing(BackgroundRecorder(tmp_path, JACKAL.recording)) as tape:
-        tape.tell = told.put
+        tape.on_fault = told.put
         tape.put(tick(1))
         said = told.get(timeout=PATIENCE_S)
         tape.put(tick(2))

@@ -83,7 +83,7 @@ def test_a_scenario_is_replayed_equally(name: str, lives: int, tmp_path: Path) -
     replayed = replay(recorded(name, tmp_path))
     assert replayed.difference is None
     assert replayed.whole
-    assert replayed.lives == lives
+    assert replayed.starts == lives
     assert replayed.ticks > 100
     assert replayed.decisions > 30
 
@@ -125,7 +125,7 @@ def test_what_holds_over_crashes_is_replayed(tmp_path: Path) -> None:
         )
     replayed = replay(path)
     assert replayed.difference is None
-    assert replayed.lives == 4
+    assert replayed.starts == 4
 
 
 def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
@@ -144,17 +144,17 @@ def test_the_recorded_run_is_the_same_as_one_that_is_not(tmp_path: Path) -> None
 
 
 def _other_gain(patch: pytest.MonkeyPatch) -> None:
-    want = DriveLaw.want
+    want = DriveLaw.intent
 
     def less(law: DriveLaw, now_s: float) -> Velocity:
         wanted = want(law, now_s)
         return replace(wanted, rotate_radps=0.99 * wanted.rotate_radps)
 
-    patch.setattr(DriveLaw, "want", less)
+    patch.setattr(DriveLaw, "intent", less)
 
 
 def _no_latch(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(Arbiter, "stop", Arbiter.stand)
+    patch.setattr(Arbiter, "stop", Arbiter.zero_velocity)
 
 
 def _other_mode(patch: pytest.MonkeyPatch) -> None:
@@ -370,10 +370,10 @@ def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path)
         made.step()
     made.executive.event(Severity.WARNING, "a link\nis slow")
     made.submit(5, Resume())
-    made.executive.turn()
+    made.executive.serve_inbox()
     made.submit(6, MoveForward(1.0))
     made.step()
-    made.executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung"))
+    made.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
     made.step()
     made.executive.close()
     made.tape.close()
@@ -396,7 +396,7 @@ def test_what_the_video_is_switched_to_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as tape, Bench(tmp_path, tape=tape) as bench:
         bench.execute(ExecuteAction("VIDEO ON"), 1)
-        assert bench.video.on
+        assert bench.video.enabled
     assert replay(path).difference is None
     switched = [each for each in RunReader(path).messages() if each.topic.kind is SwitchedVideo]
     assert [json.loads(each.data) for each in switched] == [{"on": True}]
@@ -419,7 +419,7 @@ def test_a_ledger_that_cannot_be_written_for_a_while_is_replayed(tmp_path: Path)
         bench.run(0.5)
         bench.execute(MoveForward(0.5), 5)
     found = replay(path)
-    assert (found.difference, found.lives) == (None, 2)
+    assert (found.difference, found.starts) == (None, 2)
     failed = [each for each in RunReader(path).messages() if each.topic.kind is CommitFailed]
     assert "readonly" in json.loads(failed[0].data)["text"]
 
@@ -429,13 +429,17 @@ def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_pa
     core, granted = made.executive, []
     made.step()
     made.submit(1, MoveForward(1.0))
-    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAction.REQUEST, "MOE"))))
-    core.ask(lambda: core.event(Severity.WARNING, "a link is slow"))
+    core.query(
+        lambda: granted.append(core.request_authority(asked(AuthorityAction.REQUEST, "MOE")))
+    )
+    core.query(lambda: core.event(Severity.WARNING, "a link is slow"))
     made.submit(2, MoveForward(1.0))
-    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAction.RELEASE, "MOE", 1))))
+    core.query(
+        lambda: granted.append(core.request_authority(asked(AuthorityAction.RELEASE, "MOE", 1)))
+    )
     made.submit(3, SetTravelSpeed(0.2), authority=1)
     made.step()
-    core.ask(lambda: core.make_safe(Refusal(Reason.CORE_HUNG, "it hung")))
+    core.query(lambda: core.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung")))
     made.submit(4, MoveForward(1.0))
     made.step()
     assert [isinstance(each, AuthorityState) for each in granted] == [True, True]

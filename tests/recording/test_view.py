@@ -167,12 +167,12 @@ def test_zones_and_rocks_are_shown_once_a_file() -> None:
     view = ViewBuilder()
     items = (life(), tick(1.0), tick(2.0))
     (zones,) = on("/scene/zones", [each for item in items for each in view.of(item)])
-    assert [each["id"] for each in zones["entities"]] == [each.title for each in ZONES]
+    assert [each["id"] for each in zones["entities"]] == [each.label for each in ZONES]
     rock = zones["entities"][-1]["cylinders"][0]
     assert (rock["pose"]["position"]["x"], rock["size"]["y"]) == (3.0, 1.0)
     mode = ModeChanged(Mode.IDLE, None, "nothing is commanded")
     (told,) = view.of(mode)
-    view.again()
+    view.restart_file()
     again = list(view.of(tick(3.0)))
     assert on("/scene/zones", again) == [
         json.loads(json.dumps(zones).replace('"sec": 1,', '"sec": 3,'))

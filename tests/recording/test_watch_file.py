@@ -13,7 +13,7 @@ from adapters.cli import watch_file
 from adapters.cli.watch import watch
 from adapters.recording import Moment, RecordedMoments
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
-from trees import DisplayStatus, looks
+from trees import DisplayStatus, display_statuses
 
 
 def typed(*arguments: object) -> Result:
@@ -25,7 +25,11 @@ def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
     moment = recorded.moments[recorded.index_at(1.5)]
     assert round(moment.time_s, 2) == 1.5
     seen = dict(
-        zip([n.name for n in moment.snapshot.nodes], looks(moment.snapshot.nodes), strict=True)
+        zip(
+            [n.name for n in moment.snapshot.nodes],
+            display_statuses(moment.snapshot.nodes),
+            strict=True,
+        )
     )
     assert seen["drive"] is seen["rover"] is DisplayStatus.RUNNING
     assert seen["stopping?"] is seen["priority stop"] is DisplayStatus.DECLINED, "that is healthy"

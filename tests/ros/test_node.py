@@ -39,7 +39,7 @@ from adapters.ros import (
     time_message,
 )
 from adapters.ros.conversions import BatteryReader
-from adapters.ros.robot_model import ROBOT_DESCRIPTION, kept_for_late_joiners
+from adapters.ros.robot_model import ROBOT_DESCRIPTION, latched_qos
 from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
@@ -196,7 +196,7 @@ def test_the_lock_of_the_mux_is_held_from_a_stop_to_the_resume(bench: Bench) -> 
 
     def heard() -> bool:
         joystick.publish(Twist())
-        return history.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
+        return history.mux_inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
 
     bench.until(heard, "the joystick")
     bench.submit(Command(Identity("test", 2), Resume(), "direct"))
@@ -309,9 +309,7 @@ def test_a_rover_is_described_where_its_parameters_want_that(
     assert ros_domain > 0
     with started(tmp_path, NEVER_S, "-p", "robot_model:=true") as bench:
         said: list[String] = []
-        bench.rover.create_subscription(
-            String, ROBOT_DESCRIPTION, said.append, kept_for_late_joiners()
-        )
+        bench.rover.create_subscription(String, ROBOT_DESCRIPTION, said.append, latched_qos())
         bench.until(lambda: bool(said), "a description")
         assert '<robot name="jackal">' in said[0].data
         bench.publisher(OdometryMessage, bench.topics.odometry).publish(odometry(3.0))
@@ -437,7 +435,7 @@ def test_the_camera_is_heard_only_until_a_requested_frame_came(
 def test_a_thread_that_hangs_shows_in_the_diagnostics(untimed: Bench) -> None:
     with watched(untimed.node, untimed.executive):
         untimed.until(lambda: bool(untimed.health), "both ends of /diagnostics have met")
-        untimed.executive.ask(lambda: time.sleep(1.0))
+        untimed.executive.query(lambda: time.sleep(1.0))
         shown = "/jackal/executive: watchdog"
         untimed.until(lambda: shown in {a.status[0].name for a in untimed.health}, "its alarm")
         reports = untimed.executive.reports

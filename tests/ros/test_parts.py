@@ -26,7 +26,7 @@ from executive.settings import config_folder, load_settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
 from trees.rover import preview
-from trees.screen import drawn, folded
+from trees.screen import collapse, render
 from trees.snapshot import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
 
 
@@ -70,7 +70,7 @@ def test_the_head_says_faults_and_what_is_not_monitored() -> None:
         unmonitored="slip (no second odometry)",
     )
     console = Console(record=True, file=StringIO(), width=100)
-    console.print(drawn("jackal", snapshot))
+    console.print(render("jackal", snapshot))
     assert console.export_text().splitlines()[1:5] == [
         "standing: no motion goal",
         "WARNING odometry_silent: the newest odometry is 1.00 s old",
@@ -96,7 +96,7 @@ def test_folding_hides_what_came_to_nothing() -> None:
         node("a/g", NodeStatus.IDLE),
         node("a/g/h", NodeStatus.IDLE),
     ]
-    assert [n.path for n in folded(nodes)] == ["a", "a/b", "a/e", "a/e/f", "a/g"]
+    assert [n.path for n in collapse(nodes)] == ["a", "a/b", "a/e", "a/e/f", "a/g"]
 
 
 def test_the_tick_monitor_counts_late_and_long_ticks() -> None:
@@ -109,7 +109,7 @@ def test_the_tick_monitor_counts_late_and_long_ticks() -> None:
     beat = never_late.take()
     assert (beat.ticks, beat.overruns) == (3, 0)
     assert beat.period_s is not None
-    assert beat.longest_period_s >= beat.period_s
+    assert beat.max_period_s >= beat.period_s
     assert always_long.take().overruns == 3
     empty = always_long.take()
     assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)

@@ -27,8 +27,8 @@ from adapters.ros import (
     declare_sensor_topics,
     imu_fact,
     joints_fact,
-    kept_for_late_joiners,
     laser_fact,
+    latched_qos,
     second_odometry_fact,
 )
 from executive.settings import (
@@ -40,7 +40,7 @@ from executive.settings import (
     Sensors,
     config_folder,
 )
-from sim.ros.cargo import loading
+from sim.ros.cargo import cargo_publisher
 from tests.support.probe import Probe, probing
 from tests.support.processes import running, simulation
 
@@ -51,7 +51,7 @@ def test_what_the_topic_says_is_aboard_if_it_is_a_mass(ros_domain: int, tmp_path
     parameters = config_folder() / "jackal.ros.yaml"
     with (
         simulation(tmp_path, "--camera", "off") as process,
-        loading("jackal", ros_domain, parameters) as load,
+        cargo_publisher("jackal", ros_domain, parameters) as load,
     ):
         load(20.0)
         process.said(r"cargo aboard: 20 kg")
@@ -106,7 +106,7 @@ def test_sensors_are_published(probe: Probe) -> None:
 
 
 def test_tools_are_told_how_the_rover_looks_and_how_its_camera_projects(probe: Probe) -> None:
-    kept = Topic(ROBOT_DESCRIPTION, kept_for_late_joiners())
+    kept = Topic(ROBOT_DESCRIPTION, latched_qos())
     first(probe, String, kept, lambda m: '<robot name="jackal">' in m.data)
     info = Topic("camera/camera_info", probe.topics.camera_image.qos)
 
@@ -126,7 +126,7 @@ def test_frames_are_published(probe: Probe) -> None:
     def has(child: str) -> Callable[[Any], bool]:
         return lambda m: any(each.child_frame_id == child for each in m.transforms)
 
-    moving, still = QoSProfile(depth=100), kept_for_late_joiners()  # type: ignore[no-untyped-call]
+    moving, still = QoSProfile(depth=100), latched_qos()  # type: ignore[no-untyped-call]
     first(probe, TFMessage, Topic("/tf", moving), has("base_link"))
     first(probe, TFMessage, Topic("/tf", moving), has("camera_link"))
     first(probe, TFMessage, Topic("/tf_static", still), has("camera_optical"))

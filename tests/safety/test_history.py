@@ -83,19 +83,19 @@ def test_a_publisher_that_starts_again_is_followed() -> None:
     drive.go(0.5)
     history = drive.history
     assert drive.clock.now_s() - history.odometry_time_s == pytest.approx(0.0, abs=0.025)
-    moved = history.moved_in(1.0, history.odometry_time_s)
+    moved = history.odometry_in(1.0, history.odometry_time_s)
     assert moved is not None
-    assert moved.way_m == pytest.approx(1.0)
+    assert moved.twist_travel_m == pytest.approx(1.0)
 
 
 def test_nothing_is_looked_at_that_was_before_it_was_accepted() -> None:
     drive = Drive()
     drive.go(2.0)
-    drive.history.accept()
+    drive.history.reset_reference()
     drive.go(0.4)
     time_s = drive.history.odometry_time_s
-    assert drive.history.moved_in(1.0, time_s) is None
-    assert drive.history.moved_in(0.3, time_s) is not None
+    assert drive.history.odometry_in(1.0, time_s) is None
+    assert drive.history.odometry_in(0.3, time_s) is not None
 
 
 def hold(
@@ -119,7 +119,7 @@ def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
     assert (found.travel_low_mps, found.travel_high_mps) == (-0.5, -0.5)
     way = history.commanded_in(2.0, clock.now_s())
     assert way is not None
-    assert way.way_m == pytest.approx(-0.5)
+    assert way.twist_travel_m == pytest.approx(-0.5)
 
 
 def test_commands_of_a_window_are_those_in_force_within_it() -> None:
@@ -132,7 +132,7 @@ def test_commands_of_a_window_are_those_in_force_within_it() -> None:
     assert found.rotate_high_radps == 0.2
     way = history.commanded_in(2.0, clock.now_s() - 1.0)
     assert way is not None
-    assert hypot(way.way_m, way.turn_rad) == pytest.approx(hypot(1.5, 0.2))
+    assert hypot(way.twist_travel_m, way.twist_turn_rad) == pytest.approx(hypot(1.5, 0.2))
 
 
 def test_which_way_was_commanded_is_not_known_over_a_stall() -> None:
@@ -145,4 +145,4 @@ def test_which_way_was_commanded_is_not_known_over_a_stall() -> None:
     assert history.commanded_in(1.2, clock.now_s()) is None
     way = history.commanded_in(0.8, clock.now_s())
     assert way is not None
-    assert way.way_m == pytest.approx(0.8)
+    assert way.twist_travel_m == pytest.approx(0.8)

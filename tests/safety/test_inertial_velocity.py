@@ -67,8 +67,8 @@ class Rover:
 
 
 def test_a_rover_at_rest_stands_whatever_the_bias() -> None:
-    assert Rover(bias_mps2=0.2).motion.stands
-    assert Rover(radians(-8), bias_mps2=-0.2).motion.stands
+    assert Rover(bias_mps2=0.2).motion.is_standing
+    assert Rover(radians(-8), bias_mps2=-0.2).motion.is_standing
 
 
 def test_nothing_is_told_before_the_first_message_and_once_it_is_silent() -> None:
@@ -91,11 +91,11 @@ def test_wheels_that_lock_on_ice_are_not_believed_until_the_speed_is_felt_lost(
     rover.lock()
     while rover.true_mps > 0.05:
         rover.brake(friction, 0.05)
-        assert not rover.motion.stands
+        assert not rover.motion.is_standing
         assert rover.motion.figures[0].value == pytest.approx(rover.true_mps, abs=0.03)
     rover.brake(friction)
     rover.go(0.4)
-    assert rover.motion.stands
+    assert rover.motion.is_standing
 
 
 def test_it_tells_what_the_wheels_lost_and_what_was_felt() -> None:
@@ -114,7 +114,7 @@ def test_a_stop_that_the_ground_holds_is_told_within_its_window() -> None:
     rover.lock()
     rover.go(0.2, -5.0, 0.0)
     rover.go(0.22)
-    assert rover.motion.stands
+    assert rover.motion.is_standing
 
 
 def test_braking_that_was_under_way_counts_from_its_begin() -> None:
@@ -123,7 +123,7 @@ def test_braking_that_was_under_way_counts_from_its_begin() -> None:
     rover.go(0.5, -0.2, -1.0)
     rover.lock()
     rover.go(0.4)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     assert rover.motion.figures[0].value == pytest.approx(0.9, abs=0.05)
 
 
@@ -133,16 +133,16 @@ def test_a_rover_that_slides_sideways_does_not_stand() -> None:
     rover.go(1.0)
     rover.aside_mps2 = 0.0
     rover.go(1.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     assert rover.motion.figures[0].value == pytest.approx(0.35, abs=0.05)
 
 
 def test_what_drives_off_after_the_stop_is_seen_again() -> None:
     rover = Rover(radians(5))
     rover.go(1.0, 0.36, 0.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     rover.go(3.0)
-    assert not rover.motion.stands, "it slides evenly"
+    assert not rover.motion.is_standing, "it slides evenly"
     assert rover.motion.figures[0].value == pytest.approx(0.36, abs=0.08)
 
 
@@ -155,9 +155,9 @@ def test_on_level_ground_the_end_of_braking_is_enough() -> None:
     rover.true_mps = 0.0
     rover.heard = True
     rover.go(0.3)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     rover.go(0.5)
-    assert rover.motion.stands
+    assert rover.motion.is_standing
 
 
 def test_on_a_slope_it_takes_another_source() -> None:
@@ -169,9 +169,9 @@ def test_on_a_slope_it_takes_another_source() -> None:
     rover.true_mps = 0.0
     rover.heard = True
     rover.go(4.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     rover.felt.rest(rover.now_s - 0.4)
-    assert rover.motion.stands
+    assert rover.motion.is_standing
 
 
 def test_another_source_does_not_overrule_that_friction_brakes_the_rover() -> None:
@@ -180,7 +180,7 @@ def test_another_source_does_not_overrule_that_friction_brakes_the_rover() -> No
     rover.lock()
     rover.brake(0.05, 1.0)
     rover.felt.rest(rover.now_s - 0.4)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     assert rover.motion.figures[0].value == pytest.approx(rover.true_mps, abs=0.03)
 
 
@@ -189,27 +189,27 @@ def test_the_bias_is_not_learnt_while_the_wheels_disagree() -> None:
     rover.go(0.5, 1.0)
     rover.lock()
     rover.go(4.0, -0.08, 0.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     assert rover.motion.figures[0].value == pytest.approx(rover.true_mps, abs=0.03)
 
 
 def test_the_bias_is_not_learnt_from_a_rover_that_begins_to_slide() -> None:
     rover = Rover(radians(4))
     rover.go(3.0, 0.1, 0.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
 
 
 def test_a_disagreement_of_long_ago_is_within_the_drift_once_the_wheels_turn() -> None:
     rover = Rover(radians(5))
     rover.go(0.2, 0.5, 0.0)
-    assert not rover.motion.stands
+    assert not rover.motion.is_standing
     rover.true_mps = 0.0
     rover.go(0.5, 1.0)
     rover.go(4.0)
     rover.go(0.5, -1.0)
     rover.lock()
     rover.go(0.3)
-    assert rover.motion.stands
+    assert rover.motion.is_standing
 
 
 def test_it_is_told_to_move_where_it_begins_in_motion() -> None:
@@ -221,7 +221,7 @@ def test_it_is_told_to_move_where_it_begins_in_motion() -> None:
     found = felt.motion(0.99)
     assert found is not None
     assert found.figures[0].value == pytest.approx(0.7)
-    assert not found.stands
+    assert not found.is_standing
 
 
 @pytest.mark.parametrize("figure", [nan, inf])
@@ -233,4 +233,4 @@ def test_messages_that_are_not_finite_are_left_out(figure: float) -> None:
         rover.felt.feel(fact, rover.now_s, resting=True)
         rover.felt.roll(STANDING, rover.now_s)
     rover.go(0.3)
-    assert rover.motion.stands
+    assert rover.motion.is_standing

@@ -133,11 +133,11 @@ def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
     row = replace(DECLARED["slides"].row, then=then, clears=ClearPolicy.ON_RESUME)
     with Bench(tmp_path, watching("jackal", "slides", row)) as bench:
         begin(bench, cause)
-        slow_ratio = bench.executive.status.slow_ratio
+        slow_ratio = bench.executive.status.speed_limit_ratio
         bench.crash()
         assert is_in(bench, MODES.get(then, Mode.IDLE))
         assert [each.name for each in bench.executive.safety.active] == ["slides"]
-        assert bench.executive.status.slow_ratio == slow_ratio
+        assert bench.executive.status.speed_limit_ratio == slow_ratio
         assert (slow_ratio < 1.0) is (then is Reaction.SLOW_DOWN)
 
 
@@ -161,7 +161,9 @@ def test_what_is_made_safe_beside_the_table_is_safe_after_kill_9(
     reason: Reason, bench: Bench
 ) -> None:
     bench.drive_on()
-    bench.executive.make_safe(Refusal(reason, "it hung for 2.0 s", (Figure("silent", 2.0, "s"),)))
+    bench.executive.enter_safe_mode(
+        Refusal(reason, "it hung for 2.0 s", (Figure("silent", 2.0, "s"),))
+    )
     bench.step()
     bench.crash()
     bench.run(0.5)
@@ -219,7 +221,7 @@ def test_what_ends_by_itself_does_not_end_what_a_resume_ends(
     monkeypatch.setitem(MONITORS, "slips", cause)
     with Bench(tmp_path, watching("jackal", "slips", DECLARED["slips"].row)) as bench:
         begin(bench, cause)
-        bench.executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung"))
+        bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
         assert is_in(bench, Mode.SAFE)
         bench.run(2.0)
         assert is_in(bench, Mode.SAFE)
@@ -229,11 +231,11 @@ def test_what_ends_by_itself_does_not_end_what_a_resume_ends(
 def test_what_was_not_reported_is_not_latched_and_what_was_is(bench: Bench) -> None:
     """The report of a fault and its latch are one commit."""
     bench.drive_on()
-    bench.executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung"))
+    bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
     bench.crash()
     assert is_in(bench, Mode.IDLE)
     assert all(each.text != "it hung" for each in bench.executive.reports())
-    bench.executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung"))
+    bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
     bench.executive.reports()
     bench.crash()
     assert is_in(bench, Mode.SAFE)

@@ -16,7 +16,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import Report, ReportKind, Severity, Stage
 from sim.scenario.changes import Override
 from sim.scenario.model import RunMode
-from sim.scenario.outcome import ScenarioResult, play_once
+from sim.scenario.outcome import ScenarioResult, run_once
 from sim.scenario.reading import load_scenario
 from tests.support.kinematic import STEP_S, Bench, ignoring
 
@@ -29,7 +29,7 @@ def play(
     """Play a scenario with changes, by default without any sensor but the odometry."""
     made = [BLIND] if blind else []
     made += [Override(key, value) for key, value in changes]
-    return play_once(scenario, load_scenario(scenario, RunMode.LOCK_STEP, made), folder)
+    return run_once(scenario, load_scenario(scenario, RunMode.LOCK_STEP, made), folder)
 
 
 def first_event(outcome: ScenarioResult) -> Report:

@@ -141,12 +141,12 @@ def test_a_resume_waits_for_each_window_of_a_fault() -> None:
     assert goes_wrong(drive, odometry_travel=0.0) <= 0.3
     drive.odometry_travel = 1.05
     drive.run(AHEAD, 4.0)
-    left = drive.safety.cause_left()
+    left = drive.safety.unresolved_cause()
     assert left is not None
     assert left.text.endswith("over 3.0 s")
     drive.odometry_travel = 1.0
     drive.run(AHEAD, 4.0)
-    assert drive.safety.cause_left() is None
+    assert drive.safety.unresolved_cause() is None
 
 
 @pytest.mark.parametrize("rate_radps", [0.3, 0.025])
@@ -306,7 +306,7 @@ def test_a_gyro_that_was_wrong_at_rest_leaves_no_fault_behind(
     drive.odometry_bias_radps = wrong_radps
     drive.run(STANDING, 6.0)
     drive.gyro_bias_radps, drive.odometry_bias_radps = bias_radps, 0.0
-    drive.safety.history.accept()
+    drive.safety.history.reset_reference()
     drive.safety.resume()
     drive.moving, drive.begun = True, []
     drive.run(AHEAD, 8.0)

@@ -108,10 +108,10 @@ def test_no_point_that_is_met_is_left_out_beforehand(
     seen = history(velocity, (x_m, y_m), (1.01 * x_m, 1.01 * y_m)).surroundings
     assert seen is not None
     held_s = seen.braking_s(velocity, 0.25)
-    found = seen.met(velocity, held_s, 0.05)
+    found = seen.predicted_contact(velocity, held_s, 0.05)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(LaserSurroundings, "_within_reach", lambda self, *_: list(self.spots))
-        assert seen.met(velocity, held_s, 0.05) == found
+        assert seen.predicted_contact(velocity, held_s, 0.05) == found
 
 
 def test_a_rover_that_stands_close_may_go_away_but_not_nearer() -> None:
@@ -260,7 +260,7 @@ def make(tmp_path: Path) -> Iterator[Make]:
 
     yield bench
     for made in benches:
-        made.executive.abandon()
+        made.executive.simulate_crash()
 
 
 def events(bench: Bench) -> list[Reason | None]:

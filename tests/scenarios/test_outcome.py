@@ -12,7 +12,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import ReportKind, Severity, Stage
 from sim.scenario.changes import Override
 from sim.scenario.model import RunMode
-from sim.scenario.outcome import ScenarioResult, figures_of, play_once
+from sim.scenario.outcome import ScenarioResult, figures_of, run_once
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import FaultChange
 
@@ -20,7 +20,7 @@ from sim.scenario.record import FaultChange
 def play(folder: Path, name: str, *changes: str) -> ScenarioResult:
     made = [Override.parse(text) for text in changes]
     folder.mkdir(exist_ok=True)
-    return play_once(name, load_scenario(name, RunMode.LOCK_STEP, made), folder)
+    return run_once(name, load_scenario(name, RunMode.LOCK_STEP, made), folder)
 
 
 def test_a_drive_in_figures(tmp_path: Path) -> None:

@@ -53,12 +53,12 @@ def test_the_timeline_has_a_lane_for_each_command_that_was_sent(
         Stage.CANCELLED,
         Stage.EXECUTED,
     ]
-    assert further.words == "STOPPED"
+    assert further.text == "STOPPED"
     assert near.ended_s is not None
     assert further.received_s is not None
     assert further.started_s == pytest.approx(near.ended_s, abs=0.1)
     assert further.received_s == pytest.approx(0.6, abs=0.1)
-    assert (unheard.words, unheard.last, unheard.ended_s) == ("lost", None, None)
+    assert (unheard.text, unheard.last, unheard.ended_s) == ("lost", None, None)
 
 
 def test_a_fault_lasts_until_it_is_cleared_and_only_if_its_time_came(
@@ -92,7 +92,7 @@ def test_the_map_shows_goals_tracks_stops_and_what_went_wrong_where(
     assert drive.true[0].x_m == pytest.approx(0.0, abs=0.01)
     (stop,) = drive.stops
     assert 1.1 < stop.x_m < 2.5
-    assert [incident.words for incident in drive.incidents] == ["slip", "executive lost"]
+    assert [incident.text for incident in drive.incidents] == ["slip", "executive lost"]
     assert drive.incidents[0].pose.x_m < stop.x_m
 
 
@@ -138,7 +138,7 @@ def test_what_was_executed_but_is_not_true_is_on_the_map(tmp_path: Path) -> None
     path.write_text(UNTRUE)
     scenario = load_scenario(str(path))
     drive = drive_of(scenario, run_in_lock_step(scenario, tmp_path))
-    assert any(each.words.startswith("there EXECUTED, but") for each in drive.incidents)
+    assert any(each.text.startswith("there EXECUTED, but") for each in drive.incidents)
 
 
 def keep(*arguments: str) -> Result:

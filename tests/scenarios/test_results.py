@@ -15,7 +15,7 @@ from sim.scenario import session
 from sim.scenario.commands import scenario
 from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
 from sim.scenario.outcome import ScenarioResult
-from sim.scenario.playing import RunError, play
+from sim.scenario.run import RunError, run_scenario
 
 FILE = """
 title: Ahead
@@ -129,9 +129,9 @@ def test_a_run_that_breaks_down_does_not_keep_others_from_being_played(
         error = next(errors, None)
         if error is not None:
             raise error
-        return play(*arguments)
+        return run_scenario(*arguments)
 
-    monkeypatch.setattr(session, "play", break_twice)
+    monkeypatch.setattr(session, "run_scenario", break_twice)
     result = run(file, file, file)
     assert result.exit_code == 3
     assert "Error: it: rover-sim ended" in result.stderr

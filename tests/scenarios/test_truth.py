@@ -24,10 +24,10 @@ from executive.settings import SettingsError
 from executive.values.geometry import Pose
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from sim.scenario.model import RunMode
-from sim.scenario.outcome import play_once
+from sim.scenario.outcome import run_once
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import AdmittedRequest, Answer, Record, SentCommand, TruePose
-from sim.scenario.truth import true_ends, undelayed_s, what_was_executed_is_true
+from sim.scenario.truth import check_executed_truth, true_ends, undelayed_s
 
 WHO = Identity("MOE", 1)
 BEGUN_S, ENDED_S = 1.0, 5.0
@@ -62,7 +62,7 @@ def between(start: Pose, end: Pose, part: float) -> Pose:
 
 
 def wrong(record: Record, *false_executed: str) -> str:
-    finding = what_was_executed_is_true(record, false_executed)
+    finding = check_executed_truth(record, false_executed)
     return "" if finding.holds else finding.seen
 
 
@@ -214,7 +214,7 @@ def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
     (tmp_path / "there.xml").write_text(PLAN)
     path = tmp_path / "planned.yaml"
     path.write_text(PLANNED)
-    outcome = play_once("planned", load_scenario(str(path), RunMode.LOCK_STEP), tmp_path)
+    outcome = run_once("planned", load_scenario(str(path), RunMode.LOCK_STEP), tmp_path)
     assert outcome.holds, outcome.findings
     ends = true_ends(outcome.record)
     assert [end.label for end in ends] == ["plan:there:1", "plan:there:2"]

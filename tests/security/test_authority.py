@@ -130,7 +130,7 @@ def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
     granted(authority.request("MOE"))
     for source in ("MOE-2", "MOE-3", "MOE-2"):
         assert refusal(authority.request(source)).reason is Reason.NO_AUTHORITY
-    assert authority.state.asked_by == "MOE-2"
+    assert authority.state.requested_by == "MOE-2"
     bench.run(0.1)
     told = [r.text for r in bench.heard.reports]
     assert told == [
@@ -346,7 +346,7 @@ def test_a_session_holds_what_it_requested_and_another_hears_who_does(guarded: A
     async def session(first: MrsClient) -> None:
         heard = first.notifications()
         refused = await first.run(first.command(MoveForward(0.1)))
-        assert refused.life[-1].code == Reason.NO_AUTHORITY.value
+        assert refused.notifications[-1].code == Reason.NO_AUTHORITY.value
         held = await first.authority.request()
         assert (await first.run(first.command(MoveForward(0.1)))).executed
         async with await MrsClient.connect(guarded.uri, "MOE-2") as second:

@@ -91,7 +91,7 @@ def test_it_holds_over_restarts_and_while_the_executive_is_gone(bench: Bench) ->
         tell(bench, authority)
         bench.start(bench.router.record)
         for _ in range(3):
-            bench.router.look()
+            bench.router.poll()
         bench.command(BrickLink.RELAY, by(7, forward(1)), by(7, forward(2)))
         bench.says(executed(forward(1)), executed(forward(2)))
     assert asked(bench) == [forward(1), forward(2)]

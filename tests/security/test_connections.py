@@ -110,7 +110,7 @@ async def test_who_is_to_be_kept_is_kept() -> None:
 
     async with besieged(FEW) as (provider, first):
         provider.serve(SERVICE, "doSubmit", submit)
-        provider.keep(kept.__contains__)
+        provider.set_priority_check(kept.__contains__)
         await first.submit(SERVICE, "doSubmit", "lamp", True)
         crowd = [await attack(provider, request(provider)) for _ in range(CROWD)]
         await served(first)

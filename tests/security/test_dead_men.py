@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.brick.ownership import SILENT_S
+from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
 from adapters.mocup.brick.record import BrickLink
 from adapters.mocup.brick.router import SOURCE
-from adapters.mocup.brick.service import MOST_ARRIVED, StopFirstQueue
+from adapters.mocup.brick.service import MAX_INBOX, StopFirstQueue
 from adapters.mocup.brick.usb import Brick, BrickSession
 from adapters.mops import Message, decode, encode
 from adapters.ros import HeartbeatMonitor
@@ -54,7 +54,7 @@ def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why
     bench: Bench, link: BrickLink, who: str
 ) -> None:
     asked = move(bench, link)
-    bench.router.silent(link)
+    bench.router.on_host_silent(link)
     assert sent(bench) == [asked, bench.halted()]
     bench.says(cancelled(asked), executed(bench.halted()))
     ((told_by, told),) = bench.ports.notified
@@ -66,25 +66,25 @@ def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why
 @pytest.mark.parametrize("link", BOTH)
 def test_who_moves_nothing_may_fall_silent(bench: Bench, link: BrickLink) -> None:
     (other,) = set(BrickLink) - {link}
-    bench.router.silent(link)
+    bench.router.on_host_silent(link)
     asked = move(bench, other)
-    bench.router.silent(link)
+    bench.router.on_host_silent(link)
     assert sent(bench) == [asked]
 
 
 def test_what_both_have_asked_goes_on_until_both_are_silent(bench: Bench) -> None:
     for link in BOTH:
         bench.command(link, forward(7))
-    bench.router.silent(BrickLink.DIRECT)
+    bench.router.on_host_silent(BrickLink.DIRECT)
     assert sent(bench) == [forward(7)]
-    bench.router.silent(BrickLink.RELAY)
+    bench.router.on_host_silent(BrickLink.RELAY)
     assert sent(bench) == [forward(7), bench.halted()]
 
 
 def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
     move(bench, BrickLink.RELAY)
     bench.command(BrickLink.RELAY, forward(9))
-    bench.router.silent(BrickLink.RELAY)
+    bench.router.on_host_silent(BrickLink.RELAY)
     bench.says(cancelled(forward(8)), executed(bench.halted()))
     assert forward(9) not in sent(bench)
     ends = {m.moe_inputs_id: m.outputs[1] for _, m in bench.ports.notified if not m.executed}
@@ -94,7 +94,7 @@ def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
 def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None:
     asked = move(bench, BrickLink.DIRECT)
     bench.command(BrickLink.RELAY, forward(9))
-    bench.router.silent(BrickLink.DIRECT)
+    bench.router.on_host_silent(BrickLink.DIRECT)
     bench.says(cancelled(asked))
     assert sent(bench)[-1].source == SOURCE, "not before the brick has answered the stop"
     bench.says(executed(bench.halted()))
@@ -104,7 +104,7 @@ def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None
 def test_on_a_full_disk_the_brick_is_stopped_all_the_same(bench: Bench) -> None:
     move(bench, BrickLink.DIRECT)
     bench.fill_disk(True)
-    bench.router.silent(BrickLink.DIRECT)
+    bench.router.on_host_silent(BrickLink.DIRECT)
     assert sent(bench)[-1] == bench.halted()
 
 
@@ -160,9 +160,9 @@ def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it
 
 def test_a_stop_has_room_where_too_much_has_arrived(bench: Bench) -> None:
     inbox = StopFirstQueue(bench.router.is_stop)
-    for number in range(MOST_ARRIVED):
+    for number in range(MAX_INBOX):
         assert inbox.put(BrickLink.RELAY, str(forward(number)))
-    assert not inbox.put(BrickLink.RELAY, str(forward(MOST_ARRIVED)))
+    assert not inbox.put(BrickLink.RELAY, str(forward(MAX_INBOX)))
     assert inbox.put(BrickLink.RELAY, str(stop(1)))
     first = inbox.take()
     assert first is not None
@@ -229,7 +229,7 @@ def test_a_brick_whose_host_is_silent_stands_and_says_why() -> None:
     rig = Rig()
     asked = rig.say("moveForward", "5.0")
     for _ in range(10):
-        rig.hear(keep_alive(f"{SILENT_S:g}"))
+        rig.hear(keep_alive(f"{HEARTBEAT_TIMEOUT_S:g}"))
         rig.run(0.3)
     assert stages(rig, asked) == ["STARTED"]
     rig.run(0.3)
@@ -264,14 +264,14 @@ class Silences:
 
     def __init__(self) -> None:
         self.count = 0
-        self.monitor = HeartbeatMonitor(SILENT_S, self.silent)
+        self.monitor = HeartbeatMonitor(HEARTBEAT_TIMEOUT_S, self.silent)
 
     def silent(self) -> None:
         self.count += 1
 
     def look(self, times: int) -> None:
         for _ in range(times):
-            self.monitor.look()
+            self.monitor.update()
 
 
 def test_a_commander_is_gone_after_five_looks_and_told_of_once() -> None:

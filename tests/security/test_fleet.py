@@ -11,8 +11,8 @@ import pytest
 
 from adapters.mal import Consumer, MalError, ServiceId, StandardError, Subscription, UpdateHeader
 from adapters.mrs.aboard.asset_services import ALL_EVENTS_HZ, EVENTS_HZ
-from adapters.mrs.aboard.peer_rate import MOST_PEERS, PeerRateLimiter
-from adapters.mrs.fleet.directory_service import MOST_OF_A_PEER, asset_of
+from adapters.mrs.aboard.peer_rate import MAX_PEERS, PeerRateLimiter
+from adapters.mrs.fleet.directory_service import MAX_SERVICES_PER_PEER, asset_of
 from adapters.mrs.spec import (
     AreaError,
     AssetInfo,
@@ -23,7 +23,7 @@ from adapters.mrs.spec import (
     describe_error,
     mrs_specification,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from tests.mrs.aboard import Aboard, event, reading
 from tests.mrs.fleet import eventually, said, services
 from tests.support.certificates import certified
@@ -170,12 +170,12 @@ def test_a_name_is_free_when_its_holder_hangs_up(aboard: Aboard) -> None:
 
 def test_one_peer_does_not_take_the_room_of_all(aboard: Aboard) -> None:
     async def session(consumer: Consumer) -> None:
-        for number in range(MOST_OF_A_PEER):
+        for number in range(MAX_SERVICES_PER_PEER):
             name = f"swarm{number}.ServiceLayer"
             await consumer.submit(LAYER, "registerService", replace(MOCUP, name=name))
         error = await error_of(consumer, LAYER, "registerService", MOCUP)
         assert error.number == StandardError.TOO_MANY.value
-        assert f"{MOST_OF_A_PEER} registered services of one peer" in describe_error(error)
+        assert f"{MAX_SERVICES_PER_PEER} registered services of one peer" in describe_error(error)
         await consumer.submit(LAYER, "deregisterService", "swarm0.ServiceLayer")
         await consumer.submit(LAYER, "registerService", MOCUP)
 
@@ -241,5 +241,5 @@ def test_a_peer_that_tells_much_keeps_no_other_from_telling() -> None:
     assert told("loud") == EVENTS_HZ // 2
     now_s = 100.0
     assert told("loud") == EVENTS_HZ
-    assert sum(told(str(peer)) for peer in range(MOST_PEERS)) == MOST_PEERS * EVENTS_HZ
+    assert sum(told(str(peer)) for peer in range(MAX_PEERS)) == MAX_PEERS * EVENTS_HZ
     assert ALL_EVENTS_HZ < 100

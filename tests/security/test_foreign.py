@@ -18,7 +18,7 @@ from adapters.mal import (
     StandardError,
     TypedAttribute,
 )
-from adapters.mrs.aboard.file_services import MOST_TRANSFERS
+from adapters.mrs.aboard.file_services import MAX_TRANSFERS
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.rover_consumer import NotServedError
 from adapters.mrs.spec import (
@@ -201,13 +201,13 @@ async def rest(consumer: Consumer) -> list[int]:
 def test_transfers_that_nobody_reads_give_way(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    yields_s = "adapters.mrs.aboard.file_services.YIELDS_S"
+    yields_s = "adapters.mrs.aboard.file_services.PREEMPTIBLE_AFTER_S"
     monkeypatch.setattr(yields_s, 60.0)
     aboard.put("film.avi", bytes(FILM_OCTETS))
 
     async def session(consumer: Consumer) -> None:
         async with AsyncExitStack() as stalled, asyncio.timeout(30.0):
-            for _ in range(MOST_TRANSFERS):
+            for _ in range(MAX_TRANSFERS):
                 peer = await Consumer.connect(mrs_specification(), aboard.uri)
                 stalled.push_async_callback(peer.close)
                 await stalled.enter_async_context(peer.progress(*RETRIEVE, "film.avi", None, None))

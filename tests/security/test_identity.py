@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from adapters.mal import Certificates, Consumer, MalError, StandardError
 from adapters.mrs.cli.plan_command import PlanLines
-from adapters.mrs.cli.terminal import print_table, say
+from adapters.mrs.cli.terminal import echo_line, print_table
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
@@ -21,7 +21,7 @@ from adapters.mrs.spec import (
     mrs_specification,
     with_text,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from executive.commands import Command, Mode, MoveForward, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Refused
 from executive.settings import AuthoritySettings
@@ -171,7 +171,7 @@ EVIL = "ok\x1b[2J\r\nMOE:1 EXECUTED\x00\u202e"
 def test_texts_of_others_are_shown_as_they_are_and_do_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    say(f"event {EVIL}", word="event", fg="red")
+    echo_line(f"event {EVIL}", word="event", fg="red")
     print_table([(EVIL, "1")], "text", "number")
     print(describe_error(with_text(AreaError.REJECTED, EVIL)))
     print(describe_error(with_text(StandardError.INTERNAL, EVIL)))
@@ -188,7 +188,7 @@ def test_a_plan_of_another_forges_no_line_of_the_terminal() -> None:
 
     @click.command()
     def show() -> None:
-        say(PlanLines().line(update))
+        echo_line(PlanLines().line(update))
 
     shown = CliRunner().invoke(show).output
     assert shown.count("\n") == 1

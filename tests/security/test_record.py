@@ -49,8 +49,8 @@ def test_the_numbers_of_commands_are_used_and_no_others(
     retention = LedgerRetention(ledger, 4, 2)
     for sequence, number in enumerate(sent, 1):
         identity, stage = Identity("MOE", number), Stage.EXECUTED
-        ledger.reach(identity, stage)
-        ledger.append(
+        ledger.set_stage(identity, stage)
+        ledger.append_report(
             Report(sequence, 0.0, ReportKind.COMMAND, Severity.WARNING, "", identity, stage)
         )
         ledger.commit()

@@ -9,10 +9,10 @@ import pytest
 from adapters.bundle import DTN_EPOCH_UTC_MS, BundleAgent, ContactOverride
 from adapters.mal import MalError
 from adapters.mops import CommandConditions, conditions_of, decode, messages_in
-from adapters.mops.codec import LONGEST
+from adapters.mops.codec import MAX_MESSAGE_OCTETS
 from adapters.mrs.ground import MrsClient
-from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
-from adapters.relay.rover.bridge import MOST_HELD_S, LastStop, Made
+from adapters.relay.orbiter.record import MAX_AUTHORITIES, RoverRecord
+from adapters.relay.rover.bridge import MAX_FUTURE_STOP_S, CreationTime, LastStop
 from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
 from executive.commands.catalogue import Request, Stop
 from executive.settings import AuthoritySettings, load_settings
@@ -121,7 +121,7 @@ def test_aboard_a_command_too_long_to_be_answered_or_marked_ends_nothing(
     """A rover-relay that ended would read the bundle again at its next start, and end again."""
     ends = Ends(tmp_path)
     short = str(asked(MoveForward(1.0), 2))
-    long = short.replace("MOE", "x" * (LONGEST - octets_left - len(short) + len("MOE")))
+    long = short.replace("MOE", "x" * (MAX_MESSAGE_OCTETS - octets_left - len(short) + len("MOE")))
 
     async def session() -> None:
         async with ends.orbiter() as orbiter:
@@ -246,7 +246,7 @@ async def test_nobody_takes_back_or_replaces_the_authority_that_another_gave_the
 
 def test_the_orbiter_remembers_the_authority_of_the_last_sources_only(tmp_path: Path) -> None:
     record = RoverRecord(tmp_path / "jackal.sqlite")
-    for number in range(MOST_AUTHORITIES + 10):
+    for number in range(MAX_AUTHORITIES + 10):
         record.set_authority(number, f"MOE-{number}")
     assert record.authority("MOE-9") is None
     assert record.authority("MOE-10") == 10
@@ -274,18 +274,18 @@ def test_a_stop_of_a_clock_that_is_ahead_holds_later_commands_for_minutes_only(
 ) -> None:
     clock = ManualClock()
     now_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS
-    stop: Made = (now_ms + round(ahead_s * 1000), 0, 0)
+    stop: CreationTime = (now_ms + round(ahead_s * 1000), 0, 0)
     last = LastStop(tmp_path / "relay.stop", TimedSystem(clock.utc_s))
     last.take(stop)
-    last.keep()
-    for waited_s in (0.0, MOST_HELD_S - 1.0, 1.0, 86_400.0):
+    last.save()
+    for waited_s in (0.0, MAX_FUTURE_STOP_S - 1.0, 1.0, 86_400.0):
         clock.advance(waited_s)
         last = LastStop(tmp_path / "relay.stop", TimedSystem(clock.utc_s))
         before = (min(stop[0], now_ms) - 1, 0, 0)
         assert last.overtakes(before), "what was made before it, by either clock, never moves"
         assert not last.overtakes((stop[0], 1, 0)), "what the same clock makes after it is taken"
         later_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS + 1
-        held = ahead_s > 0.0 and clock.now_s() < MOST_HELD_S and later_ms < stop[0]
+        held = ahead_s > 0.0 and clock.now_s() < MAX_FUTURE_STOP_S and later_ms < stop[0]
         assert last.overtakes((later_ms, 0, 0)) == held
 
 
@@ -297,7 +297,7 @@ def test_a_clock_that_is_set_back_holds_no_longer(tmp_path: Path) -> None:
     utc_s[0] -= 80_000.0
     later = (round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 2000, 0, 0)
     assert last.overtakes(later)
-    utc_s[0] += MOST_HELD_S
+    utc_s[0] += MAX_FUTURE_STOP_S
     assert not last.overtakes(later)
 
 

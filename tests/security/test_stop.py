@@ -143,11 +143,11 @@ def test_a_stop_overtakes_what_waits_and_no_resume_before_it_undoes_it(bench: Be
         hand_over(number, SetTravelSpeed(0.5))
     hand_over(200, Resume())
     hand_over(201, Stop())
-    bench.executive.turn()
+    bench.executive.serve_inbox()
     assert isinstance(answers[0], Admitted)
-    assert answers[0].life.command.identity.command_id == 201
+    assert answers[0].lifecycle.command.identity.command_id == 201
     for _ in range(5):
-        bench.executive.turn()
+        bench.executive.serve_inbox()
     assert len(answers) == 102
     resumed = answers[-1]
     assert isinstance(resumed, Refused)
@@ -160,11 +160,11 @@ def test_a_flood_of_stops_leaves_room_for_the_ticks(bench: Bench) -> None:
     answers: list[SubmitResult] = []
     for number in range(1000):
         bench.executive.submit(stop(100 + number), answers.append)
-    bench.executive.turn()
+    bench.executive.serve_inbox()
     assert 0 < len(answers) <= 64
     assert bench.executive.mode is Mode.STOPPED
     for _ in range(50):
-        bench.executive.turn()
+        bench.executive.serve_inbox()
     assert len(answers) == 1000
     assert all(isinstance(answer, Admitted) for answer in answers)
 
@@ -182,7 +182,7 @@ def test_the_rover_stands_before_a_core_that_hangs_has_come_to_the_stop(bench: B
         assert received.wait(60.0)
         assert bench.rover.velocity == STANDING
 
-    bench.executive.ask(hang)
+    bench.executive.query(hang)
     bench.step()
     assert bench.rover.velocity == STANDING
     assert bench.executive.mode is Mode.STOPPED
@@ -222,7 +222,7 @@ def test_a_stop_wins_against_a_velocity_that_is_just_being_sent(bench: Bench) ->
     bench.step()
     assert raced
     assert bench.rover.velocity == STANDING
-    bench.executive.turn()
+    bench.executive.serve_inbox()
     bench.run(1.0)
     assert bench.rover.sent[-20:] == [STANDING] * 20
 

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from adapters.onboard.watchdog import LOOKS, Watchdog
+from adapters.onboard.watchdog import MISSED_POLLS, Watchdog
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.values.clock import SystemClock
 from executive.values.geometry import STANDING
@@ -19,7 +19,7 @@ def until(told: list[str]) -> None:
     deadline_s = time.monotonic() + 30.0
     while not told:
         assert time.monotonic() < deadline_s
-        time.sleep(BOUND_S / LOOKS)
+        time.sleep(BOUND_S / MISSED_POLLS)
 
 
 def test_a_core_that_hangs_while_it_drives_is_made_to_stand_and_safe(bench: Bench) -> None:

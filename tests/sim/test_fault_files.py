@@ -16,9 +16,9 @@ from sim.rover.faults import (
     SimulatedFaultDeclaration,
     bounds,
     declared_faults,
+    format_fault,
     read_fault,
     read_kind,
-    written,
 )
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode
@@ -30,7 +30,7 @@ from sim.scenario.record import Answer
 def test_what_is_written_is_read(declaration: SimulatedFaultDeclaration) -> None:
     fault = read_fault(declaration.name)
     assert isinstance(fault, declaration.kind)
-    assert read_fault(written(fault)) == fault
+    assert read_fault(format_fault(fault)) == fault
     assert read_kind(declaration.name) is declaration
     assert declaration.summary.endswith(".")
 

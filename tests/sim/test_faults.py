@@ -350,7 +350,9 @@ def test_a_rover_whose_laser_is_blind_does_not_drive_into_its_sector(
     lockstep.run(1.5)
     lockstep.submit(Command(Identity("MOE", 1), MoveForward(1.5), "direct"))
     lockstep.run(2.0)
-    last = [each for each in lockstep.heard.reports if each.identity == Identity("MOE", 1)][-1]
+    last = [
+        each for each in lockstep.downlink_record.reports if each.identity == Identity("MOE", 1)
+    ][-1]
     lockstep.executive.close()
     assert last.reason is Reason.LASER_BLIND
     assert hypot(lockstep.rover.true_pose.x_m, lockstep.rover.true_pose.y_m) < 0.05
@@ -437,9 +439,9 @@ class Mocup:
 
     def __init__(self) -> None:
         self.rover = SimulatedMocup(World())
-        self.rover.hear(str(command("setTravelSpeed", 1, "0.2")).encode())
+        self.rover.receive(str(command("setTravelSpeed", 1, "0.2")).encode())
         self.rover.advance(0.2)
-        self.rover.hear(str(command("moveForward", 2, "9")).encode())
+        self.rover.receive(str(command("moveForward", 2, "9")).encode())
         self.tells(2.0)
 
     def tells(self, duration_s: float) -> list[dict[Parameter, float | None]]:
@@ -448,7 +450,7 @@ class Mocup:
         spelling = load_dictionary().spelling.telemetry
         found: list[Message] = []
         stream = MopsStream(lambda line: pytest.fail(line))
-        found += stream.feed(self.rover.brick.give())
+        found += stream.feed(self.rover.brick.transmit())
         return [
             {
                 name: float(text) if text else None
@@ -504,7 +506,7 @@ def test_mocup_with_a_dead_encoder_takes_its_motor_for_stuck() -> None:
     mocup = Mocup()
     mocup.rover.inject(faults.EncoderDead(Side.RIGHT))
     mocup.rover.advance(2.0)
-    assert b"the right motor is stuck" in mocup.rover.brick.give()
+    assert b"the right motor is stuck" in mocup.rover.brick.transmit()
 
 
 def test_a_brick_that_is_silent_goes_on_and_tells_again_later() -> None:

@@ -145,7 +145,7 @@ def test_a_takeover_has_motion_wait_for_a_resume(tmp_path: Path, mux: MuxSetting
     assert executive.mode.name == "PAUSED"
     name = "joystick" if mux else VELOCITY_TOPIC
     assert f"{name} drives the rover" in executive.why
-    told = [r for r in lock_step.heard.reports if r.reason is Reason.OTHER_PUBLISHER]
+    told = [r for r in lock_step.downlink_record.reports if r.reason is Reason.OTHER_PUBLISHER]
     assert [report.text for report in told] == [f"{name} drives the rover"]
     lock_step.run(2.0)
     answer = lock_step.submit(Command(Identity("MOE", 3), Resume(), "direct"))
@@ -158,7 +158,7 @@ def test_a_takeover_has_motion_wait_for_a_resume(tmp_path: Path, mux: MuxSetting
     submit(lock_step, 4, Resume())
     lock_step.run(20.0)
     assert executive.mode.name == "IDLE"
-    ends = [r.stage for r in lock_step.heard.reports if r.stage is Stage.EXECUTED]
+    ends = [r.stage for r in lock_step.downlink_record.reports if r.stage is Stage.EXECUTED]
     assert len(ends) == 3
     assert hypot(lock_step.rover.true_pose.x_m - 3.0, lock_step.rover.true_pose.y_m) > 0.4
 
@@ -176,7 +176,7 @@ def test_what_is_relative_fails_by_a_takeover(lock_step: LockStep) -> None:
     lock_step.run(1.0)
     lock_step.rover.inject(faults.CmdVelTaken(travel_mps=-0.3))
     lock_step.run(1.0)
-    (last,) = [r for r in lock_step.heard.reports if r.stage is Stage.FAILED]
+    (last,) = [r for r in lock_step.downlink_record.reports if r.stage is Stage.FAILED]
     assert last.reason is Reason.OTHER_PUBLISHER
 
 
@@ -185,12 +185,12 @@ def test_a_lower_input_does_not_disturb_a_motion_and_is_told_of(lock_step: LockS
     submit(lock_step, 1, MoveForward(1.0))
     lock_step.run(3.0)
     assert lock_step.rover.true_pose.x_m == pytest.approx(1.0, abs=0.03)
-    told = [report.text for report in lock_step.heard.reports]
+    told = [report.text for report in lock_step.downlink_record.reports]
     assert any("external is active; it drives the base while" in text for text in told)
     assert "external" in lock_step.executive.why
     lock_step.rover.clear(faults.CmdVelTaken)
     lock_step.run(1.0)
-    told = [report.text for report in lock_step.heard.reports]
+    told = [report.text for report in lock_step.downlink_record.reports]
     assert any("no longer commanded by external" in text for text in told)
     assert lock_step.executive.mode is Mode.IDLE
 
@@ -210,7 +210,9 @@ def test_who_drives_an_idle_rover_is_reported_with_how_long_and_how_far(
     driven_m = lock_step.rover.true_pose.x_m - x_m
     assert driven_m > 1.0
     (ended,) = [
-        r for r in lock_step.heard.reports if "no longer commanded by external, duration" in r.text
+        r
+        for r in lock_step.downlink_record.reports
+        if "no longer commanded by external, duration" in r.text
     ]
     figures = {each.name: each.value for each in ended.figures}
     assert figures["driven"] == pytest.approx(driven_m, abs=0.05)
@@ -226,7 +228,7 @@ def test_an_asset_may_keep_lower_inputs_from_driving_it_while_it_is_idle(tmp_pat
     lock_step.rover.inject(faults.CmdVelTaken(travel_mps=0.3, priority=EXTERNAL))
     lock_step.run(4.0)
     assert lock_step.executive.mode is Mode.STOPPED
-    (why,) = [r for r in lock_step.heard.reports if r.reason is Reason.MOVES_UNCOMMANDED]
+    (why,) = [r for r in lock_step.downlink_record.reports if r.reason is Reason.MOVES_UNCOMMANDED]
     assert why.text.endswith("(velocity publishers: external)")
     assert lock_step.rover.true_pose.x_m < 0.5
     lock_step.run(2.0)
@@ -252,8 +254,8 @@ def test_the_lock_outlives_the_executive_until_its_successor_lets_go(lock_step: 
 
 def test_without_a_mux_the_newest_command_counts() -> None:
     rover = SimulatedJackal(World())
-    rover.take_lock("e_stop", True)
-    rover.take(None, Velocity(0.5, 0.0))
+    rover.mux_lock("e_stop", True)
+    rover.mux_command(None, Velocity(0.5, 0.0))
     rover.advance(0.2)
     rover.emergency_stop()
     rover.inject(faults.CmdVelTaken())

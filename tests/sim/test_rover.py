@@ -87,10 +87,10 @@ def test_the_ground_carries_it_until_it_is_taken_off(
     rover = kind(World())
     rover.advance(1.0)
     empty_n = weight_n(rover)
-    rover.load(mass_kg)
+    rover.set_cargo_mass(mass_kg)
     rover.advance(1.0)
     assert weight_n(rover) - empty_n == pytest.approx(9.81 * mass_kg, rel=0.03)
-    rover.load(0.0)
+    rover.set_cargo_mass(0.0)
     rover.advance(1.0)
     assert weight_n(rover) == pytest.approx(empty_n, rel=0.01)
 
@@ -101,7 +101,7 @@ def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
         rover = SimulatedJackal(UPHILL)
         rover.advance(0.5)
         before = rover.true_pose
-        rover.load(mass_kg)
+        rover.set_cargo_mass(mass_kg)
         assert rover.true_pose == before
         hold(rover, Velocity(1.0, 0.0), 3.0)
         used_j.append(rover.energy_j)
@@ -114,9 +114,9 @@ def test_a_camera_that_looks_back_sees_it() -> None:
     rover.data.joint("camera_tilt").qpos[:] = -0.6
     mujoco.mj_forward(rover.model, rover.data)
     empty = jpeg(rover)
-    rover.load(10.0)
+    rover.set_cargo_mass(10.0)
     laden = jpeg(rover)
-    rover.load(0.0)
+    rover.set_cargo_mass(0.0)
     assert laden != empty
     assert jpeg(rover) == empty
 
@@ -125,4 +125,4 @@ def test_a_camera_that_looks_back_sees_it() -> None:
 def test_what_is_no_mass_is_refused(mass_kg: float) -> None:
     rover = SimulatedJackal(World())
     with pytest.raises(ValueError, match="is not in 0 "):
-        rover.load(mass_kg)
+        rover.set_cargo_mass(mass_kg)

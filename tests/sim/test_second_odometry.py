@@ -32,13 +32,13 @@ def ends(folder: Path, fused: bool, slope_rad: float) -> list[tuple[Report, floa
         run.submit(Command(identity, request, "direct"))
 
         def ended(identity: Identity = identity) -> bool:
-            last = [r for r in run.heard.reports if r.identity == identity][-1]
+            last = [r for r in run.downlink_record.reports if r.identity == identity][-1]
             return last.stage is not None and last.stage.terminal
 
         assert run.run_until(ended, 60.0)
-        last = [report for report in run.heard.reports if report.identity == identity][-1]
+        last = [report for report in run.downlink_record.reports if report.identity == identity][-1]
         found.append((last, run.rover.true_pose.point.distance_m(goal)))
-    run.executive.abandon()
+    run.executive.simulate_crash()
     return found
 
 

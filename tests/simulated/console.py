@@ -10,10 +10,10 @@ from typing import Any, Final
 import aiohttp
 from aiohttp.abc import AbstractResolver, ResolveResult
 
-from adapters.console.rovers import args_of
+from adapters.console.rovers import form_values
 from adapters.console.service import ConsoleOptions, serve
 from adapters.mrs.cli import RoverTarget
-from adapters.mrs.terms import CLEAR
+from adapters.mrs.transport import CLEAR
 from adapters.process import StartError
 from executive.commands import Request, Stop, declaration_of
 from executive.values.reports import Identity
@@ -159,7 +159,7 @@ class Browser:
             "id": name,
             "asset": self._asset,
             "name": declaration_of(type(request)).name,
-            "args": args_of(request),
+            "args": form_values(request),
             "link": _LINKS[number % len(_LINKS)],
         }
         try:

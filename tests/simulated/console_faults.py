@@ -4,11 +4,11 @@ from contextlib import AbstractContextManager, suppress
 from typing import Any
 from unittest.mock import patch
 
-from adapters.console import command_life
+from adapters.console import command_states
 from adapters.console.archive import Archive, ArchiveError, database
 from adapters.console.messages import CommandStatus, LinkKind
 from adapters.console.rovers import Fleet, LastNotification, RoverLink, SharedCommands
-from adapters.console.tasks import begin
+from adapters.console.tasks import start_task
 from adapters.mrs.ground import CommandIdGenerator
 from adapters.mrs.ground.client import EPOCH_MS
 from adapters.system import utc_ns
@@ -17,10 +17,10 @@ from adapters.system import utc_ns
 def acknowledged_before_commit() -> AbstractContextManager[object]:
     async def write(archive: Archive, command: CommandStatus) -> None:
         with suppress(ArchiveError):
-            await archive.claim(command)
+            await archive.claim_command(command)
 
     async def claim(self: SharedCommands, command: CommandStatus) -> bool:
-        begin(write(self._archive, command))
+        start_task(write(self._archive, command))
         return True
 
     return patch.object(SharedCommands, "claim", claim)
@@ -59,8 +59,8 @@ def numbers_of_the_clock() -> AbstractContextManager[object]:
     def take(self: CommandIdGenerator) -> int:
         return utc_ns(self._system) // 1_000_000 - EPOCH_MS
 
-    return patch.object(CommandIdGenerator, "take", take)
+    return patch.object(CommandIdGenerator, "next_id", take)
 
 
 def refusal_outweighs_life() -> AbstractContextManager[object]:
-    return patch.object(command_life, "_disproves_refusal", lambda *_: False)
+    return patch.object(command_states, "_disproves_refusal", lambda *_: False)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from adapters.console.command_life import TAKEN
-from adapters.console.messages import ENDED, CommandState
+from adapters.console.command_states import ACKNOWLEDGED
+from adapters.console.messages import TERMINAL_STATES, CommandState
 from executive.commands import Stop
 from executive.values.reports import TERMINAL, Identity, Stage
 from tests.simulated.console import OPERATOR, PageJournal
@@ -16,8 +16,8 @@ from tests.simulated.judge import Finding, has_table, ledger_content
 from tests.simulated.world import World
 
 _STOP: Final = Stop.__name__
-_ENDS: Final = {state.value for state in ENDED}
-_OVER: Final = _ENDS | {CommandState.UNKNOWN.value, CommandState.GIVEN_UP.value}
+_ENDS: Final = {state.value for state in TERMINAL_STATES}
+_OVER: Final = _ENDS | {CommandState.UNKNOWN.value, CommandState.LOST.value}
 _WRITTEN_WITHIN_S: Final = 2.0
 """What a console publishes is in its archive within this, if it lives so long."""
 _UNDER_WAY_S: Final = 0.1
@@ -131,7 +131,7 @@ class ConsoleJudge:
         elif kept is None or state not in _OVER:
             what = "a command has no end in the archive"
             yield Finding(self._world.now_s, what, f"{identity}: {kept}")
-        elif state == CommandState.UNKNOWN.value and TAKEN in kept.stages:
+        elif state == CommandState.UNKNOWN.value and ACKNOWLEDGED in kept.stages:
             what = "the console does not know the end of a command that the other end had taken"
             yield Finding(self._world.now_s, what, f"{identity}: {kept}")
 

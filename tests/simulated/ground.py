@@ -12,7 +12,7 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.authority import SessionAuthority
-from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, given_up
+from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, lost_command
 from executive.commands import Command, Request
 from executive.values.reports import TERMINAL, Identity
 from tests.simulated.process import Process
@@ -204,7 +204,7 @@ class Ground:
 
 def _end_of(told: Notification, identity: Identity) -> str | None:
     """Return with which stage a command ended by a notification; None if it tells no end of it."""
-    if given_up(told) == identity:
+    if lost_command(told) == identity:
         return "given up"
     ended = told.stage in TERMINAL and (told.source, told.commandId) == (
         identity.source,

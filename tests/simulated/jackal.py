@@ -16,7 +16,7 @@ from sim.rover.jackal import SimulatedJackal
 from sim.scenario.live_session import LiveSession
 from sim.scenario.model import Eclipse, RunMode, Scenario
 from sim.scenario.record import Record, TruePose
-from sim.scenario.truth import look_up_requests
+from sim.scenario.truth import load_requests
 from tests.simulated.network import Way
 from tests.simulated.process import Process, Start
 from tests.simulated.processes import (
@@ -136,7 +136,7 @@ class RelayScene:
         world.run(START_S + self.scenario.lasts_s + _DOWN_S)
         assert world.errors == []
         self._look()
-        look_up_requests(record, world.processes["executive"].folder / "ledger.sqlite")
+        load_requests(record, world.processes["executive"].folder / "ledger.sqlite")
         return record
 
     def _start_ground(self, process: Process) -> None:

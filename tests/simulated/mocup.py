@@ -8,7 +8,7 @@ from functools import partial
 from typing import Final
 
 from adapters.mocup import ClaimAnnouncer, MocupRover, relay_authority
-from adapters.mocup.brick.ownership import SILENT_S
+from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import Router
 from adapters.mocup.brick.service import BrickService
@@ -80,14 +80,14 @@ class NxtPorts:
         self._service = BrickService(self._router, self._confirm, confirmed=True)
         self._session = SimSession(process, brick, self._drain)
         self._commanders = {
-            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link))
+            link: HeartbeatMonitor(HEARTBEAT_TIMEOUT_S, partial(self._router.on_host_silent, link))
             for link in BrickLink
         }
         subscribe = partial(topics.subscribe, process)
         for link, name in self._names.items():
             subscribe(f"{name}/command", partial(self._arrived, link))
         subscribe(f"{asset}/stop", partial(self._arrived, BrickLink.RELAY))
-        subscribe(f"{asset}/kept", self._service.kept)
+        subscribe(f"{asset}/kept", self._service.on_confirmed)
 
     async def serve(self) -> None:
         """Serve for ever."""
@@ -100,10 +100,10 @@ class NxtPorts:
                 sender = self._process.world.processes.get(COMMANDERS[link])
                 if sender is not None and sender.alive and not sender.paused:
                     monitor.heartbeat(sender.present.number)
-                monitor.look()
+                monitor.update()
             if loop.time() - looked_s >= _LOOK_S:
                 looked_s = loop.time()
-                self._service.look({link: p.subscribers for link, p in self._notifications.items()})
+                self._service.poll({link: p.subscribers for link, p in self._notifications.items()})
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
         return self._session.send(octets, visit)
@@ -146,7 +146,10 @@ def start_nxt(place: Place, brick: SimBrick, process: Process) -> None:
 
 
 class MocupTopics:
-    """The topics of MOCUP's executive, as `adapters.onboard.mocup` has them; its `MotionRover`."""
+    """The topics of MOCUP's executive, as `adapters.onboard.mocup` has them.
+
+    Its `DelegatedMotionRover`.
+    """
 
     def __init__(self, place: Place, settings: Settings, ledger: Ledger, process: Process) -> None:
         topics, name = process.world.topics, place.asset
@@ -165,7 +168,7 @@ class MocupTopics:
             _SOURCE,
             NAME,
         )
-        self.carry_out, self.halt = self._rover.carry_out, self._rover.halt
+        self.execute_motion, self.halt = self._rover.execute_motion, self._rover.halt
         self.emergency_stop = self._rover.emergency_stop
         self.point_camera = self._rover.point_camera
 
@@ -177,7 +180,7 @@ class MocupTopics:
         def reply(text: str) -> None:
             message = decode(text.encode())
             if message.code != DICTIONARY.spelling.housekeeping.code:
-                self._rover.take(message)
+                self._rover.on_reply(message)
             self.flush(executive)
 
         subscribe(f"{name}/notification", reply)
@@ -195,10 +198,10 @@ class MocupTopics:
         if self._listeners > before:
             with suppress(LedgerError):
                 first = self._ledger.last_sequence - _CLAIMED_AGAIN + 1
-                self.claims.again(self._ledger.reports(first))
+                self.claims.resend(self._ledger.reports(first))
         if self._listeners:
-            self.claims.look()
-        self._rover.remind()
+            self.claims.poll()
+        self._rover.retransmit()
 
     def request_frame(self) -> None:
         """Do nothing: nothing is photographed."""

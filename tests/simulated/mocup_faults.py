@@ -61,4 +61,4 @@ def claimed_in_two_commits() -> AbstractContextManager[object]:
 
 
 def announced_once() -> AbstractContextManager[object]:
-    return patch.object(ClaimAnnouncer, "look", lambda _: None)
+    return patch.object(ClaimAnnouncer, "poll", lambda _: None)

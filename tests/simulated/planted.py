@@ -96,7 +96,7 @@ def _send_before_commit() -> AbstractContextManager[object]:
 
 def _delivered_when_published() -> AbstractContextManager[object]:
     async def is_confirmed(self: BundleBridge, mark: int, within_s: float) -> bool:
-        return within_s == bridge.AGAIN_S or await original(self, mark, within_s)
+        return within_s == bridge.REPUBLISH_S or await original(self, mark, within_s)
 
     original = BundleBridge._is_confirmed
     return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
@@ -107,18 +107,18 @@ def _orbiter_forgets() -> AbstractContextManager[object]:
 
 
 def _ledger_forgets() -> AbstractContextManager[object]:
-    reach = Ledger.reach
+    reach = Ledger.set_stage
 
     def forget(self: Ledger, identity: Identity, stage: Stage) -> None:
         reach(self, identity, stage)
         if type(self) is Ledger and stage in TERMINAL and identity.command_id % 5 == 0:
             self.prune(identity, stage)
 
-    return patch.object(Ledger, "reach", forget)
+    return patch.object(Ledger, "set_stage", forget)
 
 
 def _relayed_not_remembered() -> AbstractContextManager[object]:
-    return patch.object(RelayRecord, "remember", _nothing)
+    return patch.object(RelayRecord, "add", _nothing)
 
 
 def _relay_refuses_overtaken() -> AbstractContextManager[object]:
@@ -126,15 +126,19 @@ def _relay_refuses_overtaken() -> AbstractContextManager[object]:
         self: BundleBridge, asked: Sequence[BundledCommand], *, stops: bool
     ) -> None:
         while True:
-            late = [] if stops else [each for each in asked if self._last_stop.overtakes(each.made)]
+            late = (
+                []
+                if stops
+                else [each for each in asked if self._last_stop.overtakes(each.creation)]
+            )
             for each in late:
                 why = ("a stop has overtaken it", Reason.STOPPED)
-                await self._keep(str(refusal_of(each.message, self._settings.asset, *why)))
+                await self._store(str(refusal_of(each.message, self._settings.asset, *why)))
             asked = [each for each in asked if each not in late]
             text = "".join(str(each.message) for each in asked)
             if text and self._topics.has_listener(stops=stops):
                 self._topics.publish(text, stops=stops)
-            if not text or await self._is_confirmed(fingerprint(text), bridge.AGAIN_S):
+            if not text or await self._is_confirmed(fingerprint(text), bridge.REPUBLISH_S):
                 return
 
     return patch.object(BundleBridge, "_hand_over", hand_over)
@@ -203,7 +207,7 @@ def _answer_published_once() -> AbstractContextManager[object]:
     def confirm(self: ExecutiveRelayLink, commands: int, answers: Sequence[Message]) -> None:
         self._topics.confirm(commands)
         for each in answers:
-            self._say(each)
+            self._publish_message(each)
 
     return patch.object(ExecutiveRelayLink, "_confirm", confirm)
 
@@ -214,24 +218,24 @@ def _dropped_after_30_times() -> AbstractContextManager[object]:
 
     async def is_confirmed(self: BundleBridge, mark: int, within_s: float) -> bool:
         published = times.setdefault(self, Counter())
-        published[mark] += within_s == bridge.AGAIN_S
+        published[mark] += within_s == bridge.REPUBLISH_S
         return await original(self, mark, within_s) or published[mark] >= 30
 
     return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
 
 
 def _last_stop_not_kept() -> AbstractContextManager[object]:
-    return patch.object(LastStop, "keep", _nothing)
+    return patch.object(LastStop, "save", _nothing)
 
 
 def _overtaken_executed() -> AbstractContextManager[object]:
-    examine = Dispatcher._examine
+    examine = Dispatcher._check
 
     def unmarked(self: Dispatcher, command: Command, overtaken: bool) -> Refusal | None:
         object.__setattr__(command, "overtaken", False)
         return examine(self, command, overtaken)
 
-    return patch.object(Dispatcher, "_examine", unmarked)
+    return patch.object(Dispatcher, "_check", unmarked)
 
 
 def _published_before_commit() -> AbstractContextManager[object]:
@@ -282,7 +286,7 @@ def _later_by_a_step_back() -> AbstractContextManager[object]:
     unconfirmed = Outbox.unconfirmed
 
     def forgetful(self: Outbox, now_utc_ms: int) -> list[str]:
-        self._looked_utc_ms = now_utc_ms
+        self._checked_utc_ms = now_utc_ms
         return unconfirmed(self, now_utc_ms)
 
     return patch.object(Outbox, "unconfirmed", forgetful)

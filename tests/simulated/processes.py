@@ -10,12 +10,12 @@ from typing import Final, Protocol
 from adapters.bundle import Peer
 from adapters.mops import MopsError, load_dictionary
 from adapters.mrs.link import MrsLink
-from adapters.mrs.terms import CLEAR
+from adapters.mrs.transport import CLEAR
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.relay import run
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
-from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
+from adapters.relay.rover.executive_link import POLL_S, ExecutiveRelayLink
 from executive.core.runner import Executive
 from executive.record import Ledger
 from executive.settings import Settings
@@ -179,7 +179,7 @@ class ExecutiveTopics:
         subscribe = partial(self._topics.subscribe, self._process)
         subscribe(f"{self._asset}/stop", command, self._stops_loop)
         subscribe(f"{self._asset}/command", command)
-        subscribe(f"{self._asset}/kept", link.kept)
+        subscribe(f"{self._asset}/kept", link.on_confirmed)
 
     def publish(self, text: str) -> None:
         self._reports.publish(text)
@@ -270,7 +270,7 @@ def start_executive(place: Place, below: Below, settings: Settings, process: Pro
         for fact in below.sense(now_s):
             executive.observe(fact)
 
-    process.run(tick(executive, sense, relay.look, below.rest_s))
+    process.run(tick(executive, sense, relay.poll, below.rest_s))
 
 
 async def tick(
@@ -284,7 +284,7 @@ async def tick(
     Args:
         executive: that is run.
         sense: called before each tick, with the time.
-        look: called every `LOOK_S`, at ticks.
+        look: called every `POLL_S`, at ticks.
         rest_s: between two ticks while nothing is commanded.
     """
     loop, woken = asyncio.get_running_loop(), asyncio.Event()
@@ -298,7 +298,7 @@ async def tick(
         now_s = loop.time()
         sense(now_s)
         executive.tick()
-        if now_s - looked_s >= LOOK_S:
+        if now_s - looked_s >= POLL_S:
             looked_s = now_s
             look()
         busy = executive.active_command is not None or executive.waiting > 0
@@ -310,5 +310,5 @@ async def tick(
             except TimeoutError:
                 break
             woken.clear()
-            executive.turn()
+            executive.serve_inbox()
             next_s = min(next_s, loop.time() + TICK_S)

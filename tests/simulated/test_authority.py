@@ -69,7 +69,7 @@ def test_a_command_without_it_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def judge(*_: object) -> None:
         return None
 
-    monkeypatch.setattr(Authority, "judge", judge)
+    monkeypatch.setattr(Authority, "check_command", judge)
     found = {finding.what for finding in played(*PASSED_ON).findings}
     assert found == {"a command was accepted without the authority"}
 
@@ -95,6 +95,6 @@ def test_a_grant_that_is_told_and_not_written_is_found(monkeypatch: pytest.Monke
     def keep(*_: object) -> None:
         return None
 
-    monkeypatch.setattr(AuthorityRecord, "keep", keep)
+    monkeypatch.setattr(AuthorityRecord, "save", keep)
     found = {finding.what for finding in played(*PASSED_ON).findings}
     assert "an operator was told of a grant that is not on the disk" in found

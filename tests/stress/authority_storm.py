@@ -18,7 +18,7 @@ from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed
 from executive.commands.lifecycle import Admitted
 from executive.core.authority import AuthorityState
 from executive.record import AuthorityRecord
-from executive.settings import FEWEST_REPORTS, AuthoritySettings, Settings
+from executive.settings import MIN_REPORTS, AuthoritySettings, Settings
 from executive.values.facts import AuthorityUsed
 from executive.values.ports import Downlink
 from executive.values.reasons import Refusal
@@ -231,7 +231,7 @@ class BrickBench(Bench):
             "EXEC",
             "MOCUP",
         )
-        self.claims.again(())
+        self.claims.resend(())
         return [*super().downlinks(), self.claims]
 
     def _tell(self, text: str) -> None:
@@ -239,7 +239,7 @@ class BrickBench(Bench):
 
     def relayed(self, command: Command) -> bool:
         """Have a command come by the relay; return whether the brick was asked for it."""
-        self.executive.turn()
+        self.executive.serve_inbox()
         conditions = CommandConditions(command.authority)
         message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
         self.nxt.command(BrickLink.RELAY, message)
@@ -285,7 +285,7 @@ class BrickStorm(Storm):
         if self.random.random() < 0.2:
             self.bench.nxt.start(self.bench.nxt.router.record)
             for _ in range(3):
-                self.bench.nxt.router.look()
+                self.bench.nxt.router.poll()
         identity = Identity(source, self.number)
         return self.bench.relayed(Command(identity, request, RELAY_LINK, authority=claim))
 
@@ -302,7 +302,7 @@ def measure(
         tell: called with a line on each failure.
         brick: whether the relay's commands go to a brick, by `rover-nxt`.
     """
-    settings = replace(settings, authority=RULES, kept_reports=FEWEST_REPORTS)
+    settings = replace(settings, authority=RULES, kept_reports=MIN_REPORTS)
     findings = Findings(tell)
     with tempfile.TemporaryDirectory() as name:
         folder, random = Path(name), Random(seed)

@@ -79,7 +79,7 @@ def raises() -> None:
     def ask(*_: object) -> None:
         raise RuntimeError("broken")
 
-    CoreGateway.ask = ask  # type: ignore[assignment, method-assign]
+    CoreGateway.query = ask  # type: ignore[assignment, method-assign]
 
 
 def grows() -> None:

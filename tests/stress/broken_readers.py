@@ -96,7 +96,7 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
         else:
             self.ports.to_brick(encode(message), 1)
 
-    _around(patch, Router, "_take", take)
+    _around(patch, Router, "_handle_message", take)
 
 
 def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
@@ -108,7 +108,7 @@ def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
         forged = self._dictionary.command(SetTravelSpeed(0.25), nobody, self._asset)
         method(forged, *told)
 
-    _around(patch, ExecutiveRelayLink, "_take", take)
+    _around(patch, ExecutiveRelayLink, "_handle_message", take)
 
 
 def moves(patch: pytest.MonkeyPatch) -> None:

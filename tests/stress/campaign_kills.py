@@ -20,7 +20,7 @@ from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign, Integers, Success, Variation
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import CampaignSession
-from sim.campaign.worker import play_job
+from sim.campaign.worker import run_job
 from tests.stress.findings import Findings, Tell
 from tests.support.figures import Figure, Goal
 
@@ -51,7 +51,7 @@ class Killer:
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Need nothing of that."""
 
-    def played(self, run: CampaignRun) -> None:
+    def on_run(self, run: CampaignRun) -> None:
         """Kill a worker soon, if it is time."""
         self._until -= 1
         if self._until == 0 and self._left:
@@ -116,5 +116,5 @@ def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> l
 
 def _play(client: Client, campaign: Campaign, folder: Path, killer: Killer) -> RunTable:
     runs = RunTable(folder, quantities(campaign))
-    CampaignSession(campaign, runs, partial(results, client, play_job), killer).to_the_end()
+    CampaignSession(campaign, runs, partial(results, client, run_job), killer).to_the_end()
     return runs

@@ -13,8 +13,8 @@ from executive.commands import (
     Request,
     SubmitPlan,
     ValueRange,
+    all_declarations,
     arguments_of,
-    declared,
 )
 from executive.values.reports import Identity
 
@@ -24,7 +24,7 @@ SMALL_FILES: Final = 1000
 PER_PLAN: Final = 25
 """Commands in a row that, if they are about a plan, are about the same one."""
 ODD: Final = (nan, inf, -0.0, 1e9)
-FAMILIES: Final = {each: [d for d in declared() if d.family is each] for each in Family}
+FAMILIES: Final = {each: [d for d in all_declarations() if d.family is each] for each in Family}
 WEIGHTS: Final = {Family.MOTION: 8, Family.CAMERA: 2, Family.PLAN: 2, Family.PLAN_START: 2,
                   Family.RESUME: 2}  # fmt: skip
 """How often a family comes, where not once."""
@@ -83,7 +83,7 @@ def random_request(random: Random, number: int, odd: float = 0.0) -> Request:
         return kind(**{each.field: value(each) for each in arguments})
 
     def value(argument: Argument) -> Any:
-        if argument.many:
+        if argument.repeated:
             return tuple(one(argument) for _ in range(random.randrange(4)))
         # What a picture is to be like, assets rarely choose.
         left_out = argument.optional and (argument.choices or random.random() < 0.5)

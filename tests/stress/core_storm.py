@@ -14,7 +14,7 @@ from typing import Final
 
 from executive.commands import Mode
 from executive.commands.catalogue import Command, PreemptionPolicy, Stop
-from executive.settings import FEWEST_REPORTS, Settings
+from executive.settings import MIN_REPORTS, Settings
 from executive.values.geometry import STANDING
 from executive.values.reports import Identity, Report
 from sim.rover import World
@@ -50,7 +50,7 @@ class Storm:
     """
 
     def __init__(self, settings: Settings, folder: Path, random: Random, tell: Tell) -> None:
-        forgetful = replace(settings, kept_reports=FEWEST_REPORTS)
+        forgetful = replace(settings, kept_reports=MIN_REPORTS)
         self.lockstep = LockStep(forgetful, World(), folder, picture=PICTURE)
         self.random = random
         self.sent: list[Command] = []
@@ -102,7 +102,7 @@ class Storm:
         self.let_time_pass(2)
         self.lockstep.submit(Command(END, Stop(), "direct"))
         self.let_time_pass(round(REST_S / self._tick_s))
-        self.lockstep.executive.abandon()
+        self.lockstep.executive.simulate_crash()
         for fault, about in broken_lives(self._reports):
             self.findings.add(fault, about)
         return self.findings
@@ -117,7 +117,7 @@ class Storm:
         executive = self.lockstep.executive
         since = self._reports[-1].sequence + 1 if self._reports else 1
         if executive.last_sequence >= since:
-            self._reports += executive.reports(since, count=FEWEST_REPORTS)
+            self._reports += executive.reports(since, count=MIN_REPORTS)
 
     def _look(self) -> None:
         executive = self.lockstep.executive

@@ -15,7 +15,7 @@ from typing import Final
 
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import Stage
-from adapters.mrs.terms import NAME
+from adapters.mrs.transport import NAME
 from executive.commands import (
     DriveFor,
     MoveForward,

@@ -16,7 +16,7 @@ from typing import Final
 
 from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
 from adapters.mrs.ground import MrsClient, TransferError, parse_address
-from adapters.mrs.ground.file_retrieval import SILENT
+from adapters.mrs.ground.file_retrieval import RETRYABLE_ERRORS
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
@@ -28,7 +28,7 @@ from adapters.mrs.spec import (
     report_of,
     supplements_of,
 )
-from adapters.mrs.terms import CLEAR
+from adapters.mrs.transport import CLEAR
 from executive.commands.catalogue import Command, Stop
 from executive.values.reports import Identity
 from tests.stress.command_generator import SOURCE, random_command
@@ -52,7 +52,7 @@ REPEATED: Final = 0.2
 """Of the bursts: with a command that was sent before, though it may well have been answered."""
 QUIET_S: Final = 3.0
 """Without news, after which there is none."""
-UNANSWERED: Final = {*SILENT, StandardError.INTERNAL.value}
+UNANSWERED: Final = {*RETRYABLE_ERRORS, StandardError.INTERNAL.value}
 """Errors that do not say whether the rover took the command."""
 Restore = Callable[[RoverConsumer], Awaitable[None]]
 

@@ -22,7 +22,7 @@ from adapters.mal import (
     Specification,
     StandardError,
 )
-from adapters.mal.codec import SHORTEST, decode_message
+from adapters.mal.codec import MIN_MESSAGE_OCTETS, decode_message
 from adapters.mal.connection import MESSAGE_CAP as SKIPPED_CAP
 from adapters.mal.specification import REPLY
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
@@ -99,7 +99,7 @@ class Judge:
             if MESSAGE_CAP < length <= SKIPPED_CAP:
                 self.skips = True  # all that follows belongs to it
                 break
-            if not SHORTEST <= length <= MESSAGE_CAP:
+            if not MIN_MESSAGE_OCTETS <= length <= MESSAGE_CAP:
                 self.ended = True
             elif len(waiting) - at < length:
                 break

@@ -15,7 +15,7 @@ from random import Random
 from typing import Any, Final
 
 from adapters.mal import Codec, Encoding, MalUri, Operation
-from adapters.mrs.fleet.directory_service import MOST_SERVICES
+from adapters.mrs.fleet.directory_service import MAX_SERVICES
 from adapters.mrs.spec import CommandHeader, mrs_specification
 from executive.settings import Settings
 from tests.stress.findings import Tell
@@ -207,5 +207,5 @@ def _figures(results: Sequence[Result], providers: int) -> list[Figure]:
         *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in ALLOWED),
         *(Figure(f"fuzz: {t}", n, unit, beside, Goal(0)) for t, (n, unit) in must_not.items()),
         Figure("fuzz: memory gained", grown_mb, "MB", "since 30% of it", limit),
-        Figure("fuzz: connections kept", kept, "connections", registered, Goal(MOST_SERVICES)),
+        Figure("fuzz: connections kept", kept, "connections", registered, Goal(MAX_SERVICES)),
     ]

@@ -26,7 +26,7 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mal.attribute_codec import WRITERS, Writer
-from adapters.mal.codec import SHORTEST, TypeCodec
+from adapters.mal.codec import MIN_MESSAGE_OCTETS, TypeCodec
 from adapters.mal.specification import REPLY
 from adapters.mrs.spec import CommandHeader
 from tests.mal.strategies import TEXT, VALUES, Strategies, integers
@@ -315,7 +315,10 @@ class Messages:
         return self._whole(sound, body=sound.body + self._whole(self._random.choice(self._pool)))
 
     def _head_octet(self, sound: Sound) -> bytes:
-        at, message = self._random.randrange(_KIND, SHORTEST), bytearray(self._whole(sound))
+        at, message = (
+            self._random.randrange(_KIND, MIN_MESSAGE_OCTETS),
+            bytearray(self._whole(sound)),
+        )
         message[at] = self._random.randrange(256)
         return bytes(message)
 

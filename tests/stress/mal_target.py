@@ -17,7 +17,7 @@ import psutil
 
 from adapters.mal import Connection, Encoding
 from adapters.mrs.link import MrsLink
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from executive.settings import Settings
 from executive.values.geometry import STANDING
 from executive.values.reports import Stage
@@ -108,7 +108,7 @@ class Target:
         """Wait for a command or for the next tick, and serve it."""
         self._wake.wait(max(0.0, self._next_s - time.monotonic()))
         self._wake.clear()
-        self._lockstep.executive.turn()
+        self._lockstep.executive.serve_inbox()
         self._watch()
         if time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + _TURN_S
@@ -137,7 +137,7 @@ class Target:
         self._lockstep.executive.close()
 
     def _watch(self) -> None:
-        executive, heard = self._lockstep.executive, self._lockstep.heard
+        executive, heard = self._lockstep.executive, self._lockstep.downlink_record
         commanded = not self._held and executive.moving
         here = self._lockstep.rover.true_pose
         way_m = hypot(here.x_m - self._begun.x_m, here.y_m - self._begun.y_m)

@@ -78,7 +78,7 @@ class Aboard:
             self._link.command(text)
         except MopsError as error:
             self._refused.append(str(error))
-        self._executive.turn()
+        self._executive.serve_inbox()
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
         self._keep()
@@ -100,12 +100,12 @@ class Aboard:
     def _pass_time(self) -> None:
         self._clock.set(self._clock.now_s() + self._tick_s)
         self._executive.tick()
-        self._link.look()
+        self._link.poll()
 
     def _keep(self) -> None:
         """Keep all that was told, and what is told thereupon."""
         for said in self._wire.said:
-            self._link.kept(fingerprint(said))
+            self._link.on_confirmed(fingerprint(said))
 
 
 def _identity(command: bytes) -> Identity:

@@ -133,7 +133,7 @@ class Parsers:
             parameters_of(message, telemetry, 0.0)
             tuple(facts_of(message, telemetry, 0.0))
         self._tray.put(str(message), self._lines.append)
-        self._tray.take(0, 1)
+        self._tray.pop(0, 1)
         with suppress(MopsError):
             self._write(dictionary.request(message), message.dest, findings)
 
@@ -173,7 +173,7 @@ class Brick:
         if way is None:
             wanted = self._judge.cut(octets)
             for portion in portions:
-                self._router.heard(portion)
+                self._router.on_octets(portion)
             asked: list[bytes] = []
         else:
             text = octets.decode("utf-8", "replace")

@@ -21,7 +21,7 @@ from adapters.cli.log import log
 from adapters.cli.watch import watch
 from adapters.cli.why import why
 from adapters.console.recordings import Recordings
-from adapters.console.web import answer
+from adapters.console.web import json_response
 from adapters.recording import RecordingError, complete, frames
 from adapters.recording.commands import replay
 from adapters.system import OPERATING_SYSTEM
@@ -95,7 +95,7 @@ def _console(path: Path, folder: Path) -> str:
     async def look() -> None:
         recordings = Recordings(folder, lambda _: None, OPERATING_SYSTEM.utc_s)
         try:
-            answer((await recordings.open(path)).entry)
+            json_response((await recordings.open(path)).entry)
         finally:
             await recordings.close()
 

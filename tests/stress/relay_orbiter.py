@@ -120,9 +120,9 @@ class Witness(OrbiterRelay):
     def watch(self, journal: Journal, life: int) -> None:
         self._journal, self._life = journal, life
 
-    def _hear(self, delivery: Delivery) -> None:
+    def _on_delivery(self, delivery: Delivery) -> None:
         self._journal.write(GIVEN, self._life, str(delivery.identity))
-        super()._hear(delivery)
+        super()._on_delivery(delivery)
 
 
 async def serve(settings_file: Path, data: Path, folder: Path, life: int, messages: int) -> None:
@@ -139,7 +139,7 @@ async def serve(settings_file: Path, data: Path, folder: Path, life: int, messag
             group.create_task(ground.send())
             while True:
                 try:
-                    relay.look()
+                    relay.poll()
                 except LedgerError as error:
                     logging.getLogger(ASSET).error("%s", error)
                 await asyncio.sleep(LOOK_S)

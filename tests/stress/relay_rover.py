@@ -87,7 +87,7 @@ class Rover:
             if report is None:
                 report = self._done(command)
                 self._ledger.record(command)
-                self._ledger.append(report)
+                self._ledger.append_report(report)
             self._ledger.commit()
             self._link.report((report,))
             answer(Repeated(report))

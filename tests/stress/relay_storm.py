@@ -208,7 +208,7 @@ class Storm:
         self._proxy.child.end()
         for path in self.orbiter.disk.folder.glob(f"{ASSET}.sqlite*"):
             shutil.copy(path, self._folder / path.name.replace(ASSET, "orbiter"))
-        said = self._proxy.child.said(re.compile(f"{lossy_link.DONE}(.*)"))
+        said = self._proxy.child.find_output(re.compile(f"{lossy_link.DONE}(.*)"))
         pairs = (word.split("=") for word in said[1].split()) if said else ()
         return [Figure(f"relay: {lossy_link.COUNTS[kind]}", int(n), "") for kind, n in pairs]
 

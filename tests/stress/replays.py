@@ -215,4 +215,4 @@ def _replayed(path: Path) -> Outcome:
         text = f"after {found.time_s:.2f} s, {' | '.join(found.lines)}"
     elif not replayed.whole:
         fault = ReplayFault.INCOMPLETE
-    return Outcome(fault, text, replayed.lives, replayed.ticks, replayed.decisions)
+    return Outcome(fault, text, replayed.starts, replayed.ticks, replayed.decisions)

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from sim.campaign.worker import Job, JobResult, play_job
+from sim.campaign.worker import Job, JobResult, run_job
 from tests.stress import campaign_kills
 
 
@@ -19,7 +19,7 @@ def judged(seed: int = 3) -> dict[str, float]:
 @cache
 def played(job: Job) -> JobResult:
     """Play a run, once for all tests: these are about what becomes of it."""
-    result = play_job(job)
+    result = run_job(job)
     assert isinstance(result, JobResult)
     return result
 
@@ -56,7 +56,7 @@ def test_each_fault_is_noticed(
     def here(_: object, __: object, jobs: Iterable[Job]) -> Iterator[JobResult]:
         yield from next(spoils)([played(job) for job in jobs])
 
-    monkeypatch.setattr(campaign_kills.Killer, "played", lambda *_: None)
+    monkeypatch.setattr(campaign_kills.Killer, "on_run", lambda *_: None)
     monkeypatch.setattr(campaign_kills, "local_cluster", lambda _: Nobody())
     monkeypatch.setattr(campaign_kills, "results", here)
     found = judged()

@@ -31,7 +31,7 @@ class AskedAuthority:
 
     def _ask(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
         executive, answers = self._bench.executive, list[AuthorityState | Refusal]()
-        executive.ask(lambda: answers.append(executive.ask_authority(asked)))
-        executive.turn()
+        executive.query(lambda: answers.append(executive.request_authority(asked)))
+        executive.serve_inbox()
         (answer,) = answers
         return answer

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
 from adapters.mrs.ground import CommandOutcome, MrsClient
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import Request
 
 LIMIT_S = 120.0

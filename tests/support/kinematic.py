@@ -128,10 +128,10 @@ class VideoSwitch:
     """A video stream that only knows whether it is on."""
 
     def __init__(self) -> None:
-        self.on = False
+        self.enabled = False
 
-    def switch(self, on: bool) -> None:
-        self.on = on
+    def set_enabled(self, on: bool) -> None:
+        self.enabled = on
 
 
 class Bench:
@@ -183,7 +183,7 @@ class Bench:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.executive.abandon()
+        self.executive.simulate_crash()
 
     def _start(self) -> Executive:
         self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
@@ -214,7 +214,7 @@ class Bench:
 
     def crash(self) -> None:
         """Lose the process as kill -9 does, and start another on the same ledger."""
-        self.executive.abandon()
+        self.executive.simulate_crash()
         self.executive = self._start()
 
     def submit(self, request: Request, number: int, **options: object) -> SubmitResult:
@@ -235,7 +235,7 @@ class Bench:
         """Send a command."""
         answers: list[SubmitResult] = []
         self.executive.submit(command, answers.append)
-        self.executive.turn()
+        self.executive.serve_inbox()
         (answer,) = answers
         return answer
 

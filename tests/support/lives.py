@@ -11,5 +11,6 @@ def lives(record: Record) -> Lives:
     """Return what was reported of each command."""
     labels = dict.fromkeys(sent.label for sent in record.sendings)
     return {
-        label: [(report.stage, report.reason) for report in record.life(label)] for label in labels
+        label: [(report.stage, report.reason) for report in record.reports_of(label)]
+        for label in labels
     }

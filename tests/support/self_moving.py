@@ -29,7 +29,7 @@ class SelfMovingRover(KinematicRover):
     _motion: WholeMotion | None = None
     _left_s: float = 0.0
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         self.told.append(motion)
         if self.deaf:
             return

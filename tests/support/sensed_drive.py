@@ -106,7 +106,7 @@ class SensedDrive:
     def _tick(self) -> None:
         changes = self.safety.check(self.moving)
         self.begun += changes.begun
-        self.over += changes.over
+        self.over += changes.ended
         self.commanded = Velocity(
             _toward(self.commanded.travel_mps, self.wanted.travel_mps, 0.05),
             _toward(self.commanded.rotate_radps, self.wanted.rotate_radps, 0.15),

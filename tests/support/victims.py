@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from sim.processes import free_place
+from sim.processes import allocate_address
 from sim.processes.children import ChildProcess
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
@@ -47,7 +47,7 @@ class Victim:
     def wait(self, pattern: str = "", limit_s: float = START_S) -> re.Match[str]:
         """Wait until it says something: that it is up, unless told otherwise."""
         deadline_s, wanted = time.monotonic() + limit_s, re.compile(pattern or self._up)
-        while (found := self.child.said(wanted)) is None:
+        while (found := self.child.find_output(wanted)) is None:
             self.child.check()
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"{self.child.name} never says {wanted.pattern!r}")
@@ -89,7 +89,7 @@ def workplace(keep: Path | None = None) -> Iterator[Workplace]:
 
     Must be called on the main thread, which no other thread may run beside yet.
     """
-    with free_place() as place, tempfile.TemporaryDirectory(prefix="rover-") as passing:
+    with allocate_address() as place, tempfile.TemporaryDirectory(prefix="rover-") as passing:
         found = Workplace(keep or Path(passing), place.domain)
         try:
             yield found

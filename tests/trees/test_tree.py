@@ -17,8 +17,8 @@ from trees import (
     RoverTree,
     TreeNodeSnapshot,
     as_svg,
-    looks,
-    served,
+    commands_by_node,
+    display_statuses,
 )
 from trees.cli import tree
 from trees.motion import Turn
@@ -72,7 +72,7 @@ def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench)
 def test_a_branch_names_the_command_that_it_works_on_until_the_next(bench: Bench) -> None:
     def working() -> dict[str, str]:
         found = tuple(snapshot(bench).values())
-        pairs = zip(found, served(found), strict=True)
+        pairs = zip(found, commands_by_node(found), strict=True)
         return {node.name: command for node, command in pairs if command is not None}
 
     assert working() == {}
@@ -109,7 +109,7 @@ def test_every_motion_and_camera_goal_has_a_leaf(bench: Bench, request_: Request
     found = tuple(snapshot(bench).values())
     leaves = {
         command
-        for node, command in zip(found, served(found), strict=True)
+        for node, command in zip(found, commands_by_node(found), strict=True)
         if node.kind is NodeKind.LEAF and node.status is NodeStatus.RUNNING
     }
     assert leaves == {"MOE:1"}, "no leaf works on the goal"
@@ -154,7 +154,7 @@ def _node(path: str, kind: NodeKind, status: NodeStatus) -> TreeNodeSnapshot:
 
 def test_a_guard_that_finds_nothing_is_no_failure_but_a_leaf_that_gave_up_is() -> None:
     fails = NodeStatus.FAILURE
-    seen = looks(
+    seen = display_statuses(
         [
             _node("a", NodeKind.SELECTOR, fails),
             _node("a/stop", NodeKind.SEQUENCE, fails),

@@ -93,7 +93,7 @@ def refused(source: socket.socket) -> bool:
 def test_forwards_octet_for_octet(
     forwarder: VideoForwarder, source: socket.socket, ground: socket.socket, length: int
 ) -> None:
-    forwarder.switch(True)
+    forwarder.set_enabled(True)
     sent = bytes(index * 7 % 251 for index in range(length))
     source.send(sent)
     assert ground.recv(1 << 16) == sent
@@ -102,7 +102,7 @@ def test_forwards_octet_for_octet(
 def test_forwards_in_order(
     forwarder: VideoForwarder, settings: VideoSettings, ground: socket.socket
 ) -> None:
-    forwarder.switch(True)
+    forwarder.set_enabled(True)
     with udp_socket() as one, udp_socket() as other:
         for number in range(500):
             message = number.to_bytes(2)
@@ -113,17 +113,17 @@ def test_forwards_in_order(
 def test_off_closes_the_port_and_on_opens_it_again(
     forwarder: VideoForwarder, source: socket.socket, ground: socket.socket
 ) -> None:
-    assert not forwarder.on
+    assert not forwarder.enabled
     assert refused(source)
     for _ in range(3):
-        forwarder.switch(True)
-        forwarder.switch(True)
+        forwarder.set_enabled(True)
+        forwarder.set_enabled(True)
         source.send(b"picture")
-        states = [forwarder.on]
+        states = [forwarder.enabled]
         assert ground.recv(100) == b"picture"
-        forwarder.switch(False)
-        forwarder.switch(False)
-        assert [*states, forwarder.on] == [True, False]
+        forwarder.set_enabled(False)
+        forwarder.set_enabled(False)
+        assert [*states, forwarder.enabled] == [True, False]
         assert refused(source)
 
 
@@ -134,30 +134,30 @@ def test_off_tells_how_much_it_was(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.INFO)
-    forwarder.switch(True)
+    forwarder.set_enabled(True)
     for message in (b"abc", b"de"):
         source.send(message)
         ground.recv(100)
-    forwarder.switch(False)
+    forwarder.set_enabled(False)
     assert "video off: 2 datagrams, 5 octets forwarded, 0 datagrams lost" in caplog.messages
 
 
 def test_a_port_that_is_taken(forwarder: VideoForwarder, settings: VideoSettings) -> None:
     with udp_socket(settings.listen_port):
         with pytest.raises(OSError, match="in use") as raised:
-            forwarder.switch(True)
-        states = [forwarder.on]
+            forwarder.set_enabled(True)
+        states = [forwarder.enabled]
     assert raised.value.strerror == (
         f"cannot listen at UDP {HOST}:{settings.listen_port}: Address already in use"
     )
-    forwarder.switch(True)
-    assert [*states, forwarder.on] == [False, True]
+    forwarder.set_enabled(True)
+    assert [*states, forwarder.enabled] == [False, True]
 
 
 def test_an_address_that_is_not_here(settings: VideoSettings) -> None:
     forwarder = VideoForwarder(replace(settings, listen_host="192.0.2.1"))
     with pytest.raises(OSError, match="cannot listen at UDP 192"):
-        forwarder.switch(True)
+        forwarder.set_enabled(True)
 
 
 @pytest.mark.parametrize(
@@ -167,8 +167,8 @@ def test_a_loop_is_refused(settings: VideoSettings, listen: str, to: str) -> Non
     looped = replace(settings, listen_host=listen, to_host=to, to_port=settings.listen_port)
     forwarder = VideoForwarder(looped)
     with pytest.raises(OSError, match="is its own port: a loop"):
-        forwarder.switch(True)
-    assert not forwarder.on
+        forwarder.set_enabled(True)
+    assert not forwarder.enabled
 
 
 def test_a_destination_that_refuses_does_not_end_it(
@@ -177,7 +177,7 @@ def test_a_destination_that_refuses_does_not_end_it(
     address = ground.getsockname()
     ground.close()
     with closing(VideoForwarder(settings)) as forwarder:
-        forwarder.switch(True)
+        forwarder.set_enabled(True)
         for _ in range(100):
             source.send(b"into the void")
         with udp_socket(address[1]) as late:
@@ -185,7 +185,7 @@ def test_a_destination_that_refuses_does_not_end_it(
                 source.send(b"now")
             while late.recv(100) != b"now":
                 pass
-        assert forwarder.on
+        assert forwarder.enabled
 
 
 def test_what_cannot_be_sent_is_counted_and_told_once(
@@ -209,7 +209,7 @@ def test_goes_to_a_broadcast_address(settings: VideoSettings, source: socket.soc
         udp_socket(host="127.255.255.255") as listener,
         closing(VideoForwarder(replace(settings, **to(listener)))) as forwarder,
     ):
-        forwarder.switch(True)
+        forwarder.set_enabled(True)
         source.send(b"to all")
         assert listener.recv(100) == b"to all"
 
@@ -251,14 +251,14 @@ def test_a_name_is_looked_up_without_waiting_for_it(
     monkeypatch.setattr(socket, "getaddrinfo", names)
     with closing(VideoForwarder(replace(settings, to_host="ground"))) as forwarder:
         with pytest.raises(OSError, match="ground is being resolved: try again in a moment"):
-            forwarder.switch(True)
+            forwarder.set_enabled(True)
         names.answer()
         with pytest.raises(OSError, match="unknown host ground"):
-            forwarder.switch(True)
-        assert not forwarder.on
+            forwarder.set_enabled(True)
+        assert not forwarder.enabled
         names.up = True
         names.answer()
-        forwarder.switch(True)
+        forwarder.set_enabled(True)
         source.send(b"found")
         assert ground.recv(100) == b"found"
 

@@ -16,7 +16,7 @@ from PIL import Image
 from adapters.cli.main import main
 from adapters.video import JpegStream
 from executive.settings import SettingsError
-from sim.ros.video_stream import MOST_SCAN, RtpJpegSender, VideoStream
+from sim.ros.video_stream import MAX_SCAN_OCTETS, RtpJpegSender, VideoStream
 from tests.support.ports import free_udp_ports
 from tests.video.test_forwarder import HOST, udp_socket
 
@@ -68,7 +68,7 @@ def test_packets_are_numbered_timed_and_short() -> None:
     assert {packet[8:12] for packet in packets} == {bytes.fromhex("deadbeef")}
     assert {int.from_bytes(packet[4:8]) for packet in packets} == {90_000, 108_000}
     assert [packet[1] for packet in packets].count(0x80 | 26) == 2
-    assert max(map(len, packets)) <= MOST_SCAN + RTP_HEADER + 8 + 4 + 128
+    assert max(map(len, packets)) <= MAX_SCAN_OCTETS + RTP_HEADER + 8 + 4 + 128
 
 
 def test_numbers_and_times_wrap() -> None:

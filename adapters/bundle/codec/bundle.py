@@ -263,7 +263,7 @@ def decode_hop_count(data: bytes) -> HopCount:
 
 
 _EXPEDITED_CLASS: Final = 2  # of ION's quality-of-service block
-MOST_EXPEDITED_OCTETS: Final = 4096
+MAX_EXPEDITED_OCTETS: Final = 4096
 
 
 def expedited_block(number: int) -> Block:
@@ -277,9 +277,9 @@ def expedited_block(number: int) -> Block:
 
 
 def is_expedited(bundle: Bundle) -> bool:
-    """Return whether a bundle is expedited; payloads above `MOST_EXPEDITED_OCTETS` never are."""
+    """Return whether a bundle is expedited; payloads above `MAX_EXPEDITED_OCTETS` never are."""
     block = bundle.block(BlockType.QUALITY)
-    if block is None or len(bundle.payload) > MOST_EXPEDITED_OCTETS:
+    if block is None or len(bundle.payload) > MAX_EXPEDITED_OCTETS:
         return False
     reader = cbor.Reader(block.data)
     try:

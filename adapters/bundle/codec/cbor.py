@@ -13,7 +13,7 @@ BREAK: Final = b"\xff"
 OPEN_ARRAY: Final = b"\x9f"
 FALSE: Final = b"\xf4"
 TRUE: Final = b"\xf5"
-GREATEST: Final = 2**64 - 1
+MAX_UNSIGNED: Final = 2**64 - 1
 
 _UNSIGNED, _OCTETS, _TEXT, _ARRAY = 0, 2, 3, 4
 _KINDS: Final = ("unsigned", "negative", "octet string", "text", "array", "map", "tag", "simple")

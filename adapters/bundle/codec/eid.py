@@ -10,7 +10,7 @@ from adapters.bundle.codec import cbor
 _DTN, _IPN = 1, 2  # URI scheme codes (RFC 9171, 4.2.5.1)
 _IPN_TEXT: Final = re.compile(r"ipn:(?:(\d{1,10})\.)?(\d{1,20})\.(\d{1,20})", re.ASCII)
 _DTN_TEXT: Final = re.compile(r"dtn:(//[!-~]+)", re.ASCII)
-_MOST_TEXT: Final = 1024  # chosen, not measured
+_MAX_TEXT_LENGTH: Final = 1024  # chosen, not measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,9 @@ def parse_eid(text: str) -> Eid:
         return NONE
     if found := _IPN_TEXT.fullmatch(text):
         allocator, node, service = (int(number or 0) for number in found.groups())
-        if max(node, service) <= cbor.GREATEST and allocator < 2**32:
+        if max(node, service) <= cbor.MAX_UNSIGNED and allocator < 2**32:
             return Ipn(node, service, allocator, three_elements=bool(allocator))
-    if (found := _DTN_TEXT.fullmatch(text)) and len(text) <= _MOST_TEXT:
+    if (found := _DTN_TEXT.fullmatch(text)) and len(text) <= _MAX_TEXT_LENGTH:
         return Dtn(found[1])
     raise ValueError(f"not an endpoint such as ipn:1.2 or dtn://name/service: {text!r}")
 
@@ -109,7 +109,7 @@ def read_eid(reader: cbor.Reader) -> Eid:
             raise reader.fail("dtn endpoint is neither text nor 0")
         return NONE
     name = reader.text()
-    if not _DTN_TEXT.fullmatch(f"dtn:{name}") or len(name) > _MOST_TEXT:
+    if not _DTN_TEXT.fullmatch(f"dtn:{name}") or len(name) > _MAX_TEXT_LENGTH:
         raise reader.fail("malformed dtn endpoint")
     return Dtn(name)
 

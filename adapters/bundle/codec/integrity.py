@@ -27,7 +27,7 @@ PRIMARY_NUMBER: Final = 0
 _CONTEXT: Final = 1  # security context BIB-HMAC-SHA2 (RFC 9173)
 _HAS_PARAMETERS: Final = 1
 _RESULT: Final = 1
-_MOST_TARGETS: Final = 64  # chosen, not measured
+_MAX_TARGETS: Final = 64  # chosen, not measured
 _WRAPPED_OCTETS: Final = (24, 32, 40, 48, 56, 64, 72)
 _WRAPPING_OCTETS: Final = (16, 24, 32)
 _NULL_SUITE: Final = bytes(20)  # result of ION with NULL cipher suites
@@ -313,8 +313,8 @@ def _encode_numbers(numbers: Sequence[int]) -> bytes:
 def _decode(data: bytes) -> _Integrity:
     reader = cbor.Reader(data)
     count = reader.array()
-    if not 1 <= count <= _MOST_TARGETS:
-        raise reader.fail(f"BIB has {count} targets, 1 to {_MOST_TARGETS} allowed")
+    if not 1 <= count <= _MAX_TARGETS:
+        raise reader.fail(f"BIB has {count} targets, 1 to {_MAX_TARGETS} allowed")
     targets = tuple(reader.unsigned() for _ in range(count))
     if (context := reader.unsigned()) != _CONTEXT:
         raise reader.fail(f"security context {context} is not BIB-HMAC-SHA2")

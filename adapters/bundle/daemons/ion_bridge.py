@@ -31,13 +31,13 @@ _ADMIN: Final = "bpadmin"
 _EXPEDITED: Final = 2
 _SEGMENT: Final = "/SYSV"
 _NOT_THERE: Final = ("database not found", "can't attach", "not initialized")
-_LOOK_S: Final = 1.0
-_MOST_ANSWER: Final = 200
+_POLL_S: Final = 1.0
+_MAX_ANSWER_OCTETS: Final = 200
 _LENGTH_OCTETS = 4
 _LOG: Final = logging.getLogger(__name__)
-_AGAIN_S: Final = 1.0
+_RETRY_S: Final = 1.0
 _INTERRUPT_S: Final = 0.2
-_ROOM_S: Final = 1.0
+_SPACE_RETRY_S: Final = 1.0
 
 
 class IonFault(Exception):  # noqa: N818 - consistent with the other fault classes
@@ -201,28 +201,28 @@ class Probe:
 
     def start(self) -> None:
         """Start the checks, and the queries if bpadmin is on the PATH."""
-        threading.Thread(target=self._look_on, daemon=True).start()
+        threading.Thread(target=self._poll_memory, daemon=True).start()
         if (program := shutil.which(_ADMIN)) is not None:
-            threading.Thread(target=self._ask_on, args=(program,), daemon=True).start()
+            threading.Thread(target=self._poll_daemon, args=(program,), daemon=True).start()
 
     def stop(self) -> None:
         """Stop checks and queries."""
         self._over.set()
 
-    def _look_on(self) -> None:
-        while not self._over.wait(min(_LOOK_S, self._every_s)):
+    def _poll_memory(self) -> None:
+        while not self._over.wait(min(_POLL_S, self._every_s)):
             if self._memory.lost():
                 self._on_lost("ION was restarted, or its shared memory removed")
                 return
 
-    def _ask_on(self, program: str) -> None:
+    def _poll_daemon(self, program: str) -> None:
         while not self._over.wait(self._every_s):
             try:
-                self._ask(program)
+                self._query_daemon(program)
             except OSError:
                 self.answers = False
 
-    def _ask(self, program: str) -> None:
+    def _query_daemon(self, program: str) -> None:
         query = subprocess.Popen(
             [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
@@ -234,7 +234,7 @@ class Probe:
         answer = output.decode("ascii", "replace")
         self.answers = self._own in answer
         if any(text in answer for text in _NOT_THERE):
-            self._on_lost(f"ION is not running: {' '.join(answer.split())[:_MOST_ANSWER]}")
+            self._on_lost(f"ION is not running: {' '.join(answer.split())[:_MAX_ANSWER_OCTETS]}")
 
 
 class Spool:
@@ -289,7 +289,7 @@ class Bridge:
         self._probe, self._memory = probe, memory
         self._to_send: queue.PriorityQueue[tuple[bool, int, frames.SendRequest | None]]
         self._to_send = queue.PriorityQueue()
-        self._taken: queue.SimpleQueue[frames.ReceivedAck | None] = queue.SimpleQueue()
+        self._acknowledged: queue.SimpleQueue[frames.ReceivedAck | None] = queue.SimpleQueue()
         self._over = threading.Event()
 
     def run(self) -> None:
@@ -308,11 +308,11 @@ class Bridge:
         self._over.set()
         self._probe.stop()
         self._to_send.put((False, 0, None))
-        self._taken.put(None)
+        self._acknowledged.put(None)
         while receiving.is_alive():
             self._endpoint.interrupt()
             receiving.join(_INTERRUPT_S)
-        sending.join(_ROOM_S)
+        sending.join(_SPACE_RETRY_S)
         self._endpoint.close()  # also ends a send that waits because ION is full
         sending.join()
 
@@ -321,7 +321,7 @@ class Bridge:
             case frames.SendRequest():
                 self._to_send.put((not frame.expedited, frame.number, frame))
             case frames.ReceivedAck():
-                self._taken.put(frame)
+                self._acknowledged.put(frame)
             case frames.Ping():
                 self._channel.write(frames.Pong(self._probe.answers))
             case _:
@@ -347,13 +347,13 @@ class Bridge:
                     unit = self._endpoint.receive()
                     self._save(unit)
                 self._channel.write(unit)
-                if (taken := self._taken.get()) is None:
+                if (taken := self._acknowledged.get()) is None:
                     return
-                if taken.kept:
+                if taken.stored:
                     self._spool.clear()
                     unit = None
                 else:
-                    self._over.wait(_AGAIN_S)
+                    self._over.wait(_RETRY_S)
         except (IonFault, OSError) as fault:
             if not self._over.is_set():
                 self._channel.write(frames.Failed(str(fault), lasting=False))

@@ -38,8 +38,8 @@ from adapters.bundle.node.settings import DaemonLink, IonSettings, Neighbour
 
 _LOG: Final = logging.getLogger(__name__)
 _ROOT: Final = Path(__file__).resolve().parents[3]
-_ON_WAY: Final = 32
-_SHORTEST_PAUSE_S: Final = 0.5
+_MAX_IN_FLIGHT: Final = 32
+_MIN_BACKOFF_S: Final = 0.5
 _END_S: Final = 5.0
 _OnResult = Callable[[str | None], None]
 
@@ -58,19 +58,19 @@ class IonNeighbour(Link):
         self.up = False
         self.whole = settings.whole
         self._endpoint, self._client = settings.endpoint, client
-        self._on_way = 0
-        self._not_taken: list[Outgoing] = []
-        self._again_s = inf
-        self._backoff = Backoff(f"{self.name} by ION", _SHORTEST_PAUSE_S)
+        self._in_flight = 0
+        self._rejected: list[Outgoing] = []
+        self._retry_s = inf
+        self._backoff = Backoff(f"{self.name} by ION", _MIN_BACKOFF_S)
 
     @property
     def next_s(self) -> float:
         """Monotonic time of the next offer of rejected bundles."""
-        return self._again_s
+        return self._retry_s
 
     def _send_waiting(self, expedited: bool) -> None:
         """Give waiting bundles to ION."""
-        while self._contact and self.up and (expedited or self._on_way < _ON_WAY):
+        while self._contact and self.up and (expedited or self._in_flight < _MAX_IN_FLIGHT):
             batch = self._node.sending.outgoing(self.name, 1, WHOLE_BUNDLES, expedited=expedited)
             if not batch:
                 return
@@ -79,10 +79,10 @@ class IonNeighbour(Link):
 
     def tick(self) -> None:
         """Offer rejected bundles again."""
-        if self._now_s() >= self._again_s:
-            self._again_s = inf
-            self._node.sending.requeue(self.name, self._not_taken)
-            self._not_taken = []
+        if self._now_s() >= self._retry_s:
+            self._retry_s = inf
+            self._node.sending.requeue(self.name, self._rejected)
+            self._rejected = []
 
     def _post(self, outgoing: Outgoing) -> None:
         bundle = decode_bundle(outgoing.octets)
@@ -92,7 +92,7 @@ class IonNeighbour(Link):
         if left_ms <= 0:
             self._node.sending.forget(outgoing)
             return
-        self._on_way += 1
+        self._in_flight += 1
         destination = self._endpoint if self.whole else primary.destination
         payload = outgoing.octets if self.whole else bundle.payload
         self._client.post(
@@ -101,15 +101,15 @@ class IonNeighbour(Link):
         )  # fmt: skip
 
     def _posted(self, outgoing: Outgoing, failure: str | None) -> None:
-        self._on_way -= 1
+        self._in_flight -= 1
         self._wake()
         if failure is None:
             self._backoff.succeeded()
             self._node.sending.handed_on([outgoing])
             return
-        self._not_taken.append(outgoing)
-        if self._again_s == inf:
-            self._again_s = self._now_s() + self._backoff.failed(failure)
+        self._rejected.append(outgoing)
+        if self._retry_s == inf:
+            self._retry_s = self._now_s() + self._backoff.failed(failure)
 
 
 class IonClient(Endpoint):
@@ -123,15 +123,15 @@ class IonClient(Endpoint):
         self._own = context.node.settings.sender
         self._links: dict[str, IonNeighbour] = {}
         self._end_s = min(_END_S, settings.answer_s)
-        self._backoff = Backoff("ION", _SHORTEST_PAUSE_S)
+        self._backoff = Backoff("ION", _MIN_BACKOFF_S)
         self._ready: asyncio.Future[None] | None = None
         self._working: asyncio.Task[None] | None = None
         self._writer: asyncio.StreamWriter | None = None
         self._number = 0
-        self._under_way: dict[int, _OnResult] = {}
+        self._in_flight: dict[int, _OnResult] = {}
         self._idle = asyncio.Event()
         self._open = self._answers = self._alive = self._closing = False
-        self._heard_s = 0.0
+        self._last_received_s = 0.0
 
     def link(self, neighbour: Neighbour) -> IonNeighbour:
         """Return the link to a neighbour."""
@@ -173,7 +173,7 @@ class IonClient(Endpoint):
             on_result("the bridge to ION is not running")
             return
         self._number += 1
-        self._under_way[self._number] = on_result
+        self._in_flight[self._number] = on_result
         self._write(
             frames.SendRequest(self._number, str(destination), ceil(lifetime_s), payload, expedited)
         )
@@ -182,13 +182,13 @@ class IonClient(Endpoint):
         """Wait for payloads in flight, then end the bridge."""
         self._closing = True
         self._update_links()
-        if self._under_way:
+        if self._in_flight:
             self._idle.clear()
             try:
                 async with asyncio.timeout(self._end_s):
                     await self._idle.wait()
             except TimeoutError:
-                _LOG.warning("ION has not accepted %d units, still queued", len(self._under_way))
+                _LOG.warning("ION has not accepted %d units, still queued", len(self._in_flight))
         if self._working is not None:
             self._working.cancel()
             await asyncio.gather(self._working, return_exceptions=True)
@@ -212,7 +212,7 @@ class IonClient(Endpoint):
         bridge, channel = _start_bridge(self._settings, self._own, spool)
         try:
             reader, self._writer = await asyncio.open_unix_connection(sock=channel)
-            self._heard_s = self._context.now_s()
+            self._last_received_s = self._context.now_s()
             self._alive = self._answers = True
             watching = asyncio.create_task(self._watch(bridge))
             try:
@@ -227,7 +227,7 @@ class IonClient(Endpoint):
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         cut = frames.FrameReader()
         while octets := await reader.read(65_536):
-            self._heard_s = self._context.now_s()
+            self._last_received_s = self._context.now_s()
             self._note(alive=True)
             for frame in cut.feed(octets):
                 self._receive(frame)
@@ -243,7 +243,7 @@ class IonClient(Endpoint):
             case frames.Sent():
                 self._finish(frame.number, None)
             case frames.SendRejected():
-                self._finish(frame.number, frame.why)
+                self._finish(frame.number, frame.reason)
             case frames.Received():
                 self._take(frame)
             case frames.Pong():
@@ -271,13 +271,15 @@ class IonClient(Endpoint):
         if link is None or not link.whole:
             octets = encode_bundle(self._bundle(source, unit))
         if link is not None:
-            link.heard()
+            link.note_received()
         try:
             node.receiving.arrived(name, octets)
         except StoreError:
             self._write(frames.ReceivedAck(False))
         else:
-            node.transaction.then(lambda failure: self._write(frames.ReceivedAck(failure is None)))
+            node.transaction.on_commit(
+                lambda failure: self._write(frames.ReceivedAck(failure is None))
+            )
         self._context.wake()
 
     def _bundle(self, source: Eid, unit: frames.Received) -> Bundle:
@@ -295,9 +297,9 @@ class IonClient(Endpoint):
         return Bundle(primary, (Block(BlockType.PAYLOAD, PAYLOAD_NUMBER, unit.payload),))
 
     def _finish(self, number: int, failure: str | None) -> None:
-        if (on_result := self._under_way.pop(number, None)) is not None:
+        if (on_result := self._in_flight.pop(number, None)) is not None:
             on_result(failure)
-        if not self._under_way:
+        if not self._in_flight:
             self._idle.set()
 
     def _write(self, frame: frames.Frame) -> None:
@@ -319,7 +321,7 @@ class IonClient(Endpoint):
         while True:
             await asyncio.sleep(self._settings.look_s)
             self._write(frames.Ping())
-            silent_s = self._context.now_s() - self._heard_s
+            silent_s = self._context.now_s() - self._last_received_s
             if self._alive and silent_s > self._settings.look_s + self._settings.answer_s:
                 self._note(alive=False)
                 bridge.terminate()
@@ -334,8 +336,8 @@ class IonClient(Endpoint):
         if self._alive and self._answers:
             _LOG.info("ION answers")
         else:
-            who = "ION" if self._alive else "the bridge to ION"
-            _LOG.error("%s does not answer: if this persists, restart ION", who)
+            name = "ION" if self._alive else "the bridge to ION"
+            _LOG.error("%s does not answer: if this persists, restart ION", name)
         self._update_links()
 
     def _update_links(self) -> None:
@@ -351,7 +353,7 @@ class IonClient(Endpoint):
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-        for number in list(self._under_way):
+        for number in list(self._in_flight):
             self._finish(number, "the bridge to ION has ended")
         self._idle.set()
         if self._closing:

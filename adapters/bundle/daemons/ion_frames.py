@@ -24,7 +24,7 @@ class SendRequest:
 class ReceivedAck:
     """To the bridge: the `Received` unit is on the disk, or must be offered again later."""
 
-    kept: bool
+    stored: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class SendRejected:
     """From the bridge: ION has rejected the payload."""
 
     number: int
-    why: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -310,20 +310,21 @@ def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator
             yield from (each for each in directions if not plan.planned(*each, now_s))
 
 
-def _first_start_utc_s(plan: bytes, kept: Path, system: System) -> float:
+def _first_start_utc_s(plan: bytes, saved: Path, system: System) -> float:
     """Return the time of a plan's first use, stored in a file together with the plan."""
-    if kept.is_file():
-        first, _, known = kept.read_bytes().partition(b"\n")
+    if saved.is_file():
+        first, _, known = saved.read_bytes().partition(b"\n")
         with suppress(ValueError):
             if known == plan:
                 return datetime.fromisoformat(first.decode()).timestamp()
     now_s = system.utc_s()
     first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
     try:
-        system.replace(kept, first + b"\n" + plan)
+        system.replace(saved, first + b"\n" + plan)
     except OSError as error:
         raise BundleError(
-            f"{kept.parent} cannot be written: {error.strerror}; free disk space, or choose another"
+            f"{saved.parent} cannot be written: {error.strerror}; free disk space, or choose"
+            " another"
             " folder with --data"
         ) from error
     return now_s

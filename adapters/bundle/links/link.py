@@ -13,7 +13,7 @@ from adapters.bundle.node.settings import Address, Neighbour
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_PAUSE_S: Final = 30.0  # chosen, not measured
+_MAX_BACKOFF_S: Final = 30.0  # chosen, not measured
 WHOLE_BUNDLES: Final = 1 << 62
 """Maximum bundle size on links that do not fragment."""
 
@@ -25,7 +25,7 @@ class LinkContext:
     Attributes:
         node: node that sends and receives over them.
         now_s: returns monotonic time in seconds.
-        wake: schedules a commit of the node's transaction, then `pump` of the links.
+        wake: schedules a commit of the node's transaction, then `send_waiting` of the links.
         system: the port to the computer, which opens sockets.
     """
 
@@ -38,17 +38,17 @@ class LinkContext:
 class Link(ABC):
     """Link to one neighbour over one protocol. It moves bundles between a node and the network.
 
-    The agent commits the link's changes to the node's transaction, then calls `pump`.
+    The agent commits the link's changes to the node's transaction, then calls `send_waiting`.
 
     Attributes:
         name: name of the neighbour.
         up: whether it can send now, as far as is known; always true without connections.
-        last_heard_s: time of the last reception from the neighbour, monotonic; None for never.
+        last_received_s: time of the last reception from the neighbour, monotonic; None for never.
     """
 
     def __init__(self, context: LinkContext, neighbour: Neighbour) -> None:
         self.name, self.up = neighbour.name, True
-        self.last_heard_s: float | None = None
+        self.last_received_s: float | None = None
         self._node, self._now_s, self._wake = context.node, context.now_s, context.wake
         self._traffic = context.node.traffic[neighbour.name]
         self._contact = True
@@ -56,13 +56,13 @@ class Link(ABC):
     @property
     @abstractmethod
     def next_s(self) -> float:
-        """Monotonic due time of `tick` or `pump`; infinity for never."""
+        """Monotonic due time of `tick` or `send_waiting`; infinity for never."""
 
     def on_contact(self, state: ContactState) -> None:
         """Update the state of contact."""
         self._contact = state.contact
 
-    def pump(self) -> None:
+    def send_waiting(self) -> None:
         """Send waiting bundles, expedited ones first, as far as the link accepts them now.
 
         Raises:
@@ -81,9 +81,9 @@ class Link(ABC):
     def close(self) -> None:  # noqa: B027 - a link may hold nothing
         """Close; bundles in flight are requeued."""
 
-    def heard(self) -> None:
+    def note_received(self) -> None:
         """Record a reception from the neighbour."""
-        self.last_heard_s = self._now_s()
+        self.last_received_s = self._now_s()
 
 
 class Endpoint(ABC):
@@ -157,19 +157,19 @@ class Backoff:
         pause_s: next pause in seconds.
     """
 
-    def __init__(self, name: str, shortest_s: float) -> None:
-        self._name, self._shortest_s = name, shortest_s
+    def __init__(self, name: str, min_pause_s: float) -> None:
+        self._name, self._min_pause_s = name, min_pause_s
         self.succeeded()
 
     def succeeded(self) -> None:
         """Reset to the shortest pause."""
-        self.pause_s, self._said = self._shortest_s, ""
+        self.pause_s, self._last_error = self._min_pause_s, ""
 
     def failed(self, failure: BaseException | str | None = None) -> float:
         """Log a failure that differs from the last one; return the pause in seconds."""
         text = str(failure) or type(failure).__name__
-        if failure is not None and text != self._said:
+        if failure is not None and text != self._last_error:
             _LOG.warning("%s: %s", self._name, text)
-            self._said = text
-        pause_s, self.pause_s = self.pause_s, min(2 * self.pause_s, _LONGEST_PAUSE_S)
+            self._last_error = text
+        pause_s, self.pause_s = self.pause_s, min(2 * self.pause_s, _MAX_BACKOFF_S)
         return pause_s

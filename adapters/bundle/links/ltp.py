@@ -32,7 +32,7 @@ _LAST_SESSION: Final = "last LTP session"
 _SESSIONS_AT_ONCE: Final = 1 << 16
 _SERIALS: Final = 1 << 28
 _FIRST_SESSIONS: Final = 1 << 30
-_MOST_STRANGERS: Final = 100
+_MAX_UNKNOWN_ENGINES: Final = 100
 _EXPEDITED_SESSIONS: Final = 4
 """Sessions for expedited blocks, in addition to those of the settings."""
 
@@ -67,7 +67,7 @@ class LtpNeighbour(Link):
 
     def receive(self, segment: Segment) -> None:
         """Process a segment from the neighbour."""
-        self.heard()
+        self.note_received()
         self.span.receive(segment)
         for event in self.span.events:
             match event:
@@ -104,7 +104,7 @@ class LtpNeighbour(Link):
         settings, sending = self._settings, self._node.sending
         while (
             self.up
-            and self.span.room + _EXPEDITED_SESSIONS * expedited > 0
+            and self.span.free_sessions + _EXPEDITED_SESSIONS * expedited > 0
             and not self.span.suspended
             and (expedited or self._pacer.ready)
         ):
@@ -156,7 +156,7 @@ class LtpNeighbour(Link):
                 self.span.refuse(arrived.number)
             self._flush()
 
-        self._node.transaction.then(tell)
+        self._node.transaction.on_commit(tell)
 
     def _flush(self) -> None:
         if self.span.segments:
@@ -172,7 +172,7 @@ class LtpEndpoint(DatagramEndpoint):
     def __init__(self, context: LinkContext, listen: Address) -> None:
         super().__init__(context, listen)
         self._links: dict[int, list[LtpNeighbour]] = {}
-        self._strangers: set[int] = set()
+        self._unknown_engines: set[int] = set()
         self._next_session = self._end_of_sessions = 0
 
     def link(self, neighbour: Neighbour) -> LtpNeighbour:
@@ -186,7 +186,7 @@ class LtpEndpoint(DatagramEndpoint):
             self._session_number,
             lambda segments: self._send(lookup, map(encode_segment, segments)),
         )
-        lookup = self._look_up(link, settings.address)
+        lookup = self._resolve(link, settings.address)
         self._links.setdefault(engine_of(neighbour.next_hop), []).append(link)
         return link
 
@@ -223,9 +223,9 @@ class LtpEndpoint(DatagramEndpoint):
         if by_sender:
             if links := self._links.get(session.originator):
                 for link in links[1:]:  # behind the same router: the sender is ambiguous
-                    link.heard()
+                    link.note_received()
                 return links[0]
-            self._tell_of_stranger(session.originator)
+            self._log_unknown_engine(session.originator)
             return None
         for engine, links in self._links.items():
             for link in links:
@@ -233,10 +233,13 @@ class LtpEndpoint(DatagramEndpoint):
                     return link
         return None
 
-    def _tell_of_stranger(self, engine: int) -> None:
+    def _log_unknown_engine(self, engine: int) -> None:
         """Log an engine that is no neighbour, once for each engine."""
-        if engine not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
-            self._strangers.add(engine)
+        if (
+            engine not in self._unknown_engines
+            and len(self._unknown_engines) < _MAX_UNKNOWN_ENGINES
+        ):
+            self._unknown_engines.add(engine)
             _LOG.warning(
                 "segments of LTP engine %d dropped: it is no neighbour. If it is a router, set via:"
                 " ipn:%d.0 in the ltp of the neighbour behind it",

@@ -26,12 +26,12 @@ from adapters.bundle.links.ltp_segment import (
 from adapters.bundle.node.settings import LtpLink
 
 BUNDLE_SERVICE: Final = 1  # LTP client service id of the Bundle Protocol
-_MOST_CLAIMS: Final = 100
-_MOST_IMPORTS: Final = 256  # this and the next four: chosen, not measured
-_MOST_IMPORT_OCTETS: Final = 64 << 20
-_REMEMBERED: Final = 1024
+_MAX_CLAIMS: Final = 100
+_MAX_IMPORTS: Final = 256  # this and the next four: chosen, not measured
+_MAX_IMPORT_OCTETS: Final = 64 << 20
+_MAX_ENDED_SESSIONS: Final = 1024
 _REMEMBERED_ROUND_TRIPS: Final = 10
-_MOST_REPEATS: Final = 5
+_MAX_RETRANSMISSIONS: Final = 5
 
 
 class Ranges:
@@ -185,13 +185,13 @@ class ImportSession:
     Attributes:
         stage: state of the block.
         octets: octets held in memory.
-        heard_s: time of the last segment received.
+        last_received_s: time of the last segment received.
     """
 
     def __init__(self, session: SessionId) -> None:
         self.stage = ImportStage.GATHERING
         self.octets = 0
-        self.heard_s = 0.0
+        self.last_received_s = 0.0
         self._sums: dict[tuple[int, int], int] = {}
         self._end_serial: int | None = None
         self._session = session
@@ -238,7 +238,7 @@ class ImportSession:
         self._reach = max(self._reach, data.offset + len(data.octets))
         return True
 
-    def whole(self) -> bytes | None:
+    def completed_block(self) -> bytes | None:
         """Return the block when it has just become complete, otherwise None."""
         if self.stage is not ImportStage.GATHERING or self._length is None:
             return None
@@ -261,8 +261,8 @@ class ImportSession:
         if self.stage is ImportStage.STORING:
             return None
         there = self._there.within(0, self._reach)
-        upper = self._reach if len(there) <= _MOST_CLAIMS else there[_MOST_CLAIMS - 1][1]
-        claims = tuple(ReceptionClaim(begin, end - begin) for begin, end in there[:_MOST_CLAIMS])
+        upper = self._reach if len(there) <= _MAX_CLAIMS else there[_MAX_CLAIMS - 1][1]
+        claims = tuple(ReceptionClaim(begin, end - begin) for begin, end in there[:_MAX_CLAIMS])
         if not claims:
             return None
         self._serials.add(serial)
@@ -368,7 +368,7 @@ class LtpSpan:
         self.suspended = False
 
     @property
-    def room(self) -> int:
+    def free_sessions(self) -> int:
         """Number of further blocks that may be in flight; negative if too many are."""
         return self._link.sessions - len(self._exports)
 
@@ -476,14 +476,14 @@ class LtpSpan:
     def _answer_s(self) -> float:
         return 2 * self.light_time_s + self._link.answer_s
 
-    def _repeat(self, key: tuple[int, int], told: _PendingReport, now_s: float) -> None:
+    def _repeat(self, key: tuple[int, int], pending: _PendingReport, now_s: float) -> None:
         """Retransmit a report a few times; after that only a new checkpoint triggers one."""
-        told.repeats += 1
-        if told.repeats > _MOST_REPEATS:
+        pending.repeats += 1
+        if pending.repeats > _MAX_RETRANSMISSIONS:
             del self._pending_reports[key]
             return
-        self.segments.append(told.report)
-        told.due_s = now_s + self._answer_s
+        self.segments.append(pending.report)
+        pending.due_s = now_s + self._answer_s
 
     def _await_report(self, export: ExportSession) -> None:
         export.checkpoint_at_s = self._now_s()
@@ -511,12 +511,12 @@ class LtpSpan:
         now_s = self._now_s()
         self._forget_another(number, data, now_s)
         if (block := self._stored.get(number)) is not None:
-            block.heard_s = now_s
+            block.last_received_s = now_s
             if block.take(data):
                 self._report(number, block)
             return
         block = self._imports.get(number) or ImportSession(data.session)
-        block.heard_s = now_s
+        block.last_received_s = now_s
         if number in self._refused or not block.knows(data):
             if block.stage is ImportStage.GATHERING:
                 self.refuse(number)
@@ -526,7 +526,7 @@ class LtpSpan:
         before = block.octets
         wanted = block.take(data)
         self._import_octets += block.octets - before
-        whole = block.whole()
+        whole = block.completed_block()
         if whole is not None:
             self.events.append(BlockReceived(number, whole))
         elif wanted:
@@ -539,7 +539,7 @@ class LtpSpan:
         if now_s - self._refused.get(number, inf) > remembered_s:
             del self._refused[number]
         stored = self._stored.get(number)
-        if stored and (stored.contradicts(data) or now_s - stored.heard_s > remembered_s):
+        if stored and (stored.contradicts(data) or now_s - stored.last_received_s > remembered_s):
             del self._stored[number]
             self._forget_reports(number)
         gathering = self._imports.get(number)
@@ -559,8 +559,8 @@ class LtpSpan:
 
     def _limit_imports(self) -> None:
         """Refuse the oldest incomplete blocks while count or octets exceed their limit."""
-        while len(self._imports) > _MOST_IMPORTS or self._import_octets > _MOST_IMPORT_OCTETS:
-            oldest = next(
+        while len(self._imports) > _MAX_IMPORTS or self._import_octets > _MAX_IMPORT_OCTETS:
+            first = next(
                 (
                     number
                     for number, block in self._imports.items()
@@ -568,9 +568,9 @@ class LtpSpan:
                 ),
                 None,
             )
-            if oldest is None:
+            if first is None:
                 return
-            self.refuse(oldest)
+            self.refuse(first)
 
     def _drop(self, number: int) -> None:
         if block := self._imports.pop(number, None):
@@ -587,5 +587,5 @@ _Value = TypeVar("_Value")
 
 def _remember(memory: OrderedDict[int, _Value], number: int, value: _Value) -> None:
     memory[number] = value
-    while len(memory) > _REMEMBERED:
+    while len(memory) > _MAX_ENDED_SESSIONS:
         memory.popitem(last=False)

@@ -152,7 +152,7 @@ def decode_segment(datagram: bytes) -> Segment:
     _skip_extensions(reader, extensions >> 4)
     segment = _read_content(reader, kind, session)
     _skip_extensions(reader, extensions & 0x0F)
-    if reader.left:
+    if reader.remaining:
         raise DecodeError(f"octet {reader.at}: trailing octets after the segment")
     return segment
 

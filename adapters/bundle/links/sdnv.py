@@ -4,8 +4,8 @@ from typing import Final
 
 from adapters.bundle.codec.errors import DecodeError
 
-GREATEST: Final = 2**64 - 1
-_MOST_OCTETS: Final = 10
+MAX_SDNV: Final = 2**64 - 1
+_MAX_OCTETS: Final = 10
 
 
 class TruncatedError(DecodeError):
@@ -44,13 +44,13 @@ class SdnvReader:
             DecodeError: the number exceeds 64 bits.
         """
         value = 0
-        for index in range(self.at, self.at + _MOST_OCTETS):
+        for index in range(self.at, self.at + _MAX_OCTETS):
             if index >= len(self._octets):
                 raise TruncatedError(f"octet {self.at}: input ends within a number")
             octet = self._octets[index]
             value = (value << 7) | (octet & 0x7F)
             if octet < 0x80:
-                if value > GREATEST:
+                if value > MAX_SDNV:
                     break
                 self.at = index + 1
                 return value
@@ -71,6 +71,6 @@ class SdnvReader:
         return taken
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """Number of octets that remain."""
         return len(self._octets) - self.at

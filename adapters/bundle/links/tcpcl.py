@@ -33,7 +33,7 @@ _LOG: Final = logging.getLogger(__name__)
 _DIAL_S: Final = 10.0  # as `_GREETING_S`: chosen, not measured
 _BATCH_OCTETS: Final = 65_536
 _GREETING_S: Final = 10.0
-_MOST_BUNDLE_OCTETS: Final = 64 << 20
+_MAX_BUNDLE_OCTETS: Final = 64 << 20
 
 
 class SessionStage(Enum):
@@ -72,10 +72,10 @@ class TcpclSession(asyncio.Protocol):
         self._neighbour: TcpclNeighbour | None = None
         self._transport: asyncio.Transport | None = None
         self._out: list[bytes] = []
-        self._reader = MessageReader(_MOST_BUNDLE_OCTETS)
+        self._reader = MessageReader(_MAX_BUNDLE_OCTETS)
         self._acknowledged = self._may_refuse = False
         self._keepalive_s = 0.0
-        self._last_heard_s = self._last_sent_s = self._now_s()
+        self._last_received_s = self._last_sent_s = self._now_s()
         self._incoming = bytearray()
         self._in_flight: deque[tuple[Outgoing, float]] = deque()
         self._in_flight_octets = 0
@@ -90,7 +90,7 @@ class TcpclSession(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Process received octets."""
-        self._last_heard_s = self._now_s()
+        self._last_received_s = self._now_s()
         try:
             for message in self._reader.feed(data):
                 if self.stage is not SessionStage.OVER:
@@ -98,7 +98,7 @@ class TcpclSession(asyncio.Protocol):
         except DecodeError as error:
             self._end(str(error))
         if self._neighbour is not None:
-            self._neighbour.heard()
+            self._neighbour.note_received()
         self.flush()
         self._wake()
 
@@ -124,7 +124,7 @@ class TcpclSession(asyncio.Protocol):
         return self._neighbour is not None
 
     @property
-    def room(self) -> int:
+    def window_left_octets(self) -> int:
         """Octets that the window accepts now."""
         if self.stage is not SessionStage.UP or self._neighbour is None:
             return 0
@@ -154,14 +154,14 @@ class TcpclSession(asyncio.Protocol):
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return inf
         next_keepalive_s = self._last_sent_s + self._keepalive_s
-        return min(next_keepalive_s, self._last_heard_s + 2 * self._keepalive_s)
+        return min(next_keepalive_s, self._last_received_s + 2 * self._keepalive_s)
 
     def tick(self) -> None:
         """Send a keepalive, or end a session without reception."""
         now_s = self._now_s()
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return
-        if now_s >= self._last_heard_s + 2 * self._keepalive_s:
+        if now_s >= self._last_received_s + 2 * self._keepalive_s:
             self._end("nothing received for two keepalive intervals")
         elif now_s >= self._last_sent_s + self._keepalive_s:
             self._send(Keepalive())
@@ -240,12 +240,12 @@ class TcpclSession(asyncio.Protocol):
         if segment.start:
             self._incoming.clear()
         self._incoming += segment.octets
-        if len(self._incoming) > _MOST_BUNDLE_OCTETS:
+        if len(self._incoming) > _MAX_BUNDLE_OCTETS:
             raise DecodeError("bundle exceeds the maximum length")
         length = len(self._incoming)
         if not segment.end:
             # Keeps the order with acknowledgements of complete bundles, which await their commit.
-            self._node.transaction.then(lambda _: self._ack(length))
+            self._node.transaction.on_commit(lambda _: self._ack(length))
             return
         octets = bytes(self._incoming)
         self._incoming.clear()
@@ -254,9 +254,9 @@ class TcpclSession(asyncio.Protocol):
             self._node.receiving.arrived(self._neighbour.name, octets)
         except StoreError as error:
             _LOG.debug("bundle from %s refused: %s", self._neighbour.name, error)
-            self._node.transaction.then(lambda _: self._refuse())
+            self._node.transaction.on_commit(lambda _: self._refuse())
             return
-        self._node.transaction.then(
+        self._node.transaction.on_commit(
             lambda failure: self._refuse() if failure else self._ack(length)
         )
 
@@ -334,8 +334,8 @@ class TcpclNeighbour(Link):
         if not self._contact or not self._sessions:
             return
         session = self._sessions[-1]
-        while expedited or (session.room > 0 and not session.paused):
-            octets = min(max(1, session.room), _BATCH_OCTETS)
+        while expedited or (session.window_left_octets > 0 and not session.paused):
+            octets = min(max(1, session.window_left_octets), _BATCH_OCTETS)
             batch = self._node.sending.outgoing(
                 self.name, octets, WHOLE_BUNDLES, expedited=expedited
             )

@@ -9,7 +9,7 @@ from adapters.bundle.links.sdnv import SdnvReader, TruncatedError, encode_sdnv
 
 MAGIC: Final = b"dtn!"
 VERSION: Final = 3
-_MOST_EID_OCTETS: Final = 1024
+_MAX_EID_OCTETS: Final = 1024
 
 
 class _Kind(IntEnum):
@@ -132,8 +132,8 @@ class MessageReader:
     Segments above `most_octets` are rejected.
     """
 
-    def __init__(self, most_octets: int) -> None:
-        self._most_octets = most_octets
+    def __init__(self, max_octets: int) -> None:
+        self._max_octets = max_octets
         self._expect_header = True
         self._buffer = b""
 
@@ -146,7 +146,7 @@ class MessageReader:
         self._buffer += octets
         reader, messages, end = SdnvReader(self._buffer), list[Message](), 0
         try:
-            while reader.left:
+            while reader.remaining:
                 messages.append(self._header(reader) if self._expect_header else self._read(reader))
                 self._expect_header, end = False, reader.at
         except TruncatedError:
@@ -159,8 +159,8 @@ class MessageReader:
         kind, flags = first >> 4, first & 0x0F
         match kind:
             case _Kind.DATA:
-                if (length := reader.number()) > self._most_octets:
-                    limit = self._most_octets
+                if (length := reader.number()) > self._max_octets:
+                    limit = self._max_octets
                     raise DecodeError(f"TCPCL segment of {length} octets exceeds {limit} octets")
                 return DataSegment(reader.take(length), bool(flags & 2), bool(flags & 1))
             case _Kind.ACK:
@@ -184,7 +184,7 @@ class MessageReader:
         if (version := reader.octet()) != VERSION:
             raise DecodeError(f"TCPCL version {version} is not 3")
         flags, keepalive_s = reader.octet(), int.from_bytes(reader.take(2), "big")
-        if (length := reader.number()) > _MOST_EID_OCTETS:
+        if (length := reader.number()) > _MAX_EID_OCTETS:
             raise DecodeError(f"TCPCL endpoint of {length} octets is too long")
         try:
             return ContactHeader(flags, keepalive_s, reader.take(length).decode())

@@ -15,12 +15,12 @@ from adapters.bundle.node.settings import Address, Neighbour, UdpLink
 from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
-LOOKUP_AGAIN_S: Final = 1.0
+LOOKUP_RETRY_S: Final = 1.0
 """Shortest pause before a failed name lookup is repeated; it doubles up to 30 s."""
 _AT_ONCE: Final = 16
-_MOST_WAITING_OCTETS: Final = 16 << 20
+_MAX_QUEUED_OCTETS: Final = 16 << 20
 _BUFFER_OCTETS: Final = 4 << 20
-_LONGEST_DATAGRAM: Final = 65_536
+_MAX_DATAGRAM_OCTETS: Final = 65_536
 _BURST_S: Final = 0.02  # chosen, not measured
 
 
@@ -37,24 +37,24 @@ class AddressLookup:
         self, name: str, address: Address, family: socket.AddressFamily, found: Callable[[], None]
     ) -> None:
         self._address, self._family, self._found = address, family, found
-        self._backoff = Backoff(f"{name} at {address.host}", LOOKUP_AGAIN_S)
-        self._looking: asyncio.Task[None] | None = None
+        self._backoff = Backoff(f"{name} at {address.host}", LOOKUP_RETRY_S)
+        self._resolving: asyncio.Task[None] | None = None
         self.where: SocketAddress | None = None
         try:
             answer = socket.getaddrinfo(
                 address.host, address.port, family, socket.SOCK_DGRAM, 0, socket.AI_NUMERICHOST
             )
         except OSError:
-            self._looking = asyncio.get_running_loop().create_task(self._look())
+            self._resolving = asyncio.get_running_loop().create_task(self._resolve())
         else:
             self._know(answer[0][4])
 
     def close(self) -> None:
         """Cancel the lookup."""
-        if self._looking is not None:
-            self._looking.cancel()
+        if self._resolving is not None:
+            self._resolving.cancel()
 
-    async def _look(self) -> None:
+    async def _resolve(self) -> None:
         loop, address = asyncio.get_running_loop(), self._address
         while self.where is None:
             try:
@@ -108,7 +108,7 @@ class DatagramEndpoint(Endpoint):
         asyncio.get_running_loop().remove_reader(self._socket)
         self._socket.close()
 
-    def _look_up(self, link: Link, address: Address) -> AddressLookup:
+    def _resolve(self, link: Link, address: Address) -> AddressLookup:
         """Look up the address of a link; the link is up once it is known."""
 
         def found() -> None:
@@ -133,9 +133,9 @@ class DatagramEndpoint(Endpoint):
 
     def _readable(self) -> None:
         """Empty the socket before processing, because the kernel's buffer is small."""
-        while self._waiting_octets < _MOST_WAITING_OCTETS:
+        while self._waiting_octets < _MAX_QUEUED_OCTETS:
             try:
-                datagram, sender = self._socket.recvfrom(_LONGEST_DATAGRAM)
+                datagram, sender = self._socket.recvfrom(_MAX_DATAGRAM_OCTETS)
             except BlockingIOError:
                 break
             except OSError as error:
@@ -211,14 +211,14 @@ class UdpEndpoint(DatagramEndpoint):
         link = UdpNeighbour(
             self._context, neighbour, settings, lambda datagrams: self._send(lookup, datagrams)
         )
-        lookup = self._look_up(link, settings.address)
+        lookup = self._resolve(link, settings.address)
         self._links.append((link, lookup))
         return link
 
     def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
         """Process a bundle; it is lost if the store is full, so senders need `confirm`."""
         if (link := self._sender(sender)) is not None:
-            link.heard()
+            link.note_received()
         try:
             self._context.node.receiving.arrived(link.name if link else sender[0], datagram)
         except StoreError as error:

@@ -50,7 +50,7 @@ CREATE TABLE IF NOT EXISTS fragments (
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
 """
 _MB: Final = 1_000_000
-_FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
+_DISK_FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +76,12 @@ class BundleDatabase:
 
     Attributes:
         full: whether new bundles are refused, by the latest measurement.
-        room_octets: space for new bundles, by the latest measurement.
-        capacity_octets: `room_octets` and the size of the content.
+        free_octets: space for new bundles, by the latest measurement.
+        capacity_octets: `free_octets` and the size of the content.
 
     Raises:
         StoreError: by every method, if the file cannot be read or written. The pending changes
-            are then rolled back, and nothing is written before `undo`.
+            are then rolled back, and nothing is written before `rollback`.
         StoreFull: likewise, for lack of space.
     """
 
@@ -99,9 +99,9 @@ class BundleDatabase:
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
         self.full = False
-        self.room_octets = self.capacity_octets = self._spare_octets = 0
+        self.free_octets = self.capacity_octets = self._spare_octets = 0
         self._failure: StoreError | None = None
-        self.look_for_room()
+        self.measure_free_space()
 
     @property
     def gathering(self) -> bool:
@@ -132,16 +132,16 @@ class BundleDatabase:
             raise self._undone(error) from error
 
     def read_some(
-        self, statement: str, values: tuple[object, ...], most_octets: int = 1 << 20
+        self, statement: str, values: tuple[object, ...], max_octets: int = 1 << 20
     ) -> list[tuple[Any, ...]]:
-        """Return rows of a query, at least one, up to `most_octets` of their last column."""
+        """Return rows of a query, at least one, up to `max_octets` of their last column."""
         rows = []
         try:
             cursor = self._db.execute(statement, values)
             for row in cursor:
                 rows.append(row)
-                most_octets -= len(row[-1])
-                if most_octets <= 0:
+                max_octets -= len(row[-1])
+                if max_octets <= 0:
                     break
             cursor.close()
         except sqlite3.Error as error:
@@ -157,9 +157,9 @@ class BundleDatabase:
                 self._db.execute("COMMIT")
             except sqlite3.Error as error:
                 raise self._undone(error) from error
-        self.look_for_room()
+        self.measure_free_space()
 
-    def undo(self) -> None:
+    def rollback(self) -> None:
         """Roll back the pending changes, and clear the error state."""
         if self._db.in_transaction:
             self._db.execute("ROLLBACK")
@@ -181,17 +181,17 @@ class BundleDatabase:
         self.commit()
         return first
 
-    def look_for_room(self) -> None:
+    def measure_free_space(self) -> None:
         """Measure the free space, which other processes use as well."""
         limits = self._limits
         octets = self.octets
         left = limits.most_octets - octets, self._free_octets - limits.least_free_octets
-        self.room_octets = max(0, min(left))
-        self.capacity_octets = octets + self.room_octets
+        self.free_octets = max(0, min(left))
+        self.capacity_octets = octets + self.free_octets
         self.full = min(left) < 0
         self._spare_octets = min(left[0] + limits.reserved_octets, self._free_octets)
 
-    def require_room(self, octets: int = 0, *, expedited: bool = False) -> None:
+    def require_space(self, octets: int = 0, *, expedited: bool = False) -> None:
         """Raise StoreFull if the latest measurement found no space for a bundle.
 
         Expedited bundles may use the reserve. Their size is subtracted until the next measurement.
@@ -200,10 +200,10 @@ class BundleDatabase:
             StoreFull: there is no space.
         """
         if self.full and not (expedited and self._spare_octets >= octets):
-            raise self.no_room()
+            raise self.full_error()
         self._spare_octets -= octets
 
-    def no_room(self) -> StoreFull:
+    def full_error(self) -> StoreFull:
         """Return the error for a full store; its text gives the reason."""
         limits, free = self._limits, self._free_octets
         if free < limits.least_free_octets:
@@ -245,8 +245,8 @@ class BundleDatabase:
         if self._db.in_transaction:
             self._db.execute("ROLLBACK")
         text = f"bundle store {self.path}: {error}"
-        self.full |= code in _FULL_ERRORS
-        self._failure = StoreFull(text) if code in _FULL_ERRORS else StoreError(text)
+        self.full |= code in _DISK_FULL_ERRORS
+        self._failure = StoreFull(text) if code in _DISK_FULL_ERRORS else StoreError(text)
         return self._failure
 
 
@@ -284,13 +284,13 @@ class GroupCommit:
         """Whether there are changes or callbacks to commit."""
         return bool(self._marks or self._waiting) or self._database.gathering
 
-    def mark(self, write: Callable[[], None]) -> None:
+    def add_retried(self, write: Callable[[], None]) -> None:
         """Execute `write` in the next commit, and again in later ones until one succeeds."""
         self._marks.append(write)
 
-    def then(self, tell: Callable[[StoreError | None], None]) -> None:
+    def on_commit(self, on_committed: Callable[[StoreError | None], None]) -> None:
         """Call back after the next commit, with None on success, otherwise with the error."""
-        self._waiting.append(tell)
+        self._waiting.append(on_committed)
 
     def commit(self) -> None:
         """Commit the pending changes, and run all callbacks, even if one raises."""
@@ -302,7 +302,7 @@ class GroupCommit:
             self._marks.clear()
         except StoreError as error:
             failure = error
-            self._database.undo()
+            self._database.rollback()
         if failure is not None and not self.failing:
             _LOG.error("commit of the bundle store failed: %s", failure)
         self.failing = failure is not None

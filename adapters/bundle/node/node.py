@@ -11,7 +11,7 @@ from typing import Final
 from adapters.bundle.codec.bundle import (
     DTN_EPOCH_UTC_MS,
     KNOWN_BLOCKS,
-    MOST_EXPEDITED_OCTETS,
+    MAX_EXPEDITED_OCTETS,
     REPORTS,
     BlockFlag,
     BlockType,
@@ -38,10 +38,10 @@ from adapters.bundle.node.store import Delivery
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
-_ENDED_AT_ONCE: Final = 500
+_EXPIRY_BATCH: Final = 500
 _CONFIRM: Final = int(Flag.REPORT_DELIVERY | Flag.REPORT_DELETION)
 _ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
-_KEPT_FLAGS: Final = REPORTS | int(Flag.REPORT_TIMES)
+_RETAINED_FLAGS: Final = REPORTS | int(Flag.REPORT_TIMES)
 
 
 class BundleNode(NodeContext):
@@ -90,12 +90,12 @@ class BundleNode(NodeContext):
             raise ValueError(f"no neighbour reaches {destination}")
         if confirm and not settings.confirms(neighbour):
             raise ValueError(f"the daemon that reaches {destination} offers no confirmation")
-        if expedited and len(payload) > MOST_EXPEDITED_OCTETS:
+        if expedited and len(payload) > MAX_EXPEDITED_OCTETS:
             raise ValueError(
-                f"at most {MOST_EXPEDITED_OCTETS} octets fit into an expedited payload, it has"
+                f"at most {MAX_EXPEDITED_OCTETS} octets fit into an expedited payload, it has"
                 f" {len(payload)}"
             )
-        self.database.require_room(len(payload), expedited=expedited)
+        self.database.require_space(len(payload), expedited=expedited)
         lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
         return self.add_own(
             destination,
@@ -122,7 +122,7 @@ class BundleNode(NodeContext):
                 self._last_fetched[expedited] = fetched[-1].id
         return fetched.popleft() if fetched else None
 
-    def give_back(self, delivery: Delivery) -> None:
+    def requeue_delivery(self, delivery: Delivery) -> None:
         """Requeue a fetched unit, before all others of its priority."""
         self._fetched[delivery.expedited].appendleft(delivery)
 
@@ -135,7 +135,7 @@ class BundleNode(NodeContext):
                 delivery.identity, delivery.flags, delivery.report_to, Assertion.DELIVERED
             )
 
-        self.transaction.mark(write)
+        self.transaction.add_retried(write)
 
     def tick(self) -> None:
         """Delete expired bundles and requeue unconfirmed ones; called once a second.
@@ -145,7 +145,7 @@ class BundleNode(NodeContext):
         Raises:
             StoreError: the store cannot be written.
         """
-        self.database.look_for_room()
+        self.database.measure_free_space()
         now_utc_ms = self.utc_ms()
         unconfirmed = self.outbox.unconfirmed(now_utc_ms)
         for neighbour in unconfirmed:
@@ -153,13 +153,13 @@ class BundleNode(NodeContext):
                 traffic.retransmitted += 1
         if unconfirmed:
             self.sending.rewind()
-        outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+        outgoing = self.outbox.expired(now_utc_ms, _EXPIRY_BATCH)
         for _, identity, octets in outgoing:
             self._end(identity, decode_bundle(octets))
         if outgoing:
             self.outbox.remove(row_id for row_id, *_ in outgoing)
         arrived = [
-            row for row in self.inbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+            row for row in self.inbox.expired(now_utc_ms, _EXPIRY_BATCH)
             if row[0] > self._last_fetched[row[1]]
         ]  # fmt: skip
         if arrived:
@@ -203,12 +203,12 @@ class Receiving:
             for bundle, encoded in decode_bundles(octets):
                 if traffic := self._state.traffic.get(neighbour):
                     traffic.received += 1
-                self._take(bundle, encoded, neighbour)
+                self._process(bundle, encoded, neighbour)
         except DecodeError as error:
             self.malformed += 1
             _LOG.warning("malformed bundle dropped: %s", error)
 
-    def _take(self, bundle: Bundle, encoded: bytes, neighbour: str) -> None:
+    def _process(self, bundle: Bundle, encoded: bytes, neighbour: str) -> None:
         state, primary = self._state, bundle.primary
         now_utc_ms = state.utc_ms()
         local = node_of(primary.destination) == state.settings.node
@@ -219,16 +219,16 @@ class Receiving:
             self._reporting.receive(bundle)
             return
         if local and state.inbox.has_seen(identity_of(primary)):
-            self._take_again(primary)
+            self._repeat_delivery_report(primary)
             return
         expedited = is_expedited(bundle)
-        state.database.require_room(len(encoded), expedited=expedited)
+        state.database.require_space(len(encoded), expedited=expedited)
         expires_utc_ms = _expires_utc_ms(bundle, now_utc_ms)
         self._reporting.about(bundle, Assertion.RECEIVED)
         if (reason := self._refusal(bundle, expires_utc_ms <= now_utc_ms, neighbour)) is not None:
             self._reporting.deleted(bundle, reason)
         elif local:
-            self._keep(bundle, expires_utc_ms)
+            self._store(bundle, expires_utc_ms)
         else:
             state.outbox.add(
                 primary,
@@ -258,7 +258,7 @@ class Receiving:
             )
         return state.security.fault(bundle, encoded, local=local) if state.security else ""
 
-    def _take_again(self, primary: Primary) -> None:
+    def _repeat_delivery_report(self, primary: Primary) -> None:
         """Repeat the delivery report of a duplicate bundle: the first report may be lost."""
         identity = identity_of(primary)
         if not self._state.inbox.holds(identity):
@@ -273,19 +273,19 @@ class Receiving:
         if node_of(primary.destination) == settings.node:
             if primary.destination not in settings.receivers:
                 return ReportReason.DESTINATION_UNAVAILABLE
-            most_octets = min(settings.most_payload_octets, self._state.inbox.most_fragments_octets)
-            too_long = primary.part and primary.part.total > most_octets
+            max_octets = min(settings.most_payload_octets, self._state.inbox.max_fragment_octets)
+            too_long = primary.part and primary.part.total > max_octets
             return ReportReason.DEPLETED_STORAGE if too_long else None
         onward = settings.neighbour_of(primary.destination)
-        if onward is None or onward in _came_through(bundle, neighbour):
+        if onward is None or onward in _upstream_nodes(bundle, neighbour):
             return ReportReason.NO_ROUTE
         return ReportReason.HOP_LIMIT_EXCEEDED if _hops_exceeded(bundle) else None
 
-    def _keep(self, bundle: Bundle, expires_utc_ms: int) -> None:
+    def _store(self, bundle: Bundle, expires_utc_ms: int) -> None:
         primary, inbox = bundle.primary, self._state.inbox
         identity, payload = identity_of(primary), bundle.payload
         if primary.part is not None:
-            for dropped in inbox.make_room(identity, len(payload)):
+            for dropped in inbox.evict_fragments(identity, len(payload)):
                 self._state.refusals.note(dropped, "fragments evicted for others of their source")
             whole = inbox.add_fragment(identity, primary.part, payload, expires_utc_ms)
             if whole is None:
@@ -298,7 +298,7 @@ class Receiving:
                 payload,
                 is_expedited(bundle),
                 primary.report_to,
-                primary.flags & _KEPT_FLAGS,
+                primary.flags & _RETAINED_FLAGS,
                 expires_utc_ms,
             )
         )
@@ -320,7 +320,7 @@ def _hops_exceeded(bundle: Bundle) -> bool:
     return hops.count + 1 > hops.limit
 
 
-def _came_through(bundle: Bundle, neighbour: str) -> tuple[str, ...]:
+def _upstream_nodes(bundle: Bundle, neighbour: str) -> tuple[str, ...]:
     previous = bundle.block(BlockType.PREVIOUS_NODE)
     named = () if previous is None else (str(node_of(decode_eid(previous.data))),)
     return (neighbour, str(node_of(bundle.primary.source)), *named)

@@ -39,7 +39,7 @@ from adapters.bundle.node.settings import NodeSettings
 from adapters.bundle.node.store import BundleInbox, Outbox
 
 _LOG: Final = logging.getLogger(__name__)
-_TELL_EVERY_MS: Final = 10_000
+_LOG_PERIOD_MS: Final = 10_000
 _LAST_TIME: Final = "last creation time"
 _LAST_SEQUENCE: Final = "last creation sequence"
 _FLAGS: Final = {
@@ -99,18 +99,18 @@ class RejectionCounter:
 
     def __init__(self, utc_ms: Callable[[], int]) -> None:
         self.count = 0
-        self._utc_ms, self._told_utc_ms, self._told = utc_ms, -_TELL_EVERY_MS, 0
+        self._utc_ms, self._logged_utc_ms, self._logged_count = utc_ms, -_LOG_PERIOD_MS, 0
 
     def note(self, identity: BundleId, why: str) -> None:
         """Count the rejection of a bundle, and log it if the last line is old enough."""
         self.count += 1
         now_utc_ms = self._utc_ms()
-        if abs(now_utc_ms - self._told_utc_ms) < _TELL_EVERY_MS:
+        if abs(now_utc_ms - self._logged_utc_ms) < _LOG_PERIOD_MS:
             return
-        more = self.count - self._told - 1
+        more = self.count - self._logged_count - 1
         others = f" ({more} more since the last such line)" if more else ""
         _LOG.warning("bundle %s rejected: %s%s", identity, why, others)
-        self._told_utc_ms, self._told = now_utc_ms, self.count
+        self._logged_utc_ms, self._logged_count = now_utc_ms, self.count
 
 
 class NodeContext:
@@ -155,7 +155,7 @@ class NodeContext:
             if failure is None:
                 self._on_status(DeliveryNotice(identity, status))
 
-        self.transaction.then(tell)
+        self.transaction.on_commit(tell)
 
     def add_own(
         self,
@@ -198,7 +198,7 @@ class NodeContext:
         self._last = Creation(time_ms, last.sequence + 1 if time_ms == last.time_ms else 0)
         if not self._last_to_write:
             self._last_to_write = True
-            self.transaction.mark(self._write_last)
+            self.transaction.add_retried(self._write_last)
         return self._last
 
     def _write_last(self) -> None:

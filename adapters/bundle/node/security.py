@@ -28,8 +28,8 @@ from adapters.system import OPERATING_SYSTEM
 _LOG: Final = logging.getLogger(__name__)
 KEY_OCTETS: Final = 32
 """Length of a generated key."""
-_LEAST_OCTETS: Final = 16
-_MOST_OCTETS: Final = 1024
+_MIN_KEY_OCTETS: Final = 16
+_MAX_KEY_OCTETS: Final = 1024
 _ION_OCTETS: Final = (16, 24, 32)
 _BLOCK_OCTETS: Final = 110
 """Octets of a BIB with one target, without the EID in it."""
@@ -203,13 +203,15 @@ def _load(path: Path, settings: KeySettings) -> Key:
         raise BundleError(
             f"key {path}: {error.strerror}; `rover bundle key {path}` makes one, for both ends"
         ) from error
-    fits = _LEAST_OCTETS <= len(octets) <= _MOST_OCTETS
+    fits = _MIN_KEY_OCTETS <= len(octets) <= _MAX_KEY_OCTETS
     if settings.form is IntegrityVariant.ION:
         require_unwrapping()
         fits = len(octets) in _ION_OCTETS
     if not fits:
         wanted = (
-            "16, 24 or 32" if settings.form is IntegrityVariant.ION else f"{_LEAST_OCTETS} or more"
+            "16, 24 or 32"
+            if settings.form is IntegrityVariant.ION
+            else f"{_MIN_KEY_OCTETS} or more"
         )
         raise BundleError(f"key {path} has {len(octets)} octets: {wanted}, without a line's end")
     if mode & 0o077:

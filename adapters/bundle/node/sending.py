@@ -97,7 +97,7 @@ class OutboxReader:
                 del self._parts[row_id]
                 whole.append(outgoing.stored)
         if whole:
-            self._state.transaction.mark(lambda: self._write_handed_on(whole))
+            self._state.transaction.add_retried(lambda: self._write_handed_on(whole))
 
     def requeue(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
         """Queue bundles that the neighbour did not receive, before all others."""
@@ -141,7 +141,7 @@ class OutboxReader:
             if len(octets) + more > bundle_octets:
                 cut = fragments(bundle, bundle_octets - more)
                 if cut is None:
-                    self._give_up(stored, bundle, bundle_octets)
+                    self._discard(stored, bundle, bundle_octets)
                     return []
                 parts = cut
             if more and security:
@@ -149,7 +149,7 @@ class OutboxReader:
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
 
-    def _give_up(self, stored: OutboxEntry, bundle: Bundle, bundle_octets: int) -> None:
+    def _discard(self, stored: OutboxEntry, bundle: Bundle, bundle_octets: int) -> None:
         _LOG.warning(
             "bundle %s cannot be fragmented to %d octets, bundle_octets of the link to %s",
             stored.identity, bundle_octets, stored.neighbour,
@@ -185,7 +185,7 @@ def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
 
 def _one_hop_on(block: Block, stayed_ms: int) -> Block:
     if block.type == BlockType.BUNDLE_AGE:
-        age_ms = min(decode_age(block.data) + stayed_ms, cbor.GREATEST)
+        age_ms = min(decode_age(block.data) + stayed_ms, cbor.MAX_UNSIGNED)
         return replace(block, data=cbor.unsigned(age_ms))
     if block.type == BlockType.HOP_COUNT:
         hops = decode_hop_count(block.data)
@@ -193,7 +193,7 @@ def _one_hop_on(block: Block, stayed_ms: int) -> Block:
     return block
 
 
-def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
+def fragments(bundle: Bundle, max_octets: int) -> list[bytes] | None:
     """Encode a bundle as fragments (RFC 9171, 5.8) of at most this many octets.
 
     Returns:
@@ -205,7 +205,7 @@ def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
         return None
     base = primary.part or FragmentRange(0, len(payload))
     head = _fragment(bundle, FragmentRange(base.total, base.total), b"", first=True)
-    available = most_octets - len(encode_bundle(head)) - _LENGTH_OCTETS
+    available = max_octets - len(encode_bundle(head)) - _LENGTH_OCTETS
     if available <= 0:
         return None
     return [

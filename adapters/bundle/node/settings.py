@@ -11,11 +11,11 @@ from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.security import SecuritySettings
 
 DAY_S: Final = 86_400.0
-LONGEST_LIFETIME_S: Final = 1e10
+MAX_LIFETIME_S: Final = 1e10
 """Upper bound of every lifetime setting, about 300 years."""
-HIGHEST_PORT: Final = 65535
+MAX_PORT: Final = 65535
 _DATAGRAM_OCTETS: Final = 65_507
-_LEAST_BUNDLE_OCTETS: Final = 512
+_MIN_BUNDLE_OCTETS: Final = 512
 """Smallest fragment: two long EIDs and a hundred octets of payload."""
 _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
@@ -43,8 +43,8 @@ class Address:
         if not fits:
             parts = "each label between dots has 1 to 63 characters"
             raise ValueError(f"host {self.host!r} is not a host name: {parts}")
-        if not 0 <= self.port <= HIGHEST_PORT:
-            raise ValueError(f"port {self.port} is not in 0 to {HIGHEST_PORT}")
+        if not 0 <= self.port <= MAX_PORT:
+            raise ValueError(f"port {self.port} is not in 0 to {MAX_PORT}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class LtpLink:
             self,
             segment_octets=(10, 65_000),  # in a datagram, with its header
             block_octets=(1, 16 << 20),
-            bundle_octets=(_LEAST_BUNDLE_OCTETS, 16 << 20),
+            bundle_octets=(_MIN_BUNDLE_OCTETS, 16 << 20),
             sessions=(1, 256),
             answer_s=(0.01, DAY_S),
             confirm_after_s=_CONFIRM_AFTER_S,
@@ -152,7 +152,7 @@ class UdpLink:
     def __post_init__(self) -> None:
         check_ranges(
             self,
-            bundle_octets=(_LEAST_BUNDLE_OCTETS, _DATAGRAM_OCTETS),
+            bundle_octets=(_MIN_BUNDLE_OCTETS, _DATAGRAM_OCTETS),
             rate_octets_s=(1, 1 << 40),
             confirm_after_s=_CONFIRM_AFTER_S,
         )
@@ -241,9 +241,9 @@ class NodeSettings:
     def __post_init__(self) -> None:
         check_ranges(
             self,
-            most_lifetime_s=(0.001, LONGEST_LIFETIME_S),
+            most_lifetime_s=(0.001, MAX_LIFETIME_S),
             lifetime_s=(0.001, self.most_lifetime_s),
-            most_ahead_s=(0.0, LONGEST_LIFETIME_S),
+            most_ahead_s=(0.0, MAX_LIFETIME_S),
             hop_limit=(1, 255),
             most_payload_octets=(1, 1 << 30),
         )

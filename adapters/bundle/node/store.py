@@ -17,8 +17,8 @@ from adapters.bundle.codec.bundle import (
 from adapters.bundle.codec.eid import NONE, Eid, decode_eid, encode_eid
 from adapters.bundle.node.database import BundleDatabase
 
-_GREATEST: Final = 2**62
-_MOST_DOUBLINGS: Final = 5
+_MAX_ID: Final = 2**62
+_MAX_DOUBLINGS: Final = 5
 """Maximum doublings of the retransmission pause: a link that lost many may have been back long."""
 
 
@@ -77,7 +77,7 @@ class Outbox:
     def __init__(self, database: BundleDatabase, pause_ms: Mapping[str, int]) -> None:
         self._db, self._pause_ms = database, pause_ms
         self._read_to_the_end: dict[tuple[str, bool], int] = {}
-        self._looked_utc_ms = _GREATEST
+        self._checked_utc_ms = _MAX_ID
 
     def add(
         self, primary: Primary, neighbour: str, octets: bytes, *,
@@ -90,7 +90,7 @@ class Outbox:
             " expires_utc_ms, own, expedited, octets) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 identity_of(primary).key, encode_eid(primary.destination), neighbour,
-                OutboxState.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _GREATEST), own,
+                OutboxState.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _MAX_ID), own,
                 expedited, octets,
             ),
         )  # fmt: skip
@@ -125,7 +125,7 @@ class Outbox:
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
             "UPDATE outbox SET state = ?,"
-            f" again_utc_ms = ? + ? * (1 << min(tries, {_MOST_DOUBLINGS})),"
+            f" again_utc_ms = ? + ? * (1 << min(tries, {_MAX_DOUBLINGS})),"
             " tries = tries + 1 WHERE id = ?",
             [
                 (
@@ -150,7 +150,7 @@ class Outbox:
 
     def queued(self, destination: Eid) -> Iterator[Queued]:
         """Yield the payloads sent from here to a destination, the newest first."""
-        before = _GREATEST
+        before = _MAX_ID
         while rows := self._db.read(
             "SELECT id, key, expires_utc_ms, octets FROM outbox WHERE own AND destination = ?"
             " AND id < ? ORDER BY id DESC LIMIT 32",
@@ -170,16 +170,16 @@ class Outbox:
         Returns:
             The neighbour of each.
         """
-        if now_utc_ms < self._looked_utc_ms and self._db.read(
+        if now_utc_ms < self._checked_utc_ms and self._db.read(
             "SELECT 1 FROM outbox WHERE again_utc_ms IS NOT NULL LIMIT 1"
         ):
             self._db.write_all(
                 "UPDATE outbox SET again_utc_ms = min(again_utc_ms,"
-                f" ? + ? * (1 << min(tries - 1, {_MOST_DOUBLINGS})))"
+                f" ? + ? * (1 << min(tries - 1, {_MAX_DOUBLINGS})))"
                 " WHERE again_utc_ms IS NOT NULL AND neighbour = ?",
                 [(now_utc_ms, pause, neighbour) for neighbour, pause in self._pause_ms.items()],
             )
-        self._looked_utc_ms = now_utc_ms
+        self._checked_utc_ms = now_utc_ms
         found = self._db.read(
             "SELECT id, neighbour FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
             (now_utc_ms, OutboxState.HANDED_ON.value),
@@ -225,7 +225,7 @@ class Outbox:
         )
         return int(octets)
 
-    def oldest_utc_ms(self) -> int | None:
+    def earliest_utc_ms(self) -> int | None:
         """Return the arrival time of the first bundle in the outbox, or None."""
         rows = self._db.read("SELECT put_utc_ms FROM outbox ORDER BY id LIMIT 1")
         return int(rows[0][0]) if rows else None
@@ -271,7 +271,7 @@ class BundleInbox:
     def add(self, delivery: Delivery) -> bool:
         """Add a complete unit within the transaction; return False for a duplicate."""
         key = delivery.identity.key
-        until = min(delivery.expires_utc_ms, _GREATEST)
+        until = min(delivery.expires_utc_ms, _MAX_ID)
         noted = self._db.write("INSERT OR IGNORE INTO seen VALUES (?, ?)", (key, until))
         if not noted.rowcount:
             return False
@@ -295,11 +295,11 @@ class BundleInbox:
         return bool(self._db.read("SELECT 1 FROM inbox WHERE key = ?", (identity.key,)))
 
     @property
-    def most_fragments_octets(self) -> int:
+    def max_fragment_octets(self) -> int:
         """Space that the fragments of one source may use: a quarter of the store."""
         return self._db.capacity_octets // 4
 
-    def make_room(self, identity: BundleId, octets: int) -> list[BundleId]:
+    def evict_fragments(self, identity: BundleId, octets: int) -> list[BundleId]:
         """Evict the oldest incomplete units if a fragment would exceed its source's share.
 
         Fragments of one source may use a quarter of the store, those of all sources half of it.
@@ -307,21 +307,21 @@ class BundleInbox:
         Returns:
             The units that were evicted.
         """
-        source, limit = encode_eid(identity.source), self.most_fragments_octets
+        source, limit = encode_eid(identity.source), self.max_fragment_octets
         dropped: list[BundleId] = []
         if self._held[source] + octets > limit:
-            dropped += self._drop_oldest(source, identity.key, octets)
+            dropped += self._drop_first(source, identity.key, octets)
         if self._held.total() + octets > 2 * limit:
             (largest, _), *_ = self._held.most_common(1)
-            dropped += self._drop_oldest(largest, identity.key, octets)
+            dropped += self._drop_first(largest, identity.key, octets)
         return dropped
 
-    def _drop_oldest(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:
+    def _drop_first(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:
         """Evict incomplete units of a source: an eighth of its share, so that this is rare.
 
         The unit of the new fragment is evicted last: only overlapping fragments make it so long.
         """
-        wanted, dropped = octets + self.most_fragments_octets // 8, list[BundleId]()
+        wanted, dropped = octets + self.max_fragment_octets // 8, list[BundleId]()
         rows = self._db.read(
             "SELECT key, sum(length) FROM fragments WHERE key BETWEEN ? AND ?"
             " GROUP BY key ORDER BY key = ?, min(rowid)",
@@ -350,7 +350,7 @@ class BundleInbox:
             "INSERT OR IGNORE INTO fragments VALUES (?, ?, ?, ?, ?, ?)",
             (
                 key, part.total, part.offset, len(payload),
-                min(expires_utc_ms, _GREATEST), payload,
+                min(expires_utc_ms, _MAX_ID), payload,
             ),
         )  # fmt: skip
         self._held[encode_eid(identity.source)] += added.rowcount * len(payload)

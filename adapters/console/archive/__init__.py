@@ -8,7 +8,7 @@ a transaction can read before it writes, and revisions increase in the order in 
 see them. Consoles poll for new revisions every second. Data that two consoles receive is stored
 once: a sample by its parameter and time aboard, a notification by its number. A command is merged
 by source and number, with the stages that either received
-(`adapters.console.command_life`).
+(`adapters.console.command_states`).
 """
 
 from adapters.console.archive.alarms import AlarmCleared as AlarmCleared
@@ -16,21 +16,21 @@ from adapters.console.archive.alarms import AlarmRaised as AlarmRaised
 from adapters.console.archive.alarms import Change as Change
 from adapters.console.archive.alarms import acknowledge_alarms as acknowledge_alarms
 from adapters.console.archive.alarms import change_alarms as change_alarms
+from adapters.console.archive.alarms import open_alarms as open_alarms
 from adapters.console.archive.alarms import read_alarms as read_alarms
-from adapters.console.archive.alarms import standing_alarms as standing_alarms
-from adapters.console.archive.archive import LOOK_S as LOOK_S
+from adapters.console.archive.archive import POLL_S as POLL_S
 from adapters.console.archive.archive import Archive as Archive
 from adapters.console.archive.archive import Written as Written
 from adapters.console.archive.archive import to_us as to_us
 from adapters.console.archive.database import ArchiveError as ArchiveError
 from adapters.console.archive.database import cause_of as cause_of
 from adapters.console.archive.database import open_database as open_database
+from adapters.console.archive.exports import ExportCursor as ExportCursor
 from adapters.console.archive.exports import Exported as Exported
 from adapters.console.archive.exports import ExportRecord as ExportRecord
 from adapters.console.archive.exports import ExportRow as ExportRow
-from adapters.console.archive.exports import Place as Place
 from adapters.console.archive.exports import export_page as export_page
-from adapters.console.archive.exports import kept_page as kept_page
+from adapters.console.archive.exports import record_page as record_page
 from adapters.console.archive.objects import RevisionConflict as RevisionConflict
 from adapters.console.archive.objects import StoredObject as StoredObject
 from adapters.console.archive.objects import delete_object as delete_object
@@ -38,14 +38,14 @@ from adapters.console.archive.objects import get_object as get_object
 from adapters.console.archive.objects import list_objects as list_objects
 from adapters.console.archive.objects import put_object as put_object
 from adapters.console.archive.plans import PlanRevision as PlanRevision
+from adapters.console.archive.plans import add_plan_revision as add_plan_revision
 from adapters.console.archive.plans import get_plan as get_plan
-from adapters.console.archive.plans import keep_plan as keep_plan
 from adapters.console.archive.plans import list_plans as list_plans
 from adapters.console.archive.presence import ConsolePages as ConsolePages
 from adapters.console.archive.presence import forget_pages as forget_pages
 from adapters.console.archive.presence import read_pages as read_pages
 from adapters.console.archive.presence import write_pages as write_pages
-from adapters.console.archive.queries import MOST_SAMPLES as MOST_SAMPLES
+from adapters.console.archive.queries import MAX_SAMPLES as MAX_SAMPLES
 from adapters.console.archive.queries import ArchivedParameter as ArchivedParameter
 from adapters.console.archive.queries import SampleQuery as SampleQuery
 from adapters.console.archive.queries import Strategy as Strategy
@@ -64,6 +64,6 @@ from adapters.console.archive.queries import read_records as read_records
 from adapters.console.archive.queries import read_samples as read_samples
 from adapters.console.archive.retention import RetentionPolicy as RetentionPolicy
 from adapters.console.archive.retention import delete_old as delete_old
-from adapters.console.archive.retention import retain as retain
+from adapters.console.archive.retention import run_retention as run_retention
 from adapters.console.archive.tables import METADATA as METADATA
 from adapters.console.archive.tables import SAMPLE_MINUTE as SAMPLE_MINUTE

@@ -33,8 +33,8 @@ class AlarmRaised:
     severity: str
     text: str
     command: str | None = None
-    lasts: bool = False
-    again: bool = True
+    persistent: bool = False
+    reoccurrence: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def acknowledge_alarms(
             _update(connection, number, standing=standing, **by)
 
 
-def standing_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
+def open_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
     """Return the open alarms, and further ones by their ids, in the order of ids."""
     chosen = select(ALARM).where(or_(ALARM.c.standing == 1, ALARM.c.id.in_(also)))
     return [alarm_of(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
@@ -115,7 +115,7 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
         "text": raised.text,
         "command": raised.command,
         "last_us": utc_us,
-        "cleared_us": None if raised.lasts else utc_us,
+        "cleared_us": None if raised.persistent else utc_us,
         "operator": None,
         "acknowledged_us": None,
     }
@@ -127,7 +127,7 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
             "occurrences": 1,
         }
         connection.execute(ALARM.insert().values(**first, **values, standing=1))
-    elif raised.again or known.cleared_us is not None:
+    elif raised.reoccurrence or known.cleared_us is not None:
         _update(connection, known.id, occurrences=known.occurrences + 1, **values)
 
 

@@ -27,7 +27,7 @@ from adapters.console.archive.tables import (
     SAMPLE,
     SAMPLE_MINUTE,
 )
-from adapters.console.command_life import merge
+from adapters.console.command_states import merge
 from adapters.console.messages import (
     AlarmStatus,
     AssetState,
@@ -53,13 +53,13 @@ from executive.values.reports import without_figures
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
 
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 """Poll interval for data of other consoles, s."""
 WRITE_S: Final = 0.5
 """Interval between two batches, s."""
-MOST_WAITING: Final = 100_000
+MAX_PENDING: Final = 100_000
 """Capacity of the queue while the database cannot be written; beyond it old messages are lost."""
-NEAR: Final = 8
+NEIGHBOURING_STATES: Final = 8
 """Number of neighbouring states that are searched for the previous one of the same link."""
 US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
@@ -94,8 +94,8 @@ class Archive:
         self._is_sqlite = engine.dialect.name == SQLITE
         self._writer = ThreadPoolExecutor(1, "archive writer")
         self._reader = ThreadPoolExecutor(1, "archive reader")
-        self._waiting: deque[Written] = deque(maxlen=MOST_WAITING)
-        self._looks: dict[str, tuple[tuple[str | None, ...], ...]] = {}
+        self._waiting: deque[Written] = deque(maxlen=MAX_PENDING)
+        self._last_trees: dict[str, tuple[tuple[str | None, ...], ...]] = {}
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
         self._flushing = asyncio.Lock()
@@ -108,7 +108,7 @@ class Archive:
 
     def put(self, message: Written) -> None:
         """Queue a message for the next batch."""
-        self.lost += len(self._waiting) == MOST_WAITING
+        self.lost += len(self._waiting) == MAX_PENDING
         self._waiting.append(message)
 
     def put_tree(self, tree: TreeState) -> None:
@@ -121,8 +121,8 @@ class Archive:
             (tree.mode, without_figures(tree.why)),
             *((node.path, node.look, node.command) for node in tree.nodes),
         )
-        if self._looks.get(tree.asset) != content:
-            self._looks[tree.asset] = content
+        if self._last_trees.get(tree.asset) != content:
+            self._last_trees[tree.asset] = content
             self.put(tree)
 
     async def run(self) -> None:
@@ -158,7 +158,7 @@ class Archive:
                 _LOG.warning("the archive can be written again")
             self._failing = False
 
-    async def claim(self, command: CommandStatus) -> bool:
+    async def claim_command(self, command: CommandStatus) -> bool:
         """Store a new command; return whether its id and its number are new.
 
         If several consoles claim it at the same time, one succeeds.
@@ -241,7 +241,7 @@ class Archive:
         if records:
             connection.execute(_NEW_RECORD, records)
         for command in commands.values():
-            self._keep(connection, command)
+            self._store_command(connection, command)
 
     def _state(
         self, connection: Connection, message: AssetState | AuthorityMessage, rx_us: int
@@ -249,11 +249,13 @@ class Archive:
         """Store a state, unless a neighbouring state of the same link has the same content."""
         new = _record(message, message.utc, rx_us)
         this = (RECORD.c.ty == new["ty"], RECORD.c.asset == new["asset"])
-        state, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
+        state, utc_us = _without_times(new["body"]), RECORD.c.utc_us
         before, after = utc_us <= new["utc_us"], utc_us > new["utc_us"]
         for side, order in ((before, utc_us.desc()), (after, utc_us)):
-            found = select(RECORD.c.body).where(*this, side).order_by(order).limit(NEAR)
-            neighbours = map(_what_is_told, connection.execute(found).scalars())
+            found = (
+                select(RECORD.c.body).where(*this, side).order_by(order).limit(NEIGHBOURING_STATES)
+            )
+            neighbours = map(_without_times, connection.execute(found).scalars())
             if state == next((each for each in neighbours if each["link"] == state["link"]), None):
                 return
         connection.execute(_NEW_RECORD, new)
@@ -302,7 +304,7 @@ class Archive:
     def _insert_into(self, table: Table) -> Any:
         return sqlite.insert(table) if self._is_sqlite else postgresql.insert(table)
 
-    def _keep(self, connection: Connection, command: CommandStatus) -> None:
+    def _store_command(self, connection: Connection, command: CommandStatus) -> None:
         """Store a command, merged with the state that other consoles stored."""
         this = (
             COMMAND.c.asset == command.asset,
@@ -335,7 +337,7 @@ def _record(message: _Recorded, utc_s: float, rx_us: int) -> dict[str, Any]:
     }
 
 
-def _what_is_told(body: str) -> dict[str, Any]:
+def _without_times(body: str) -> dict[str, Any]:
     """Return a state without its times: consoles receive it at different times."""
     return {name: value for name, value in json.loads(body).items() if name not in _WHEN}
 

@@ -22,7 +22,7 @@ POSTGRESQL: Final = "postgresql"
 _DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
 _WRITING: Final = 0x526F766572
 """Advisory lock of PostgreSQL for exclusive write transactions."""
-_SILENT: Final = {
+_CONNECT_TIMEOUTS: Final = {
     "connect_timeout": 10,
     "tcp_user_timeout": 10_000,
     "keepalives_idle": 5,
@@ -72,7 +72,9 @@ def open_database(url: str | None, folder: Path, system: System = OPERATING_SYST
     silent = {}
     if driver != SQLITE:
         require("psycopg")
-        silent = {name: value for name, value in _SILENT.items() if name not in parsed.query}
+        silent = {
+            name: value for name, value in _CONNECT_TIMEOUTS.items() if name not in parsed.query
+        }
     url_of_driver = parsed.set(drivername=driver)
     engine = create_engine(url_of_driver, pool_pre_ping=True, connect_args=silent)
     if driver == SQLITE:

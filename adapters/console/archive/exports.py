@@ -22,7 +22,7 @@ from adapters.console.messages import (
 
 PAGE: Final = 10_000
 """Samples of one page."""
-KEPT_PAGE: Final = 500
+RECORD_PAGE: Final = 500
 """Records of one page; a tree has some kilobytes."""
 
 
@@ -84,18 +84,18 @@ class ExportRecord:
     body: dict[str, Any]
 
 
-Place = tuple[int, int | str]
+ExportCursor = tuple[int, int | str]
 """Time and id of a row."""
 
 
-def kept_page(
+def record_page(
     connection: Connection,
     kind: Exported,
     asset: str | None,
     start_us: int,
     end_us: int,
-    after: Place | None = None,
-) -> tuple[list[ExportRecord], Place | None]:
+    after: ExportCursor | None = None,
+) -> tuple[list[ExportRecord], ExportCursor | None]:
     """Return records of a kind within a time span, and the cursor of the next page, if any."""
     table, at, rx = _SOURCES[kind]
     chosen = select(table, at.label("at_us"), rx.label("at_rx_us")).where(
@@ -107,13 +107,15 @@ def kept_page(
         chosen = chosen.where(table.c.asset == asset)
     if after is not None:
         chosen = chosen.where(tuple_(at, table.c.id) > tuple_(*after))
-    rows: Sequence[Any] = connection.execute(chosen.order_by(at, table.c.id).limit(KEPT_PAGE)).all()
+    rows: Sequence[Any] = connection.execute(
+        chosen.order_by(at, table.c.id).limit(RECORD_PAGE)
+    ).all()
     page = []
     for row in rows:
         body = plain(alarm_of(row)) if table is ALARM else json.loads(row.body)
         body.pop("ty", None)
         page.append(ExportRecord(row.at_us / US_PER_S, row.at_rx_us / US_PER_S, body))
-    return page, (rows[-1].at_us, rows[-1].id) if len(rows) == KEPT_PAGE else None
+    return page, (rows[-1].at_us, rows[-1].id) if len(rows) == RECORD_PAGE else None
 
 
 _SOURCES: Final[dict[Exported, tuple[Table, Column[int], Column[int]]]] = {

@@ -28,7 +28,7 @@ class PlanRevision:
     content: str = ""
 
 
-def keep_plan(connection: Connection, revision: PlanRevision) -> None:
+def add_plan_revision(connection: Connection, revision: PlanRevision) -> None:
     """Store a submitted plan; the database assigns its revision."""
     connection.execute(
         PLAN.insert().values(

@@ -22,7 +22,7 @@ from adapters.console.archive.rollup import (
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
 from adapters.console.messages import CommandStatus, LinkKind, decode_command
 
-MOST_SAMPLES: Final = 20_000
+MAX_SAMPLES: Final = 20_000
 """Maximum number of samples in one response."""
 LONG_US: Final = 720 * MINUTE_US
 """Minimum time span whose parts are whole minutes, µs."""

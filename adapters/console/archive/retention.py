@@ -27,7 +27,7 @@ SAMPLE_OCTETS: Final = 40
 """Octets of one sample in the database, with its share of the index."""
 ROW_OCTETS: Final = 120
 """Octets of one other row, without its body."""
-LESS: Final = 0.9
+REDUCTION_RATIO: Final = 0.9
 """Share of the size bound down to which data is deleted once the bound is exceeded."""
 STEPS: Final = 20
 
@@ -45,7 +45,7 @@ class RetentionPolicy:
     megabytes: float = 2000.0
 
 
-async def retain(archive: Archive, retention: RetentionPolicy) -> None:
+async def run_retention(archive: Archive, retention: RetentionPolicy) -> None:
     """Delete data beyond the bounds periodically."""
     while True:
         try:
@@ -69,7 +69,7 @@ async def delete_old(archive: Archive, retention: RetentionPolicy, utc_s: float)
         return deleted
     first_us = await archive.read(_first)
     step_us = max((to_us(utc_s) - first_us) // STEPS, 1)
-    while first_us < to_us(utc_s) and await archive.read(_octets) > LESS * max_octets:
+    while first_us < to_us(utc_s) and await archive.read(_octets) > REDUCTION_RATIO * max_octets:
         first_us += step_us
         deleted += await _delete_before(archive, first_us)
     return deleted

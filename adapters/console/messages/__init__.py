@@ -4,7 +4,7 @@ Times are seconds since 1970-01-01 UTC; figures are in SI units and radians. The
 `adapters.console` lists the messages. The package imports the standard library only.
 """
 
-from adapters.console.messages.commands import ENDED as ENDED
+from adapters.console.messages.commands import TERMINAL_STATES as TERMINAL_STATES
 from adapters.console.messages.commands import AuthorityMessage as AuthorityMessage
 from adapters.console.messages.commands import CommandState as CommandState
 from adapters.console.messages.commands import CommandStatus as CommandStatus

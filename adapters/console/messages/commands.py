@@ -14,12 +14,12 @@ class CommandState(Enum):
     Attributes:
         SENDING: sent, not answered yet.
         TAKEN: acknowledged by the other end of the link.
-        GIVEN_UP: lost: the relay expects no report; the rover may have received it.
+        LOST: lost: the relay expects no report; the rover may have received it.
         UNKNOWN: no report in time, or none of its end; the rover may have executed it.
     """
 
     SENDING = "sending"
-    TAKEN = "taken"
+    ACKNOWLEDGED = "taken"
     RECEIVED = "received"
     ACCEPTED = "accepted"
     STARTED = "started"
@@ -28,11 +28,11 @@ class CommandState(Enum):
     FAILED = "failed"
     CANCELLED = "cancelled"
     EXPIRED = "expired"
-    GIVEN_UP = "given_up"
+    LOST = "given_up"
     UNKNOWN = "unknown"
 
 
-ENDED: Final = frozenset(
+TERMINAL_STATES: Final = frozenset(
     {
         CommandState.EXECUTED,
         CommandState.REJECTED,

@@ -67,7 +67,7 @@ class AlarmStatus:
     acknowledged: float | None
 
     @property
-    def standing(self) -> bool:
+    def open(self) -> bool:
         """Whether it is active or unacknowledged."""
         return self.cleared is None or self.acknowledged is None
 

@@ -18,7 +18,7 @@ from adapters.console.rovers import (
     AssetEntry,
     CommandTracker,
     RecordingEntry,
-    args_of,
+    form_values,
     notified,
     parameter_entries,
     tree_of,
@@ -47,7 +47,7 @@ from executive.values.reports import Identity, PlanUpdate, Report
 from trees import TreeSnapshot, leaf_paths
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
-WORDS_S: Final = 1.0
+TEXT_PERIOD_S: Final = 1.0
 """Minimum interval between two trees that differ in node messages only, s."""
 _LINKS: Final = {link.value: link for link in LinkKind}
 
@@ -72,12 +72,12 @@ class RecordedRun:
         self._reader = RunReader(path, is_wanted)
         self._name = ""
         self._history = HistoryBuilder(leaf_paths)
-        self._tracker = CommandTracker(self._heard, lambda: self._utc_s)
+        self._tracker = CommandTracker(self._add_command, lambda: self._utc_s)
         self._found: list[Written] = []
         self._tree: RecordedTree | None = None
         self._mode: ModeChanged | None = None
         self._ticks = 0
-        self._tree_differs = self._words_differ = False
+        self._tree_differs = self._text_changed = False
         self._tree_utc_s = 0.0
         self._began_utc_s: float | None = None
         self._utc_s = 0.0
@@ -142,7 +142,7 @@ class RecordedRun:
             case TreeChanged() if self._tree is not None:
                 self._ticks += 1
                 self._tree_differs |= bool(self._tree.put(timed.item) or timed.item.gone)
-                self._words_differ = True
+                self._text_changed = True
             case ModeChanged():
                 self._mode = timed.item
                 self._tree_differs = True
@@ -160,11 +160,14 @@ class RecordedRun:
                 pass
 
     def _end_moment(self) -> None:
-        """Add the tree if it has changed; changes of messages alone at most every `WORDS_S`."""
-        is_due = self._words_differ and self._utc_s - self._tree_utc_s >= WORDS_S
+        """Add the tree if it has changed.
+
+        Changes of messages alone at most every `TEXT_PERIOD_S`.
+        """
+        is_due = self._text_changed and self._utc_s - self._tree_utc_s >= TEXT_PERIOD_S
         if self._tree is None or self._mode is None or not (self._tree_differs or is_due):
             return
-        self._tree_differs = self._words_differ = False
+        self._tree_differs = self._text_changed = False
         self._tree_utc_s = self._utc_s
         mode = self._mode
         nodes = self._tree.nodes()
@@ -176,12 +179,12 @@ class RecordedRun:
     def _begin(self, command: Command) -> None:
         identity = command.identity
         if self._tracker.get(str(identity)) is None:
-            self._tracker.begin(
+            self._tracker.register(
                 CommandStatus(
                     id=str(identity),
                     asset=self._name,
                     name=declaration_of(type(command.request)).name,
-                    args=args_of(command.request),
+                    args=form_values(command.request),
                     by=identity.source,
                     source=identity.source,
                     number=identity.command_id,
@@ -194,7 +197,7 @@ class RecordedRun:
                 )
             )
 
-    def _heard(self, command: CommandStatus) -> None:
+    def _add_command(self, command: CommandStatus) -> None:
         """Add the status of a command, unless it is a request without a life cycle."""
         if command.history:
             self._found.append(command)
@@ -205,7 +208,7 @@ class RecordedRun:
         message = notified(self._name, link, notification, report.utc_s)
         if notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
-            message = replace(message, command=self._tracker.hear(message, identity))
+            message = replace(message, command=self._tracker.on_notification(message, identity))
         self._found.append(message)
         for key, figure in reported_uncertainty(report).items():
             self._found.append(self._sample(key, report.utc_s, figure))

@@ -22,13 +22,13 @@ from adapters.console.archive import Archive, Written, open_database
 from adapters.console.messages import DictionaryChanged
 from adapters.console.recordings.recorded import RecordedRun
 from adapters.console.rovers import AssetEntry
-from adapters.console.web import answer, refused
+from adapters.console.web import json_response, refused
 from adapters.recording import RecordingError
 from executive.history import RunHistory
 
 _LOG: Final = logging.getLogger(__name__)
 
-MOST_OCTETS: Final = 1 << 30
+MAX_UPLOAD_OCTETS: Final = 1 << 30
 """Maximum size of an uploaded file."""
 PART: Final = 5000
 """Messages of one batch of reading and writing."""
@@ -85,7 +85,7 @@ class Recordings:
         """Yield their dictionary entries."""
         return (each.entry for each in self._opened.values())
 
-    def get(self, asset: str | None) -> Recording | None:
+    def find(self, asset: str | None) -> Recording | None:
         """Return the recording of an asset; None if the asset is no recording."""
         return None if asset is None else self._opened.get(asset)
 
@@ -170,7 +170,7 @@ class Recordings:
         except OSError as error:
             text = f"{name} cannot be stored: {error.strerror}"
             raise refused(HTTPStatus.INSUFFICIENT_STORAGE, text) from error
-        return answer(opened.entry, HTTPStatus.CREATED)
+        return json_response(opened.entry, HTTPStatus.CREATED)
 
     async def _delete(self, request: web.Request) -> web.Response:
         asset = request.match_info["asset"]
@@ -185,9 +185,9 @@ async def _receive_into(path: Path, request: web.Request, name: str) -> None:
     with path.open("wb") as file:
         async for piece in request.content.iter_chunked(PIECE):
             octets += len(piece)
-            if octets > MOST_OCTETS:
+            if octets > MAX_UPLOAD_OCTETS:
                 text = (
-                    f"{name} is larger than {MOST_OCTETS >> 30} GiB: start rover-console with"
+                    f"{name} is larger than {MAX_UPLOAD_OCTETS >> 30} GiB: start rover-console with"
                     f" --recording {name}"
                 )
                 raise refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)

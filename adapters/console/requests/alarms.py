@@ -19,7 +19,7 @@ from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
-    LOOK_S,
+    POLL_S,
     AlarmCleared,
     AlarmRaised,
     Archive,
@@ -27,29 +27,29 @@ from adapters.console.archive import (
     acknowledge_alarms,
     cause_of,
     change_alarms,
+    open_alarms,
     read_alarms,
-    standing_alarms,
 )
 from adapters.console.messages import AlarmStatus, Notified, Quality, Sample, TreeState
-from adapters.console.web import OPERATOR, answer, body_of, page_of, refused
+from adapters.console.web import OPERATOR, body_of, json_response, page_of, refused
 from executive.faults import DECLARED
 from executive.values.reasons import Reason
 
 _LOG: Final = logging.getLogger(__name__)
 
-BEYOND_S: Final = 1.0
+LIMIT_DEBOUNCE_S: Final = 1.0
 """Time for which a parameter is outside its limits before an alarm, s; chosen, not measured."""
-SLACK: Final = 0.01
+LIMIT_HYSTERESIS: Final = 0.01
 """Tolerance of the limits, share of their range, until the alarm; chosen, not measured."""
-MOST_WAITING: Final = 10_000
+MAX_PENDING: Final = 10_000
 """Capacity of the queue of changes while the archive cannot be written."""
-MOST_SEEN: Final = 1000
-LONGEST_SOURCE: Final = 200
+MAX_ACKNOWLEDGED: Final = 1000
+MAX_SOURCE_LENGTH: Final = 200
 
 _CALM: Final = "INFORMATIONAL"
 _CODES: Final = {name: declared.reason.value for name, declared in DECLARED.items()}
 _LASTING: Final = frozenset(_CODES.values())
-_OVER: Final = re.compile(r"(\w+) is over")
+_CLEARED_TEXT: Final = re.compile(r"(\w+) is over")
 
 Limits = tuple[float | None, float | None]
 Key = tuple[str, str]
@@ -71,10 +71,10 @@ class AlarmRequests:
         limits: Callable[[str, str], Limits],
     ) -> None:
         self._archive, self._publish, self._limits = archive, publish, limits
-        self._waiting: deque[Change] = deque(maxlen=MOST_WAITING)
-        self._something = asyncio.Event()
+        self._waiting: deque[Change] = deque(maxlen=MAX_PENDING)
+        self._wake = asyncio.Event()
         self._refreshing = asyncio.Lock()
-        self._told: dict[int, AlarmStatus] = {}
+        self._published: dict[int, AlarmStatus] = {}
         self._samples: dict[Key, _LimitCheck] = {}
         self._trees: dict[str, TreeState] = {}
 
@@ -88,15 +88,15 @@ class AlarmRequests:
     async def run(self) -> None:
         """Store changes, and publish those of other consoles, periodically."""
         while True:
-            self._something.clear()
+            self._wake.clear()
             try:
                 await self.refresh()
             except SQLAlchemyError as error:
                 _LOG.error("alarms are queued, the archive cannot be used: %s", error)
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(POLL_S)
             try:
-                async with asyncio.timeout(LOOK_S):
-                    await self._something.wait()
+                async with asyncio.timeout(POLL_S):
+                    await self._wake.wait()
             except TimeoutError:
                 continue
 
@@ -118,15 +118,17 @@ class AlarmRequests:
             except SQLAlchemyError:
                 self._waiting.extendleft(reversed(changes))
                 raise
-            found = await self._archive.read(partial(standing_alarms, also=tuple(self._told)))
+            found = await self._archive.read(partial(open_alarms, also=tuple(self._published)))
             for alarm in found:
-                if self._told.get(alarm.id) != alarm:
+                if self._published.get(alarm.id) != alarm:
                     self._publish(alarm)
-            self._told = {alarm.id: alarm for alarm in found if alarm.standing}
+            self._published = {alarm.id: alarm for alarm in found if alarm.open}
 
-    def hear_report(self, report: Notified) -> None:
+    def on_report(self, report: Notified) -> None:
         """Raise or clear the alarm of a report."""
-        over = _OVER.fullmatch(report.text) if report.code == Reason.FAULT_OVER.value else None
+        over = (
+            _CLEARED_TEXT.fullmatch(report.text) if report.code == Reason.FAULT_OVER.value else None
+        )
         if over is not None and over[1] in _CODES:
             self._put(AlarmCleared(report.asset, _fault(_CODES[over[1]]), report.utc))
         if report.severity == _CALM:
@@ -139,11 +141,11 @@ class AlarmRequests:
             report.severity,
             f"{report.stage}: {report.text}" if report.stage else report.text,
             report.command,
-            lasts=lasts,
+            persistent=lasts,
         )
         self._put(raised)
 
-    def hear_tree(self, tree: TreeState) -> None:
+    def on_tree(self, tree: TreeState) -> None:
         """Raise and clear alarms of monitor faults by the tree's list of active faults."""
         before = self._trees.get(tree.asset)
         if before is not None and tree.utc < before.utc:
@@ -156,9 +158,9 @@ class AlarmRequests:
         for code, (severity, text) in found.items():
             if before is None or code not in known:
                 source = _fault(code)
-                self._put(_standing(tree.asset, source, tree.utc, severity, text))
+                self._put(_raise_persistent(tree.asset, source, tree.utc, severity, text))
 
-    def hear_sample(self, sample: Sample) -> None:
+    def on_sample(self, sample: Sample) -> None:
         """Raise and clear the limit alarm of a parameter, by its newest sample of any link."""
         limits = self._limits(sample.asset, sample.key)
         if limits == (None, None) or not isinstance(sample.value, int | float):
@@ -167,28 +169,35 @@ class AlarmRequests:
         if sample.q is not Quality.GOOD or sample.utc <= watched.utc:
             return
         source = f"limit {sample.key}"
-        match watched.look(sample.utc, _beyond(float(sample.value), limits, watched.alarmed)):
+        match watched.update(sample.utc, _beyond(float(sample.value), limits, watched.alarmed)):
             case None:
                 pass
             case "":
                 self._put(AlarmCleared(sample.asset, source, sample.utc))
             case how:
                 text = f"{sample.key} is {how}"
-                self._put(_standing(sample.asset, source, sample.utc, "WARNING", text))
+                self._put(_raise_persistent(sample.asset, source, sample.utc, "WARNING", text))
 
     def _put(self, change: Change) -> None:
         self._waiting.append(change)
-        self._something.set()
+        self._wake.set()
 
     async def _list(self, request: web.Request) -> web.Response:
         await self.refresh()
         found = await self._archive.read(partial(read_alarms, page=page_of(request)))
-        return answer({"alarms": found})
+        return json_response({"alarms": found})
 
     async def _acknowledge(self, request: web.Request) -> web.Response:
         seen = (await body_of(request)).get("alarms")
-        if not isinstance(seen, list) or len(seen) > MOST_SEEN or not all(map(_is_seen, seen)):
-            text = f"alarms: at most {MOST_SEEN} pairs [id, occurrences], as displayed, are needed"
+        if (
+            not isinstance(seen, list)
+            or len(seen) > MAX_ACKNOWLEDGED
+            or not all(map(_is_seen, seen))
+        ):
+            text = (
+                f"alarms: at most {MAX_ACKNOWLEDGED} pairs [id, occurrences], as displayed, are"
+                " needed"
+            )
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="alarms")
         acknowledge = partial(
             acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=self._archive.utc()
@@ -200,8 +209,8 @@ class AlarmRequests:
             text = f"the archive cannot be used, nothing is acknowledged: {cause_of(error)}"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         numbers = [number for number, _ in seen]
-        found = await self._archive.read(partial(standing_alarms, also=numbers))
-        return answer({"alarms": [each for each in found if each.id in numbers]})
+        found = await self._archive.read(partial(open_alarms, also=numbers))
+        return json_response({"alarms": [each for each in found if each.id in numbers]})
 
 
 @dataclass(slots=True)
@@ -218,14 +227,14 @@ class _LimitCheck:
     beyond_since: float | None = None
     alarmed: bool | None = None
 
-    def look(self, utc: float, how: str) -> str | None:
+    def update(self, utc: float, how: str) -> str | None:
         """Return how it violates its limits, empty if it does not; None without a change."""
         self.utc = utc
         if not how:
             self.beyond_since = None
         elif self.beyond_since is None:
             self.beyond_since = utc
-        lasts = self.beyond_since is not None and utc - self.beyond_since >= BEYOND_S
+        lasts = self.beyond_since is not None and utc - self.beyond_since >= LIMIT_DEBOUNCE_S
         if lasts is self.alarmed or (how and not lasts):
             return None
         self.alarmed = lasts
@@ -235,11 +244,12 @@ class _LimitCheck:
 def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
     """Return how a value violates its limits; empty if it does not.
 
-    `SLACK` applies until the alarm is active, so that a value that jitters at a limit is one alarm.
+    `LIMIT_HYSTERESIS` applies until the alarm is active, so that a value that jitters at a limit is
+    one alarm.
     """
     low, high = limits
     width = 0.0 if low is None or high is None else high - low
-    slack = 0.0 if alarmed else SLACK * width
+    slack = 0.0 if alarmed else LIMIT_HYSTERESIS * width
     if low is not None and value < low - slack:
         return f"{value:.4g}, below {low:.4g}"
     if high is not None and value > high + slack:
@@ -247,9 +257,9 @@ def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
     return ""
 
 
-def _standing(asset: str, source: str, utc: float, severity: str, text: str) -> AlarmRaised:
+def _raise_persistent(asset: str, source: str, utc: float, severity: str, text: str) -> AlarmRaised:
     """Return the change that raises a persistent alarm, unless it is active already."""
-    return AlarmRaised(asset, source, utc, severity, text, lasts=True, again=False)
+    return AlarmRaised(asset, source, utc, severity, text, persistent=True, reoccurrence=False)
 
 
 def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:
@@ -269,7 +279,7 @@ def _source_of(report: Notified) -> str:
         return _fault(report.code)
     if report.stage is not None:
         return f"command {report.stage} {report.code or ''}".strip()
-    what = report.code or re.sub(r"[0-9.]+", "#", report.text)[:LONGEST_SOURCE]
+    what = report.code or re.sub(r"[0-9.]+", "#", report.text)[:MAX_SOURCE_LENGTH]
     return f"{report.kind.lower()} {what}"
 
 

@@ -12,11 +12,11 @@ from http import HTTPStatus
 from typing import Any, Final, get_args
 
 from adapters.console.archive import ArchiveError
-from adapters.console.command_life import CONSOLE, ORBITER, SENT
+from adapters.console.command_states import CONSOLE, ORBITER, SENT
 from adapters.console.messages import CommandState, CommandStatus, LinkKind, LinkState, StageEntry
 from adapters.console.rovers import (
     FORMS,
-    HEARD_WITHIN_S,
+    REPORT_TIMEOUT_S,
     CommandTracker,
     ConnectedAsset,
     Fleet,
@@ -26,7 +26,7 @@ from adapters.console.rovers import (
     SharedCommands,
     request_of,
 )
-from adapters.console.tasks import begin
+from adapters.console.tasks import start_task
 from adapters.console.web import one_of, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
@@ -35,8 +35,8 @@ from executive.commands import Command, Family, Motion, PreemptionPolicy, Reques
 
 _LOG: Final = logging.getLogger(__name__)
 
-LONGEST_ID: Final = 64
-LONGEST_LIFETIME_S: Final = 7 * 86_400.0
+MAX_ID_LENGTH: Final = 64
+MAX_LIFETIME_S: Final = 7 * 86_400.0
 PREVIEW_S: Final = 60.0
 _REFUSALS: Final = {error.value for error in AreaError}
 
@@ -60,7 +60,7 @@ class CommandPost:
     lifetime_s: float | None = None
 
 
-def posted_command(body: dict[str, Any]) -> CommandPost:
+def parse_command_post(body: dict[str, Any]) -> CommandPost:
     """Return the command of a body.
 
     Raises:
@@ -130,7 +130,7 @@ class Commanding:
             RequestError: it is not sent.
         """
         if (known := self._tracker.get(posted.id)) is not None:
-            raise _posted_before(known)
+            raise _duplicate_post(known)
         request = make()
         link = self.link(posted.asset, posted.link)
         client = self._desk.client(link)
@@ -139,7 +139,7 @@ class Commanding:
             command = client.command(
                 request,
                 source=self._desk.source(link, operator),
-                command_id=self._numbers.take(),
+                command_id=self._numbers.next_id(),
                 lifetime_s=posted.lifetime_s,
                 arrival=posted.arrival,
                 authority=self._desk.claim(link, operator),
@@ -147,7 +147,7 @@ class Commanding:
             status = _status(operator, posted, link, command)
             claimed = await self._claim(status)
         _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
-        self._tracker.begin(status)
+        self._tracker.register(status)
         self._send(client, link, status.id, command)
         return status
 
@@ -172,11 +172,11 @@ class Commanding:
             raise _unreachable(asset)
         link, client = found[0]
         source = self._desk.source(link, operator)
-        command = client.command(Stop(), source=source, command_id=self._numbers.take())
+        command = client.command(Stop(), source=source, command_id=self._numbers.next_id())
         _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
         name = f"{asset}:{command.identity}"  # not claimed first; other consoles derive the same id
         status = _status(operator, CommandPost(name, asset, STOP, {}), link, command)
-        self._tracker.begin(status)
+        self._tracker.register(status)
         for link, client in found:
             self._send(client, link, name, command)
         return status
@@ -251,7 +251,7 @@ class Commanding:
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         known = await self._commands.find(status.id)
         if known is not None:
-            raise _posted_before(known)
+            raise _duplicate_post(known)
         return False
 
     def _asset(self, name: str) -> ConnectedAsset:
@@ -295,7 +295,7 @@ class Commanding:
         return link
 
     def _send(self, client: MrsClient, link: RoverLink, name: str, command: Command) -> None:
-        task = begin(self._submit(client, link, name, command))
+        task = start_task(self._submit(client, link, name, command))
         self._sending.add(task)
         task.add_done_callback(self._sending.discard)
 
@@ -307,13 +307,13 @@ class Commanding:
             await client.submit(command)
         except MalError as error:
             if error.number in _REFUSALS:
-                self._tracker.refused(name, node, describe_error(error))
+                self._tracker.on_rejected(name, node, describe_error(error))
             else:
-                self._tracker.doubt(name, f"no valid answer: {describe_error(error)}")
+                self._tracker.mark_unknown(name, f"no valid answer: {describe_error(error)}")
         except ConnectionError as error:
-            self._tracker.doubt(name, f"the link was lost before the answer: {error}")
+            self._tracker.mark_unknown(name, f"the link was lost before the answer: {error}")
         else:
-            self._tracker.taken(name, node)
+            self._tracker.on_acknowledged(name, node)
 
 
 def _status(operator: str, posted: CommandPost, link: RoverLink, command: Command) -> CommandStatus:
@@ -332,7 +332,7 @@ def _status(operator: str, posted: CommandPost, link: RoverLink, command: Comman
         state=CommandState.SENDING,
         ended=False,
         made=now_s,
-        deadline=now_s + HEARD_WITHIN_S,
+        deadline=now_s + REPORT_TIMEOUT_S,
         history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
     )
 
@@ -340,7 +340,7 @@ def _status(operator: str, posted: CommandPost, link: RoverLink, command: Comman
 STOP: Final = next(each.name for each in FORMS.values() if each.family is Family.STOP)
 
 
-def _posted_before(known: CommandStatus) -> Exception:
+def _duplicate_post(known: CommandStatus) -> Exception:
     text = f"{known.id} was posted before and is not sent again: `command` has its status"
     return refused(HTTPStatus.CONFLICT, text, command=known)
 
@@ -356,8 +356,8 @@ def identifier(value: object) -> str:
     Raises:
         RequestError: it is invalid.
     """
-    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_ID or not value.isprintable():
-        text = f"id: 1 to {LONGEST_ID} printable characters are needed, new for each command"
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_ID_LENGTH or not value.isprintable():
+        text = f"id: 1 to {MAX_ID_LENGTH} printable characters are needed, new for each command"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="id")
     return value
 
@@ -368,14 +368,14 @@ def _lifetime(value: object) -> float | None:
     if (
         isinstance(value, bool)
         or not isinstance(value, int | float)
-        or not 0 < value <= LONGEST_LIFETIME_S
+        or not 0 < value <= MAX_LIFETIME_S
     ):
-        text = f"lifetime: seconds above 0 and at most {LONGEST_LIFETIME_S:g} are needed"
+        text = f"lifetime: seconds above 0 and at most {MAX_LIFETIME_S:g} are needed"
         raise refused(
             HTTPStatus.UNPROCESSABLE_ENTITY,
             text,
             field="lifetime",
             low=0.0,
-            high=LONGEST_LIFETIME_S,
+            high=MAX_LIFETIME_S,
         )
     return float(value)

@@ -10,7 +10,7 @@ from aiohttp import web
 
 from adapters.console.recordings import Recordings
 from adapters.console.requests.commanding import Commanding
-from adapters.console.web import answer, refused
+from adapters.console.web import json_response, refused
 from adapters.explanation import (
     Explanation,
     UnknownCommandError,
@@ -22,7 +22,7 @@ from adapters.mal import MalError
 from adapters.mrs.spec import describe_error
 from executive.history import RunHistory
 
-ASK_S: Final = 20.0
+QUERY_TIMEOUT_S: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +77,14 @@ class ExplanationRequests:
 
     async def _why(self, request: web.Request) -> web.Response:
         asset, name = request.match_info["asset"], request.match_info.get("command")
-        recording = self._recordings.get(asset)
+        recording = self._recordings.find(asset)
         try:
             if recording is not None:
                 explanation = _explain(recording.history, name)
             else:
                 client = self._commanding.client(asset)
                 identity = None if name is None else await self._commanding.identity(name)
-                async with asyncio.timeout(ASK_S):
+                async with asyncio.timeout(QUERY_TIMEOUT_S):
                     history = await client.get_history(identity)
                 explanation = _explain(history, identity)
         except UnknownCommandError as error:
@@ -95,14 +95,14 @@ class ExplanationRequests:
         except (ConnectionError, TimeoutError) as error:
             text = f"{asset} does not answer: try again when its link is up"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
-        return answer(_told(explanation))
+        return json_response(_explanation_body(explanation))
 
 
 def _explain(history: RunHistory, identity: str | None) -> Explanation:
     return explain_now(history) if identity is None else explain_command(history, identity)
 
 
-def _told(explanation: Explanation) -> ExplanationBody:
+def _explanation_body(explanation: Explanation) -> ExplanationBody:
     reason = explanation.reason
     return ExplanationBody(
         headline=explanation.headline,

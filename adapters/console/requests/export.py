@@ -12,11 +12,11 @@ from sqlalchemy import Connection
 from adapters.console.archive import (
     Archive,
     ArchivedParameter,
+    ExportCursor,
     Exported,
-    Place,
     export_page,
     find_parameters,
-    kept_page,
+    record_page,
     to_us,
 )
 from adapters.console.messages import (
@@ -28,7 +28,7 @@ from adapters.console.messages import (
 )
 from adapters.console.recordings import Recordings
 from adapters.console.requests.export_files import CsvFile, McapFile
-from adapters.console.web import HIGHEST, number_of, one_of, refused
+from adapters.console.web import MAX_NUMBER, number_of, one_of, refused
 
 
 @unique
@@ -51,7 +51,7 @@ class ExportKind(Enum):
     ALARMS = "alarms"
 
 
-_KEPT: Final[dict[ExportKind, Exported]] = {
+_ARCHIVED_TYPES: Final[dict[ExportKind, Exported]] = {
     ExportKind.COMMANDS: CommandStatus,
     ExportKind.REPORTS: Notified,
     ExportKind.TREE: TreeState,
@@ -85,8 +85,8 @@ class ExportRequests:
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="what")
         asset = request.query.get("asset")
         start_us = to_us(number_of(request, "start", 0.0))
-        end_us = to_us(number_of(request, "end", HIGHEST))
-        recording = self._recordings.get(asset)
+        end_us = to_us(number_of(request, "end", MAX_NUMBER))
+        recording = self._recordings.find(asset)
         archive = self._archive if recording is None else recording.archive
         await archive.flush()
         file = CsvFile() if form is ExportFormat.CSV else McapFile()
@@ -101,7 +101,7 @@ class ExportRequests:
             pieces = (
                 _telemetry(archive, file, asset, start_us, end_us)
                 if each is ExportKind.TELEMETRY
-                else _kept(archive, file, each, asset, start_us, end_us)
+                else _write_archived(archive, file, each, asset, start_us, end_us)
             )
             async for piece in pieces:
                 await response.write(piece)
@@ -129,7 +129,7 @@ async def _telemetry(
             yield octets
 
 
-async def _kept(
+async def _write_archived(
     archive: Archive,
     file: CsvFile | McapFile,
     what: ExportKind,
@@ -137,9 +137,13 @@ async def _kept(
     start_us: int,
     end_us: int,
 ) -> AsyncIterator[bytes]:
-    def write_page(connection: Connection, after: Place | None) -> tuple[bytes, Place | None]:
-        page, cursor = kept_page(connection, _KEPT[what], asset, start_us, end_us, after)
-        return file.kept(what.value, _KEPT[what], page), cursor
+    def write_page(
+        connection: Connection, after: ExportCursor | None
+    ) -> tuple[bytes, ExportCursor | None]:
+        page, cursor = record_page(
+            connection, _ARCHIVED_TYPES[what], asset, start_us, end_us, after
+        )
+        return file.records(what.value, _ARCHIVED_TYPES[what], page), cursor
 
     octets, after = await archive.read(partial(write_page, after=None))
     yield octets

@@ -58,7 +58,7 @@ class CsvFile:
         """Return the lines of samples."""
         return self._lines(ExportRow._fields, rows)
 
-    def kept(self, _: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
+    def records(self, _: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
         """Return the lines of records."""
         names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
         rows = (line for each in page for line in lines(each.body))
@@ -121,7 +121,7 @@ _COLUMNS: Final[dict[Exported, tuple[tuple[str, ...], Any]]] = {
 
 
 class _ChunkBuffer(io.BytesIO):
-    """Buffer of written octets since the last `take`; positions are those of the complete file."""
+    """Buffer of written octets since the last `pop`; positions are those of the complete file."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -130,7 +130,7 @@ class _ChunkBuffer(io.BytesIO):
     def tell(self) -> int:
         return self._taken + super().tell()
 
-    def take(self) -> bytes:
+    def pop(self) -> bytes:
         piece = self.getvalue()
         self._taken += len(piece)
         self.seek(0)
@@ -152,16 +152,16 @@ class McapFile:
     def begin(self) -> bytes:
         """Return the header."""
         self._writer.start(library=LIBRARY)
-        return self._pieces.take()
+        return self._pieces.pop()
 
     def samples(self, rows: Sequence[ExportRow]) -> bytes:
         """Return the octets of samples; the writer may buffer some until a chunk is complete."""
         for row in rows:
             channel = self._channel(f"/{row.asset}/{row.link}/{row.key}", "telemetry", TELEMETRY)
             self._add(channel, row.utc, row.rx, {"value": row.value, "quality": row.quality})
-        return self._pieces.take()
+        return self._pieces.pop()
 
-    def kept(self, name: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
+    def records(self, name: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
         """Return the octets of records, on topics of that name."""
         for each in page:
             topic = f"/{each.body['asset']}/{name}"
@@ -171,12 +171,12 @@ class McapFile:
             else:
                 channel = self._channel(topic, f"rover.{kind.__name__}", schema_of(kind))
                 self._add(channel, each.utc, each.rx, each.body)
-        return self._pieces.take()
+        return self._pieces.pop()
 
     def end(self) -> bytes:
         """Return the remaining octets, with the index."""
         self._writer.finish()
-        return self._pieces.take()
+        return self._pieces.pop()
 
     def _channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
         if topic not in self._channels:

@@ -11,7 +11,7 @@ from adapters.mrs.spec import FileInfo
 from executive.state import FileFolder, FileStamp, check_path
 from executive.values.reasons import Refusal
 
-MOST_KEPT: Final = 1_000_000_000
+MAX_OCTETS: Final = 1_000_000_000
 """Capacity for files, in octets; beyond it the earliest fetched files are deleted."""
 _READ_OCTETS: Final = 1 << 20
 _STAGED: Final = ".transfers"
@@ -67,7 +67,7 @@ class FileStore:
         self.staged.mkdir(parents=True, exist_ok=True)
         return self.staged / hashlib.sha256(path.encode()).hexdigest()
 
-    def take(self, path: str, file: FileInfo) -> None:
+    def add(self, path: str, file: FileInfo) -> None:
         """Move a complete and verified file to its path in the store.
 
         Raises:
@@ -80,7 +80,7 @@ class FileStore:
         if file.checksum is not None:
             self._verified[FileStamp.of(target.stat())] = file.checksum
         self.discard(path)
-        self._forget_oldest()
+        self._prune()
 
     def discard(self, path: str) -> None:
         """Remove the received parts of a file."""
@@ -88,19 +88,19 @@ class FileStore:
         for part in staged.parent.glob(f"{staged.name}*"):
             part.unlink(missing_ok=True)
 
-    def _forget_oldest(self) -> None:
+    def _prune(self) -> None:
         files = [self.root / path for path, _ in self.entries()]
         newest_first = sorted(files, key=lambda file: file.stat().st_ctime_ns, reverse=True)
         octets = 0
         for number, file in enumerate(newest_first):
             octets += file.stat().st_size
-            if octets > MOST_KEPT and number > 0:
+            if octets > MAX_OCTETS and number > 0:
                 file.unlink()
 
 
-def _checksum(place: Path) -> int:
+def _checksum(path: Path) -> int:
     value = 0
-    with place.open("rb") as file:
+    with path.open("rb") as file:
         while octets := file.read(_READ_OCTETS):
             value = crc32(octets, value)
     return value

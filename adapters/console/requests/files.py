@@ -16,16 +16,16 @@ from aiohttp import web
 from adapters.console.messages import Scalar, TransferState
 from adapters.console.recordings import Recordings, is_connected
 from adapters.console.requests.file_store import FileStore
-from adapters.console.requests.transfers import Connect, TransferAction, Transfers, kept_at
+from adapters.console.requests.transfers import Connect, TransferAction, Transfers, store_path
 from adapters.console.rovers import NS_PER_S, figures_of
-from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
+from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
 from adapters.mal import MalError
 from adapters.mrs.spec import AreaError, FileInfo, describe_error
 from adapters.recording import RecordingError
 from executive.state import FileStamp
 
-_GONE: Final = "no such transfer"
-_SHOWN: Final = {"image/jpeg", "image/png", "image/gif", "image/webp"}
+_NO_SUCH_TRANSFER: Final = "no such transfer"
+_INLINE_TYPES: Final = {"image/jpeg", "image/png", "image/gif", "image/webp"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,8 @@ class FileRequests:
     def routes(self) -> list[web.RouteDef]:
         """Return the routes."""
         return [
-            web.get(f"/api/files/{self._own}", self._list_kept),
-            web.get(f"/api/files/{self._own}/{{path:.+}}", self._kept),
+            web.get(f"/api/files/{self._own}", self._list_stored),
+            web.get(f"/api/files/{self._own}/{{path:.+}}", self._stored),
             web.get("/api/files/{asset}", self._list),
             web.get("/api/files/{asset}/{path:.+}", self._file),
             web.get("/api/transfers", self._list_transfers),
@@ -87,20 +87,20 @@ class FileRequests:
             found = await client.list_files(request.query.get("folder"))
         except (MalError, ConnectionError) as error:
             raise _refused(error) from error
-        return answer({"files": list(map(_entry, found))})
+        return json_response({"files": list(map(_entry, found))})
 
-    async def _list_kept(self, _: web.Request) -> web.Response:
+    async def _list_stored(self, _: web.Request) -> web.Response:
         found = await asyncio.to_thread(lambda: sorted(self._store.entries()))
-        return answer({"files": [_kept_entry(*each) for each in found]})
+        return json_response({"files": [_stored_entry(*each) for each in found]})
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         """Respond with a file aboard, which is fetched unless the store has the same content."""
         asset, path = request.match_info["asset"], request.match_info["path"]
-        client, target = self._client(asset), kept_at(asset, path)
+        client, target = self._client(asset), store_path(asset, path)
         try:
             file = await client.get_attributes(path)
             if "about" in request.query:
-                return answer(_entry(file))
+                return json_response(_entry(file))
             here = await asyncio.to_thread(self._store.find_same, target, file)
             if here is None:
                 await self._fetch(asset, path)
@@ -109,7 +109,7 @@ class FileRequests:
             raise _refused(error) from error
         return _found(here, file.mimeType)
 
-    async def _kept(self, request: web.Request) -> web.StreamResponse:
+    async def _stored(self, request: web.Request) -> web.StreamResponse:
         path = request.match_info["path"]
         return _found(self._store.find(path), mimetypes.guess_type(path)[0])
 
@@ -127,7 +127,7 @@ class FileRequests:
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
 
     async def _list_transfers(self, _: web.Request) -> web.Response:
-        return answer({"transfers": self._transfers.listed})
+        return json_response({"transfers": self._transfers.listed})
 
     async def _transfer(self, request: web.Request) -> web.Response:
         body = await body_of(request)
@@ -137,21 +137,21 @@ class FileRequests:
             begun = self._transfers.fetch(asset, path, request[OPERATOR])
         except (OSError, ValueError) as error:
             raise _refused(error) from error
-        return answer(begun, HTTPStatus.ACCEPTED)
+        return json_response(begun, HTTPStatus.ACCEPTED)
 
     async def _turn(self, request: web.Request) -> web.Response:
         act = one_of(TransferAction, "act", (await body_of(request)).get("act"))
         try:
-            turned = await self._transfers.turn(request.match_info["id"], act)
+            turned = await self._transfers.apply(request.match_info["id"], act)
         except KeyError:
-            raise refused(HTTPStatus.NOT_FOUND, _GONE) from None
-        return answer(turned)
+            raise refused(HTTPStatus.NOT_FOUND, _NO_SUCH_TRANSFER) from None
+        return json_response(turned)
 
     async def _open(self, request: web.Request) -> web.Response:
         """Open a fetched recording as an asset."""
         name = request.match_info["id"]
         found = next((each for each in self._transfers.listed if each.id == name), None)
-        stored = None if found is None else self._store.find(kept_at(found.asset, found.path))
+        stored = None if found is None else self._store.find(store_path(found.asset, found.path))
         if stored is None:
             raise refused(HTTPStatus.NOT_FOUND, "no such file in the store: fetch it first")
         try:
@@ -159,13 +159,13 @@ class FileRequests:
         except RecordingError as error:
             text = str(error).replace(str(stored), stored.name)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
-        return answer(opened.entry, HTTPStatus.CREATED)
+        return json_response(opened.entry, HTTPStatus.CREATED)
 
     async def _remove(self, request: web.Request) -> web.Response:
         try:
             await self._transfers.remove(request.match_info["id"])
         except KeyError:
-            raise refused(HTTPStatus.NOT_FOUND, _GONE) from None
+            raise refused(HTTPStatus.NOT_FOUND, _NO_SUCH_TRANSFER) from None
         return web.Response(status=HTTPStatus.NO_CONTENT)
 
 
@@ -173,11 +173,11 @@ def _found(here: Path | None, mime: str | None) -> web.FileResponse:
     if here is None:
         raise refused(HTTPStatus.NOT_FOUND, "no such file in the store")
     name = quote(PurePosixPath(here).name)
-    how = "inline" if mime in _SHOWN else "attachment"
+    how = "inline" if mime in _INLINE_TYPES else "attachment"
     return web.FileResponse(
         here,
         headers={
-            "Content-Type": mime if mime in _SHOWN else "application/octet-stream",
+            "Content-Type": mime if mime in _INLINE_TYPES else "application/octet-stream",
             "Content-Disposition": f"{how}; filename*=UTF-8''{name}",
             "Content-Security-Policy": "default-src 'none'; sandbox",
         },
@@ -195,7 +195,7 @@ def _entry(file: FileInfo) -> FileEntry:
     )
 
 
-def _kept_entry(path: str, stamp: FileStamp) -> FileEntry:
+def _stored_entry(path: str, stamp: FileStamp) -> FileEntry:
     modified_s, mime = stamp.modified_ns / NS_PER_S, mimetypes.guess_type(path)[0]
     return FileEntry(path, stamp.size_octets, modified_s, mime, None, {})
 

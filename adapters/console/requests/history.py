@@ -11,7 +11,7 @@ from aiohttp import web
 from sqlalchemy import Connection
 
 from adapters.console.archive import (
-    MOST_SAMPLES,
+    MAX_SAMPLES,
     Archive,
     SampleQuery,
     Strategy,
@@ -25,11 +25,11 @@ from adapters.console.archive import (
 from adapters.console.messages import LinkKind
 from adapters.console.recordings import Recordings
 from adapters.console.web import (
-    HIGHEST,
-    answer,
+    MAX_NUMBER,
     body_of,
     count_of,
     json_answer,
+    json_response,
     number_of,
     one_of,
     page_of,
@@ -39,7 +39,7 @@ from adapters.console.web import (
 T = TypeVar("T")
 
 SIZE: Final = 500
-MOST_KEYS: Final = 1000
+MAX_KEYS: Final = 1000
 
 
 class ArchiveRequests:
@@ -66,7 +66,7 @@ class ArchiveRequests:
 
     def _archive_of(self, asset: str | None) -> Archive:
         """Return the archive with the history of an asset."""
-        recording = self._recordings.get(asset)
+        recording = self._recordings.find(asset)
         return self._archive if recording is None else recording.archive
 
     async def _read(self, asset: str | None, act: Callable[[Connection], T]) -> T:
@@ -81,22 +81,22 @@ class ArchiveRequests:
             key=request.match_info["key"],
             link=_link(request.query.get("link")),
             start_us=to_us(number_of(request, "start", 0.0)),
-            end_us=to_us(number_of(request, "end", HIGHEST)),
+            end_us=to_us(number_of(request, "end", MAX_NUMBER)),
             strategy=one_of(Strategy, "strategy", request.query.get("strategy", "latest")),
-            size=count_of(request, "size", SIZE, MOST_SAMPLES),
+            size=count_of(request, "size", SIZE, MAX_SAMPLES),
         )
         found = await self._read(wanted.asset, partial(read_samples, wanted=wanted))
         return json_answer(f'{{"samples":{found}}}')
 
     async def _last_samples(self, request: web.Request) -> web.Response:
         body = await body_of(request)
-        keys, end = body.get("keys"), body.get("end", HIGHEST)
-        if not isinstance(keys, list) or len(keys) > MOST_KEYS or not all(map(_is_key, keys)):
+        keys, end = body.get("keys"), body.get("end", MAX_NUMBER)
+        if not isinstance(keys, list) or len(keys) > MAX_KEYS or not all(map(_is_key, keys)):
             text = (
-                f"keys: a list of at most {MOST_KEYS} [asset, key] or [asset, key, link] is needed"
+                f"keys: a list of at most {MAX_KEYS} [asset, key] or [asset, key, link] is needed"
             )
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="keys")
-        if isinstance(end, bool) or not isinstance(end, int | float) or not abs(end) <= HIGHEST:
+        if isinstance(end, bool) or not isinstance(end, int | float) or not abs(end) <= MAX_NUMBER:
             text = "end: seconds since 1970 UTC are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="end")
         found = []
@@ -105,7 +105,7 @@ class ArchiveRequests:
             found += await self._read(
                 asset, partial(_last_of, asset=asset, wanted=last, end_us=to_us(end))
             )
-        return answer({"samples": found})
+        return json_response({"samples": found})
 
     async def _commands(self, request: web.Request) -> web.Response:
         page = page_of(request)

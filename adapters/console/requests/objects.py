@@ -13,7 +13,7 @@ from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
-    LOOK_S,
+    POLL_S,
     Archive,
     RevisionConflict,
     delete_object,
@@ -22,10 +22,10 @@ from adapters.console.archive import (
     put_object,
 )
 from adapters.console.messages import ObjectChanged
-from adapters.console.web import OPERATOR, answer, body_of, refused
+from adapters.console.web import OPERATOR, body_of, json_response, refused
 
-LONGEST_KEY: Final = 256
-MOST_VALUE: Final = 512 * 1024
+MAX_KEY_LENGTH: Final = 256
+MAX_VALUE_LENGTH: Final = 512 * 1024
 _REVISION: Final = re.compile(r"[0-9]{1,18}")
 
 
@@ -39,7 +39,7 @@ class ObjectRequests:
 
     def __init__(self, archive: Archive, publish: Callable[[ObjectChanged], None]) -> None:
         self._archive, self._publish = archive, publish
-        self._told: dict[str, int] | None = None
+        self._published: dict[str, int] | None = None
         self._refreshing = asyncio.Lock()
 
     def routes(self) -> list[web.RouteDef]:
@@ -56,28 +56,30 @@ class ObjectRequests:
         while True:
             with suppress(SQLAlchemyError):  # the archive logs that it cannot be written
                 await self.refresh()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
 
     async def refresh(self) -> None:
         """Publish objects that changed since the last call; the first call publishes none."""
         async with self._refreshing:
             found = dict(await self._archive.read(list_objects))
-            known = found if self._told is None else self._told
+            known = found if self._published is None else self._published
             for key in known.keys() | found.keys():
                 if known.get(key) != found.get(key):
                     self._publish(ObjectChanged(key, found.get(key)))
-            self._told = found
+            self._published = found
 
     async def _list(self, _: web.Request) -> web.Response:
         found = await self._archive.read(list_objects)
-        return answer({"objects": [{"key": key, "revision": number} for key, number in found]})
+        return json_response(
+            {"objects": [{"key": key, "revision": number} for key, number in found]}
+        )
 
     async def _get(self, request: web.Request) -> web.Response:
         key = request.match_info["key"]
         found = await self._archive.read(partial(get_object, key=key))
         if found is None:
             raise refused(HTTPStatus.NOT_FOUND, f"no object {key!r}")
-        response = answer(
+        response = json_response(
             {
                 "key": key,
                 "revision": found.revision,
@@ -90,13 +92,13 @@ class ObjectRequests:
 
     async def _put(self, request: web.Request) -> web.Response:
         key = request.match_info["key"]
-        if not 0 < len(key) <= LONGEST_KEY or not key.isprintable():
-            text = f"a key has 1 to {LONGEST_KEY} printable characters"
+        if not 0 < len(key) <= MAX_KEY_LENGTH or not key.isprintable():
+            text = f"a key has 1 to {MAX_KEY_LENGTH} printable characters"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="key")
         body = await body_of(request)
         value = json.dumps(body.get("value"), separators=(",", ":"))
-        if "value" not in body or len(value) > MOST_VALUE:
-            text = f"value: any JSON of at most {MOST_VALUE} characters is needed"
+        if "value" not in body or len(value) > MAX_VALUE_LENGTH:
+            text = f"value: any JSON of at most {MAX_VALUE_LENGTH} characters is needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="value")
         revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
         operator, utc_s = request[OPERATOR], self._archive.utc()
@@ -106,7 +108,7 @@ class ObjectRequests:
         if isinstance(done, RevisionConflict):
             raise _conflict(key, done)
         await self.refresh()
-        response = answer({"key": key, "revision": done.revision})
+        response = json_response({"key": key, "revision": done.revision})
         response.headers["ETag"] = f'"{done.revision}"'
         return response
 

@@ -6,11 +6,11 @@ from http import HTTPStatus
 from aiohttp import web
 
 from adapters.console.messages import LinkKind
-from adapters.console.requests.commanding import Commanding, posted_command
+from adapters.console.requests.commanding import Commanding, parse_command_post
 from adapters.console.rovers import OperatorAction, OperatorAuthority, OperatorRequest
-from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
+from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
 
-ASK_S = 10.0
+QUERY_TIMEOUT_S = 10.0
 """Timeout of an authority request, s."""
 
 
@@ -32,27 +32,27 @@ class OperationRequests:
             web.post("/api/stop/{asset}", self._stop),
             web.post("/api/preview", self._preview),
             web.get("/api/authority", self._authority),
-            web.post("/api/authority/{asset}", self._ask),
+            web.post("/api/authority/{asset}", self._change_authority),
         ]
 
     async def _command(self, request: web.Request) -> web.Response:
-        posted = posted_command(await body_of(request))
+        posted = parse_command_post(await body_of(request))
         status = await self._commanding.post(request[OPERATOR], posted)
-        return answer(status, HTTPStatus.ACCEPTED)
+        return json_response(status, HTTPStatus.ACCEPTED)
 
     async def _stop(self, request: web.Request) -> web.Response:
         status = await self._commanding.stop(request[OPERATOR], request.match_info["asset"])
-        return answer(status, HTTPStatus.ACCEPTED)
+        return json_response(status, HTTPStatus.ACCEPTED)
 
     async def _preview(self, request: web.Request) -> web.Response:
         body = await body_of(request)
         asset, name = text_of(body, "asset"), text_of(body, "name")
-        return answer(await self._commanding.preview(asset, name, body.get("args", {})))
+        return json_response(await self._commanding.preview(asset, name, body.get("args", {})))
 
     async def _authority(self, _: web.Request) -> web.Response:
-        return answer({"authority": self._desk.held})
+        return json_response({"authority": self._desk.held})
 
-    async def _ask(self, request: web.Request) -> web.Response:
+    async def _change_authority(self, request: web.Request) -> web.Response:
         body = await body_of(request)
         act = one_of(OperatorAction, "act", body.get("act"))
         wanted = None if body.get("link") is None else one_of(LinkKind, "link", body["link"])
@@ -68,8 +68,8 @@ class OperationRequests:
             act, request[OPERATOR], to, None if lease_s is None else float(lease_s)
         )
         try:
-            async with asyncio.timeout(ASK_S):
-                return answer(await self._desk.ask(link, action))
+            async with asyncio.timeout(QUERY_TIMEOUT_S):
+                return json_response(await self._desk.request(link, action))
         except TimeoutError as error:
             text = f"{link.asset} does not answer: the result is unknown"
             raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error

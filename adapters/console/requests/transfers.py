@@ -15,7 +15,7 @@ from typing import Final, assert_never
 
 from adapters.console.messages import Transfer, TransferState, decode_transfer, plain
 from adapters.console.requests.file_store import FileStore
-from adapters.console.tasks import begin, end
+from adapters.console.tasks import cancel_tasks, start_task
 from adapters.console.web import RequestError
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient, TransferError
@@ -24,17 +24,17 @@ from adapters.system import System
 
 _LOG: Final = logging.getLogger(__name__)
 
-MOST_AT_ONCE: Final = 3
+MAX_ACTIVE: Final = 3
 """Maximum number of concurrent transfers; others are queued."""
-MOST_WRONG: Final = 3
+MAX_CORRUPT: Final = 3
 """Attempts with a received file that differs from the one aboard, before the transfer fails."""
-MOST_LISTED: Final = 100
+MAX_LISTED: Final = 100
 """Maximum length of the list; beyond it, ended transfers are removed."""
-AGAIN_S: Final = 1.0
+RETRY_S: Final = 1.0
 """Retry interval of an interrupted transfer, s."""
-TELL_S: Final = 0.25
+PROGRESS_S: Final = 0.25
 """Minimum interval between two progress messages of a transfer, s."""
-RATED: Final = 12
+RATE_WINDOW: Final = 12
 """Number of progress messages over which the rate is averaged."""
 _LIST: Final = "list.json"
 _FOR_GOOD: Final = {error.value for error in AreaError} - {AreaError.BUSY.value}
@@ -53,7 +53,7 @@ class TransferAction(Enum):
     RESUME = "resume"
 
 
-def kept_at(asset: str, path: str) -> str:
+def store_path(asset: str, path: str) -> str:
     """Return the path of an asset's file in the store."""
     return f"{asset}/{path}"
 
@@ -70,9 +70,9 @@ class _ActiveTransfer:
 
     transfer: Transfer
     stopped: asyncio.Event = field(default_factory=asyncio.Event)
-    lately: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=RATED))
+    recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=RATE_WINDOW))
     task: asyncio.Task[None] | None = None
-    wrong: int = 0
+    corrupt_attempts: int = 0
 
 
 class Transfers:
@@ -89,13 +89,13 @@ class Transfers:
         self,
         client: Connect,
         store: FileStore,
-        tell: Callable[[Transfer], None],
+        notify: Callable[[Transfer], None],
         system: System,
     ) -> None:
-        self._client, self._store, self._tell, self._system = client, store, tell, system
+        self._client, self._store, self._publish, self._system = client, store, notify, system
         self._list = store.staged / _LIST
         self._known: dict[str, _ActiveTransfer] = {}
-        self._room = asyncio.Semaphore(MOST_AT_ONCE)
+        self._slots = asyncio.Semaphore(MAX_ACTIVE)
 
     @property
     def listed(self) -> tuple[Transfer, ...]:
@@ -116,14 +116,14 @@ class Transfers:
             moving = self._known[transfer.id] = _ActiveTransfer(transfer)
             if transfer.state in _ENDED | {TransferState.PAUSED}:
                 moving.stopped.set()
-                self._tell(transfer)
+                self._publish(transfer)
             else:
                 self._turn(moving, TransferState.INTERRUPTED, "rover-console was restarted")
-                moving.task = begin(self._work(moving))
+                moving.task = start_task(self._work(moving))
 
     async def close(self) -> None:
         """Stop all transfers; received parts are kept for resumption."""
-        await end(each.task for each in self._known.values() if each.task is not None)
+        await cancel_tasks(each.task for each in self._known.values() if each.task is not None)
 
     def fetch(self, asset: str, path: str, by: str) -> Transfer:
         """Start the transfer of a file, unless one has not ended; return its status.
@@ -132,7 +132,7 @@ class Transfers:
             ValueError: the path is not permitted.
             OSError: the store cannot be written.
         """
-        self._store.stage(kept_at(asset, path))
+        self._store.stage(store_path(asset, path))
         for known in list(self._known.values()):
             if (known.transfer.asset, known.transfer.path) == (asset, path):
                 if known.transfer.state not in _ENDED:
@@ -143,7 +143,7 @@ class Transfers:
         moving = _ActiveTransfer(Transfer(name, asset, path, by, state, now_s, now_s))
         self._known[name] = moving
         self._turn(moving, state, "")
-        moving.task = begin(self._work(moving))
+        moving.task = start_task(self._work(moving))
         return moving.transfer
 
     async def until_stopped(self, name: str) -> Transfer:
@@ -152,7 +152,7 @@ class Transfers:
         await moving.stopped.wait()
         return moving.transfer
 
-    async def turn(self, name: str, act: TransferAction) -> Transfer:
+    async def apply(self, name: str, act: TransferAction) -> Transfer:
         """Pause a transfer that has not ended, or resume a paused one; return its status.
 
         Raises:
@@ -166,7 +166,7 @@ class Transfers:
                 self._turn(moving, TransferState.PAUSED, "")
             case TransferAction.RESUME if paused:
                 self._turn(moving, TransferState.WAITING, "")
-                moving.task = begin(self._work(moving))
+                moving.task = start_task(self._work(moving))
             case TransferAction.PAUSE | TransferAction.RESUME:
                 pass
             case _:
@@ -181,7 +181,7 @@ class Transfers:
         """
         moving = self._known[name]
         await _cancel(moving)
-        self._store.discard(kept_at(moving.transfer.asset, moving.transfer.path))
+        self._store.discard(store_path(moving.transfer.asset, moving.transfer.path))
         self._forget(moving)
         self._write()
 
@@ -190,47 +190,47 @@ class Transfers:
         while moving.transfer.state not in _ENDED:
             try:
                 client = self._client(moving.transfer.asset)
-                if self._room.locked():
+                if self._slots.locked():
                     self._turn(moving, TransferState.WAITING, "queued behind other transfers")
-                async with self._room:
+                async with self._slots:
                     await self._attempt(client, moving)
                 self._turn(moving, TransferState.DONE, "")
             except TransferError as error:  # for example changed aboard: it restarts
-                moving.wrong += 1
-                is_retried = moving.wrong < MOST_WRONG
+                moving.corrupt_attempts += 1
+                is_retried = moving.corrupt_attempts < MAX_CORRUPT
                 state = TransferState.INTERRUPTED if is_retried else TransferState.FAILED
                 self._turn(moving, state, str(error))
             except (RequestError, MalError, OSError) as error:
                 self._turn(moving, *_outcome(error))
             if moving.transfer.state is TransferState.INTERRUPTED:
-                await asyncio.sleep(AGAIN_S)
+                await asyncio.sleep(RETRY_S)
 
     async def _attempt(self, client: MrsClient, moving: _ActiveTransfer) -> None:
         path = moving.transfer.path
-        target = kept_at(moving.transfer.asset, path)
-        moving.lately.clear()
+        target = store_path(moving.transfer.asset, path)
+        moving.recent.clear()
 
         def on_progress(done: int, size: int) -> None:
             if moving.transfer.state is not TransferState.RUNNING:
                 moving.transfer = replace(moving.transfer, done=done, size=size)
                 self._turn(moving, TransferState.RUNNING, "")
-            self._came(moving, done, size)
+            self._on_received(moving, done, size)
 
         file = await client.retrieve_file(path, self._store.stage(target), on_progress)
         moving.transfer = replace(moving.transfer, done=file.size, size=file.size)
-        await asyncio.to_thread(self._store.take, target, file)
+        await asyncio.to_thread(self._store.add, target, file)
 
-    def _came(self, moving: _ActiveTransfer, done: int, size: int) -> None:
+    def _on_received(self, moving: _ActiveTransfer, done: int, size: int) -> None:
         now_s = asyncio.get_running_loop().time()
-        if moving.lately and now_s - moving.lately[-1][0] < TELL_S:
+        if moving.recent and now_s - moving.recent[-1][0] < PROGRESS_S:
             return
-        moving.lately.append((now_s, done))
-        (first_s, before), rate = moving.lately[0], None
+        moving.recent.append((now_s, done))
+        (first_s, before), rate = moving.recent[0], None
         if now_s > first_s:
             rate = (done - before) / (now_s - first_s)
         utc_s = self._system.utc_s()
         moving.transfer = replace(moving.transfer, done=done, size=size, rate=rate, utc=utc_s)
-        self._tell(moving.transfer)
+        self._publish(moving.transfer)
 
     def _turn(self, moving: _ActiveTransfer, state: TransferState, detail: str) -> None:
         """Set the state of a transfer, and publish it if it has changed."""
@@ -241,19 +241,19 @@ class Transfers:
         else:
             moving.stopped.set()
         if (before.state, before.detail) != (state, detail) or before.made == before.utc:
-            self._tell(moving.transfer)
+            self._publish(moving.transfer)
             self._write()
 
     def _forget(self, moving: _ActiveTransfer) -> None:
         del self._known[moving.transfer.id]
         moving.transfer = replace(moving.transfer, state=TransferState.REMOVED)
         moving.stopped.set()
-        self._tell(moving.transfer)
+        self._publish(moving.transfer)
 
     def _write(self) -> None:
-        """Write the list atomically, without the earliest ended transfers beyond `MOST_LISTED`."""
+        """Write the list atomically, without the earliest ended transfers beyond `MAX_LISTED`."""
         ended = [each for each in self._known.values() if each.transfer.state in _ENDED]
-        for moving in ended[: max(0, len(self._known) - MOST_LISTED)]:
+        for moving in ended[: max(0, len(self._known) - MAX_LISTED)]:
             self._forget(moving)
         part = self._list.with_suffix(".part")
         try:
@@ -266,7 +266,7 @@ class Transfers:
 
 async def _cancel(moving: _ActiveTransfer) -> None:
     if moving.task is not None:
-        await end((moving.task,))
+        await cancel_tasks((moving.task,))
 
 
 def _outcome(error: Exception) -> tuple[TransferState, str]:

@@ -1,8 +1,8 @@
 """Sessions with rovers: received data as messages, commands as requests of the core."""
 
-from adapters.console.rovers.authority_desk import OperatorAction as OperatorAction
-from adapters.console.rovers.authority_desk import OperatorAuthority as OperatorAuthority
-from adapters.console.rovers.authority_desk import OperatorRequest as OperatorRequest
+from adapters.console.rovers.command_form import InvalidArgument as InvalidArgument
+from adapters.console.rovers.command_form import form_values as form_values
+from adapters.console.rovers.command_form import request_of as request_of
 from adapters.console.rovers.dictionary import FORMS as FORMS
 from adapters.console.rovers.dictionary import AssetEntry as AssetEntry
 from adapters.console.rovers.dictionary import RecordingEntry as RecordingEntry
@@ -15,11 +15,11 @@ from adapters.console.rovers.fleet import Fleet as Fleet
 from adapters.console.rovers.fleet import figures_of as figures_of
 from adapters.console.rovers.fleet import notified as notified
 from adapters.console.rovers.fleet import tree_of as tree_of
-from adapters.console.rovers.posted import InvalidArgument as InvalidArgument
-from adapters.console.rovers.posted import args_of as args_of
-from adapters.console.rovers.posted import request_of as request_of
+from adapters.console.rovers.operator_authority import OperatorAction as OperatorAction
+from adapters.console.rovers.operator_authority import OperatorAuthority as OperatorAuthority
+from adapters.console.rovers.operator_authority import OperatorRequest as OperatorRequest
 from adapters.console.rovers.rover_link import LastNotification as LastNotification
 from adapters.console.rovers.rover_link import RoverLink as RoverLink
 from adapters.console.rovers.shared_commands import SharedCommands as SharedCommands
-from adapters.console.rovers.tracker import HEARD_WITHIN_S as HEARD_WITHIN_S
+from adapters.console.rovers.tracker import REPORT_TIMEOUT_S as REPORT_TIMEOUT_S
 from adapters.console.rovers.tracker import CommandTracker as CommandTracker

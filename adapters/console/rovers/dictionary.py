@@ -23,8 +23,8 @@ from executive.commands import (
     SubmitPlan,
     SymmetricRange,
     ValueRange,
+    all_declarations,
     arguments_of,
-    declared,
 )
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock
 from executive.settings import Settings
@@ -188,12 +188,12 @@ def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:
 def _zone(obstacle: KeepIn | KeepOut | KnownRock) -> ZoneEntry:
     match obstacle:
         case KeepIn():
-            return ZoneEntry("keep_in", obstacle.title, obstacle.corners_m)
+            return ZoneEntry("keep_in", obstacle.label, obstacle.corners_m)
         case KeepOut():
-            return ZoneEntry("keep_out", obstacle.title, obstacle.corners_m)
+            return ZoneEntry("keep_out", obstacle.label, obstacle.corners_m)
         case KnownRock():
             circle = (obstacle.x_m, obstacle.y_m, obstacle.radius_m)
-            return ZoneEntry("rock", obstacle.title, (), *circle)
+            return ZoneEntry("rock", obstacle.label, (), *circle)
         case _:
             assert_never(obstacle)
 
@@ -229,7 +229,7 @@ def command_entries(settings: Settings | None) -> tuple[CommandEntry, ...]:
     return tuple(_command(each, settings) for each in FORMS.values())
 
 
-FORMS: Final = {each.name: each for each in declared() if each.kind is not SubmitPlan}
+FORMS: Final = {each.name: each for each in all_declarations() if each.kind is not SubmitPlan}
 """Declarations of the postable commands, by name; plans are submitted as files."""
 
 
@@ -244,7 +244,8 @@ def _command(declaration: CommandDeclaration, settings: Settings | None) -> Comm
         motion=declaration.family is Family.MOTION,
         at_least_one=declaration.at_least_one,
         arguments=tuple(
-            _argument(each, settings, declaration.at_least_one) for each in declaration.written
+            _argument(each, settings, declaration.at_least_one)
+            for each in declaration.user_arguments
         ),
         examples=declaration.examples,
     )
@@ -257,7 +258,7 @@ def _argument(
     argument: Argument, settings: Settings | None, at_least_one: bool = False
 ) -> ArgumentEntry:
     low, high = _range(argument, settings)
-    is_list = argument.many
+    is_list = argument.repeated
     return ArgumentEntry(
         name=argument.name,
         type=_type(argument),
@@ -276,7 +277,7 @@ def _argument(
 
 
 def _type(argument: Argument) -> str:
-    if argument.many:
+    if argument.repeated:
         return "list"
     if isinstance(argument.choices, tuple) or issubclass(argument.kind, Enum):
         return "choice"

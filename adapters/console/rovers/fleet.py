@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from adapters.console.command_life import FORWARDED, GIVEN_UP
+from adapters.console.command_states import FORWARDED, LOST
 from adapters.console.messages import (
     AssetState,
     Broadcast,
@@ -23,17 +23,17 @@ from adapters.console.messages import (
     TreeNode,
     TreeState,
 )
-from adapters.console.rovers.authority_desk import OperatorAuthority
 from adapters.console.rovers.dictionary import (
     AssetEntry,
     command_entries,
     parameter_entries,
     zone_entries,
 )
+from adapters.console.rovers.operator_authority import OperatorAuthority
 from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, LastNotification, RoverLink
 from adapters.console.rovers.shared_commands import SharedCommands
 from adapters.console.rovers.tracker import CommandTracker
-from adapters.console.tasks import begin, end
+from adapters.console.tasks import cancel_tasks, start_task
 from adapters.mal import NamedValue, TypedAttribute
 from adapters.mrs.ground import FileNotification
 from adapters.mrs.spec import (
@@ -45,20 +45,20 @@ from adapters.mrs.spec import (
     PlanUpdate,
     ServiceDescriptor,
     Validity,
-    forwarded,
-    given_up,
+    forwarded_command,
+    lost_command,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.system import System
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
 from executive.values.reports import Identity
-from trees import TreeSnapshot, looks, served
+from trees import TreeSnapshot, commands_by_node, display_statuses
 
 _LOG: Final = logging.getLogger(__name__)
 
 NS_PER_S: Final = 1e9
 NS_PER_US: Final = 1000
-AHEAD_NS: Final = 2_000_000_000
+MAX_CLOCK_LEAD_NS: Final = 2_000_000_000
 """Maximum lead of a value's stamp over the asset's clock; beyond it the clock was set back."""
 _LAYER: Final = ".ServiceLayer"
 
@@ -123,7 +123,7 @@ class Fleet:
         self.assets: dict[str, ConnectedAsset] = {}
         self._newest: dict[tuple[str, str, LinkKind], ParameterValue] = {}
         self._states: dict[tuple[str, LinkKind], AssetState] = {}
-        self._heard: dict[tuple[str, LinkKind], LastNotification] = {}
+        self._last_received: dict[tuple[str, LinkKind], LastNotification] = {}
 
     def start(self) -> None:
         """Start all links."""
@@ -132,7 +132,7 @@ class Fleet:
 
     async def close(self) -> None:
         """Close all links."""
-        await end(self._running.values())
+        await cancel_tasks(self._running.values())
 
     def entries(self) -> Iterator[AssetEntry]:
         """Yield the dictionary entry of each reached asset."""
@@ -192,7 +192,7 @@ class Fleet:
                 link.uri,
                 link.state,
                 link.since_s,
-                link.heard_s,
+                link.last_received_s,
                 link.detail,
             )
         )
@@ -230,24 +230,26 @@ class Fleet:
     ) -> None:
         """Publish a notification with the id of its command."""
         message = notified(link.asset, link.kind, notification, rx_s)
-        lost, left = given_up(notification), forwarded(notification)
+        lost, left = lost_command(notification), forwarded_command(notification)
         if (identity := lost or left) is not None:
-            await self._commands.look_up(link.asset, identity)
-            stage = GIVEN_UP if lost else FORWARDED
-            message = replace(message, command=self._tracker.hear_orbiter(message, identity, stage))
+            await self._commands.load_foreign(link.asset, identity)
+            stage = LOST if lost else FORWARDED
+            message = replace(
+                message, command=self._tracker.on_orbiter_notification(message, identity, stage)
+            )
         elif notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
-            await self._commands.look_up(link.asset, identity)
-            message = replace(message, command=self._tracker.hear(message, identity))
+            await self._commands.load_foreign(link.asset, identity)
+            message = replace(message, command=self._tracker.on_notification(message, identity))
         if notification.cursor is not None:
             known = LastNotification(notification.cursor, notification.timestamp // NS_PER_US)
-            self._heard[link.asset, link.kind] = known
+            self._last_received[link.asset, link.kind] = known
         self._publish(message)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Publish mode and work of an asset, if changed."""
         if link.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
-            self._forget_after(link, status.timestamp + AHEAD_NS)
+            self._forget_after(link, status.timestamp + MAX_CLOCK_LEAD_NS)
         state = AssetState(
             link.asset,
             link.kind,
@@ -264,7 +266,7 @@ class Fleet:
 
     def on_authority(self, link: RoverLink, status: AuthorityStatus) -> None:
         """Pass the authority status on."""
-        self._desk.hear(link, status)
+        self._desk.on_status(link, status)
 
     def on_tree(self, link: RoverLink, snapshot: TreeSnapshot) -> None:
         """Publish a behaviour tree."""
@@ -285,14 +287,14 @@ class Fleet:
             )
         )
 
-    def on_file(self, link: RoverLink, news: FileNotification) -> None:
+    def on_file(self, link: RoverLink, notification: FileNotification) -> None:
         """Publish a change of a file."""
-        file = news.file
+        file = notification.file
         self._publish(
             FileChanged(
                 link.asset,
-                link.heard_s or link.since_s,
-                news.event.name,
+                link.last_received_s or link.since_s,
+                notification.event.name,
                 file.path,
                 file.size,
                 file.modified / NS_PER_S,
@@ -314,13 +316,13 @@ class Fleet:
 
     async def last_known(self, link: RoverLink) -> LastNotification | None:
         """Return the last notification received by this process, else the last archived one."""
-        received = self._heard.get((link.asset, link.kind))
+        received = self._last_received.get((link.asset, link.kind))
         return received or await self._last_known(link.asset, link.kind)
 
     def on_new_ledger(self, link: RoverLink) -> None:
         """Mark the open commands of an asset UNKNOWN."""
         _LOG.warning("%s restarted with another ledger", link.asset)
-        self._tracker.doubt_all(link.asset, "the asset restarted without its ledger")
+        self._tracker.mark_all_unknown(link.asset, "the asset restarted without its ledger")
 
     def _forget_after(self, link: RoverLink, utc_ns: int) -> None:
         """Discard newest values with later stamps, so that new values do not count as late."""
@@ -330,7 +332,7 @@ class Fleet:
                 del self._newest[key]
 
     def _run(self, link: RoverLink) -> None:
-        self._running[link] = begin(link.run())
+        self._running[link] = start_task(link.run())
 
 
 def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float) -> Notified:
@@ -376,7 +378,10 @@ def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
                 command,
             )
             for node, status, command in zip(
-                snapshot.nodes, looks(snapshot.nodes), served(snapshot.nodes), strict=True
+                snapshot.nodes,
+                display_statuses(snapshot.nodes),
+                commands_by_node(snapshot.nodes),
+                strict=True,
             )
         ),
     )

@@ -22,7 +22,7 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     cursor_of,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.system import System
 from trees import TreeSnapshot
 
@@ -37,8 +37,8 @@ MEASURED_S: Final = 5.0
 """Interval between two measurements of a link, s."""
 DIRECTORY_S: Final = 5.0
 """Poll interval of the directory of registered assets, s."""
-FIRST_PAUSE_S: Final = 0.5
-LONGEST_PAUSE_S: Final = 5.0
+MIN_BACKOFF_S: Final = 0.5
+MAX_BACKOFF_S: Final = 5.0
 CATCH_UP: Final = 1000
 """Number of earlier notifications to request if none is known."""
 
@@ -94,7 +94,7 @@ class LinkListener(Protocol):
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
         """Receive the progress of a plan."""
 
-    def on_file(self, link: "RoverLink", news: FileNotification) -> None:
+    def on_file(self, link: "RoverLink", notification: FileNotification) -> None:
         """Receive the change of a file."""
 
     def on_services(self, link: "RoverLink", services: tuple[ServiceDescriptor, ...]) -> None:
@@ -124,7 +124,7 @@ class RoverLink:
         info: description of the asset; None until it was reached.
         kind: DIRECT for the asset itself, RELAY for an orbiter.
         state, since_s, detail: state, its start time, and its reason.
-        heard_s: last reception time; None for never.
+        last_received_s: last reception time; None for never.
         client: the session while it is up.
     """
 
@@ -141,7 +141,7 @@ class RoverLink:
         self.state = LinkState.CONNECTING
         self.since_s = system.utc_s()
         self.detail = ""
-        self.heard_s: float | None = None
+        self.last_received_s: float | None = None
         self.client: MrsClient | None = None
 
     @property
@@ -151,15 +151,15 @@ class RoverLink:
 
     async def run(self) -> None:
         """Connect and receive; reconnect after each loss."""
-        pause_s = FIRST_PAUSE_S
+        pause_s = MIN_BACKOFF_S
         while True:
             try:
                 await self._session()
             except* (ConnectionError, MalError, TimeoutError) as lost:
-                self._turn(LinkState.DOWN, _why(lost))
+                self._set_state(LinkState.DOWN, _why(lost))
             except* CertificateError as wrong:
-                self._turn(LinkState.DOWN, _why(wrong))
-            pause_s = FIRST_PAUSE_S if self._was_up else min(2 * pause_s, LONGEST_PAUSE_S)
+                self._set_state(LinkState.DOWN, _why(wrong))
+            pause_s = MIN_BACKOFF_S if self._was_up else min(2 * pause_s, MAX_BACKOFF_S)
             await asyncio.sleep(pause_s)
 
     async def _session(self) -> None:
@@ -177,7 +177,7 @@ class RoverLink:
             try:
                 self._listener.on_asset(self, definitions)
                 telemetry = await self._subscribed(client.telemetry)
-                self._turn(LinkState.UP, "")
+                self._set_state(LinkState.UP, "")
                 await self._listen(client, notifications, telemetry)
             finally:
                 self.client = None
@@ -194,13 +194,13 @@ class RoverLink:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._notifications(client, notifications))
             if telemetry is not None:
-                tasks.create_task(self._hear(telemetry, self._value))
+                tasks.create_task(self._receive_stream(telemetry, self._value))
             tasks.create_task(self._stream(client.tree_snapshots, self._listener.on_tree, self))
             tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
             tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
-            tasks.create_task(self._ask_status(client))
+            tasks.create_task(self._poll_status(client))
             if self.kind is LinkKind.DIRECT:
-                tasks.create_task(self._ask_directory(client))
+                tasks.create_task(self._poll_directory(client))
 
     async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
         known = await self._listener.last_known(self)
@@ -219,20 +219,20 @@ class RoverLink:
             seen.discard(notification.cursor)
 
     async def _notification(self, notification: Notification) -> None:
-        await self._listener.on_notification(self, notification, self._heard())
+        await self._listener.on_notification(self, notification, self._on_received())
 
     def _value(self, value: ParameterValue) -> None:
-        self._listener.on_value(self, value, self._heard())
+        self._listener.on_value(self, value, self._on_received())
 
     async def _stream(
         self,
         subscribe: Callable[[], Awaitable[Stream[T]]],
-        hear: Callable[..., None],
+        handler: Callable[..., None],
         *first: Any,
     ) -> None:
         stream = await self._subscribed(subscribe)
         if stream is not None:
-            await self._hear(stream, hear, *first)
+            await self._receive_stream(stream, handler, *first)
 
     async def _subscribed(self, subscribe: Callable[[], Awaitable[Stream[T]]]) -> Stream[T] | None:
         """Subscribe to a stream; None if the provider does not serve this part of the MRS."""
@@ -242,20 +242,22 @@ class RoverLink:
             _LOG.info("%s: %s", self.uri, error)
             return None
 
-    async def _hear(self, stream: Stream[T], hear: Callable[..., None], *first: Any) -> None:
+    async def _receive_stream(
+        self, stream: Stream[T], handler: Callable[..., None], *first: Any
+    ) -> None:
         async for item in stream:
-            self._heard()
-            hear(*first, item)
+            self._on_received()
+            handler(*first, item)
 
-    async def _ask_status(self, client: MrsClient) -> None:
+    async def _poll_status(self, client: MrsClient) -> None:
         now_s, measured_s = asyncio.get_running_loop().time, -MEASURED_S
         while True:
             try:
                 requested_s, began_s = self._system.utc_s(), now_s()
                 status = await client.get_status()
                 round_trip_s = now_s() - began_s
-                self._heard()
-                self._turn(LinkState.UP, "")
+                self._on_received()
+                self._set_state(LinkState.UP, "")
                 self._listener.on_status(self, status)
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
@@ -263,27 +265,27 @@ class RoverLink:
                 with suppress(MalError):  # some providers do not serve the authority
                     self._listener.on_authority(self, await client.authority.status())
             except MalError as error:
-                self._turn(LinkState.SILENT, str(error))
+                self._set_state(LinkState.SILENT, str(error))
             await asyncio.sleep(STATUS_S)
 
-    def _measured(self, status: AssetStatus, asked_s: float, round_trip_s: float) -> None:
+    def _measured(self, status: AssetStatus, requested_s: float, round_trip_s: float) -> None:
         figures = {"LINK_ROUND_TRIP": round_trip_s}
         if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
-            offset_s = status.timestamp / 1e9 - (asked_s + round_trip_s / 2)
+            offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s
-        self._listener.on_measured(self, figures, self.heard_s or asked_s)
+        self._listener.on_measured(self, figures, self.last_received_s or requested_s)
 
-    async def _ask_directory(self, client: MrsClient) -> None:
+    async def _poll_directory(self, client: MrsClient) -> None:
         while True:
             with suppress(MalError):
                 self._listener.on_services(self, await client.get_services())
             await asyncio.sleep(DIRECTORY_S)
 
-    def _heard(self) -> float:
-        self.heard_s = self._system.utc_s()
-        return self.heard_s
+    def _on_received(self) -> float:
+        self.last_received_s = self._system.utc_s()
+        return self.last_received_s
 
-    def _turn(self, state: LinkState, detail: str) -> None:
+    def _set_state(self, state: LinkState, detail: str) -> None:
         if (state, detail) == (self.state, self.detail):
             return
         if state is not self.state:

@@ -7,7 +7,7 @@ from functools import partial
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
-    LOOK_S,
+    POLL_S,
     Archive,
     changed_commands,
     find_command,
@@ -30,11 +30,11 @@ class SharedCommands:
 
     def __init__(self, archive: Archive, tracker: CommandTracker) -> None:
         self._archive, self._tracker = archive, tracker
-        self._seen = 0
+        self._last_revision = 0
 
     async def restore(self, count: int) -> None:
         """Restore the last commands, and all that have not ended."""
-        self._seen = await self._archive.read(last_revision)
+        self._last_revision = await self._archive.read(last_revision)
         self._tracker.restore(await self._archive.read(partial(last_commands, count=count)))
 
     async def claim(self, command: CommandStatus) -> bool:
@@ -43,7 +43,7 @@ class SharedCommands:
         Raises:
             ArchiveError: the archive cannot be written.
         """
-        return await self._archive.claim(command)
+        return await self._archive.claim_command(command)
 
     async def find(self, name: str) -> CommandStatus | None:
         """Return the status of a command of any console by its id; None if unknown."""
@@ -52,7 +52,7 @@ class SharedCommands:
             return known
         return await self._archive.read(partial(read_command, name=name))
 
-    async def look_up(self, asset: str, identity: Identity) -> None:
+    async def load_foreign(self, asset: str, identity: Identity) -> None:
         """Load a command that another console sent."""
         if self._tracker.knows(asset, identity):
             return
@@ -62,17 +62,17 @@ class SharedCommands:
         with suppress(SQLAlchemyError):  # shown under its source until the archive can be read
             found = await self._archive.read(find)
             if found is not None:
-                self._tracker.take_in(found)
+                self._tracker.merge(found)
 
     async def run(self) -> None:
         """Merge changes of other consoles periodically."""
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
             with suppress(SQLAlchemyError):  # the archive logs that it cannot be written
                 await self._refresh()
 
     async def _refresh(self) -> None:
-        changed = partial(changed_commands, since=self._seen)
-        found, self._seen = await self._archive.read(changed)
+        changed = partial(changed_commands, since=self._last_revision)
+        found, self._last_revision = await self._archive.read(changed)
         for command in found:
-            self._tracker.take_in(command)
+            self._tracker.merge(command)

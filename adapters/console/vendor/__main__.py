@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Final
 
 HERE: Final = Path(__file__).parent
-KEPT: Final = HERE.parent / "static" / "vendor"
+VENDOR_FOLDER: Final = HERE.parent / "static" / "vendor"
 MANIFEST: Final = "MANIFEST.json"
 FILES: Final = {
     "openmct": (
@@ -62,7 +62,7 @@ def types_are_right(modules: Path) -> bool:
     return subprocess.run([compiler, "-p", HERE / "jsconfig.json"], check=False).returncode == 0
 
 
-def chosen(modules: Path) -> dict[str, bytes]:
+def served_files(modules: Path) -> dict[str, bytes]:
     """Return the installed files to vendor, by the path that serves them."""
     return {
         f"{package}/{file.removeprefix('dist/')}": (modules / package / file).read_bytes()
@@ -83,19 +83,21 @@ def manifest_of(files: dict[str, bytes]) -> str:
 
 def write(files: dict[str, bytes]) -> None:
     """Replace the vendored files."""
-    shutil.rmtree(KEPT, ignore_errors=True)
+    shutil.rmtree(VENDOR_FOLDER, ignore_errors=True)
     for name, octets in files.items():
-        target = KEPT / f"{name}.gz"
+        target = VENDOR_FOLDER / f"{name}.gz"
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(gzip.compress(octets, 9, mtime=0))
-    (KEPT / MANIFEST).write_text(manifest_of(files), encoding="utf-8")
+    (VENDOR_FOLDER / MANIFEST).write_text(manifest_of(files), encoding="utf-8")
 
 
-def kept() -> dict[str, bytes]:
+def vendored_files() -> dict[str, bytes]:
     """Return the vendored files, by the path that serves them."""
     return {
-        path.relative_to(KEPT).as_posix().removesuffix(".gz"): gzip.decompress(path.read_bytes())
-        for path in KEPT.rglob("*.gz")
+        path.relative_to(VENDOR_FOLDER).as_posix().removesuffix(".gz"): gzip.decompress(
+            path.read_bytes()
+        )
+        for path in VENDOR_FOLDER.rglob("*.gz")
     }
 
 
@@ -106,11 +108,13 @@ def main() -> None:
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as scratch:
         modules = fetch(Path(scratch))
-        files = chosen(modules)
+        files = served_files(modules)
         if not check:
             write(files)
-        elif files != kept() or manifest_of(files) != (KEPT / MANIFEST).read_text(encoding="utf-8"):
-            sys.exit(f"{KEPT} differs from npm: run python -m adapters.console.vendor")
+        elif files != vendored_files() or manifest_of(files) != (
+            VENDOR_FOLDER / MANIFEST
+        ).read_text(encoding="utf-8"):
+            sys.exit(f"{VENDOR_FOLDER} differs from npm: run python -m adapters.console.vendor")
         elif not types_are_right(modules):
             sys.exit(1)
 

@@ -16,14 +16,14 @@ from urllib.parse import unquote, urlsplit
 
 from aiohttp import web
 
-from adapters.console.web.answers import Handler, answer, body_of, refused, text_of
+from adapters.console.web.responses import Handler, body_of, json_response, refused, text_of
 from adapters.process import StartError
-from executive.commands.intake import is_source
+from executive.commands.intake import is_valid_source
 
 OPERATOR_HEADER: Final = "X-Rover-Operator"
 """Header with the percent-encoded operator name; needed by requests that change state."""
 COOKIE: Final = "rover_console"
-SHORTEST_TOKEN: Final = 16
+MIN_TOKEN_LENGTH: Final = 16
 DEFAULT_OPERATOR: Final = "MOE"
 GUESS_S: Final = 0.5
 """Delay that each wrong token adds to the next response to the same address, s."""
@@ -56,10 +56,10 @@ def read_tokens(path: Path) -> dict[str, str]:
             continue
         name, _, token = line.rpartition(" ")
         name = name.strip()
-        if not is_source(name) or len(token) < SHORTEST_TOKEN:
+        if not is_valid_source(name) or len(token) < MIN_TOKEN_LENGTH:
             raise StartError(
                 f"--tokens: {path}, line {number}: write NAME TOKEN, the token of at least"
-                f" {SHORTEST_TOKEN} characters, as `openssl rand -hex 16` makes one"
+                f" {MIN_TOKEN_LENGTH} characters, as `openssl rand -hex 16` makes one"
             )
         if token in tokens:
             raise StartError(f"--tokens: {path}, line {number}: duplicate token")
@@ -141,7 +141,7 @@ class Access:
         name = await self._named(request, token)
         if name is None:
             raise refused(HTTPStatus.UNAUTHORIZED, "unknown token")
-        response = answer({"operator": name})
+        response = json_response({"operator": name})
         response.set_cookie(
             COOKIE, token, httponly=True, secure=self._secure, samesite="Strict", path="/"
         )
@@ -156,7 +156,7 @@ class Access:
             )
         if self._tokens is None:
             name = claimed or DEFAULT_OPERATOR
-            if not is_source(name):
+            if not is_valid_source(name):
                 text = f"{OPERATOR_HEADER}: a name of at most 256 printable characters is needed"
                 raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text)
             return name

@@ -44,13 +44,13 @@ BATCH_S: Final = 0.05
 """Minimum interval between two batches to a page, s."""
 GATHER_S: Final = 0.005
 """Time after the first message in which further ones join its batch, s."""
-MOST_SAMPLES: Final = 2000
+MAX_QUEUED_SAMPLES: Final = 2000
 """Capacity of a page's telemetry queue; beyond it the first values are dropped."""
-MOST_WAITING: Final = 20_000
+MAX_QUEUED: Final = 20_000
 """Capacity of a page's message queue; beyond it the page must reconnect and resume."""
-KEPT: Final = 20_000
+REPLAY_BUFFER: Final = 20_000
 """Capacity of the buffer of messages that can be resent."""
-KEPT_COMMANDS: Final = 500
+MAX_REPLAYED_COMMANDS: Final = 500
 """Maximum number of commands sent to a new page."""
 
 
@@ -70,16 +70,16 @@ class PageConnection:
         self.too_slow = False
         self._topics: frozenset[str] = frozenset()
         self._waiting: deque[str] = deque()
-        self._samples: deque[str] = deque(maxlen=MOST_SAMPLES)
+        self._samples: deque[str] = deque(maxlen=MAX_QUEUED_SAMPLES)
         self._latest: dict[str, str] = {}
         self._dropped = 0
-        self._something = asyncio.Event()
+        self._wake = asyncio.Event()
         self._sent_s = -BATCH_S
 
     def subscribe(self, topics: Iterable[str]) -> None:
         """Set the subscribed topics, and queue the latest messages of new topics."""
         before, self._topics = self._topics, frozenset(topics)
-        for message in self._hub.standing():
+        for message in self._hub.latest_messages():
             topic = topic_of(message)
             if is_wanted(topic, self._topics) and not is_wanted(topic, before):
                 self.put(message, encode(message))
@@ -90,11 +90,11 @@ class PageConnection:
         for topic, text in self._hub.since(since):
             if is_wanted(topic, self._topics):
                 self._put(text)
-        for message in self._hub.standing():
-            if isinstance(message, Sample | Latest) and self.wants(topic_of(message)):
+        for message in self._hub.latest_messages():
+            if isinstance(message, Sample | Latest) and self.is_subscribed(topic_of(message)):
                 self.put(message, encode(message))
 
-    def wants(self, topic: str) -> bool:
+    def is_subscribed(self, topic: str) -> bool:
         """Whether the page is subscribed to a topic."""
         return is_wanted(topic, self._topics)
 
@@ -102,24 +102,24 @@ class PageConnection:
         """Queue a message. Telemetry may be dropped; a complete state replaces the previous one."""
         if isinstance(message, Latest):
             self._latest[topic_of(message)] = text
-            self._something.set()
+            self._wake.set()
             return
         if not isinstance(message, Sample):
             self._put(text)
             return
-        if len(self._samples) == MOST_SAMPLES:
+        if len(self._samples) == MAX_QUEUED_SAMPLES:
             self._dropped += 1
             self._hub.dropped += 1
         self._samples.append(text)
-        self._something.set()
+        self._wake.set()
 
     async def batch(self) -> str:
         """Wait for messages, and return the next batch as one JSON array."""
-        await self._something.wait()
+        await self._wake.wait()
         now_s = asyncio.get_running_loop().time
         await asyncio.sleep(max(GATHER_S, self._sent_s + BATCH_S - now_s()))
         self._sent_s = now_s()
-        self._something.clear()
+        self._wake.clear()
         texts = [*self._waiting, *self._samples, *self._latest.values()]
         if self._dropped:
             texts.append(encode(SamplesDropped(self._dropped)))
@@ -130,11 +130,11 @@ class PageConnection:
         return f"[{','.join(texts)}]"
 
     def _put(self, text: str) -> None:
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_QUEUED:
             self.too_slow = True
             self._waiting.clear()
         self._waiting.append(text)
-        self._something.set()
+        self._wake.set()
 
 
 class Hub:
@@ -153,7 +153,7 @@ class Hub:
         self.dropped = 0
         self._utc = system.utc_s
         self._seq = 0
-        self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
+        self._replay_buffer: deque[tuple[str, str]] = deque(maxlen=REPLAY_BUFFER)
         self._standing: dict[tuple[object, ...], Message] = {}
         self._commands: dict[tuple[str, str, int], CommandStatus] = {}
         self._pages: list[PageConnection] = []
@@ -163,10 +163,10 @@ class Hub:
         """Send a message to subscribed pages, also after their reconnection."""
         self._seq += 1
         topic, text = topic_of(message), encode(message, self._seq)
-        self._kept.append((topic, text))
-        self._keep(message)
+        self._replay_buffer.append((topic, text))
+        self._store_for_replay(message)
         for page in self._pages:
-            if page.wants(topic):
+            if page.is_subscribed(topic):
                 page.put(message, text)
 
     def sample(self, sample: Sample) -> None:
@@ -192,7 +192,7 @@ class Hub:
     def _send(self, message: Sample | Latest) -> None:
         topic, text = topic_of(message), ""
         for page in self._pages:
-            if page.wants(topic):
+            if page.is_subscribed(topic):
                 text = text or encode(message)
                 page.put(message, text)
 
@@ -200,19 +200,19 @@ class Hub:
         """Create the queues of a new page, and publish the presence."""
         page = PageConnection(self, OpenPage(console, operator, self._utc()))
         self._pages.append(page)
-        self._tell_presence()
+        self._publish_presence()
         return page
 
     def close(self, page: PageConnection) -> None:
         """Remove a page, and publish the presence."""
         self._pages.remove(page)
-        self._tell_presence()
+        self._publish_presence()
 
-    def tell_others(self, pages: tuple[OpenPage, ...]) -> None:
+    def publish_other_pages(self, pages: tuple[OpenPage, ...]) -> None:
         """Publish the open pages of other consoles, if changed."""
         if pages != self._others:
             self._others = pages
-            self._tell_presence()
+            self._publish_presence()
 
     @property
     def pages(self) -> tuple[OpenPage, ...]:
@@ -230,25 +230,25 @@ class Hub:
 
     def can_resume(self, instance: object, seq: object) -> bool:
         """Whether all messages after a number can be resent."""
-        first = self._seq - len(self._kept)
+        first = self._seq - len(self._replay_buffer)
         return instance == self.instance and isinstance(seq, int) and first <= seq <= self._seq
 
     def since(self, seq: int) -> Iterator[tuple[str, str]]:
         """Yield topic and text of each message after a number."""
-        return islice(self._kept, len(self._kept) - (self._seq - seq), None)
+        return islice(self._replay_buffer, len(self._replay_buffer) - (self._seq - seq), None)
 
-    def standing(self) -> tuple[Message, ...]:
+    def latest_messages(self) -> tuple[Message, ...]:
         """Return the last message on each subject; commands in the order of their creation."""
         return (*self._standing.values(), *self._commands.values())
 
-    def _tell_presence(self) -> None:
+    def _publish_presence(self) -> None:
         self.publish(Presence((*self.pages, *self._others)))
 
-    def _keep(self, message: Broadcast) -> None:
+    def _store_for_replay(self, message: Broadcast) -> None:
         match message:
             case CommandStatus(asset=asset, source=source, number=number):
                 self._commands[asset, source, number] = message
-                if len(self._commands) > KEPT_COMMANDS:
+                if len(self._commands) > MAX_REPLAYED_COMMANDS:
                     del self._commands[next(iter(self._commands))]
             case Notified() | FileChanged() | ObjectChanged():
                 pass
@@ -256,7 +256,7 @@ class Hub:
                 self._standing[message.ty,] = message
             case AlarmStatus(id=number):
                 self._standing[message.ty, number] = message
-                if not message.standing:
+                if not message.open:
                     del self._standing[message.ty, number]
             case LinkStatus(uri=uri):
                 self._standing.pop((message.ty, uri), None)  # an asset may move to another address

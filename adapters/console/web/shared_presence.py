@@ -9,7 +9,7 @@ from typing import Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
-    LOOK_S,
+    POLL_S,
     Archive,
     ConsolePages,
     forget_pages,
@@ -18,7 +18,7 @@ from adapters.console.archive import (
 )
 from adapters.console.web.hub import Hub
 
-GONE_S: Final = 5.0
+PRESENCE_TIMEOUT_S: Final = 5.0
 """Heartbeat timeout after which a console has ended or lost the database, s."""
 
 
@@ -34,7 +34,7 @@ class SharedPresence:
     def __init__(self, archive: Archive, hub: Hub, now_s: Callable[[], float]) -> None:
         self._archive, self._hub, self._now_s = archive, hub, now_s
         self._own = ConsolePages(hub.instance, 0, ())
-        self._heard: dict[str, tuple[int, float]] = {}
+        self._last_beats: dict[str, tuple[int, float]] = {}
 
     async def run(self) -> None:
         """Exchange the open pages periodically."""
@@ -42,8 +42,8 @@ class SharedPresence:
             try:
                 await self.exchange()
             except SQLAlchemyError:  # the archive logs that it cannot be written
-                self._hub.tell_others(())
-            await asyncio.sleep(LOOK_S)
+                self._hub.publish_other_pages(())
+            await asyncio.sleep(POLL_S)
 
     async def exchange(self) -> None:
         """Store the open pages of this console, and read those of others.
@@ -52,7 +52,7 @@ class SharedPresence:
             SQLAlchemyError: the archive cannot be written or read.
         """
         await self._write()
-        await self._look()
+        await self._poll()
 
     async def close(self) -> None:
         """Delete the stored pages of this console."""
@@ -66,24 +66,24 @@ class SharedPresence:
             self._own = ConsolePages(before.instance, before.beat + 1, pages)
             await self._archive.write(partial(write_pages, console=self._own))
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         found = [
             each
             for each in await self._archive.read(read_pages)
             if each.instance != self._own.instance
         ]
-        expired = [each for each in found if self._silent_s(each) > GONE_S]
+        expired = [each for each in found if self._silent_s(each) > PRESENCE_TIMEOUT_S]
         for each in expired:
             await self._archive.write(partial(forget_pages, console=each))
         here = [each for each in found if each not in expired]
-        self._heard = {each.instance: self._heard[each.instance] for each in here}
-        self._hub.tell_others(tuple(page for each in here for page in each.pages))
+        self._last_beats = {each.instance: self._last_beats[each.instance] for each in here}
+        self._hub.publish_other_pages(tuple(page for each in here for page in each.pages))
 
     def _silent_s(self, console: ConsolePages) -> float:
         """Return the time since a console's last heartbeat, s, by this console's clock."""
         now_s = self._now_s()
-        beat, beat_s = self._heard.get(console.instance, (None, now_s))
+        beat, beat_s = self._last_beats.get(console.instance, (None, now_s))
         if beat != console.beat:
             beat_s = now_s
-        self._heard[console.instance] = (console.beat, beat_s)
+        self._last_beats[console.instance] = (console.beat, beat_s)
         return now_s - beat_s

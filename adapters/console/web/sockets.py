@@ -9,15 +9,15 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from adapters.console.messages import encode
 from adapters.console.web.access import OPERATOR, Access
-from adapters.console.web.answers import read_json
 from adapters.console.web.hub import Hub, PageConnection
-from executive.commands.intake import is_source
+from adapters.console.web.responses import read_json
+from executive.commands.intake import is_valid_source
 
 HEARTBEAT_S: Final = 20.0
 HELLO_S: Final = 10.0
-LONGEST_MESSAGE: Final = 1 << 16
-MOST_TOPICS: Final = 1000
-LONGEST_NAME: Final = 64
+MAX_MESSAGE_OCTETS: Final = 1 << 16
+MAX_TOPICS: Final = 1000
+MAX_NAME_LENGTH: Final = 64
 
 
 class _InvalidMessageError(ValueError):
@@ -49,7 +49,7 @@ class Sockets:
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve a page until it disconnects."""
         socket = web.WebSocketResponse(
-            heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_MESSAGE
+            heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_OCTETS
         )
         try:
             await socket.prepare(request)
@@ -110,31 +110,31 @@ async def _receive(socket: web.WebSocketResponse, within_s: float | None = None)
     return body
 
 
-def _hello(said: dict[str, Any]) -> _Hello:
-    if said.get("op") != "hello":
+def _hello(raw: dict[str, Any]) -> _Hello:
+    if raw.get("op") != "hello":
         raise _InvalidMessageError("op hello is expected first")
-    console, operator = said.get("console"), said.get("operator")
-    if not isinstance(console, str) or not 0 < len(console) <= LONGEST_NAME:
-        raise _InvalidMessageError(f"console: a name of 1 to {LONGEST_NAME} characters")
-    if operator is not None and not (isinstance(operator, str) and is_source(operator)):
+    console, operator = raw.get("console"), raw.get("operator")
+    if not isinstance(console, str) or not 0 < len(console) <= MAX_NAME_LENGTH:
+        raise _InvalidMessageError(f"console: a name of 1 to {MAX_NAME_LENGTH} characters")
+    if operator is not None and not (isinstance(operator, str) and is_valid_source(operator)):
         raise _InvalidMessageError("operator: a name of 1 to 256 printable characters")
-    resume = said.get("resume")
+    resume = raw.get("resume")
     resume = resume if isinstance(resume, dict) else {}
-    topics = _list(said.get("topics", []))
+    topics = _list(raw.get("topics", []))
     return _Hello(console, operator, topics, resume.get("instance"), resume.get("seq"))
 
 
-def _topics(said: dict[str, Any]) -> tuple[str, ...]:
-    if said.get("op") != "sub":
+def _topics(raw: dict[str, Any]) -> tuple[str, ...]:
+    if raw.get("op") != "sub":
         raise _InvalidMessageError("op sub is expected")
-    return _list(said.get("topics"))
+    return _list(raw.get("topics"))
 
 
 def _list(topics: object) -> tuple[str, ...]:
     if (
         not isinstance(topics, list)
-        or len(topics) > MOST_TOPICS
+        or len(topics) > MAX_TOPICS
         or any(not isinstance(topic, str) for topic in topics)
     ):
-        raise _InvalidMessageError(f"topics: a list of at most {MOST_TOPICS} texts")
+        raise _InvalidMessageError(f"topics: a list of at most {MAX_TOPICS} texts")
     return tuple(topics)

@@ -16,10 +16,10 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64, String, UInt64
 
-from adapters.mocup.brick.ownership import SILENT_S
+from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import SOURCE, Router
-from adapters.mocup.brick.service import MOST_ARRIVED, BrickService
+from adapters.mocup.brick.service import MAX_INBOX, BrickService
 from adapters.mocup.brick.usb import (
     KEEP_ALIVE_S,
     Brick,
@@ -61,7 +61,7 @@ HEALTH_S: Final = 1.0
 HOUSEKEEPING_S: Final = {BrickLink.DIRECT: 5.0, BrickLink.RELAY: 30.0}
 """Period of the housekeeping of this process; longer for the relay, because its link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
-HIGHEST_PERIOD_S: Final = 3600.0
+MAX_PERIOD_S: Final = 3600.0
 _TAKEN: Final = "std_msgs/UInt64, fingerprint of an accepted string"
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
@@ -93,8 +93,8 @@ class NxtSettings:
     commands: Mapping[BrickLink, Topic]
     notifications: Mapping[BrickLink, Topic]
     stops: Topic
-    taken: Mapping[BrickLink, Topic]
-    kept: Topic | None
+    acknowledgements: Mapping[BrickLink, Topic]
+    confirmations: Topic | None
     relay_telemetry_s: float
     relay_needs_authority: bool
 
@@ -141,8 +141,8 @@ def _period_s(node: Node) -> float:
     name = "relay_telemetry_s"
     meaning = "minimum period of telemetry to the relay, s"
     value = float(declare_value(node, name, Parameter.Type.DOUBLE, meaning))
-    if not 0.0 <= value <= HIGHEST_PERIOD_S:
-        raise ParameterError(f"parameter {name} is {value}: 0 to {HIGHEST_PERIOD_S:g} s")
+    if not 0.0 <= value <= MAX_PERIOD_S:
+        raise ParameterError(f"parameter {name} is {value}: 0 to {MAX_PERIOD_S:g} s")
     return value
 
 
@@ -154,7 +154,7 @@ def _strings(node: Node, link: BrickLink, what: str) -> Topic:
 def keep_alive(spelling: Spelling, brick: str) -> bytes:
     """Return the heartbeat for the brick, with the timeout that the brick applies to it."""
     entry = spelling.keep_alive
-    return encode(Message(entry.code, SOURCE, brick, entry.command, (f"{SILENT_S:g}",)))
+    return encode(Message(entry.code, SOURCE, brick, entry.command, (f"{HEARTBEAT_TIMEOUT_S:g}",)))
 
 
 class NxtNode:
@@ -196,20 +196,21 @@ class NxtNode:
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
-        self._taken = {
-            link: self._publisher(UInt64, topic) for link, topic in settings.taken.items()
+        self._ack_publisher = {
+            link: self._publisher(UInt64, topic)
+            for link, topic in settings.acknowledgements.items()
         }
-        ack = settings.kept
+        ack = settings.confirmations
         self._service = BrickService(self._router, self._confirm, confirmed=ack is not None)
         if ack is not None:
-            node.create_subscription(UInt64, ack.name, self._on_kept, ack.qos)
+            node.create_subscription(UInt64, ack.name, self._on_confirmed, ack.qos)
         self._commands = {
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
         }
         self._inbox_waits = node.create_guard_condition(self._serve_inbox)
         self._commanders = {
-            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link))
+            link: HeartbeatMonitor(HEARTBEAT_TIMEOUT_S, partial(self._router.on_host_silent, link))
             for link in BrickLink
         }
         for link, topic in settings.commands.items():
@@ -218,10 +219,10 @@ class NxtNode:
             String, settings.stops.name, self._taker(BrickLink.RELAY), settings.stops.qos
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        steady_timer(node, HEALTH_S, self._look_around)
+        steady_timer(node, HEALTH_S, self._poll)
         woken = node.create_guard_condition(self._drain)
         self._session = BrickSession(claim, woken.trigger, keep_alive(spelling, settings.brick))
-        steady_timer(node, KEEP_ALIVE_S, self._session.alive)
+        steady_timer(node, KEEP_ALIVE_S, self._session.feed_watchdog)
         self._session.start()
 
     def close(self) -> None:
@@ -275,7 +276,7 @@ class NxtNode:
 
     def _arrived(self, link: BrickLink, message: String) -> None:
         if not self._service.inbox.put(link, message.data):
-            self._refused(f"{link.value} link: {MOST_ARRIVED} texts are queued")
+            self._refused(f"{link.value} link: {MAX_INBOX} texts are queued")
 
     def _serve_inbox(self) -> None:
         """Process one received text of either link, a stop first."""
@@ -289,21 +290,21 @@ class NxtNode:
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
     def _confirm(self, link: BrickLink, mark: int) -> None:
-        self._taken[link].publish(UInt64(data=mark))
+        self._ack_publisher[link].publish(UInt64(data=mark))
 
-    def _on_kept(self, mark: UInt64) -> None:
-        self._service.kept(mark.data)
+    def _on_confirmed(self, mark: UInt64) -> None:
+        self._service.on_confirmed(mark.data)
 
     def _drain(self) -> None:
         self._service.drain(self._session.events())
 
-    def _look_around(self) -> None:
+    def _poll(self) -> None:
         found = {link: subscribers_of(self._node, p) for link, p in self._notifications.items()}
-        self._service.look(found)
+        self._service.poll(found)
         self._diagnose()
-        self._tell_housekeeping()
+        self._publish_housekeeping()
 
-    def _tell_housekeeping(self) -> None:
+    def _publish_housekeeping(self) -> None:
         """Publish the health figures of this process on both links."""
         now_s, counts = time.monotonic(), self._router.counts
         listeners = self._service.listeners

@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord, ExecutiveClaim
-from adapters.mocup.brick.replies_out import CancelCause, ReplyPublisher, command_of, same
+from adapters.mocup.brick.reply_publisher import CancelCause, ReplyPublisher, command_of, same
 from adapters.mops import Message, MopsError, conditions_of, encode, is_last
-from executive.commands.intake import expired
+from executive.commands.intake import check_lifetime
 from executive.values.clock import Clock
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Stage
@@ -60,7 +60,7 @@ class Ownership:
                 self._out.is_same(BrickLink.RELAY, command, claim.wanted)
             claim = ExecutiveClaim(command)
             self._record.save_claim(claim)
-        first = self._record.asked_by_relay(command)
+        first = self._record.find_from_relay(command)
         if first is not None:
             self.relay_was_first(claim, first)
 
@@ -98,16 +98,16 @@ class Ownership:
             return
         claim = replace(claim, reported=report)
         self._record.save_claim(claim)
-        self.tell_relay(claim)
+        self.forward_to_relay(claim)
 
     def add_relay_copy(self, claim: ExecutiveClaim, command: Message) -> None:
         """Record the relay's copy of a claimed command, so that the relay receives its reports."""
         if self._out.is_same(BrickLink.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
             self._record.save_claim(claim)
-            self.tell_relay(claim)
+            self.forward_to_relay(claim)
 
-    def tell_relay(self, claim: ExecutiveClaim) -> None:
+    def forward_to_relay(self, claim: ExecutiveClaim) -> None:
         """Forward the executive's last report to the relay, if a report and a copy exist."""
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
@@ -119,24 +119,24 @@ def _key(command: Message) -> _Key:
     return command.source, command.moe_inputs_id
 
 
-MOST_WAITING: Final = 32
-SILENT_S: Final = 0.5
+MAX_QUEUED: Final = 32
+HEARTBEAT_TIMEOUT_S: Final = 0.5
 """Heartbeat timeout of the commanding process; then the brick stops. Chosen, not measured."""
 
 
 STOPPED: Final = CancelCause("stopped before it reached the brick", Reason.STOPPED)
-GONE: Final = CancelCause("the brick disconnected before it was sent")
-SILENT: Final = {
+DISCONNECTED: Final = CancelCause("the brick disconnected before it was sent")
+HEARTBEAT_LOST: Final = {
     BrickLink.DIRECT: CancelCause(
-        f"no heartbeat of the executive for {SILENT_S:g} s", Reason.INTERRUPTED
+        f"no heartbeat of the executive for {HEARTBEAT_TIMEOUT_S:g} s", Reason.INTERRUPTED
     ),
     BrickLink.RELAY: CancelCause(
-        f"no heartbeat of rover-relay for {SILENT_S:g} s", Reason.INTERRUPTED
+        f"no heartbeat of rover-relay for {HEARTBEAT_TIMEOUT_S:g} s", Reason.INTERRUPTED
     ),
 }
 """Cause of the end of a link's commands when its sender is silent."""
 _BY_RELAY: Final = CancelCause("stopped over the relay", Reason.STOPPED)
-_CAUSES: Final = (STOPPED, GONE, *SILENT.values())
+_CAUSES: Final = (STOPPED, DISCONNECTED, *HEARTBEAT_LOST.values())
 
 
 class BrickQueue:
@@ -182,9 +182,9 @@ class BrickQueue:
         Raises:
             LedgerError: the command cannot be recorded.
         """
-        self._end_what_is_to_end()
-        if len(self._record.waiting()) >= MOST_WAITING:
-            text = f"BUSY: {MOST_WAITING} commands are queued"
+        self._end_pending()
+        if len(self._record.waiting()) >= MAX_QUEUED:
+            text = f"BUSY: {MAX_QUEUED} commands are queued"
             self._reject(BrickLink.RELAY, command, text, Reason.QUEUE_FULL)
             return
         received = self._out.reply(command, Stage.RECEIVED)
@@ -198,10 +198,10 @@ class BrickQueue:
         self._arrived[_key(command)] = (self._clock.utc_s(), self._clock.now_s())
         self._out.notify(BrickLink.RELAY, received)
 
-    def go_on(self, there: bool) -> None:
+    def send_next(self, there: bool) -> None:
         """Send the first queued command to the brick, if it is connected and idle."""
         with self._out.contained("queued commands stay queued"):
-            self._end_what_is_to_end()
+            self._end_pending()
             waiting = self._record.waiting()
             if there and waiting and not self._at_work:
                 self._send_first(waiting)
@@ -214,7 +214,7 @@ class BrickQueue:
         """End all queued commands; until that is recorded, none of them is sent."""
         self._ending = self._ending or cause
         with self._out.contained("commands to cancel stay queued"):
-            self._end_what_is_to_end()
+            self._end_pending()
 
     @property
     def _at_work(self) -> bool:
@@ -242,9 +242,9 @@ class BrickQueue:
         """Return the refusal of an expired command, or None; after a restart by UTC alone."""
         utc_s, now_s = self._clock.utc_s(), self._clock.now_s()
         arrived_utc_s, arrived_s = self._arrived.get(_key(command), (utc_s, now_s))
-        return expired(conditions_of(command), utc_s, arrived_utc_s, now_s - arrived_s)
+        return check_lifetime(conditions_of(command), utc_s, arrived_utc_s, now_s - arrived_s)
 
-    def _end_what_is_to_end(self) -> None:
+    def _end_pending(self) -> None:
         if self._ending is None:
             return
         for queued in self._record.waiting():

@@ -10,12 +10,12 @@ from adapters.mops import Message, decode, is_last
 from executive.record import Connect, Database, LedgerError, connect_to_file
 from executive.values.reports import Stage
 
-KEPT: Final = 10_000
+MAX_COMMANDS: Final = 10_000
 """Maximum number of commands in the record; the oldest are deleted."""
 _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
 """Number of latest claims searched for open ones: the executive queues far fewer."""
-_ASKED: Final = "SELECT command, links, replied, waits FROM asked"
+_SELECT_COMMANDS: Final = "SELECT command, links, replied, waits FROM asked"
 _FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS asked (
@@ -105,61 +105,61 @@ class BrickRecord(Database):
     def __init__(self, path: Path | None = None, connect: Connect = connect_to_file) -> None:
         super().__init__(path, _SCHEMA, connect=connect)
 
-    def asked(self, command: Message) -> BrickCommand | None:
+    def find(self, command: Message) -> BrickCommand | None:
         """Return the command with a message's source, number and counter, or None."""
-        return self._asked("source = ? AND moe_id = ? AND counter = ?", _key(command))
+        return self._select("source = ? AND moe_id = ? AND counter = ?", _key(command))
 
-    def first_asked(self, command: Message) -> BrickCommand | None:
+    def find_first(self, command: Message) -> BrickCommand | None:
         """Return the first command with a message's source and number, or None."""
-        return self._asked("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
+        return self._select("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
 
-    def asked_by_relay(self, command: Message) -> BrickCommand | None:
+    def find_from_relay(self, command: Message) -> BrickCommand | None:
         """Return the relay's command with a message's source and number, or None."""
         where = f"source = ? AND moe_id = ? AND links LIKE '%{BrickLink.RELAY.value}%' LIMIT 1"
-        return self._asked(where, _name(command))
+        return self._select(where, _name(command))
 
     def latest(self, count: int) -> Sequence[BrickCommand]:
         """Return the latest commands, in order."""
-        rows = self.rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
-        return [_asked(row) for row in reversed(rows)]
+        rows = self.rows(f"{_SELECT_COMMANDS} ORDER BY number DESC LIMIT ?", (count,))
+        return [_command_of_row(row) for row in reversed(rows)]
 
     def unanswered(self) -> Sequence[BrickCommand]:
         """Return the commands without a final reply of the brick, in order."""
-        rows = self.rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
-        return [_asked(row) for row in rows]
+        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND NOT waits ORDER BY number")
+        return [_command_of_row(row) for row in rows]
 
     def waiting(self) -> Sequence[BrickCommand]:
         """Return the queued commands that were not sent to the brick, in order."""
-        rows = self.rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
-        return [_asked(row) for row in rows]
+        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND waits ORDER BY number")
+        return [_command_of_row(row) for row in rows]
 
-    def save(self, asked: BrickCommand, instead: BrickCommand | None = None) -> None:
+    def save(self, stored: BrickCommand, instead: BrickCommand | None = None) -> None:
         """Record a command, or its last reply, before the brick receives anything.
 
         Args:
-            asked: the command.
+            stored: the command.
             instead: a command deleted in the same transaction.
         """
-        self._keep(
+        self._save(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
             " links = excluded.links, replied = excluded.replied, ended = excluded.ended,"
             " waits = excluded.waits",
             (
-                *_key(asked.command),
-                str(asked.command),
-                ",".join(link.value for link in asked.links),
-                None if asked.replied is None else str(asked.replied),
-                asked.ended,
-                asked.waits,
+                *_key(stored.command),
+                str(stored.command),
+                ",".join(link.value for link in stored.links),
+                None if stored.replied is None else str(stored.replied),
+                stored.ended,
+                stored.waits,
             ),
             "DELETE FROM asked WHERE number <= (SELECT max(number) - ? FROM asked) AND NOT waits",
             instead,
         )
 
-    def forget(self, asked: BrickCommand) -> None:
+    def forget(self, stored: BrickCommand) -> None:
         """Delete a command that did not reach the brick."""
-        self.rows(_FORGET, _key(asked.command))
+        self.rows(_FORGET, _key(stored.command))
 
     def claim(self, command: Message) -> ExecutiveClaim | None:
         """Return the executive's claim on a message's source and number, or None."""
@@ -185,7 +185,7 @@ class BrickRecord(Database):
     def save_claim(self, claim: ExecutiveClaim, instead: BrickCommand | None = None) -> None:
         """Record a claim or its changed state; `instead` as in `save`."""
         texts = (None if each is None else str(each) for each in (claim.reported, claim.wanted))
-        self._keep(
+        self._save(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
             " ON CONFLICT DO UPDATE SET command = excluded.command,"
             " reported = excluded.reported, wanted = excluded.wanted",
@@ -199,15 +199,15 @@ class BrickRecord(Database):
         rows = self.rows("SELECT message FROM authority")
         return _read(rows[0][0]) if rows else None
 
-    def save_authority(self, told: Message) -> None:
+    def save_authority(self, message: Message) -> None:
         """Record an authority message of the executive."""
-        self.rows("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(told),))
+        self.rows("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(message),))
 
-    def _asked(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
-        rows = self.rows(f"{_ASKED} WHERE {where}", values)
-        return _asked(rows[0]) if rows else None
+    def _select(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
+        rows = self.rows(f"{_SELECT_COMMANDS} WHERE {where}", values)
+        return _command_of_row(rows[0]) if rows else None
 
-    def _keep(
+    def _save(
         self,
         statement: str,
         values: tuple[object, ...],
@@ -215,7 +215,7 @@ class BrickRecord(Database):
         instead: BrickCommand | None,
     ) -> None:
         self.write(statement, values)
-        self.write(prune, (KEPT,))
+        self.write(prune, (MAX_COMMANDS,))
         if instead is not None:
             self.write(_FORGET, _key(instead.command))
         try:
@@ -234,7 +234,7 @@ def _key(command: Message) -> tuple[str, int, int]:
     return *_name(command), _NONE if counter is None else counter
 
 
-def _asked(row: tuple[Any, ...]) -> BrickCommand:
+def _command_of_row(row: tuple[Any, ...]) -> BrickCommand:
     command, links, replied, waits = row
     by = tuple(BrickLink(link) for link in links.split(",") if link)
     return BrickCommand(_read(command), by, _read_any(replied), bool(waits))

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from adapters.mocup.brick.head_watch import CameraHeadMonitor, PointingResult
+from adapters.mocup.brick.camera_head_monitor import CameraHeadMonitor, PointingResult
 from adapters.mocup.brick.ownership import Ownership
 from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord
-from adapters.mocup.brick.replies_out import CancelCause, ReplyPublisher, command_of
+from adapters.mocup.brick.reply_publisher import CancelCause, ReplyPublisher, command_of
 from adapters.mops import Message, MopsError, is_last
 from executive.record import LedgerError
 from executive.values.reasons import Reason
@@ -38,41 +38,41 @@ class BrickReplies:
         self._stopped: Sequence[Message] = ()
         self._unrecorded: dict[Message, Message] = {}
 
-    def take(self, reply: Message) -> None:
+    def on_reply(self, reply: Message) -> None:
         """Process a reply of the brick; one that answers no command goes to both links."""
         if reply.executed and reply.code == self._stop:
             self.expect(self._stopped)
             self._stopped = ()
         with self._out.contained(f"reply {reply}"):
-            self._take(self._record.asked(command_of(reply)), reply)
+            self._take(self._record.find(command_of(reply)), reply)
 
-    def _take(self, asked: BrickCommand | None, reply: Message) -> None:
-        if asked is None or asked.command.code != reply.code:
+    def _take(self, stored: BrickCommand | None, reply: Message) -> None:
+        if stored is None or stored.command.code != reply.code:
             self._out.counts.unasked += 1
             # The relay repeats a stop that could not be recorded until it is recorded.
             for link in (BrickLink.DIRECT,) if reply.code == self._stop else BrickLink:
                 self._out.notify(link, reply)
-        elif asked.ended and reply.code == self._stop:
+        elif stored.ended and reply.code == self._stop:
             self._out.counts.replies += 1  # to a repeated stop
-        elif asked.ended or asked.waits:
-            when = "after it had ended" if asked.ended else "before it was sent"
+        elif stored.ended or stored.waits:
+            when = "after it had ended" if stored.ended else "before it was sent"
             self._out.refuse(f"reply {reply} of the brick {when}")
         else:
             self._out.counts.replies += 1
-            by_relay = BrickLink.RELAY in asked.links
-            if reply.executed and by_relay and self._head.keep(asked.command, reply):
-                self.answer(asked, self._out.reply(asked.command, Stage.STARTED))
+            by_relay = BrickLink.RELAY in stored.links
+            if reply.executed and by_relay and self._head.defer_reply(stored.command, reply):
+                self.answer(stored, self._out.reply(stored.command, Stage.STARTED))
                 return
             if is_last(reply):
-                self._head.forget(asked.command)
-            self.answer(asked, reply)
+                self._head.forget(stored.command)
+            self.answer(stored, reply)
 
     def stopped(self) -> None:
         """Record the commands that the present stop ends, or drops before they are sent."""
         with self._out.contained("commands that a stop ends"):
             self._stopped = [each.command for each in self._record.unanswered()]
 
-    def lost(self, why: str) -> bool:
+    def on_disconnected(self, why: str) -> bool:
         """End all unanswered commands as failed.
 
         Returns:
@@ -83,23 +83,23 @@ class BrickReplies:
         owed = True
         with self._out.contained("unanswered commands"):
             unanswered = self._record.unanswered()
-            owed = not all(self._head.keeps(entry.command) for entry in unanswered)
+            owed = not all(self._head.is_deferred(entry.command) for entry in unanswered)
             for entry in unanswered:
                 reply = self._out.reply(entry.command, Stage.FAILED, why)
                 self.answer(entry, replace(reply, received=entry.replied is not None))
         self._head.clear()
         return owed
 
-    def see(self, telemetry: Message) -> bool:
+    def on_telemetry(self, telemetry: Message) -> bool:
         """Process telemetry; return whether it shows that a command is executed."""
-        pointed = self._head.see(telemetry)
+        pointed = self._head.on_telemetry(telemetry)
         self._end_pointing(pointed)
         return bool(pointed)
 
     def _end_pointing(self, pointed: Sequence[PointingResult]) -> None:
         for each in pointed:
             with self._out.contained(f"end of {each.command}"):
-                entry = self._record.asked(each.command)
+                entry = self._record.find(each.command)
                 if entry is None or entry.ended:
                     continue
                 reply, why = each.reply, Reason.PAN_TILT_DEADLINE
@@ -107,17 +107,17 @@ class BrickReplies:
                     reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
                 self.answer(entry, reply)
 
-    def because(self, commands: Sequence[BrickCommand], cause: CancelCause) -> None:
+    def set_cancel_cause(self, commands: Sequence[BrickCommand], cause: CancelCause) -> None:
         """Set the cause to report when the brick reports these commands as cancelled."""
         self._causes |= {entry.command: cause for entry in commands}
 
-    def look(self) -> None:
+    def expire(self) -> None:
         """Fail the commands without their expected reply after one or two polls."""
         self._record_again()
         overdue, self._overdue, self._expected = self._overdue, self._expected, ()
         with self._out.contained("unanswered commands"):
-            for entry in [self._record.asked(command) for command in overdue]:
-                deferred = entry is not None and self._head.keeps(entry.command)
+            for entry in [self._record.find(command) for command in overdue]:
+                deferred = entry is not None and self._head.is_deferred(entry.command)
                 if entry is not None and not entry.ended and not deferred:
                     text = "the brick was stopped and sent no final reply"
                     self.answer(entry, self._out.reply(entry.command, Stage.FAILED, text))
@@ -131,32 +131,32 @@ class BrickReplies:
         """Retry the replies that could not be recorded."""
         for command, reply in list(self._unrecorded.items()):
             with self._out.contained(f"a reply to {command}"):
-                entry = self._record.asked(command)
+                entry = self._record.find(command)
                 if entry is not None:
                     self.answer(entry, reply)
 
-    def answer(self, asked: BrickCommand, reply: Message) -> None:
+    def answer(self, stored: BrickCommand, reply: Message) -> None:
         """Record a reply and then forward it, so that an end is never revoked.
 
         A final reply to the relay that cannot be recorded is forwarded once it is recorded.
         """
-        reply = self._unrecorded.pop(asked.command, reply)
-        cause = self._causes.pop(asked.command, None) if is_last(reply) else None
+        reply = self._unrecorded.pop(stored.command, reply)
+        cause = self._causes.pop(stored.command, None) if is_last(reply) else None
         if cause is not None and reply.outputs[:1] == (Stage.CANCELLED.name,):
-            reply = self._out.cancelled(asked.command, cause)
-        asked = replace(asked, replied=reply)
+            reply = self._out.cancelled(stored.command, cause)
+        stored = replace(stored, replied=reply)
         try:
-            self._record.save(asked)
+            self._record.save(stored)
         except (MopsError, LedgerError) as error:
-            self._out.refuse(f"a reply to {asked.command} is not recorded: {error}")
-            if asked.ended:
-                self._unrecorded[asked.command] = reply
-            if asked.ended and BrickLink.RELAY in asked.links:
+            self._out.refuse(f"a reply to {stored.command} is not recorded: {error}")
+            if stored.ended:
+                self._unrecorded[stored.command] = reply
+            if stored.ended and BrickLink.RELAY in stored.links:
                 return
-        for link in asked.links:
+        for link in stored.links:
             self._out.notify(link, reply)
-        if asked.links == (BrickLink.RELAY,):
-            with self._out.contained(f"a reply to {asked.command} is not reported"):
-                claim = self._record.claim(asked.command)
+        if stored.links == (BrickLink.RELAY,):
+            with self._out.contained(f"a reply to {stored.command} is not reported"):
+                claim = self._record.claim(stored.command)
                 if claim is not None:
-                    self._ownership.relay_was_first(claim, asked)
+                    self._ownership.relay_was_first(claim, stored)

@@ -7,11 +7,17 @@ from enum import Enum, unique
 from itertools import count
 from typing import Final
 
-from adapters.mocup.brick.head_watch import CameraHeadMonitor
-from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, BrickQueue, Ownership
+from adapters.mocup.brick.camera_head_monitor import CameraHeadMonitor
+from adapters.mocup.brick.ownership import (
+    DISCONNECTED,
+    HEARTBEAT_LOST,
+    STOPPED,
+    BrickQueue,
+    Ownership,
+)
 from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord, ExecutiveClaim
 from adapters.mocup.brick.replies import BrickReplies
-from adapters.mocup.brick.replies_out import (
+from adapters.mocup.brick.reply_publisher import (
     ABSENT,
     ReplyPublisher,
     RouterCounts,
@@ -30,22 +36,22 @@ from adapters.mops import (
     messages_in,
     refusal_of,
 )
-from executive.commands.intake import expired, made_in_future
+from executive.commands.intake import check_creation_time, check_lifetime
 from executive.record import LedgerError
 from executive.values.clock import Clock
 from executive.values.reasons import Reason
 
 AWAY: Final = "the brick is disconnected"
 RESTARTED: Final = "rover-nxt was restarted: the result on the brick is unknown"
-TOLD_AGAIN: Final = 50
+MAX_RESENT_REPLIES: Final = 50
 """Number of last replies that are resent to a new subscriber."""
 UNKNOWN: Final = "its motion since the last contact is unknown"
 SOURCE: Final = "NXT"
 """Source of the stops that this process itself sends to the brick."""
-MOST_AHEAD_S: Final = 10.0
+MAX_CLOCK_LEAD_S: Final = 10.0
 """Maximum lead of a command's creation time over this host's clock. Chosen, not measured."""
 _NO_VISIT: Final = 0
-_LOOKS_TO_BE_TOLD: Final = 3
+_AUTHORITY_WAIT_POLLS: Final = 3
 """Polls after a start within which a running executive has published the authority."""
 _LOG: Final = logging.getLogger(__name__)
 
@@ -59,7 +65,7 @@ class _Kind(Enum):
     STOP = "a stop"
     AUTHORITY = "the authority, from the executive"
     COMMAND = "a command"
-    ELSEWHERE = "for another destination"
+    OTHER_DESTINATION = "for another destination"
     NO_COMMAND = "not allowed from a link"
 
 
@@ -88,7 +94,7 @@ class Router:
         dictionary: Dictionary,
         name: str,
         ports: RouterPorts,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         record: BrickRecord,
         authority: RelayAuthority,
         clock: Clock,
@@ -105,8 +111,10 @@ class Router:
         self._authority_code = spelling.authority.code
         self._granted = record.authority()
         self._authority = authority if self._granted is None else authority_of(self._granted)
-        self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
-        self._out = ReplyPublisher(name, ports, tell, self.counts)
+        self._polls_to_wait = (
+            _AUTHORITY_WAIT_POLLS if self._granted and self._authority.needed else 0
+        )
+        self._out = ReplyPublisher(name, ports, notify, self.counts)
         self.unconfirmed = self._out.unconfirmed
         self._ownership = Ownership(record, self._out)
         self._head = CameraHeadMonitor(dictionary, clock)
@@ -121,8 +129,8 @@ class Router:
         self._silent: set[BrickLink] = set()
         self._overtaken = False
         self._numbers = count(round(clock.utc_s() * 1e6))
-        self._said = MopsStream(self._out.refuse)
-        self._told = {link: MopsStream(self._out.refuse) for link in BrickLink}
+        self._brick_stream = MopsStream(self._out.refuse)
+        self._link_streams = {link: MopsStream(self._out.refuse) for link in BrickLink}
 
     def is_stop(self, text: str) -> bool:
         """Return whether the messages of a text include a stop."""
@@ -143,15 +151,15 @@ class Router:
             are not accepted either: the relay and the executive send them again, and a refusal
             that is not recorded would be followed by a second end.
         """
-        if link is BrickLink.RELAY and self._looks_to_wait and not self.is_stop(text):
+        if link is BrickLink.RELAY and self._polls_to_wait and not self.is_stop(text):
             return False
         self._silent.discard(link)
         self._overtaken = overtaken
         taken = True
-        stream = self._told[link]
+        stream = self._link_streams[link]
         for message in stream.feed(text.encode("utf-8", "replace")):
             try:
-                self._take(link, message)
+                self._handle_message(link, message)
             except LedgerError as error:
                 why, taken = f"it cannot be recorded: {error}", False
                 if link is BrickLink.RELAY or message.received or self._stops(message):
@@ -162,49 +170,49 @@ class Router:
         self._count_dropped()
         return taken
 
-    def heard(self, octets: bytes) -> None:
+    def on_octets(self, octets: bytes) -> None:
         """Process octets from the brick, split at any position."""
-        for message in self._said.feed(octets):
+        for message in self._brick_stream.feed(octets):
             if message.source != self.name:
                 self._out.refuse(f"message {message} of the brick has the source {message.source}")
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
                 self.ports.telemetry(message)
-                if self._replies.see(message):
-                    self._go_on()
+                if self._replies.on_telemetry(message):
+                    self._send_next()
             elif message.code == self._keep_alive:
                 self._out.refuse("the brick refuses KEEP_ALIVE: it does not stop by itself")
             else:
-                self._replies.take(message)
+                self._replies.on_reply(message)
                 if is_last(message):
-                    self._go_on()
+                    self._send_next()
         self._count_dropped()
 
-    def found(self, visit: int) -> None:
+    def on_connected(self, visit: int) -> None:
         """Record that the brick is connected, with the number of the connection, from 1."""
         self._visit = visit
         if self._may_move:
             self._may_move = False
             self._halt(UNKNOWN)
-        self._go_on()
+        self._send_next()
 
-    def lost(self, why: str = AWAY) -> None:
+    def on_disconnected(self, why: str = AWAY) -> None:
         """End all unanswered commands when the brick is disconnected; its motion is unknown.
 
         If it was connected before, queued commands end too; not after a restart of this process.
         """
         was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
-        self._said.cut()
+        self._brick_stream.cut()
         self._count_dropped()
         self._ownership.release()
-        self._may_move = self._replies.lost(why) or self._may_move
+        self._may_move = self._replies.on_disconnected(why) or self._may_move
         if was_there:
-            self._waiting.end(GONE)
+            self._waiting.end(DISCONNECTED)
 
-    def silent(self, link: BrickLink) -> None:
+    def on_host_silent(self, link: BrickLink) -> None:
         """Stop the brick if every sender of its unanswered commands is silent."""
         self._silent.add(link)
-        cause = SILENT[link]
+        cause = HEARTBEAT_LOST[link]
         if link is BrickLink.DIRECT:
             self._ownership.release()
         else:
@@ -213,13 +221,13 @@ class Router:
             owed = [
                 each
                 for each in self.record.unanswered()
-                if each.links and not self._head.keeps(each.command)
+                if each.links and not self._head.is_deferred(each.command)
             ]
             orphans = [each for each in owed if self._silent.issuperset(each.links)]
             if not orphans:
-                self._go_on()
+                self._send_next()
                 return
-            self._replies.because(orphans, cause)
+            self._replies.set_cancel_cause(orphans, cause)
         self._halt(cause.text)
 
     def _halt(self, why: str) -> None:
@@ -233,19 +241,19 @@ class Router:
                 self.record.save(BrickCommand(stop, ()))
                 self._replies.expect((stop,))
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Fail overdue commands and send queued ones; call about once a second."""
-        self._replies.look()
-        self._looks_to_wait = max(self._looks_to_wait - 1, 0)
-        self._go_on()
+        self._replies.expire()
+        self._polls_to_wait = max(self._polls_to_wait - 1, 0)
+        self._send_next()
 
-    def _go_on(self) -> None:
-        self._waiting.go_on(self._visit != _NO_VISIT)
+    def _send_next(self) -> None:
+        self._waiting.send_next(self._visit != _NO_VISIT)
 
     def resend_last(self, link: BrickLink) -> None:
         """Resend the last replies to a link's commands, for a new subscriber."""
         with self._out.contained(f"{link.value} link: last replies are not resent"):
-            for entry in self.record.latest(TOLD_AGAIN):
+            for entry in self.record.latest(MAX_RESENT_REPLIES):
                 if entry.replied is None:
                     continue
                 if link in entry.links:
@@ -253,16 +261,16 @@ class Router:
                 elif link is BrickLink.DIRECT and (claim := self.record.claim(entry.command)):
                     self._ownership.relay_was_first(claim, entry)
             for claim in (
-                self.record.claims_with_copy(TOLD_AGAIN) if link is BrickLink.RELAY else ()
+                self.record.claims_with_copy(MAX_RESENT_REPLIES) if link is BrickLink.RELAY else ()
             ):
-                self._ownership.tell_relay(claim)
+                self._ownership.forward_to_relay(claim)
 
-    def _take(self, link: BrickLink, message: Message) -> None:
+    def _handle_message(self, link: BrickLink, message: Message) -> None:
         match self._kind_of(link, message):
             case _Kind.REPORT:
                 self._ownership.report(message)
                 if is_last(message):
-                    self._go_on()
+                    self._send_next()
             case _Kind.CLAIM:
                 self._ownership.claim(replace(message, received=False))
             case _Kind.STOP:
@@ -274,7 +282,7 @@ class Router:
                     return
                 if link is BrickLink.DIRECT or self._admitted(message):
                     self._begin(link, message)
-            case _Kind.ELSEWHERE:
+            case _Kind.OTHER_DESTINATION:
                 self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
             case _Kind.NO_COMMAND:
                 self._out.refuse(f"{link.value} link: {message} is no command")
@@ -285,7 +293,7 @@ class Router:
         if direct and message.source == self.name and message.outputs:
             return _Kind.REPORT
         if message.dest != self.name:
-            return _Kind.ELSEWHERE
+            return _Kind.OTHER_DESTINATION
         if direct and message.received and not message.outputs and not message.executed:
             return _Kind.CLAIM
         if self._stops(message):
@@ -297,16 +305,16 @@ class Router:
             return _Kind.NO_COMMAND
         return _Kind.COMMAND
 
-    def _learn(self, told: Message) -> None:
+    def _learn(self, message: Message) -> None:
         """Apply an authority message of the executive; it is valid until the next one."""
         try:
-            self._authority, self._granted = authority_of(told), told
-            self._looks_to_wait = 0
+            self._authority, self._granted = authority_of(message), message
+            self._polls_to_wait = 0
         except MopsError as fault:
-            self._out.refuse(f"{told}: {fault}")
+            self._out.refuse(f"{message}: {fault}")
             return
         with self._out.contained("the authority is lost at a restart"):
-            self.record.save_authority(told)
+            self.record.save_authority(message)
 
     def _admitted(self, command: Message) -> bool:
         """Return whether a command of the relay has authority and is in time; refuse it if not.
@@ -324,7 +332,9 @@ class Router:
             self._reject(BrickLink.RELAY, command, fault, Reason.NO_AUTHORITY)
             return False
         utc_s = self._clock.utc_s()
-        late = made_in_future(conditions, utc_s, MOST_AHEAD_S) or expired(conditions, utc_s, utc_s)
+        late = check_creation_time(conditions, utc_s, MAX_CLOCK_LEAD_S) or check_lifetime(
+            conditions, utc_s, utc_s
+        )
         if late is not None:
             self._reject(BrickLink.RELAY, command, late.text, late.reason)
             return False
@@ -407,7 +417,7 @@ class Router:
         known = self._first(stop)
         if known is not None and not self._out.is_same(link, known.command, stop):
             return
-        before = self.record.asked(stop) if known else None
+        before = self.record.find(stop) if known else None
         if before is not None and before.ended:
             self._repeat(link, before)
         elif sent:
@@ -419,18 +429,18 @@ class Router:
     def _first(self, command: Message) -> ExecutiveClaim | BrickCommand | None:
         if command.moe_inputs_id is None:
             return None
-        return self.record.claim(command) or self.record.first_asked(command)
+        return self.record.claim(command) or self.record.find_first(command)
 
     def _known(self, link: BrickLink, command: Message) -> bool:
         """Answer a command that was received before; return False for a new one."""
-        first, family = self.record.asked_by_relay(command), self.record.first_asked(command)
+        first, family = self.record.find_from_relay(command), self.record.find_first(command)
         claim = self.record.claim(command)
         if link is BrickLink.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
                 if self._ownership.relay_was_first(claim or ExecutiveClaim(first.command), first):
                     return True
                 first = None
-            family = self.record.asked(command)
+            family = self.record.find(command)
         elif link is BrickLink.RELAY and first is None and (claim or (family and family.is_part)):
             self._ownership.add_relay_copy(claim or ExecutiveClaim(command), command)
             return True
@@ -441,16 +451,16 @@ class Router:
             self._repeat(link, entry)
         return True
 
-    def _repeat(self, link: BrickLink, asked: BrickCommand) -> None:
+    def _repeat(self, link: BrickLink, stored: BrickCommand) -> None:
         """Send a link the last reply again, and subscribe it to later replies."""
-        if link not in asked.links:
-            asked = replace(asked, links=_with(asked.links, link))
-            self.record.save(asked)
-        if asked.replied is not None:
-            self._out.notify(link, asked.replied)
+        if link not in stored.links:
+            stored = replace(stored, links=_with(stored.links, link))
+            self.record.save(stored)
+        if stored.replied is not None:
+            self._out.notify(link, stored.replied)
 
     def _count_dropped(self) -> None:
-        streams = (self._said, *self._told.values())
+        streams = (self._brick_stream, *self._link_streams.values())
         self.counts.dropped_octets = sum(each.dropped_octets for each in streams)
         self.counts.dropped_pieces = sum(each.dropped_pieces for each in streams)
 

@@ -24,7 +24,7 @@ class ReceivedText:
     overtaken: bool
 
 
-MOST_ARRIVED: Final = 1000
+MAX_INBOX: Final = 1000
 
 
 class StopFirstQueue:
@@ -45,7 +45,7 @@ class StopFirstQueue:
         lane = self._stops if is_stop else self._others
         if is_stop:
             self._others = deque(replace(each, overtaken=True) for each in self._others)
-        if len(lane) < MOST_ARRIVED:
+        if len(lane) < MAX_INBOX:
             lane.append(ReceivedText(link, text, overtaken=False))
             return True
         return False
@@ -80,7 +80,7 @@ class BrickService:
         )
         self.inbox = StopFirstQueue(router.is_stop)
         self.why = "no brick yet"
-        router.lost(RESTARTED)
+        router.on_disconnected(RESTARTED)
 
     def serve(self) -> BrickLink | None:
         """Process one text, a stop first; return its link, None if the queue is empty."""
@@ -95,21 +95,21 @@ class BrickService:
         for event in events:
             match event:
                 case OctetsReceived(octets):
-                    self._router.heard(octets)
+                    self._router.on_octets(octets)
                 case BrickConnected(visit):
                     self.why = ""
-                    self._router.found(visit)
+                    self._router.on_connected(visit)
                 case BrickDisconnected(why):
                     self.why = why
-                    self._router.lost()
+                    self._router.on_disconnected()
 
-    def kept(self, mark: int) -> None:
+    def on_confirmed(self, mark: int) -> None:
         """Process the acknowledgement of a reply: `rover-relay` has it on its disk."""
         self._router.unconfirmed.pop(mark, None)
 
-    def look(self, listeners: Mapping[BrickLink, frozenset[object]]) -> None:
+    def poll(self, listeners: Mapping[BrickLink, frozenset[object]]) -> None:
         """Poll the router, and resend last replies to new subscribers; call once a second."""
-        self._router.look()
+        self._router.poll()
         unconfirmed = self._router.unconfirmed
         if self._confirmed and listeners[BrickLink.RELAY]:
             for mark in [each for each in self._before if each in unconfirmed]:

@@ -171,18 +171,18 @@ def _why_not_claimed(error: usb.core.USBError) -> str:
             return f"USB: {error.strerror}"
 
 
-FIRST_WAIT_S: Final = 0.2
-LONGEST_WAIT_S: Final = 2.0
+MIN_RETRY_S: Final = 0.2
+MAX_RETRY_S: Final = 2.0
 """Maximum pause between two searches for the brick."""
 OUTGOING: Final = 32
 INCOMING: Final = 256
 KEEP_ALIVE_S: Final = 0.1
 """Period of the heartbeat to the brick."""
-OWNER_SILENT_S: Final = 1.0
+OWNER_TIMEOUT_S: Final = 1.0
 """Timeout of the session's owner; after it the brick receives no heartbeats."""
-MOST_TIMEOUTS: Final = 10
+MAX_TIMEOUTS: Final = 10
 """Consecutive write timeouts after which the brick is treated as dead: 2 s in total."""
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 _RESYNCHRONISE: Final = b"#"
 _LOG: Final = logging.getLogger(__name__)
 
@@ -196,16 +196,16 @@ class OctetsReceived:
 
 @dataclass(frozen=True, slots=True)
 class BrickConnected:
-    """The brick is connected; `visit` numbers the connections from 1."""
+    """The brick is connected; `connection_number` numbers the connections from 1."""
 
-    visit: int
+    connection_number: int
 
 
 @dataclass(frozen=True, slots=True)
 class BrickDisconnected:
     """The brick is disconnected; queued messages are dropped."""
 
-    why: str
+    reason: str
 
 
 SessionEvent = OctetsReceived | BrickConnected | BrickDisconnected
@@ -245,7 +245,7 @@ class BrickSession:
         self._claim = claim
         self._wake = wake
         self._keep_alive = keep_alive
-        self._alive_until_s = monotonic() + OWNER_SILENT_S
+        self._alive_until_s = monotonic() + OWNER_TIMEOUT_S
         self._events: Queue[SessionEvent] = Queue(INCOMING)
         self._stops: deque[bytes] = deque()
         self._outgoing: deque[bytes] = deque()
@@ -270,9 +270,9 @@ class BrickSession:
         """Whether a brick is connected."""
         return self._connected
 
-    def alive(self) -> None:
-        """Reset the owner's watchdog; call it more often than every `OWNER_SILENT_S`."""
-        self._alive_until_s = monotonic() + OWNER_SILENT_S
+    def feed_watchdog(self) -> None:
+        """Reset the owner's watchdog; call it more often than every `OWNER_TIMEOUT_S`."""
+        self._alive_until_s = monotonic() + OWNER_TIMEOUT_S
 
     def send(self, octets: bytes, visit: int) -> bool:
         """Queue a message for the brick. Never blocks.
@@ -319,7 +319,7 @@ class BrickSession:
         return taken
 
     def _run(self) -> None:
-        wait_s, logged = FIRST_WAIT_S, ""
+        wait_s, logged = MIN_RETRY_S, ""
         while not self._closing.is_set():
             try:
                 with closing(self._claim()) as brick:
@@ -327,7 +327,7 @@ class BrickSession:
                     visit = _Connection(brick)
                     self._serve(visit)
                     if visit.spoke:
-                        wait_s = FIRST_WAIT_S
+                        wait_s = MIN_RETRY_S
             except BrickError as error:
                 if str(error) != logged:
                     logged = str(error)
@@ -335,7 +335,7 @@ class BrickSession:
             except Exception as error:
                 _LOG.error("searching for the brick raised %r", error, exc_info=error)
             self._closing.wait(wait_s)
-            wait_s = min(2 * wait_s, LONGEST_WAIT_S)
+            wait_s = min(2 * wait_s, MAX_RETRY_S)
 
     def _serve(self, visit: _Connection) -> None:
         writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
@@ -381,7 +381,7 @@ class BrickSession:
                 kept_alive_s = now_s
                 self._write_whole(visit, self._keep_alive)
             with self._changed:
-                self._changed.wait_for(lambda: self._stops or self._outgoing, _LOOK_S)
+                self._changed.wait_for(lambda: self._stops or self._outgoing, _POLL_S)
                 stops = bool(self._stops)
                 waiting = self._stops or self._outgoing
                 octets = waiting.popleft() if waiting else b""
@@ -399,7 +399,7 @@ class BrickSession:
             taken = visit.brick.write(octets)
             octets = octets[taken:]
             timeouts = 0 if taken else timeouts + 1
-            if timeouts >= MOST_TIMEOUTS:
+            if timeouts >= MAX_TIMEOUTS:
                 raise BrickError("it accepts no data")
         if not octets:
             self._cut_short = False
@@ -407,7 +407,7 @@ class BrickSession:
     def _put(self, event: SessionEvent) -> None:
         while not self._closing.is_set():
             try:
-                self._events.put(event, timeout=_LOOK_S)
+                self._events.put(event, timeout=_POLL_S)
             except Full:
                 self._wake()
                 continue

@@ -14,9 +14,9 @@ from adapters.mrs.aboard.peer_rate import PeerRateLimiter
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
     DEFINED,
-    LONGEST_SOURCE,
-    LONGEST_TEXT,
-    MOST_FIGURES,
+    MAX_FIGURES,
+    MAX_SOURCE_LENGTH,
+    MAX_TEXT_LENGTH,
     NUMBER_TYPES,
     REQUESTS,
     AreaError,
@@ -27,20 +27,20 @@ from adapters.mrs.spec import (
     command_of,
     figure_value,
     figure_values,
+    find_or_raise,
     housekeeping_values,
-    look_up,
     notification_keys,
     notification_of,
     parameter_value,
     reported_uncertainty,
-    require_few,
+    require_at_most,
     to_ns,
     uncertainty_figures,
     wire_update,
     with_text,
 )
 from executive.commands import Command, Request
-from executive.commands.actions import HELP, offered
+from executive.commands.actions import HELP, supported_actions
 from executive.core.runner import Executive
 from executive.faults import ClearPolicy
 from executive.safety import Fault, unmonitored
@@ -117,7 +117,7 @@ def _submit(
     command = command_of(header, call.supplements, make(*parts), call.peer_name)
     answer = intake.submit(command)
     if command.authority is not None and isinstance(answer, asyncio.Future):
-        served.recognise(call.connection, answer)
+        served.prioritize(call.connection, answer)
     return answer
 
 
@@ -141,16 +141,18 @@ class AssetServices:
         self.above: UpstreamPublisher | None = None
         self.housekeeping = housekeeping_values(housekeeping, {}, 0.0)
         named = (settings.asset, settings.domain)
-        self._tell_value = [
+        self._publish_value = [
             served.broadcast(*operation, *named, droppable=True) for operation in MONITOR_VALUE
         ]
-        self._tell = [served.broadcast(*operation, *named) for operation in MONITOR_NOTIFICATION]
-        self._tell_plan = served.broadcast("Plan", "monitorPlanExecution", *named)
+        self._publish_notification = [
+            served.broadcast(*operation, *named) for operation in MONITOR_NOTIFICATION
+        ]
+        self._publish_plan = served.broadcast("Plan", "monitorPlanExecution", *named)
         serve_commands(served, gateway)
-        for service, operation, question in QUESTIONS:
-            served.ask(service, operation, gateway, question)
-        served.ask("Monitoring", "getValue", gateway, self._present_values)
-        served.ask("Status", "getStatus", gateway, self._status)
+        for service, operation, question in QUERIES:
+            served.serve_query(service, operation, gateway, question)
+        served.serve_query("Monitoring", "getValue", gateway, self._present_values)
+        served.serve_query("Status", "getStatus", gateway, self._status)
         definitions = (*DEFINED, *(each.definition for each in housekeeping))
         served.serve("Monitoring", "listDefinition", lambda _: (definitions,))
         loop = asyncio.get_running_loop()
@@ -163,8 +165,8 @@ class AssetServices:
         for report in reports:
             notification = notification_of(report)
             keys = notification_keys(self._asset, notification)
-            for tell in self._tell:
-                tell(notification, keys=keys)
+            for notify in self._publish_notification:
+                notify(notification, keys=keys)
             if self.above is not None:
                 self.above.notification(notification)
             changed = reported_uncertainty(report).items() if self.housekeeping else ()
@@ -174,22 +176,22 @@ class AssetServices:
         """Broadcast parameter values of the rover."""
         self._broadcast(map(parameter_value, values))
 
-    def keep_house(self, values: tuple[wire.ParameterValue, ...]) -> None:
+    def publish_housekeeping(self, values: tuple[wire.ParameterValue, ...]) -> None:
         """Broadcast the executive's housekeeping, and store it for queries."""
         self.housekeeping = values
         self._broadcast(values)
 
     def _broadcast(self, values: Iterable[wire.ParameterValue]) -> None:
         for value in values:
-            for tell in self._tell_value:
-                tell(value, keys=(self._asset, value.name))
+            for notify in self._publish_value:
+                notify(value, keys=(self._asset, value.name))
             if self.above is not None:
                 self.above.value(value)
 
     def plan(self, update: PlanUpdate) -> None:
         """Broadcast the status of a plan."""
         keys = (self._asset, update.plan_id, update.status.value)
-        self._tell_plan(wire_update(update), keys=keys)
+        self._publish_plan(wire_update(update), keys=keys)
 
     def _present_values(
         self, executive: Executive, names: Sequence[str]
@@ -202,7 +204,7 @@ class AssetServices:
             timestamp=to_ns(values[0].utc_s),
             mode=wire.AssetMode(executive.mode.value),
             activeCommandId=active.command_id if active else None,
-            queuedCommands=executive.goals_waiting,
+            queuedCommands=executive.queued_goals,
             activePlan=executive.active_plan,
             values=(*map(parameter_value, values), *self._housekeeping_now(executive)),
         )
@@ -221,16 +223,18 @@ class AssetServices:
         text, parameters = notification.text, notification.parameters or ()
         if notification.kind is not NotificationKind.EVENT:
             raise with_text(AreaError.INVALID, "kind: must be EVENT")
-        if not text or len(text) > LONGEST_TEXT:
-            raise with_text(AreaError.INVALID, f"text: 1 to {LONGEST_TEXT} characters")
-        if len(parameters) > MOST_FIGURES:
-            raise with_text(AreaError.INVALID, f"parameters: at most {MOST_FIGURES}")
+        if not text or len(text) > MAX_TEXT_LENGTH:
+            raise with_text(AreaError.INVALID, f"text: 1 to {MAX_TEXT_LENGTH} characters")
+        if len(parameters) > MAX_FIGURES:
+            raise with_text(AreaError.INVALID, f"parameters: at most {MAX_FIGURES}")
         figures = tuple(map(_figure, parameters))
         peer = call.peer_name or call.connection.peer_host
         self._of_peer.admit(peer)
         self._of_all.admit("all peers together")
         own_text, severity = f"{peer}: {text}", notification.severity
-        return self._gateway.ask(lambda executive: _report(executive, severity, own_text, figures))
+        return self._gateway.query(
+            lambda executive: _report(executive, severity, own_text, figures)
+        )
 
 
 def present_values(
@@ -243,21 +247,21 @@ def present_values(
     Raises:
         MalError: NotFound, a parameter does not exist; TOO_MANY.
     """
-    require_few(names)
+    require_at_most(names)
     own = map(parameter_value, executive.parameters())
     by_name = {value.name: value for value in (*own, *housekeeping)}
-    return tuple(look_up(by_name, name) for name in names or by_name)
+    return tuple(find_or_raise(by_name, name) for name in names or by_name)
 
 
 def past_notifications(
-    executive: Executive, since: int | None, command_id: int | None, most: int
+    executive: Executive, since: int | None, command_id: int | None, maximum: int
 ) -> tuple[Notification, ...]:
-    """Return at most `most` notifications of the asset's ledger, 0 for a page; oldest first.
+    """Return at most `maximum` notifications of the asset's ledger, 0 for a page; oldest first.
 
     `since` is the first cursor, aboard equal to the sequence number.
     """
     first = min(since or 0, LAST_SEQUENCE)
-    return tuple(map(notification_of, executive.reports(first, command_id, page_size(most))))
+    return tuple(map(notification_of, executive.reports(first, command_id, page_size(maximum))))
 
 
 def _last_notification(executive: Executive) -> Notification | None:
@@ -265,9 +269,9 @@ def _last_notification(executive: Executive) -> Notification | None:
     return found[0] if found else None
 
 
-def page_size(most: int) -> int:
+def page_size(maximum: int) -> int:
     """Return the number of notifications of an answer, given the requested maximum; 0 for all."""
-    return min(most, PAGE) or PAGE
+    return min(maximum, PAGE) or PAGE
 
 
 def own_info(executive: Executive) -> wire.AssetInfo:
@@ -289,7 +293,7 @@ def _camera_state(executive: Executive) -> wire.CameraState:
         pan=figure[Parameter.CAM_PAN],
         tilt=figure[Parameter.CAM_TILT],
         rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
-        videoOn=video is not None and video.on,
+        videoOn=video is not None and video.enabled,
     )
 
 
@@ -297,7 +301,7 @@ def _actions(executive: Executive) -> tuple[NamedValue, ...]:
     """Return the supported text commands, each with its help."""
     return tuple(
         NamedValue(name=action.value, value=TypedAttribute(AttributeType.STRING, HELP[action]))
-        for action in offered(executive.video)
+        for action in supported_actions(executive.video)
     )
 
 
@@ -305,7 +309,7 @@ def _fault_status(executive: Executive) -> wire.FaultStatus:
     """Return the reason for standstill, the active faults, and the checks that do not run."""
     return wire.FaultStatus(
         timestamp=to_ns(executive.parameters()[0].utc_s),
-        why=executive.why[:LONGEST_TEXT],
+        why=executive.why[:MAX_TEXT_LENGTH],
         active=tuple(map(_active_fault, executive.safety.active)),
         unmonitored=unmonitored(executive.settings, executive.safety.history),
     )
@@ -320,37 +324,37 @@ def _active_fault(fault: Fault) -> wire.ActiveFault:
         reaction=wire.FaultReaction[fault.row.then.name],
         onResume=fault.row.clears is ClearPolicy.ON_RESUME,
         code=why.reason.value,
-        text=why.text[:LONGEST_TEXT],
+        text=why.text[:MAX_TEXT_LENGTH],
         parameters=figure_values(why.figures) or None,
     )
 
 
 def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
-    require_few(wanted)
+    require_at_most(wanted)
     known = {update.plan_id: update for update in executive.plans()}
-    return tuple(wire_update(look_up(known, plan_id)) for plan_id in wanted or known)
+    return tuple(wire_update(find_or_raise(known, plan_id)) for plan_id in wanted or known)
 
 
 def _report(
     executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]
 ) -> None:
     """Report an event; raises INTERNAL if the ledger cannot store it."""
-    if not executive.recording:
+    if not executive.ledger_writable:
         raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
     executive.event(severity, text, figures)
 
 
 def _figure(parameter: NamedValue) -> Figure:
     value = parameter.value
-    if len(parameter.name) > LONGEST_SOURCE:
-        text = f"parameters: a name has at most {LONGEST_SOURCE} characters"
+    if len(parameter.name) > MAX_SOURCE_LENGTH:
+        text = f"parameters: a name has at most {MAX_SOURCE_LENGTH} characters"
         raise with_text(AreaError.INVALID, text)
     if value is None or value.type not in NUMBER_TYPES or not isfinite(value.value):
         raise with_text(AreaError.INVALID, f"parameters: {parameter.name} is not a finite number")
     return Figure(parameter.name, float(value.value))
 
 
-QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
+QUERIES: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("Action", "listActions", _actions),
     ("Camera", "getState", _camera_state),
     ("MotionControl", "getPose", wire.pose),

@@ -9,7 +9,7 @@ from adapters.mal import CallContext
 from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.peer_rate import PeerRateLimiter
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import AreaError, AuthorityStatus, refused, with_text
+from adapters.mrs.spec import AreaError, AuthorityStatus, refusal_error, with_text
 from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
 from executive.core.runner import Executive
 from executive.values.reasons import Refusal
@@ -30,25 +30,27 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
             if parts:
                 rate.admit(call.peer_name or call.connection.peer_host)
                 _require_name(parts[0], call.peer_name)
-            answer = gateway.ask(
+            answer = gateway.query(
                 lambda executive: (_status(act(*parts)(executive), call.peer_name),)
             )
             if parts:
-                served.recognise(call.connection, answer, lambda reply: reply[0].holder == parts[0])
+                served.prioritize(
+                    call.connection, answer, lambda reply: reply[0].holder == parts[0]
+                )
             return answer
 
         served.serve("Authority", operation, handler)
 
     serve("getAuthority", lambda: lambda executive: executive.authority.state)
-    serve("requestAuthority", partial(_asking, AuthorityAction.REQUEST))
-    serve("handOver", partial(_asking, AuthorityAction.HAND_OVER))
-    serve("takeAuthority", partial(_asking, AuthorityAction.TAKE))
-    serve("releaseAuthority", partial(_asking, AuthorityAction.RELEASE))
+    serve("requestAuthority", partial(_authority_query, AuthorityAction.REQUEST))
+    serve("handOver", partial(_authority_query, AuthorityAction.HAND_OVER))
+    serve("takeAuthority", partial(_authority_query, AuthorityAction.TAKE))
+    serve("releaseAuthority", partial(_authority_query, AuthorityAction.RELEASE))
 
 
-def _asking(act: AuthorityAction, *parts: Any) -> Act:
+def _authority_query(act: AuthorityAction, *parts: Any) -> Act:
     request = AuthorityRequest(act, *parts)
-    return lambda executive: executive.ask_authority(request)
+    return lambda executive: executive.request_authority(request)
 
 
 def _require_name(source: str, peer_name: str | None) -> None:
@@ -58,13 +60,13 @@ def _require_name(source: str, peer_name: str | None) -> None:
 
 def _status(found: AuthorityState | Refusal, caller: str | None) -> AuthorityStatus:
     if isinstance(found, Refusal):
-        raise refused(found, Identity("", 0))
+        raise refusal_error(found, Identity("", 0))
     return AuthorityStatus(
         holder=found.holder,
         epoch=found.epoch,
         leaseLeft=found.lease_left_s,
         lease=found.lease_s,
-        askedBy=found.asked_by,
+        askedBy=found.requested_by,
         needed=found.needed,
         caller=caller,
     )

@@ -14,7 +14,7 @@ from zlib import crc32
 from adapters.mal import AttributeType, MalError, NamedValue, TypedAttribute
 from adapters.mrs.spec import AreaError, FileInfo, with_text
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
-from executive.state import LONGEST_PATH, FileFolder, FileStamp
+from executive.state import MAX_PATH_OCTETS, FileFolder, FileStamp
 from executive.values.reasons import Figure
 from executive.values.reports import FileEventKind
 
@@ -67,7 +67,7 @@ def file_info(
 
 def meta_data(folder: FileFolder, path: str) -> tuple[NamedValue, ...] | None:
     """Return the metadata of a file; reads a file."""
-    return tuple(map(_named, folder.about(path))) or None
+    return tuple(map(_named, folder.metadata(path))) or None
 
 
 def _named(figure: Figure) -> NamedValue:
@@ -89,14 +89,14 @@ AT_ONCE: Final = 4
 """Maximum concurrent checksum computations."""
 
 
-def changed(path: str) -> MalError:
+def changed_error(path: str) -> MalError:
     """Return the error for a file that was changed while it was read."""
     return with_text(AreaError.REJECTED, f"{path} was changed while it was read")
 
 
-def not_found(path: str) -> MalError:
+def not_found_error(path: str) -> MalError:
     """Return the error for a file that does not exist, or no longer."""
-    return with_text(AreaError.NOT_FOUND, path[:LONGEST_PATH])
+    return with_text(AreaError.NOT_FOUND, path[:MAX_PATH_OCTETS])
 
 
 def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: int) -> bytes:
@@ -109,16 +109,16 @@ def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: i
         file = os.open(folder.root / path, os.O_RDONLY | os.O_NONBLOCK)
         try:
             if FileStamp.of(os.fstat(file)) != stamp:
-                raise changed(path)
+                raise changed_error(path)
             data = os.pread(file, octets, offset)
         finally:
             os.close(file)
     except FileNotFoundError:
-        raise not_found(path) from None
+        raise not_found_error(path) from None
     except OSError as error:
         raise with_text(AreaError.REJECTED, f"{path} cannot be read: {error.strerror}") from error
     if len(data) < octets:
-        raise changed(path)
+        raise changed_error(path)
     return data
 
 
@@ -133,7 +133,7 @@ class Checksums:
         self._folder, self._system = folder, system
         self._known: dict[FileStamp, int] = {}
         self._running: dict[tuple[str, FileStamp], asyncio.Task[int]] = {}
-        self._room = asyncio.Semaphore(AT_ONCE)
+        self._slots = asyncio.Semaphore(AT_ONCE)
 
     def known(self, stamp: FileStamp) -> int | None:
         """Return the cached checksum of a file, or None; may be called from any thread."""
@@ -162,10 +162,10 @@ class Checksums:
         return value
 
     async def _compute(self, path: str, stamp: FileStamp) -> int:
-        async with self._room:
+        async with self._slots:
             value = await self.begin_of(path, stamp, stamp.size_octets)
         if await asyncio.to_thread(self._folder.stamp, path) != stamp:
-            raise changed(path)
+            raise changed_error(path)
         if utc_ns(self._system) - stamp.modified_ns > AT_REST_NS:
             self._known[stamp] = value
             if len(self._known) > KNOWN_CHECKSUMS:
@@ -190,7 +190,7 @@ PERIOD_S: Final = 1.0
 """Period of the folder scan, and time without change before a file is reported."""
 SHARE: Final = 20
 """Minimum pause after a scan, in durations of that scan; chosen, not measured."""
-MOST_REPORTED: Final = 500
+MAX_REPORTED: Final = 500
 """Maximum changes reported after one scan, so that subscribers are not flooded; the rest follow."""
 UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)
 """Stamp of an unknown file."""
@@ -211,10 +211,10 @@ class FolderWatcher:
     def __init__(
         self,
         folder: FileFolder,
-        tell: Callable[[FileEventKind, str, FileStamp, MetaData], None],
+        notify: Callable[[FileEventKind, str, FileStamp, MetaData], None],
     ) -> None:
         self._folder = folder
-        self._tell = tell
+        self._publish = notify
         self._known = dict(folder.entries())
         self._unsettled: dict[str, FileStamp] = {}
         self._notified: set[str] = set()
@@ -229,7 +229,7 @@ class FolderWatcher:
             case FileEventKind.DELETED:
                 self._lost(path)
             case FileEventKind.TRANSFERRED:
-                self._tell(kind, path, stamp or self._known.get(path, UNKNOWN_STAMP), about)
+                self._publish(kind, path, stamp or self._known.get(path, UNKNOWN_STAMP), about)
             case FileEventKind.STORED | FileEventKind.CHANGED:
                 if stamp is not None:
                     self._found(path, stamp, about)
@@ -241,23 +241,23 @@ class FolderWatcher:
             begin_s = loop.time()
             self._notified.clear()
             try:
-                new, deleted = await asyncio.to_thread(self._look)
+                new, deleted = await asyncio.to_thread(self._scan)
                 await self._compare(new, deleted)
             except Exception:
                 _LOG.exception("the folder of files cannot be scanned")
             pause_s = max(PERIOD_S, SHARE * (loop.time() - begin_s))
 
-    def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
+    def _scan(self) -> tuple[dict[str, FileStamp], list[str]]:
         """Return new or changed files, and deleted ones; called in a thread."""
         found = dict(self._folder.entries())
         new = {path: stamp for path, stamp in found.items() if self._known.get(path) != stamp}
         return new, [path for path in list(self._known) if path not in found]
 
-    async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
+    async def _compare(self, new: dict[str, FileStamp], removed: list[str]) -> None:
         """Report settled differences, unless they were reported during the scan."""
         settled = [path for path, stamp in new.items() if self._unsettled.get(path) == stamp]
         self._unsettled = new
-        for path in (gone + settled)[:MOST_REPORTED]:
+        for path in (removed + settled)[:MAX_REPORTED]:
             if path in self._notified:
                 continue
             if path in new:
@@ -271,9 +271,9 @@ class FolderWatcher:
         if known != stamp:
             self._known[path] = stamp
             kind = FileEventKind.STORED if known is None else FileEventKind.CHANGED
-            self._tell(kind, path, stamp, about)
+            self._publish(kind, path, stamp, about)
 
     def _lost(self, path: str) -> None:
         stamp = self._known.pop(path, None)
         if stamp is not None:
-            self._tell(FileEventKind.DELETED, path, stamp, None)
+            self._publish(FileEventKind.DELETED, path, stamp, None)

@@ -15,11 +15,11 @@ from adapters.mrs.aboard.file_access import (
     Checksums,
     FolderWatcher,
     MetaData,
-    changed,
+    changed_error,
     file_info,
     meta_data,
     mime_type,
-    not_found,
+    not_found_error,
     read,
 )
 from adapters.mrs.aboard.served_operations import ServedOperations
@@ -37,15 +37,15 @@ from executive.values.reports import FileEventKind
 
 READERS: Final = 2
 """Number of reader threads: one may list a full folder while the other serves a transfer."""
-MOST_LISTED: Final = 1000
+MAX_LISTED: Final = 1000
 """Maximum files in one answer of listFiles: those changed last."""
-MOST_TRANSFERS: Final = 16
+MAX_TRANSFERS: Final = 16
 CHUNK_OCTETS: Final = 1 << 16
-LARGEST_CHUNK_OCTETS: Final = 1 << 18
+MAX_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
 """Timeout of a transfer without an accepted chunk; chosen, not measured."""
-YIELDS_S: Final = 2.0
-"""The same if another transfer waits and `MOST_TRANSFERS` are active; chosen, not measured."""
+PREEMPTIBLE_AFTER_S: Final = 2.0
+"""The same if another transfer waits and `MAX_TRANSFERS` are active; chosen, not measured."""
 
 
 def _peer(call: CallContext) -> str:
@@ -58,14 +58,14 @@ class _Transfer:
 
     Attributes:
         peer: its client: the name of the certificate, or the client's address.
-        taken_s: time of the last accepted chunk, by the loop's clock.
+        last_progress_s: time of the last accepted chunk, by the loop's clock.
         ended: reason of its cancellation; empty if it was not cancelled.
     """
 
     path: str
     peer: str
     task: "asyncio.Task[object]"
-    taken_s: float
+    last_progress_s: float
     ended: str = ""
 
     def end(self, why: str) -> None:
@@ -124,7 +124,7 @@ class FileServices:
         """Return stamp and metadata of a file; raises NotFound."""
         stamp, about = await asyncio.to_thread(self.inspect, path)
         if stamp is None:
-            raise not_found(path)
+            raise not_found_error(path)
         return stamp, about
 
     async def _stored(self, _: CallContext, file: FileInfo) -> None:
@@ -157,11 +157,11 @@ class FileServices:
         try:
             return (await asyncio.to_thread(self._listed, folder or ""),)
         except NotADirectoryError:
-            raise not_found(folder or "") from None
+            raise not_found_error(folder or "") from None
 
     def _listed(self, folder: str) -> tuple[FileInfo, ...]:
         last = nlargest(
-            MOST_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
+            MAX_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
         )
         return tuple(
             file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
@@ -176,11 +176,11 @@ class FileServices:
         holds = named and call.peer_name == await self._holder()
         found = [transfer for transfer in self._transfers if transfer.path == path]
         if not found:
-            raise not_found(path)
+            raise not_found_error(path)
         own = [transfer for transfer in found if holds or transfer.peer == _peer(call)]
         if not own:
-            who = ", ".join(sorted({transfer.peer for transfer in found}))
-            text = f"the transfer of {path} belongs to {who}: it or the authority holder ends it"
+            name = ", ".join(sorted({transfer.peer for transfer in found}))
+            text = f"the transfer of {path} belongs to {name}: it or the authority holder ends it"
             raise with_text(AreaError.REJECTED, text)
         for transfer in own:
             transfer.end(f"the transfer of {path} was cancelled")
@@ -193,9 +193,9 @@ class FileServices:
             raise with_text(AreaError.INVALID, f"path: {fault.text}")
         if chunk == 0:
             raise with_text(AreaError.INVALID, "chunkSize: at least 1 octet, or NULL")
-        chunk = min(chunk or CHUNK_OCTETS, LARGEST_CHUNK_OCTETS)
-        if len(self._transfers) >= MOST_TRANSFERS:
-            self._make_room()
+        chunk = min(chunk or CHUNK_OCTETS, MAX_CHUNK_OCTETS)
+        if len(self._transfers) >= MAX_TRANSFERS:
+            self._evict_stalled()
         task = asyncio.current_task()
         assert task is not None
         transfer = _Transfer(path, _peer(interaction.call), task, asyncio.get_running_loop().time())
@@ -209,16 +209,16 @@ class FileServices:
         finally:
             self._transfers.discard(transfer)
 
-    def _make_room(self) -> None:
+    def _evict_stalled(self) -> None:
         """Cancel the transfer with the oldest accepted chunk.
 
         Raises:
             MalError: Busy, all transfers progress.
         """
-        stalled = min(self._transfers, key=lambda transfer: transfer.taken_s)
-        for_s = asyncio.get_running_loop().time() - stalled.taken_s
-        if for_s < YIELDS_S:
-            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are active: try again")
+        stalled = min(self._transfers, key=lambda transfer: transfer.last_progress_s)
+        for_s = asyncio.get_running_loop().time() - stalled.last_progress_s
+        if for_s < PREEMPTIBLE_AFTER_S:
+            raise with_text(AreaError.BUSY, f"{MAX_TRANSFERS} transfers are active: try again")
         self._transfers.discard(stalled)
         stalled.end(f"no chunk was accepted for {for_s:.0f} s, and another transfer waits")
 
@@ -240,9 +240,9 @@ class FileServices:
                 for at in range(0, len(data), chunk):
                     part = FileChunk(offset=begin + at, data=data[at : at + chunk])
                     await self._update(interaction, part)
-                    transfer.taken_s = asyncio.get_running_loop().time()
+                    transfer.last_progress_s = asyncio.get_running_loop().time()
         if value != checksum:
-            raise changed(path)
+            raise changed_error(path)
         await interaction.call.connection.drain()
         self.watch.notify(FileEventKind.TRANSFERRED, path, stamp, about)
         return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)

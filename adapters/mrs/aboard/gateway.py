@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final, TypeVar
 
 from adapters.mal import StandardError
-from adapters.mrs.spec import AreaError, duplicate, refused, with_text
+from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.core.runner import Executive
@@ -16,10 +16,10 @@ T = TypeVar("T")
 
 ANSWER_TIMEOUT_S: Final = 5.0
 """Timeout of the core's answer to a query or command, then INTERNAL; chosen, not measured."""
-MOST_PENDING: Final = 256
+MAX_PENDING: Final = 256
 """Maximum commands and queries queued for the core. A stop is always accepted, behind at most
 these."""
-SILENT: Final = (
+TIMEOUT_ERROR: Final = (
     "no answer of the executive within {:g} s: whether it accepted this is unknown; resend the"
     " command under the same commandId"
 )
@@ -28,8 +28,8 @@ SILENT: Final = (
 class CoreGateway:
     """Submits commands and queries to an executive, each answered by a future.
 
-    `submit` and `ask` are called on the loop. Their callables run on the core's thread, which owns
-    the core's data; the future completes on the loop.
+    `submit` and `query` are called on the loop. Their callables run on the core's thread, which
+    owns the core's data; the future completes on the loop.
     """
 
     def __init__(self, executive: Executive, loop: asyncio.AbstractEventLoop) -> None:
@@ -43,30 +43,30 @@ class CoreGateway:
         The error is TOO_MANY if the queue is full and the command is no stop.
         """
         answer: asyncio.Future[None] = self._loop.create_future()
-        if self._pending >= MOST_PENDING and not isinstance(command.request, Stop):
-            return _no_room(answer)
+        if self._pending >= MAX_PENDING and not isinstance(command.request, Stop):
+            return _queue_full_error(answer)
         self._executive.submit(command, partial(self._admitted, answer, command))
         return self._limit(answer)
 
-    def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
+    def query(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
         """Run a query on the core's thread; the error is TOO_MANY if the queue is full.
 
         A query whose future is cancelled stays in the queue until the core has run it.
         """
         answer: asyncio.Future[T] = self._loop.create_future()
-        if self._pending >= MOST_PENDING:
-            return _no_room(answer)
-        self._executive.ask(partial(self._answer, answer, question))
-        return _apart(self._limit(answer))
+        if self._pending >= MAX_PENDING:
+            return _queue_full_error(answer)
+        self._executive.query(partial(self._answer, answer, question))
+        return _shielded(self._limit(answer))
 
-    def post(self, act: Callable[..., None], *arguments: object) -> None:
+    def call_on_loop(self, act: Callable[..., None], *arguments: object) -> None:
         """Call a function on the loop, from any thread; ignored if the loop is closed."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(act, *arguments)
 
     def _limit(self, answer: asyncio.Future[T]) -> asyncio.Future[T]:
         """Count a future as pending, and fail it if the core does not answer in time."""
-        silent = with_text(StandardError.INTERNAL, SILENT.format(ANSWER_TIMEOUT_S))
+        silent = with_text(StandardError.INTERNAL, TIMEOUT_ERROR.format(ANSWER_TIMEOUT_S))
         timer = self._loop.call_later(ANSWER_TIMEOUT_S, _fail, answer, silent)
         self._pending += 1
 
@@ -82,29 +82,29 @@ class CoreGateway:
     ) -> None:
         match result:
             case Admitted():
-                self.post(_succeed, answer, None)
+                self.call_on_loop(_succeed, answer, None)
             case Refused(refusal) if isinstance(command.request, Stop):
-                self.post(_fail, answer, with_text(AreaError.REJECTED, refusal.text))
+                self.call_on_loop(_fail, answer, with_text(AreaError.REJECTED, refusal.text))
             case Refused(refusal):
-                self.post(_fail, answer, refused(refusal, command.identity))
+                self.call_on_loop(_fail, answer, refusal_error(refusal, command.identity))
             case Repeated():
-                self.post(_fail, answer, duplicate(command.identity))
+                self.call_on_loop(_fail, answer, duplicate_error(command.identity))
 
     def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:
         try:
             result = question(self._executive)
         except Exception as error:  # an error of a query must not end the core
-            self.post(_fail, answer, error)
+            self.call_on_loop(_fail, answer, error)
         else:
-            self.post(_succeed, answer, result)
+            self.call_on_loop(_succeed, answer, result)
 
 
-def _no_room(answer: asyncio.Future[T]) -> asyncio.Future[T]:
-    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} queued: try again"))
+def _queue_full_error(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MAX_PENDING} queued: try again"))
     return answer
 
 
-def _apart(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+def _shielded(answer: asyncio.Future[T]) -> asyncio.Future[T]:
     """Return a future with the result of an answer, which may be cancelled without the answer.
 
     `asyncio.shield` is not used: since Python 3.14 it logs errors of abandoned futures.

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.explanation import relevant
+from adapters.explanation import select_for
 from adapters.mal import CallContext
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import CoreGateway
@@ -16,9 +16,9 @@ from executive.core.runner import Executive
 from executive.history import HistoryBuilder, ReceivedCommand, RunHistory
 from executive.values.reports import Identity, Report
 
-MOST: Final = 1000
+MAX_REPORTS: Final = 1000
 """Maximum reports read from the ledger at once."""
-AFTER: Final = 8
+REPORTS_AFTER_END: Final = 8
 """Reports after the end of a command, which include those of a stop that ended it."""
 
 
@@ -39,10 +39,10 @@ class HistoryService:
     async def _get(
         self, _: CallContext, source: str | None, number: int | None, everything: bool
     ) -> tuple[wire.History]:
-        known = await self._gateway.ask(lambda executive: self._known(executive, number))
+        known = await self._gateway.query(lambda executive: self._known(executive, number))
         command = str(number) if source is None else f"{source}:{number}"
         wanted = None if number is None else command
-        return (await asyncio.to_thread(_told, known, wanted, everything),)
+        return (await asyncio.to_thread(_wire_history_of, known, wanted, everything),)
 
     def _known(self, executive: Executive, number: int | None) -> RunHistory:
         """Return the recorded history; for a command also its reports in the ledger."""
@@ -51,10 +51,12 @@ class HistoryService:
             return history
         own = [each for each in executive.reports(1, number) if each.stage is not None]
         reports = {each.sequence: each for each in (*own, *history.reports)}
-        oldest = history.reports[0].sequence if history.reports else executive.last_sequence
-        if own and own[0].sequence < oldest:
+        first = history.reports[0].sequence if history.reports else executive.last_sequence
+        if own and own[0].sequence < first:
             reported = own[-1].sequence - own[0].sequence + 1
-            stored = executive.reports(own[0].sequence, count=min(reported + AFTER, MOST))
+            stored = executive.reports(
+                own[0].sequence, count=min(reported + REPORTS_AFTER_END, MAX_REPORTS)
+            )
             reports |= {each.sequence: each for each in stored}
         received = {each.identity for each in history.received}
         return replace(
@@ -77,7 +79,7 @@ def _received_before(
             yield ReceivedCommand(each.identity, text, name, each.link, each.utc_s)
 
 
-def _told(known: RunHistory, command: str | None, everything: bool) -> wire.History:
+def _wire_history_of(known: RunHistory, command: str | None, everything: bool) -> wire.History:
     if everything:
         return wire_history(replace(known, leaves=(), fastest=()))
-    return wire_history(relevant(known, command))
+    return wire_history(select_for(known, command))

@@ -18,13 +18,13 @@ from executive.values.reasons import Refusal
 
 SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005
-MOST_AT_ONCE: Final = 2
-LONGEST_S: Final = 60.0
+MAX_CONCURRENT: Final = 2
+MAX_PREVIEW_S: Final = 60.0
 """Timeout of a preview, e.g. if the trajectory solver does not answer; chosen, not measured."""
 
 
 class PreviewService:
-    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MOST_AT_ONCE` at the same time."""
+    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MAX_CONCURRENT` at the same time."""
 
     def __init__(self, served: ServedOperations, gateway: CoreGateway) -> None:
         self._gateway = gateway
@@ -40,19 +40,19 @@ class PreviewService:
         figures: tuple[float, ...] | None,
         controller: wire.Controller | None,
     ) -> tuple[wire.Preview]:
-        asked = PreviewRequest(operation, waypoints, figures, controller)
-        return (await self._work_out(motion_of(asked)),)
+        request = PreviewRequest(operation, waypoints, figures, controller)
+        return (await self._work_out(motion_of(request)),)
 
     async def _plan(self, _: CallContext, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
         return (await self._work_out(wire.definition_of(plan)),)
 
-    async def _work_out(self, asked: Motion | PlanDefinition) -> wire.Preview:
-        if self._running >= MOST_AT_ONCE:
-            raise with_text(AreaError.BUSY, f"{MOST_AT_ONCE} previews are running: try again")
+    async def _work_out(self, request: Motion | PlanDefinition) -> wire.Preview:
+        if self._running >= MAX_CONCURRENT:
+            raise with_text(AreaError.BUSY, f"{MAX_CONCURRENT} previews are running: try again")
         self._running += 1
         try:
-            run = await self._gateway.ask(lambda executive: executive.preview(asked))
-            found = run if isinstance(run, Refusal) else await _slice_by_slice(run)
+            run = await self._gateway.query(lambda executive: executive.preview(request))
+            found = run if isinstance(run, Refusal) else await _run_in_slices(run)
         finally:
             self._running -= 1
         if isinstance(found, Refusal):
@@ -60,15 +60,15 @@ class PreviewService:
         return wire_preview(found)
 
 
-async def _slice_by_slice(run: PreviewRun) -> Preview | Refusal:
+async def _run_in_slices(run: PreviewRun) -> Preview | Refusal:
     run.set_up()
     try:
-        async with asyncio.timeout(LONGEST_S):
+        async with asyncio.timeout(MAX_PREVIEW_S):
             while run.result is None:
                 await asyncio.sleep(PAUSE_S)
                 run.advance(SLICE_TICKS)
     except TimeoutError:
-        text = f"the preview was not computed within {LONGEST_S:g} s: preview it in parts"
+        text = f"the preview was not computed within {MAX_PREVIEW_S:g} s: preview it in parts"
         raise with_text(AreaError.BUSY, text) from None
     return run.result
 

@@ -37,7 +37,7 @@ MESSAGE_CAP: Final = 1 << 20
 The longest useful message is a plan of at most 256 KiB. Outgoing messages, such as chunks of a
 file, are not bounded by it.
 """
-MOST_RECOGNISED: Final = 4
+MAX_PRIORITY_CONNECTIONS: Final = 4
 """Maximum priority connections: those that last proved to hold the authority."""
 LIMITS: Final = PeerLimits(
     message_octets=MESSAGE_CAP,
@@ -69,10 +69,10 @@ class ServedOperations:
     def __init__(
         self,
         encoding: Encoding = Encoding.FIXED,
-        hear: Callable[[], None] = lambda: None,
+        on_contact: Callable[[], None] = lambda: None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
-        self._hear = hear
+        self._record_contact = on_contact
         self._specification = mrs_specification()
         self.provider = Provider(
             self._specification,
@@ -86,21 +86,21 @@ class ServedOperations:
             system=system,
         )
         self._working: set[tuple[str, str]] = set()
-        self._recognised: deque[Connection] = deque(maxlen=MOST_RECOGNISED)
-        self.provider.keep(self._recognised.__contains__)
+        self._recognised: deque[Connection] = deque(maxlen=MAX_PRIORITY_CONNECTIONS)
+        self.provider.set_priority_check(self._recognised.__contains__)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Register a handler of an operation that is no PUBSUB."""
 
         def with_contact(call: CallContext, *parts: Any) -> Any:
-            self._hear()
+            self._record_contact()
             return handler(call, *parts)
 
         between_assets = BETWEEN_ASSETS & {service, f"{service}.{operation}"}
         self.provider.serve(service, operation, handler if between_assets else with_contact)
         self._working.add((service, operation))
 
-    def recognise(
+    def prioritize(
         self,
         connection: Connection,
         answer: "asyncio.Future[T]",
@@ -115,13 +115,13 @@ class ServedOperations:
 
         answer.add_done_callback(answered)
 
-    def ask(
+    def serve_query(
         self, service: str, operation: str, gateway: CoreGateway, question: Callable[..., Any]
     ) -> None:
         """Register a REQUEST that `question(executive, *parts)` answers on the core's thread."""
 
         def handler(_: CallContext, *parts: Any) -> Any:
-            return gateway.ask(lambda executive: (question(executive, *parts),))
+            return gateway.query(lambda executive: (question(executive, *parts),))
 
         self.serve(service, operation, handler)
 

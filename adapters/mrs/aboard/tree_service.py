@@ -18,10 +18,10 @@ from executive.settings import Settings
 from executive.values.reports import without_figures
 from trees import TreeSnapshot, snapshot_of
 
-LOOK_S: Final = 0.2
-FIGURES_S: Final = 1.0
+POLL_S: Final = 0.2
+FIGURES_ONLY_S: Final = 1.0
 """Minimum period of updates in which only figures differ."""
-WHOLE_S: Final = 10.0
+FULL_UPDATE_S: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class TreeService:
         self._asset = settings.asset
         self._domain = settings.domain
         self._publisher = served.publisher("Status", "monitorTree", self._begin)
-        self._telling: asyncio.Task[None] | None = None
+        self._publishing: asyncio.Task[None] | None = None
         self._number = 0
         self._whole: _LastBroadcast | None = None
         self._last: _LastBroadcast | None = None
@@ -48,23 +48,25 @@ class TreeService:
     def _begin(self) -> None:
         """Send a full tree to the new subscriber."""
         self._whole = None
-        if self._telling is None or self._telling.done():
-            self._telling = asyncio.create_task(self._tell())
+        if self._publishing is None or self._publishing.done():
+            self._publishing = asyncio.create_task(self._broadcast())
 
-    async def _tell(self) -> None:
+    async def _broadcast(self) -> None:
         while self._publisher.has_subscribers:
             with suppress(MalError):  # the core is busy or hangs: skip this poll
-                self._look(await self._gateway.ask(_snapshot))
-            await asyncio.sleep(LOOK_S)
+                self._poll(await self._gateway.query(_snapshot))
+            await asyncio.sleep(POLL_S)
 
-    def _look(self, snapshot: TreeSnapshot) -> None:
+    def _poll(self, snapshot: TreeSnapshot) -> None:
         """Broadcast the update that is due, if any."""
         now = _LastBroadcast(snapshot, asyncio.get_running_loop().time())
         whole, last, change = self._whole, self._last, None
-        if whole is not None and last is not None and now.at_s - whole.at_s < WHOLE_S:
+        if whole is not None and last is not None and now.at_s - whole.at_s < FULL_UPDATE_S:
             if _same(last.snapshot, snapshot):
                 return
-            if now.at_s - last.at_s < FIGURES_S and _same(_words(last.snapshot), _words(snapshot)):
+            if now.at_s - last.at_s < FIGURES_ONLY_S and _same(
+                _without_figures(last.snapshot), _without_figures(snapshot)
+            ):
                 return
             change = change_update(self._number, whole.snapshot, snapshot)
         if change is None:
@@ -89,7 +91,7 @@ def _same(one: TreeSnapshot, other: TreeSnapshot) -> bool:
     return replace(one, tick=other.tick, utc_s=other.utc_s) == other
 
 
-def _words(snapshot: TreeSnapshot) -> TreeSnapshot:
+def _without_figures(snapshot: TreeSnapshot) -> TreeSnapshot:
     """Return a snapshot without figures."""
     nodes = tuple(replace(each, message=without_figures(each.message)) for each in snapshot.nodes)
     return replace(snapshot, nodes=nodes, why=without_figures(snapshot.why))

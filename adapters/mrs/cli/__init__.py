@@ -13,5 +13,5 @@ from adapters.mrs.cli.terminal import FAILED as FAILED
 from adapters.mrs.cli.terminal import clock as clock
 from adapters.mrs.cli.terminal import connect as connect
 from adapters.mrs.cli.terminal import echo_json as echo_json
+from adapters.mrs.cli.terminal import echo_line as echo_line
 from adapters.mrs.cli.terminal import run as run
-from adapters.mrs.cli.terminal import say as say

@@ -3,7 +3,7 @@
 import click
 
 from adapters.mrs.cli.options import json_option, source_option
-from adapters.mrs.cli.terminal import echo_json, fail, in_session, say
+from adapters.mrs.cli.terminal import echo_json, echo_line, fail, in_session
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus
 
@@ -38,7 +38,7 @@ async def status(client: MrsClient, as_json: bool) -> None:
     if as_json:
         echo_json(found)
     else:
-        say(authority_line(found))
+        echo_line(authority_line(found))
 
 
 @authority.command()
@@ -53,7 +53,7 @@ async def request(client: MrsClient, hold: bool) -> None:
       rover authority request
       rover authority request --hold --source MOE-2
     """
-    say(authority_line(await client.authority.request()))
+    echo_line(authority_line(await client.authority.request()))
     if hold:
         await _hold(client)
 
@@ -69,7 +69,7 @@ async def take(client: MrsClient, hold: bool) -> None:
     Example:
       rover authority take --source FLIGHT-DIRECTOR
     """
-    say(authority_line(await client.authority.take()))
+    echo_line(authority_line(await client.authority.take()))
     if hold:
         await _hold(client)
 
@@ -93,7 +93,7 @@ async def hand_over(client: MrsClient, to_source: str, lease_s: float | None) ->
       rover authority hand-over MOE-2
       rover authority hand-over MOPS --lease 86400
     """
-    say(authority_line(await client.authority.hand_over(to_source, lease_s)))
+    echo_line(authority_line(await client.authority.hand_over(to_source, lease_s)))
 
 
 @authority.command()
@@ -106,7 +106,7 @@ async def release(client: MrsClient) -> None:
     Example:
       rover authority release
     """
-    say(authority_line(await client.authority.release()))
+    echo_line(authority_line(await client.authority.release()))
 
 
 async def _hold(client: MrsClient) -> None:

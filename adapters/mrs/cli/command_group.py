@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from adapters.mrs.cli.options import RoverTarget, json_option, source_option, to_option
-from adapters.mrs.cli.terminal import connect, run, say
+from adapters.mrs.cli.terminal import connect, echo_line, run
 from executive.commands import (
     Argument,
     CommandDeclaration,
@@ -16,17 +16,17 @@ from executive.commands import (
     Family,
     PreemptionPolicy,
     Waypoint,
+    all_declarations,
     arguments_of,
-    declared,
 )
 
 if TYPE_CHECKING:
     from adapters.mrs.cli.sending import CommandSender
 
-_ELSEWHERE: Final = {Family.PLAN, Family.PLAN_START}
+_OTHER_GROUP_FAMILIES: Final = {Family.PLAN, Family.PLAN_START}
 """Families with a separate command, `rover plan`."""
 _UNITS: Final = {"rad": "rad or 90deg", "rad/s": "rad/s or 30deg"}
-LARGEST_ID: Final = (1 << 63) - 1
+MAX_ID: Final = (1 << 63) - 1
 
 
 def angle(text: str) -> float:
@@ -128,7 +128,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @click.option(
     "--id",
     "command_id",
-    type=click.IntRange(1, LARGEST_ID),
+    type=click.IntRange(1, MAX_ID),
     help="Command number, for a repeat; a new one by default.",
 )
 @click.option(
@@ -141,7 +141,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 )
 @click.option(
     "--authority",
-    type=click.IntRange(1, LARGEST_ID),
+    type=click.IntRange(1, MAX_ID),
     metavar="EPOCH",
     help="Authority to claim, e.g. of an orbiter; by default that of the source is requested.",
 )
@@ -188,7 +188,7 @@ def command(
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
     """Return the sub-command of a request."""
-    written = declaration.written
+    written = declaration.user_arguments
     parameters = parameters_of(declaration)
     if declaration.family is Family.MOTION:
         parameters.append(_replace())
@@ -209,7 +209,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
                 0.0 if value is None and not argument.optional else value
                 for argument, value in zip(written, values, strict=True)
             ]
-        sending.send(declaration.make(*values), arrival)
+        sending.send(declaration.build_request(*values), arrival)
 
     return OperationCommand(
         declaration.name,
@@ -221,7 +221,9 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:
     """Return the command-line parameters of a request, in the order of its written arguments."""
-    return [_parameter(argument, declaration.at_least_one) for argument in declaration.written]
+    return [
+        _parameter(argument, declaration.at_least_one) for argument in declaration.user_arguments
+    ]
 
 
 def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
@@ -230,9 +232,13 @@ def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
         return click.Option(
             [f"--{argument.name}", argument.field], type=kind, help=_meaning(argument) or None
         )
-    if argument.many:
+    if argument.repeated:
         return click.Argument(
-            [argument.field], metavar=f"{_places(argument)}...", type=kind, nargs=-1, required=True
+            [argument.field],
+            metavar=f"{_composite_usage(argument)}...",
+            type=kind,
+            nargs=-1,
+            required=True,
         )
     return click.Argument([argument.field], metavar=argument.name.upper(), type=kind)
 
@@ -246,15 +252,15 @@ class _ChoiceOfValues(click.Choice[Enum]):
 
 
 def _type(argument: Argument) -> Any:
-    if argument.many:
+    if argument.repeated:
         return waypoint
     if issubclass(argument.kind, Enum):
         return _ChoiceOfValues(argument.kind)
     match argument.choices:
         case range() as numbers:
             return click.IntRange(numbers[0], numbers[-1])
-        case tuple() as words:
-            return click.Choice(words, case_sensitive=False)
+        case tuple() as tokens:
+            return click.Choice(tokens, case_sensitive=False)
         case None:
             return _TYPES.get(argument.unit, argument.kind)
 
@@ -269,7 +275,7 @@ def _replace() -> click.Option:
     )
 
 
-def _places(argument: Argument) -> str:
+def _composite_usage(argument: Argument) -> str:
     """Return the syntax of one composite: X,Y[,HEADING[,TOLERANCE]]."""
     parts = arguments_of(argument.kind)
     needed = ",".join(part.name.upper() for part in parts if not part.optional)
@@ -291,9 +297,9 @@ def help_of(
     """Return the help of a request's sub-command, with examples from `typed`."""
     shown = [
         part
-        for argument, parameter in zip(declaration.written, parameters, strict=False)
+        for argument, parameter in zip(declaration.user_arguments, parameters, strict=False)
         if isinstance(parameter, click.Argument)
-        for part in (arguments_of(argument.kind) if argument.many else (argument,))
+        for part in (arguments_of(argument.kind) if argument.repeated else (argument,))
     ]
     width = max((len(argument.name) for argument in shown), default=0)
     meanings = [f"{each.name.upper():{width}}  {_meaning(each)}".rstrip() for each in shown]
@@ -307,12 +313,12 @@ def help_of(
     return "\n\n".join(paragraphs)
 
 
-for _each in declared():
-    if _each.family not in _ELSEWHERE and _each.kind is not ExecuteAction:
+for _each in all_declarations():
+    if _each.family not in _OTHER_GROUP_FAMILIES and _each.kind is not ExecuteAction:
         command.add_command(_operation(_each))
 
 
-def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
+def _action_hints(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
     """Return the completions of the typed words among the known actions."""
     from executive.commands.actions import Action
 
@@ -321,17 +327,17 @@ def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]
     last = len(typed) - 1
     return sorted(
         {
-            words[last]
-            for words in known
-            if last < len(words)
-            and words[:last] == [word.upper() for word in typed[:last]]
-            and words[last].startswith(begun.upper())
+            tokens[last]
+            for tokens in known
+            if last < len(tokens)
+            and tokens[:last] == [word.upper() for word in typed[:last]]
+            and tokens[last].startswith(begun.upper())
         }
     )
 
 
 @command.command(cls=OperationCommand)
-@click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
+@click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_action_hints)
 @click.pass_obj
 def action(sending: "CommandSender", words: tuple[str, ...]) -> None:
     """Execute a text command; without one, list the supported ones.
@@ -352,4 +358,4 @@ async def _list(sending: "CommandSender") -> None:
     async with await connect(sending.to, sending.source) as client:
         for offered in await client.list_actions():
             about = "" if offered.value is None else offered.value.value
-            say(f"{offered.name:<12} {about}")
+            echo_line(f"{offered.name:<12} {about}")

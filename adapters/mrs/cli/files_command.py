@@ -8,12 +8,20 @@ import click
 
 from adapters.mal import MalError
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
-from adapters.mrs.cli.terminal import connect, echo_json, in_session, print_table, run, say, utc
+from adapters.mrs.cli.terminal import (
+    connect,
+    echo_json,
+    echo_line,
+    in_session,
+    print_table,
+    run,
+    utc,
+)
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
 from executive.values.parameters import Parameter
 
-LARGEST_CHUNK: Final = 1 << 18
+MAX_CHUNK_OCTETS: Final = 1 << 18
 
 
 @click.group()
@@ -70,7 +78,7 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
         echo_json(file)
         return
     for name, text in _described(file).items():
-        say(f"{name:<11} {text}")
+        echo_line(f"{name:<11} {text}")
 
 
 @files.command()
@@ -79,7 +87,7 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
 @click.option("--force", is_flag=True, help="Replace TARGET if it exists.")
 @click.option(
     "--chunk",
-    type=click.IntRange(1, LARGEST_CHUNK),
+    type=click.IntRange(1, MAX_CHUNK_OCTETS),
     metavar="OCTETS",
     help="Octets of a chunk; smaller for a slow link. The rover's default if omitted.",
 )
@@ -117,13 +125,13 @@ async def watch(client: MrsClient, as_json: bool) -> None:
     """
     events = await client.file_events()
     asset = await client.get_asset()
-    say(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
+    echo_line(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
     async for each in events:
         if as_json:
             echo_json(each)
             continue
         file, now = each.file, f"{datetime.now():%H:%M:%S}"
-        say(f"{now}  {each.event.name:<11}  {file.path}  {file.size} octets")
+        echo_line(f"{now}  {each.event.name:<11}  {file.path}  {file.size} octets")
 
 
 @files.command()

@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from adapters.mal import Certificates, Encoding
-from adapters.mrs.terms import NAME, PORT, TransportSettings
+from adapters.mrs.transport import NAME, PORT, TransportSettings
 
 ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 
@@ -88,11 +88,11 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
     return add_address(add_terms(with_target))
 
 
-def add_terms_options(whom: str) -> Decorator:
+def add_terms_options(peer: str) -> Decorator:
     """Add the options of a server process, passed to it as `clear_text` and `terms`.
 
     Args:
-        whom: owner of the certificate, for the help.
+        peer: owner of the certificate, for the help.
     """
     add_clear_text = click.option(
         "--clear-text",
@@ -101,7 +101,7 @@ def add_terms_options(whom: str) -> Decorator:
     )
     add_terms = _terms_options(
         {
-            "certificate": f"certificate of this {whom}, with the name of --host or a name for it",
+            "certificate": f"certificate of this {peer}, with the name of --host or a name for it",
             "key": "its private key, without a password",
             "authorities": "the authorities that sign the certificates of clients",
         },

@@ -11,7 +11,7 @@ import click
 
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.sending import CommandSender
-from adapters.mrs.cli.terminal import FAILED, echo_json, in_session, print_table, say
+from adapters.mrs.cli.terminal import FAILED, echo_json, echo_line, in_session, print_table
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import PlanStatus, PlanUpdate
 from adapters.process import asset_option
@@ -23,7 +23,15 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
-from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_commands, steps
+from executive.plans import (
+    DEADLINE,
+    FORMAT,
+    LEAVES,
+    attribute_help,
+    check_plan,
+    max_commands,
+    steps,
+)
 from executive.settings import SettingsError, load_settings
 from executive.values.reasons import Refusal
 
@@ -92,7 +100,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
             f"{file}: {checked.reason.value} {checked.reason.name}: {checked.text}", err=True
         )
         sys.exit(FAILED)
-    leaves, commands = len(steps(checked)), most_commands(checked)
+    leaves, commands = len(steps(checked)), max_commands(checked)
     click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
 
 
@@ -176,7 +184,7 @@ async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:
         if as_json:
             echo_json(update)
         else:
-            say(lines.line(update))
+            echo_line(lines.line(update))
         if update.planId == plan_id and _is_over(update):
             return
 
@@ -217,13 +225,13 @@ class PlanLines:
     """Formats updates as lines; a repeated text of a plan is shown once."""
 
     def __init__(self) -> None:
-        self._told: dict[str, str] = {}
+        self._last_texts: dict[str, str] = {}
 
     def line(self, update: PlanUpdate) -> str:
         """Return an update as one line: time, plan, status, ended leaves, node, and text."""
         time = datetime.fromtimestamp(update.timestamp / 1e9)
-        new_text = "" if self._told.get(update.planId) == update.text else _text(update)
-        self._told[update.planId] = update.text or ""
+        new_text = "" if self._last_texts.get(update.planId) == update.text else _text(update)
+        self._last_texts[update.planId] = update.text or ""
         ended = f"{update.done}/{update.total} ended"
         head = (f"{time:%H:%M:%S}", update.planId, f"{update.status.name:<9}", ended, _node(update))
         return "  ".join(part for part in (*head, new_text) if part)
@@ -247,10 +255,10 @@ def palette() -> str:
     lines.append("  <TreeNodesModel>")
     for leaf in LEAVES.values():
         lines.append(f'    <Action ID="{leaf.name}">')
-        for argument in leaf.written:
+        for argument in leaf.user_arguments:
             kind = _PORT_TYPES.get(argument.kind, "std::string")
             optional = " (optional)" if argument.optional else ""
-            lines.append(_input_port(argument.name, kind, help_of(argument) + optional))
+            lines.append(_input_port(argument.name, kind, attribute_help(argument) + optional))
         lines.append(_input_port(DEADLINE, "double", _DEADLINE_HELP))
         lines.append("    </Action>")
     lines += ["  </TreeNodesModel>", "</root>"]

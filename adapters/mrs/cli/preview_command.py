@@ -11,7 +11,7 @@ import click
 from adapters.mrs.cli.command_group import OperationCommand, help_of, parameters_of
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.plan_command import ARGUMENTS, definition_of
-from adapters.mrs.cli.terminal import connect, echo_json, run, say
+from adapters.mrs.cli.terminal import connect, echo_json, echo_line, run
 from adapters.mrs.spec import Preview
 from executive.commands import (
     CommandDeclaration,
@@ -19,21 +19,21 @@ from executive.commands import (
     Motion,
     PlanArgument,
     PlanDefinition,
-    declared,
+    all_declarations,
 )
 
 
-async def _show(to: RoverTarget, as_json: bool, asked: Motion | PlanDefinition) -> None:
+async def _show(to: RoverTarget, as_json: bool, request: Motion | PlanDefinition) -> None:
     async with await connect(to) as client:
-        if isinstance(asked, PlanDefinition):
-            found = await client.preview_plan(asked)
+        if isinstance(request, PlanDefinition):
+            found = await client.preview_plan(request)
         else:
-            found = await client.preview(asked)
+            found = await client.preview(request)
     if as_json:
         echo_json(found)
     else:
         for line in preview_lines(found):
-            say(line)
+            echo_line(line)
 
 
 @click.group(invoke_without_command=True)
@@ -99,7 +99,13 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
 
     @click.pass_obj
     def ask(show: Callable[[Motion], Coroutine[Any, Any, None]], /, **given: Any) -> None:
-        run(show(declaration.make(*(given[each.field] for each in declaration.written))))
+        run(
+            show(
+                declaration.build_request(
+                    *(given[each.field] for each in declaration.user_arguments)
+                )
+            )
+        )
 
     typed = [each for each in declaration.examples if "--replace" not in each]
     return OperationCommand(
@@ -110,6 +116,6 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     )
 
 
-for _each in declared():
+for _each in all_declarations():
     if _each.family is Family.MOTION:
         preview.add_command(_operation(_each))

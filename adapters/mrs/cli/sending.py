@@ -9,15 +9,15 @@ import click
 
 from adapters.mal import MalError
 from adapters.mrs.cli.options import RoverTarget
-from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, say
-from adapters.mrs.ground import CommandOutcome, MrsClient, where_stored
+from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, echo_line
+from adapters.mrs.ground import CommandOutcome, MrsClient, describe_storage
 from adapters.mrs.spec import (
     AreaError,
     Notification,
     Stage,
     describe_error,
-    given_up,
     is_prediction,
+    lost_command,
 )
 from executive.commands import Command, PreemptionPolicy, Request, Stop
 from executive.values.reasons import PREDICTED, Reason
@@ -59,7 +59,7 @@ class CommandSender:
                 request, command_id=self.command_id, lifetime_s=self.lifetime_s, arrival=arrival
             )
             source, number = command.identity.source, command.identity.command_id
-            self._say(
+            self._print(
                 f"{command.identity} {command.name}",
                 {"source": source, "commandId": number, "command": command.name},
             )
@@ -79,39 +79,43 @@ class CommandSender:
             try:
                 await client.authority.ensure()
             except MalError as refusal:
-                say(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
+                echo_line(
+                    f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True
+                )
                 return False
         return True
 
-    def _say(self, line: str, value: object, word: str = "", fg: str | None = None) -> None:
+    def _print(self, line: str, value: object, word: str = "", fg: str | None = None) -> None:
         if self.as_json:
             echo_json(value)
         else:
-            say(line, word=word, fg=fg)
+            echo_line(line, word=word, fg=fg)
 
-    def _tell(self, notification: Notification) -> None:
+    def _print_notification(self, notification: Notification) -> None:
         word, fg = _stage_word(notification)
-        self._say(notification_line(notification), notification, word, fg)
+        self._print(notification_line(notification), notification, word, fg)
 
     async def _run(self, client: MrsClient, command: Command) -> bool:
         outcome = await client.run(
             command,
-            self._tell,
-            lambda where: self._say(f"{clock()}  STORED     {where}", {"stored": where}),
+            self._print_notification,
+            lambda where: self._print(f"{clock()}  STORED     {where}", {"stored": where}),
         )
-        printed = outcome.stage is Stage.REJECTED or outcome.given_up is not None
+        printed = outcome.stage is Stage.REJECTED or outcome.loss is not None
         if outcome.refusal is not None and not printed:
-            say(f"refused: {await _refusal(client, outcome)}", word="refused:", fg="red", err=True)
+            echo_line(
+                f"refused: {await _refusal(client, outcome)}", word="refused:", fg="red", err=True
+            )
         return outcome.executed
 
     async def _submit(self, client: MrsClient, command: Command) -> bool:
         try:
             await client.submit(command)
         except MalError as refusal:
-            say(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
+            echo_line(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
             return False
-        where = await where_stored(client.get_value)
-        self._say(
+        where = await describe_storage(client.get_value)
+        self._print(
             "acknowledged" if where is None else f"stored {where}", {"taken": True, "stored": where}
         )
         return True
@@ -123,11 +127,11 @@ async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
     identity = outcome.command.identity
     if outcome.refusal.number != AreaError.DUPLICATE.value:
         return describe_error(outcome.refusal)
-    if outcome.life:
+    if outcome.notifications:
         stop = isinstance(outcome.command.request, Stop)
         done = "the rover was stopped again" if stop else "not executed again"
         return f"Duplicate: {identity} is a repeat and {done}; its last stage is printed above"
-    where = await where_stored(client.get_value)
+    where = await describe_storage(client.get_value)
     if where is None:
         return (
             f"Duplicate: {identity} was accepted before, as this or another command, and is not"
@@ -173,7 +177,7 @@ def _figures(notification: Notification) -> list[str]:
 def _stage_word(notification: Notification) -> tuple[str, str | None]:
     """Return the label of a command's stage, and its colour if it has ended."""
     stage = notification.stage
-    if given_up(notification) is not None:
+    if lost_command(notification) is not None:
         return "LOST", "red"
     if is_prediction(notification):
         return "PREDICTED", None

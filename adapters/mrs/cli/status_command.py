@@ -15,11 +15,11 @@ from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.terminal import (
     connect,
     echo_json,
+    echo_line,
     in_session,
     iso,
     print_table,
     run,
-    say,
     table,
     utc,
 )
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-EVERY_S: Final = 0.5
+REFRESH_S: Final = 0.5
 _RESUME: Final = "rover command resume"
 _CONFIRM: Final = (
     "the pose is uncertain: correct it with rover command setPositionCompensation,"
@@ -135,10 +135,10 @@ class _StatusSnapshot:
         lines = (
             *(_why(faults) if faults else ()),
             _work(self.status),
-            *_ways_out(mode, self.suspended, faults),
+            *_recovery_lines(mode, self.suspended, faults),
             *((_CONFIRM,) if _uncertainty(values) else ()),
             *((authority_line(self.authority),) if self.authority else ()),
-            _place(values, self.camera),
+            _position_text(values, self.camera),
             _not_monitored(faults),
             f"{utc(self.status.timestamp)} UTC aboard",
         )
@@ -159,7 +159,7 @@ async def _show(to: RoverTarget, watch: bool, as_json: bool) -> None:
 
     console = Console()
     async with await connect(to) as client:
-        snapshots = _looks(client)
+        snapshots = _snapshots(client)
         if watch and not as_json and console.is_terminal:
             first = await anext(snapshots)
             with Live(first.as_table(), console=console, auto_refresh=False) as live:
@@ -175,7 +175,7 @@ async def _show(to: RoverTarget, watch: bool, as_json: bool) -> None:
                 return
 
 
-async def _looks(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
+async def _snapshots(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
     asset, definitions = await client.get_asset(), await client.list_definition()
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
@@ -183,7 +183,7 @@ async def _looks(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
         suspended = await _suspended_plans(client, status.mode)
         authority = await _served(client.authority.status(), None)
         yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
-        await asyncio.sleep(EVERY_S)
+        await asyncio.sleep(REFRESH_S)
 
 
 async def _served(answer: Awaitable[T], instead: T) -> T:
@@ -212,7 +212,7 @@ def _work(status: AssetStatus) -> str:
     return doing if status.activePlan is None else f"{doing}, plan {status.activePlan}"
 
 
-def _place(values: dict[str, float | str | None], camera: CameraState) -> str:
+def _position_text(values: dict[str, float | str | None], camera: CameraState) -> str:
     """Return pose and video state of the rover in one line."""
     x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
     video = f"video {'on' if camera.videoOn else 'off'}"
@@ -254,7 +254,7 @@ def _not_monitored(faults: FaultStatus | None) -> str:
     return f"not monitored: {summary(faults.unmonitored)}"
 
 
-def _ways_out(
+def _recovery_lines(
     mode: AssetMode, suspended: tuple[PlanUpdate, ...], faults: FaultStatus | None
 ) -> tuple[str, ...]:
     """Return the commands that let a stopped rover continue, and its suspended plans."""
@@ -345,12 +345,12 @@ async def services(client: MrsClient) -> None:
       rover services --to rover.local:21000
     """
     asset, found = await client.get_asset(), await client.get_services()
-    say(f"{asset.asset}  {asset.mode.name}")
-    say(asset.description)
-    say(f"domain {'.'.join(asset.domain)}, software {asset.softwareVersion}")
+    echo_line(f"{asset.asset}  {asset.mode.name}")
+    echo_line(asset.description)
+    echo_line(f"domain {'.'.join(asset.domain)}, software {asset.softwareVersion}")
     click.echo()
     for provider in dict.fromkeys(each.providerURI for each in found):
-        say(provider)
+        echo_line(provider)
         rows = (
             (each.name, "; ".join(filter(None, (", ".join(_operations(each)), each.brokerURI))))
             for each in found

@@ -18,7 +18,7 @@ import click
 
 from adapters.mal import CertificateError, MalError, NamedValue, TypedAttribute
 from adapters.mrs.cli.options import RoverTarget, to_option
-from adapters.mrs.terms import TransportMismatchError
+from adapters.mrs.transport import TransportMismatchError
 from executive.values.reports import printable
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def run(session: Coroutine[Any, Any, None]) -> None:
         fail(str(error))
 
 
-def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) -> None:
+def echo_line(line: str, *, word: str = "", fg: str | None = None, err: bool = False) -> None:
     """Print one line, with unprintable characters escaped: texts may come from other systems.
 
     One word may be coloured; `err` prints to standard error.
@@ -103,7 +103,7 @@ def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) 
 
 def fail(text: str) -> None:
     """Print an error, and exit 1."""
-    say(f"Error: {text}", err=True)
+    echo_line(f"Error: {text}", err=True)
     sys.exit(FAILED)
 
 

@@ -7,27 +7,27 @@ from adapters.mal import CallContext, Connection, MalError, MalUri, StandardErro
 from adapters.mrs.aboard import ServedOperations
 from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.spec import (
-    LONGEST_NAME,
+    MAX_NAME_LENGTH,
     AreaError,
     ServiceDescriptor,
+    find_or_raise,
     find_service,
     is_valid_name,
-    look_up,
     mrs_specification,
     with_text,
 )
-from adapters.mrs.terms import NAME
+from adapters.mrs.transport import NAME
 
 SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
 """Name in the directory of the service layer at which this asset is registered."""
-MOST_SERVICES: Final = 64
-MOST_OF_A_PEER: Final = 24
+MAX_SERVICES: Final = 64
+MAX_SERVICES_PER_PEER: Final = 24
 """Maximum services of one peer, so that it cannot fill the directory; chosen, not measured."""
-MOST_OPERATIONS: Final = 256
-LONGEST_URI: Final = 256
-HIGHEST_PORT: Final = 65535
-_ADDRESS: Final = f"maltcp://HOST:PORT/NAME, at most {LONGEST_URI} characters"
+MAX_OPERATIONS: Final = 256
+MAX_URI_LENGTH: Final = 256
+MAX_PORT: Final = 65535
+_ADDRESS: Final = f"maltcp://HOST:PORT/NAME, at most {MAX_URI_LENGTH} characters"
 
 
 def asset_of(descriptor: ServiceDescriptor) -> str | None:
@@ -40,13 +40,13 @@ def descriptor_fault(descriptor: ServiceDescriptor) -> str | None:
     """Return the error in name, addresses or operations of a descriptor, or None."""
     operations = descriptor.operations
     if not is_valid_name(descriptor.name):
-        return f"name: 1 to {LONGEST_NAME} printable characters without a space"
+        return f"name: 1 to {MAX_NAME_LENGTH} printable characters without a space"
     if not _reachable(descriptor.providerURI):
         return f"providerURI: {_ADDRESS}"
     if descriptor.brokerURI is not None and not _reachable(descriptor.brokerURI):
         return f"brokerURI: {_ADDRESS}"
-    if not 0 < len(operations) <= MOST_OPERATIONS or 0 in operations:
-        return f"operations: 1 to {MOST_OPERATIONS} numbers, none of them 0"
+    if not 0 < len(operations) <= MAX_OPERATIONS or 0 in operations:
+        return f"operations: 1 to {MAX_OPERATIONS} numbers, none of them 0"
     if len(set(operations)) != len(operations):
         return "operations: each number once"
     return _unknown(descriptor)
@@ -54,7 +54,7 @@ def descriptor_fault(descriptor: ServiceDescriptor) -> str | None:
 
 def _reachable(uri: str) -> bool:
     try:
-        return len(uri) <= LONGEST_URI and 0 < MalUri.parse(uri).port <= HIGHEST_PORT
+        return len(uri) <= MAX_URI_LENGTH and 0 < MalUri.parse(uri).port <= MAX_PORT
     except ValueError:
         return False
 
@@ -110,7 +110,7 @@ class ServiceRegistry:
 
     def find(self, name: str) -> ServiceDescriptor:
         """Return a service; raises NotFound."""
-        return look_up(self._held, name).descriptor
+        return find_or_raise(self._held, name).descriptor
 
     def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:
         """Add a service, or renew the registration of the same peer and address.
@@ -134,7 +134,7 @@ class ServiceRegistry:
             if not (same_uri and held.is_of(connection)):
                 raise with_text(AreaError.DUPLICATE, descriptor.name)
         elif held is None:
-            self._require_room(connection)
+            self._require_capacity(connection)
         self._held[descriptor.name] = _Registration(descriptor, connection)
 
     def deregister(self, name: str, connection: Connection) -> None:
@@ -143,17 +143,17 @@ class ServiceRegistry:
         Raises:
             MalError: NotFound; Rejected, another peer registered it and is connected.
         """
-        held = look_up(self._held, name)
+        held = find_or_raise(self._held, name)
         if not held.is_of(connection):
             raise with_text(AreaError.REJECTED, f"{name} was registered by {held.connection.peer}")
         del self._held[name]
 
-    def _require_room(self, connection: Connection) -> None:
+    def _require_capacity(self, connection: Connection) -> None:
         own = [held for held in self._held.values() if held.connection.is_open]
-        if sum(held.is_of(connection) for held in own) >= MOST_OF_A_PEER:
-            text = f"at most {MOST_OF_A_PEER} registered services of one peer"
+        if sum(held.is_of(connection) for held in own) >= MAX_SERVICES_PER_PEER:
+            text = f"at most {MAX_SERVICES_PER_PEER} registered services of one peer"
             raise with_text(StandardError.TOO_MANY, text)
-        if len(self._held) == MOST_SERVICES:
+        if len(self._held) == MAX_SERVICES:
             self._drop_one()
 
     def _drop_one(self) -> None:
@@ -161,7 +161,7 @@ class ServiceRegistry:
             if not held.connection.is_open:
                 del self._held[name]
                 return
-        raise with_text(StandardError.TOO_MANY, f"at most {MOST_SERVICES} registered services")
+        raise with_text(StandardError.TOO_MANY, f"at most {MAX_SERVICES} registered services")
 
 
 class DirectoryService:
@@ -196,7 +196,7 @@ class DirectoryService:
 
     def _get(self, call: CallContext, name: str) -> tuple[ServiceDescriptor]:
         (known,) = self._list(call)
-        return (look_up({each.name: each for each in known}, name),)
+        return (find_or_raise({each.name: each for each in known}, name),)
 
     def _register(self, call: CallContext, descriptor: ServiceDescriptor) -> None:
         served = {service.name for service in self._served.services()}

@@ -25,12 +25,12 @@ from executive.values.reports import ReportKind, Severity
 
 _LOG: Final = logging.getLogger(__name__)
 
-FIRST_PAUSE_S: Final = 0.2
-LONGEST_PAUSE_S: Final = 5.0
-"""Maximum pause between two connection attempts; doubled from `FIRST_PAUSE_S` each time."""
+MIN_BACKOFF_S: Final = 0.2
+MAX_BACKOFF_S: Final = 5.0
+"""Maximum pause between two connection attempts; doubled from `MIN_BACKOFF_S` each time."""
 HEARTBEAT_S: Final = 5.0
 """Period of requests that check the connection and list the assets; chosen, not measured."""
-FAREWELL_S: Final = 0.5
+LEAVE_TIMEOUT_S: Final = 0.5
 """Timeout at shutdown for publishing, and again for deregistration; chosen, not measured."""
 RECENT: Final = 256
 """Number of notifications cached in memory; older ones are read from the ledger."""
@@ -56,7 +56,7 @@ class FleetPublisher:
         self._first: int | None = None
         self._next = 0
         self._newest = 0
-        self._news = asyncio.Event()
+        self._pending = asyncio.Event()
         self.idle = asyncio.Event()
 
     def value(self, value: ParameterValue) -> None:
@@ -78,7 +78,7 @@ class FleetPublisher:
             MalError: the core does not answer.
         """
         if self._first is None:
-            newest = await self._gateway.ask(lambda executive: executive.last_sequence)
+            newest = await self._gateway.query(lambda executive: executive.last_sequence)
             self._first = self._next = newest + 1
             self._newest = max(self._newest, newest)
 
@@ -90,20 +90,20 @@ class FleetPublisher:
         """
         values = await consumer.publication("MonitoringClient", "monitorAssetValue")
         notifications = await consumer.publication("NotificationClient", "monitorAssetNotification")
-        self._next = await self._heard_above(consumer)
-        present = await self._gateway.ask(lambda executive: present_values(executive, ()))
+        self._next = await self._next_sequence_upstream(consumer)
+        present = await self._gateway.query(lambda executive: present_values(executive, ()))
         self._values = {value.name: value for value in present} | self._values
         while True:
-            self._news.clear()
+            self._pending.clear()
             await self._publish_values(values)
             await self._publish_notifications(notifications)
-            if not self._news.is_set():
+            if not self._pending.is_set():
                 self.idle.set()
-            await self._news.wait()
+            await self._pending.wait()
 
     def _wake(self) -> None:
         self.idle.clear()
-        self._news.set()
+        self._pending.set()
 
     async def _publish_values(self, publication: Publication) -> None:
         waiting, self._values = self._values, {}
@@ -124,12 +124,12 @@ class FleetPublisher:
             return recent
         return await self._past(sequence, RECENT)
 
-    async def _past(self, since: int, most: int) -> tuple[Notification, ...]:
-        return await self._gateway.ask(
-            lambda executive: past_notifications(executive, since, None, most)
+    async def _past(self, since: int, maximum: int) -> tuple[Notification, ...]:
+        return await self._gateway.query(
+            lambda executive: past_notifications(executive, since, None, maximum)
         )
 
-    async def _heard_above(self, consumer: Consumer) -> int:
+    async def _next_sequence_upstream(self, consumer: Consumer) -> int:
         """Return the sequence number after the last one stored upstream.
 
         If upstream stores none of this ledger, everything since the start is published again.
@@ -148,13 +148,13 @@ class FleetPublisher:
         return max(self._first, self._next - PAGE)
 
 
-def _is_same(own: Notification, heard: Notification) -> bool:
+def _is_same(own: Notification, received: Notification) -> bool:
     """Whether a notification equals the received one; times are rounded in transmission."""
     return (own.sequence, own.commandId, own.text) == (
-        heard.sequence,
-        heard.commandId,
-        heard.text,
-    ) and abs(own.timestamp - heard.timestamp) <= _MILLISECOND_NS
+        received.sequence,
+        received.commandId,
+        received.text,
+    ) and abs(own.timestamp - received.timestamp) <= _MILLISECOND_NS
 
 
 class FleetLink:
@@ -193,14 +193,14 @@ class FleetLink:
         self._task = asyncio.create_task(self._run())
 
     async def leave(self) -> None:
-        """Publish the backlog and deregister, within `FAREWELL_S` each; then disconnect."""
+        """Publish the backlog and deregister, within `LEAVE_TIMEOUT_S` each; then disconnect."""
         if self._registered is not None:
             consumer, name = self._registered
             with suppress(TimeoutError):
-                async with asyncio.timeout(FAREWELL_S):
+                async with asyncio.timeout(LEAVE_TIMEOUT_S):
                     await self._publisher.idle.wait()
             with suppress(MalError, TimeoutError):
-                async with asyncio.timeout(FAREWELL_S):
+                async with asyncio.timeout(LEAVE_TIMEOUT_S):
                     await consumer.submit(SERVICE, "deregisterService", name)
         if self._task is not None:
             self._task.cancel()
@@ -208,20 +208,20 @@ class FleetLink:
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
-        pause_s = FIRST_PAUSE_S
+        pause_s = MIN_BACKOFF_S
         while True:
             began_s = loop.time()
             try:
                 await self._stay_connected()
             except (MalError, OSError) as fault:
-                self._tell(False, f"the service layer at {self._uri} {_describe(fault)}")
+                self._report_change(False, f"the service layer at {self._uri} {_describe(fault)}")
             except Exception:  # the rover's own services must continue
                 _LOG.exception("service layer at %s", self._uri)
-                self._tell(False, f"the service layer at {self._uri} sent invalid data")
-            if loop.time() - began_s > LONGEST_PAUSE_S:
-                pause_s = FIRST_PAUSE_S
+                self._report_change(False, f"the service layer at {self._uri} sent invalid data")
+            if loop.time() - began_s > MAX_BACKOFF_S:
+                pause_s = MIN_BACKOFF_S
             await asyncio.sleep(pause_s)
-            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+            pause_s = min(2 * pause_s, MAX_BACKOFF_S)
 
     async def _stay_connected(self) -> None:
         """Register, publish and subscribe over one connection until its loss, which raises."""
@@ -243,7 +243,7 @@ class FleetLink:
         above: ServiceDescriptor
         (above,) = await consumer.request(SERVICE, "getService", SERVICE)
         self._on_above(above)
-        self._tell(True, f"registered as {own.name} at the service layer at {self._uri}")
+        self._report_change(True, f"registered as {own.name} at the service layer at {self._uri}")
 
     async def _subscribe(self, consumer: Consumer) -> None:
         host: AssetInfo
@@ -255,14 +255,14 @@ class FleetLink:
                     await self._subscriber.new_assets.wait()
             await self._subscriber.discover(consumer)
 
-    def _tell(self, is_connected: bool, text: str) -> None:
+    def _report_change(self, is_connected: bool, text: str) -> None:
         """Report a change of the connection; the same state is not reported twice."""
         if is_connected is self._is_connected:
             _LOG.debug("%s", text)
             return
         self._is_connected = is_connected
         severity = Severity.INFORMATIONAL if is_connected else Severity.WARNING
-        reported = self._gateway.ask(
+        reported = self._gateway.query(
             lambda executive: executive.event(severity, text, kind=ReportKind.LINK)
         )
         reported.add_done_callback(lambda done: done.cancelled() or done.exception())

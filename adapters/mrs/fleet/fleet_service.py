@@ -30,15 +30,15 @@ from adapters.mrs.spec import (
     Notification,
     ParameterValue,
     ServiceDescriptor,
-    invalid,
+    find_or_raise,
+    invalid_error,
     is_valid_notification,
     is_valid_value,
-    look_up,
     notification_keys,
-    require_few,
+    require_at_most,
     with_text,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.settings import Settings
 
@@ -49,8 +49,8 @@ FRESH_S: Final = 1.0
 """Maximum age of a cached answer; chosen, not measured."""
 ANSWER_TIMEOUT_S: Final = 2.0
 """Timeout of an asset's answer; then it is OFFLINE. Chosen, not measured."""
-MOST_DOMAIN: Final = 16
-LONGEST_TEXT: Final = 256
+MAX_DOMAIN_PARTS: Final = 16
+MAX_TEXT_LENGTH: Final = 256
 EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
 MONITORING: Final = "MonitoringClient"
 NOTIFICATION: Final = "NotificationClient"
@@ -87,8 +87,8 @@ class FleetService:
         self._link: FleetLink | None = None
         named = (settings.asset, settings.domain)
         value, notification = "monitorAssetValue", "monitorAssetNotification"
-        self._tell_value = served.broadcast(MONITORING, value, *named, droppable=True)
-        self._tell_notification = served.broadcast(NOTIFICATION, notification, *named)
+        self._publish_value = served.broadcast(MONITORING, value, *named, droppable=True)
+        self._publish_notification = served.broadcast(NOTIFICATION, notification, *named)
         served.provider.open(MONITORING, value, droppable=True, admit=self._admit_value)
         served.provider.open(NOTIFICATION, notification, admit=self._admit_notification)
         served.serve(MONITORING, "listAssets", self._list_assets)
@@ -126,13 +126,13 @@ class FleetService:
         return self._directory.describe_self(replace(served, host=host))
 
     def _pass_on_value(self, value: ParameterValue, asset: str, domain: tuple[str, ...]) -> None:
-        self._tell_value(value, keys=(asset, value.name), domain=domain)
+        self._publish_value(value, keys=(asset, value.name), domain=domain)
 
     def _pass_on_notification(
         self, notification: Notification, asset: str, domain: tuple[str, ...]
     ) -> None:
         keys = notification_keys(asset, notification)
-        self._tell_notification(notification, keys=keys, domain=domain)
+        self._publish_notification(notification, keys=keys, domain=domain)
 
     def _admit_value(
         self, connection: Connection, update: UpdateHeader, keys: Keys, value: ParameterValue
@@ -140,8 +140,8 @@ class FleetService:
         other = self._known.registered_over(_publishing_asset(update, keys), connection)
         name = keys["parameter"]
         if name is None or name.value != value.name or not is_valid_value(value):
-            raise invalid(1)
-        other.take_value(value)
+            raise invalid_error(1)
+        other.add_value(value)
 
     def _admit_notification(
         self, connection: Connection, update: UpdateHeader, keys: Keys, notification: Notification
@@ -151,24 +151,24 @@ class FleetService:
         given = tuple(key and key.value for key in map(keys.get, _NOTIFICATION_KEYS))
         fits = given == notification_keys(asset, notification)
         if not fits or not is_valid_notification(notification):
-            raise invalid(1)
-        other.history.take(notification)
+            raise invalid_error(1)
+        other.history.add(notification)
 
     def _publish_parameters(self, call: CallContext, values: tuple[ParameterValue, ...]) -> None:
         """Accept values of the asset that is registered over this connection, never of this one."""
-        require_few(values)
+        require_at_most(values)
         other = self._known.registered_by(call.connection)
         for value in values:
             if not is_valid_value(value):
                 text = f"values: {value.name[:80]} must be a VALID finite Double, or NULL"
                 raise with_text(AreaError.INVALID, text)
         for value in values:
-            other.take_value(value)
+            other.add_value(value)
             self._pass_on_value(value, other.asset, ())
 
     async def _list_assets(self, _: CallContext) -> tuple[tuple[AssetInfo, ...]]:
-        own = await self._gateway.ask(own_info)
-        return ((own, *await self._discovery.ask(self._known.others)),)
+        own = await self._gateway.query(own_info)
+        return ((own, *await self._discovery.discover_all(self._known.others)),)
 
     async def _get_value(
         self, _: CallContext, asset: str, names: tuple[str, ...]
@@ -176,29 +176,31 @@ class FleetService:
         if asset == self._asset:
             values = self._own.housekeeping
             return (
-                await self._gateway.ask(lambda executive: present_values(executive, names, values)),
+                await self._gateway.query(
+                    lambda executive: present_values(executive, names, values)
+                ),
             )
-        require_few(names)
+        require_at_most(names)
         other = self._known.find(asset)
-        return (tuple(look_up(other.values, name) for name in names or other.values),)
+        return (tuple(find_or_raise(other.values, name) for name in names or other.values),)
 
     async def _get_notifications(
-        self, _: CallContext, asset: str, since: int | None, most: int
+        self, _: CallContext, asset: str, since: int | None, maximum: int
     ) -> tuple[tuple[Notification, ...]]:
         if asset == self._asset:
             return (
-                await self._gateway.ask(
-                    lambda executive: past_notifications(executive, since, None, most)
+                await self._gateway.query(
+                    lambda executive: past_notifications(executive, since, None, maximum)
                 ),
             )
-        return (self._known.find(asset).history.since(since or 0, page_size(most)),)
+        return (self._known.find(asset).history.since(since or 0, page_size(maximum)),)
 
 
 def _publishing_asset(update: UpdateHeader, keys: Keys) -> str:
     """Return the asset of an update; raises Invalid unless it is also the source."""
     asset = keys["asset"]
     if asset is None or update.source != asset.value:
-        raise invalid(0)
+        raise invalid_error(0)
     return str(asset.value)
 
 
@@ -214,9 +216,9 @@ class AssetDiscovery:
     def __init__(self, name: str, terms: TransportSettings, system: System) -> None:
         self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S, system)
         self._answers: dict[str, _Answer] = {}
-        self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
+        self._queries: dict[str, asyncio.Task[AssetInfo]] = {}
 
-    async def ask(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
+    async def discover_all(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
         """Return the description of each other asset; OFFLINE without an answer."""
         for unknown in self._answers.keys() - {other.asset for other in others}:
             del self._answers[unknown]
@@ -227,10 +229,10 @@ class AssetDiscovery:
         now_s = asyncio.get_running_loop().time()
         if answer is not None and now_s - answer.at_s < FRESH_S:
             return answer.info
-        task = self._asking.get(other.asset)
+        task = self._queries.get(other.asset)
         if task is None:
-            task = self._asking[other.asset] = asyncio.create_task(self._discover(other))
-            task.add_done_callback(lambda _: self._asking.pop(other.asset))
+            task = self._queries[other.asset] = asyncio.create_task(self._discover(other))
+            task.add_done_callback(lambda _: self._queries.pop(other.asset))
         return await asyncio.shield(task)
 
     async def _discover(self, other: KnownAsset) -> AssetInfo:
@@ -253,7 +255,9 @@ class AssetDiscovery:
         finally:
             await consumer.close()
         if info.asset != other.asset or not _is_valid(info):
-            raise ValueError(f"another asset answers at its address: {info.asset[:LONGEST_TEXT]}")
+            raise ValueError(
+                f"another asset answers at its address: {info.asset[:MAX_TEXT_LENGTH]}"
+            )
         return info
 
     def _offline(self, asset: str) -> AssetInfo:
@@ -267,4 +271,6 @@ class AssetDiscovery:
 
 def _is_valid(info: AssetInfo) -> bool:
     texts = (info.description, info.softwareVersion, *info.domain)
-    return len(info.domain) <= MOST_DOMAIN and all(len(text) <= LONGEST_TEXT for text in texts)
+    return len(info.domain) <= MAX_DOMAIN_PARTS and all(
+        len(text) <= MAX_TEXT_LENGTH for text in texts
+    )

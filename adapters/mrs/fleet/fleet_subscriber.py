@@ -23,10 +23,10 @@ _LOG: Final = logging.getLogger(__name__)
 
 SUBSCRIPTION: Final = "fleet"
 
-MOST_HELD: Final = 4096
+MAX_BUFFERED: Final = 4096
 """Maximum notifications buffered during the catch-up."""
 
-_Heard = tuple[UpdateHeader, Notification]
+_Received = tuple[UpdateHeader, Notification]
 
 
 class FleetSubscriber:
@@ -53,7 +53,7 @@ class FleetSubscriber:
         self._known = known
         self._pass_on_value = pass_on_value
         self._pass_on_notification = pass_on_notification
-        self._held: deque[_Heard] | None = None
+        self._held: deque[_Received] | None = None
         self.new_assets = asyncio.Event()
 
     async def subscribe(self, consumer: Consumer, host: str, uri: str) -> None:
@@ -64,17 +64,17 @@ class FleetSubscriber:
         Raises:
             MalError: an answer is an error, or the connection is lost.
         """
-        held = self._held = deque(maxlen=MOST_HELD)
+        held = self._held = deque(maxlen=MAX_BUFFERED)
         subscription = Subscription(subscriptionId=SUBSCRIPTION)
         try:
             await consumer.subscribe(
-                "MonitoringClient", "monitorAssetValue", subscription, self._hear_value
+                "MonitoringClient", "monitorAssetValue", subscription, self._on_value
             )
             await consumer.subscribe(
                 "NotificationClient",
                 "monitorAssetNotification",
                 subscription,
-                self._hear_notification,
+                self._on_notification,
             )
             for other in (self._find_or_add(host, uri), *await self.discover(consumer)):
                 if other is not None:
@@ -107,43 +107,47 @@ class FleetSubscriber:
         try:
             (values,) = await consumer.request("MonitoringClient", "getValue", other.asset, ())
             for value in values:
-                self._keep_value(other, value, ())
+                self._store_value(other, value, ())
             last = other.history.last
             async for each in missed_notifications(consumer, other.asset, last):
-                self._keep_notification(other, each, (), aloud=last is not None)
+                self._store_notification(other, each, (), aloud=last is not None)
         except MalError as error:
             if error.number != AreaError.NOT_FOUND.value:
                 raise
 
-    def _hear_value(self, update: UpdateHeader, value: ParameterValue) -> None:
+    def _on_value(self, update: UpdateHeader, value: ParameterValue) -> None:
         other = self._of(update)
         if other is not None:
-            self._keep_value(other, value, update.domain or ())
+            self._store_value(other, value, update.domain or ())
 
-    def _hear_notification(self, update: UpdateHeader, told: Notification) -> None:
+    def _on_notification(self, update: UpdateHeader, notification: Notification) -> None:
         if self._held is None:
-            self._pass_on(update, told)
+            self._pass_on(update, notification)
         else:
-            self._held.append((update, told))
+            self._held.append((update, notification))
 
-    def _pass_on(self, update: UpdateHeader, told: Notification) -> None:
+    def _pass_on(self, update: UpdateHeader, notification: Notification) -> None:
         other = self._of(update)
         if other is not None:
-            self._keep_notification(other, told, update.domain or ())
+            self._store_notification(other, notification, update.domain or ())
 
-    def _keep_value(
+    def _store_value(
         self, other: KnownAsset, value: ParameterValue, domain: tuple[str, ...]
     ) -> None:
         if is_valid_value(value):
             with suppress(MalError):  # too many parameters: only the first ones are stored
-                other.take_value(value)
+                other.add_value(value)
                 self._pass_on_value(value, other.asset, domain)
 
-    def _keep_notification(
-        self, other: KnownAsset, told: Notification, domain: tuple[str, ...], aloud: bool = True
+    def _store_notification(
+        self,
+        other: KnownAsset,
+        notification: Notification,
+        domain: tuple[str, ...],
+        aloud: bool = True,
     ) -> None:
-        if is_valid_notification(told) and other.history.take(told) and aloud:
-            self._pass_on_notification(told, other.asset, domain)
+        if is_valid_notification(notification) and other.history.add(notification) and aloud:
+            self._pass_on_notification(notification, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> KnownAsset | None:
         """Return the asset that published an update itself upstream; None for all others."""
@@ -225,9 +229,11 @@ async def _newest(consumer: Consumer, asset: str) -> int:
 
 
 async def past_page(
-    consumer: Consumer, asset: str, since: int, most: int
+    consumer: Consumer, asset: str, since: int, maximum: int
 ) -> tuple[Notification, ...]:
-    """Query a service layer for at most `most` notifications of an asset, 0 for a page."""
+    """Query a service layer for at most `maximum` notifications of an asset, 0 for a page."""
     page: tuple[Notification, ...]
-    (page,) = await consumer.request("NotificationClient", "getNotifications", asset, since, most)
+    (page,) = await consumer.request(
+        "NotificationClient", "getNotifications", asset, since, maximum
+    )
     return page

@@ -5,17 +5,17 @@ from typing import Final
 
 from adapters.mal import Connection, MalError, StandardError
 from adapters.mrs.spec import (
-    LONGEST_NAME,
+    MAX_NAME_LENGTH,
     AreaError,
     Notification,
     ParameterValue,
+    find_or_raise,
     is_valid_name,
-    look_up,
     with_text,
 )
 
-MOST_NOTIFICATIONS: Final = 1000
-MOST_OCTETS: Final = 1 << 20
+MAX_NOTIFICATIONS: Final = 1000
+MAX_OCTETS: Final = 1 << 20
 """Maximum estimated octets of an asset's notifications: long texts leave space for fewer."""
 
 _BARE: Final = 500
@@ -31,31 +31,31 @@ class NotificationHistory:
 
     def __init__(self) -> None:
         self.last: Notification | None = None
-        self._kept: dict[int, Notification] = {}
+        self._notifications: dict[int, Notification] = {}
         self._weight = 0
 
-    def take(self, notification: Notification) -> bool:
+    def add(self, notification: Notification) -> bool:
         """Store a notification; return whether it is new.
 
         A number not above the last, with other content, means that the asset has a new ledger: all
         stored ones are dropped.
         """
-        if self._kept.get(notification.sequence) == notification:
+        if self._notifications.get(notification.sequence) == notification:
             return False
         if self.last is not None and notification.sequence <= self.last.sequence:
-            self._kept.clear()
+            self._notifications.clear()
             self._weight = 0
         self.last = notification
-        self._kept[notification.sequence] = notification
+        self._notifications[notification.sequence] = notification
         self._weight += _weight(notification)
-        while len(self._kept) > MOST_NOTIFICATIONS or self._weight > MOST_OCTETS:
-            oldest = self._kept.pop(next(iter(self._kept)))
-            self._weight -= _weight(oldest)
+        while len(self._notifications) > MAX_NOTIFICATIONS or self._weight > MAX_OCTETS:
+            removed = self._notifications.pop(next(iter(self._notifications)))
+            self._weight -= _weight(removed)
         return True
 
     def since(self, first: int, count: int) -> tuple[Notification, ...]:
         """Return at most `count` notifications from a sequence number on, oldest first."""
-        wanted = [each for number, each in self._kept.items() if number >= first]
+        wanted = [each for number, each in self._notifications.items() if number >= first]
         return tuple(wanted[:count])
 
 
@@ -64,8 +64,8 @@ def _weight(notification: Notification) -> int:
     return _BARE + 2 * len(notification.text or "") + _FIGURE * len(figures)
 
 
-MOST_ASSETS: Final = 32
-MOST_PARAMETERS: Final = 64
+MAX_ASSETS: Final = 32
+MAX_PARAMETERS: Final = 64
 
 
 @dataclass(slots=True, eq=False)
@@ -92,10 +92,10 @@ class KnownAsset:
         """Whether it publishes here itself, so that its forwarded updates are ignored."""
         return self.connection is not None and self.connection.is_open
 
-    def take_value(self, value: ParameterValue) -> None:
-        """Store a value; raises TOO_MANY above `MOST_PARAMETERS` parameters."""
-        if value.name not in self.values and len(self.values) == MOST_PARAMETERS:
-            raise with_text(StandardError.TOO_MANY, f"at most {MOST_PARAMETERS} parameters")
+    def add_value(self, value: ParameterValue) -> None:
+        """Store a value; raises TOO_MANY above `MAX_PARAMETERS` parameters."""
+        if value.name not in self.values and len(self.values) == MAX_PARAMETERS:
+            raise with_text(StandardError.TOO_MANY, f"at most {MAX_PARAMETERS} parameters")
         self.values[value.name] = value
 
 
@@ -117,7 +117,7 @@ class KnownAssets:
 
     def find(self, asset: str) -> KnownAsset:
         """Return a known asset; raises NotFound."""
-        return look_up(self._others, asset)
+        return find_or_raise(self._others, asset)
 
     def knows(self, asset: str) -> bool:
         """Whether an asset is known."""
@@ -135,10 +135,12 @@ class KnownAssets:
         if asset in self._others:
             return self._others[asset]
         if not is_valid_name(asset):
-            raise with_text(AreaError.INVALID, f"an asset's name: 1 to {LONGEST_NAME} characters")
+            raise with_text(
+                AreaError.INVALID, f"an asset's name: 1 to {MAX_NAME_LENGTH} characters"
+            )
         if asset == self._own:
             raise with_text(AreaError.DUPLICATE, asset)
-        if len(self._others) == MOST_ASSETS:
+        if len(self._others) == MAX_ASSETS:
             self._drop_one()
         self._others[asset] = KnownAsset(asset)
         return self._others[asset]
@@ -166,7 +168,7 @@ class KnownAssets:
             if not other.above and not other.publishes_here:
                 del self._others[other.asset]
                 return
-        raise with_text(StandardError.TOO_MANY, f"at most {MOST_ASSETS} other assets")
+        raise with_text(StandardError.TOO_MANY, f"at most {MAX_ASSETS} other assets")
 
 
 def _not_registered(asset: str) -> MalError:

@@ -16,12 +16,12 @@ from adapters.mrs.ground.file_retrieval import TransferError as TransferError
 from adapters.mrs.ground.notification_stream import Stream as Stream
 from adapters.mrs.ground.outcome import DTN_OLDEST as DTN_OLDEST
 from adapters.mrs.ground.outcome import DTN_QUEUED as DTN_QUEUED
-from adapters.mrs.ground.outcome import LAST_HEARD as LAST_HEARD
+from adapters.mrs.ground.outcome import LAST_RECEIVED as LAST_RECEIVED
 from adapters.mrs.ground.outcome import NEXT_CONTACT as NEXT_CONTACT
 from adapters.mrs.ground.outcome import OVERRIDE as OVERRIDE
 from adapters.mrs.ground.outcome import CommandOutcome as CommandOutcome
 from adapters.mrs.ground.outcome import describe_next_contact as describe_next_contact
-from adapters.mrs.ground.outcome import where_stored as where_stored
+from adapters.mrs.ground.outcome import describe_storage as describe_storage
 from adapters.mrs.ground.rover_consumer import Dialer as Dialer
 from adapters.mrs.ground.session import UnknownHostError as UnknownHostError
 from adapters.mrs.ground.session import parse_address as parse_address

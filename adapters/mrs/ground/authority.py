@@ -10,7 +10,7 @@ from adapters.mrs.spec import AuthorityStatus
 RENEWALS: Final = 3
 """Renewals within the time of a lease, so that one lost answer does not end it."""
 
-Ask = Callable[..., Awaitable[AuthorityStatus]]
+SendAuthorityRequest = Callable[..., Awaitable[AuthorityStatus]]
 
 
 class SessionAuthority:
@@ -29,8 +29,10 @@ class SessionAuthority:
         epoch: epoch of the authority that commands claim; None for no claim.
     """
 
-    def __init__(self, ask: Ask, source: str, *, renews: bool = True) -> None:
-        self._ask = ask
+    def __init__(
+        self, send_request: SendAuthorityRequest, source: str, *, renews: bool = True
+    ) -> None:
+        self._send_request = send_request
         self._renews = renews
         self.source = source
         self.epoch: int | None = None
@@ -38,7 +40,7 @@ class SessionAuthority:
 
     async def status(self) -> AuthorityStatus:
         """Return the status of the authority, with its holder."""
-        return await self._ask("getAuthority")
+        return await self._send_request("getAuthority")
 
     async def ensure(self) -> None:
         """Request the authority if commands need it; ignored if the rover lacks the service."""
@@ -51,27 +53,27 @@ class SessionAuthority:
 
     async def request(self) -> AuthorityStatus:
         """Request the authority. If another source holds it, its holder is notified."""
-        return self._held(await self._ask("requestAuthority", self.source))
+        return self._held(await self._send_request("requestAuthority", self.source))
 
     async def take(self) -> AuthorityStatus:
         """Take the authority over from its holder, if the rover's settings allow this source to."""
-        return self._held(await self._ask("takeAuthority", self.source))
+        return self._held(await self._send_request("takeAuthority", self.source))
 
     async def hand_over(self, to: str, lease_s: float | None = None) -> AuthorityStatus:
         """Hand the authority over, with a lease in s; None for the default lease."""
         epoch = (await self.request()).epoch
-        status = await self._ask("handOver", self.source, epoch, to, lease_s)
-        self.let_go()
+        status = await self._send_request("handOver", self.source, epoch, to, lease_s)
+        self.detach()
         return status
 
     async def release(self) -> AuthorityStatus:
         """Release the authority."""
         epoch = self.epoch if self.epoch is not None else (await self.status()).epoch
-        status = await self._ask("releaseAuthority", self.source, epoch)
-        self.let_go()
+        status = await self._send_request("releaseAuthority", self.source, epoch)
+        self.detach()
         return status
 
-    def let_go(self) -> None:
+    def detach(self) -> None:
         """Stop claiming and renewing it; it ends with its lease."""
         self.epoch = None
         if self._renewing is not None:
@@ -93,7 +95,7 @@ class SessionAuthority:
         try:
             while True:
                 await asyncio.sleep(lease_s / RENEWALS)
-                status: Any = await self._ask("requestAuthority", self.source)
+                status: Any = await self._send_request("requestAuthority", self.source)
                 self.epoch, lease_s = status.epoch, status.lease
         except (MalError, ConnectionError):
             self.epoch = self._renewing = None

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import CommandOutcome, OnNotification
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import Request
 
 T = TypeVar("T")
@@ -57,10 +57,10 @@ class BlockingClient:
             on_notification: called with each notification of its life cycle on reception, on the
                 thread of the session.
         """
-        return self.ask(lambda client: client.run(client.command(request), on_notification))
+        return self.call(lambda client: client.run(client.command(request), on_notification))
 
-    def ask(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
-        """Return the result of a client's method, e.g. `ask(MrsClient.get_pose)`."""
+    def call(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
+        """Return the result of a client's method, e.g. `call(MrsClient.get_pose)`."""
         return self._wait(method(self._client))
 
     def _wait(self, work: Coroutine[Any, Any, T]) -> T:

@@ -10,8 +10,13 @@ from adapters.mal import MalError
 from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.file_retrieval import FileNotification, FileRetrieval
 from adapters.mrs.ground.notification_stream import NotificationStream, Stream, Streams, Updates
-from adapters.mrs.ground.outcome import CommandOutcome, CommandWatch, OnNotification, where_stored
-from adapters.mrs.ground.queries import LOST, Queries
+from adapters.mrs.ground.outcome import (
+    CommandOutcome,
+    CommandWatch,
+    OnNotification,
+    describe_storage,
+)
+from adapters.mrs.ground.queries import LINK_LOST_ERRORS, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
 from adapters.mrs.ground.session import RoverSession, parse_address
 from adapters.mrs.ground.tree_stream import TreeUpdates
@@ -27,7 +32,7 @@ from adapters.mrs.spec import (
     invocation,
     supplements_of,
 )
-from adapters.mrs.terms import CLEAR, TransportSettings
+from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.commands import Command, PreemptionPolicy, Request
 from executive.values.reports import Identity
@@ -39,11 +44,11 @@ T = TypeVar("T")
 
 SOURCE: Final = "MOE"
 """Default source of commands."""
-SIGN_S: Final = 1.0
+HEARTBEAT_S: Final = 1.0
 """Period of the heartbeat requests to the rover; chosen, not measured."""
-SILENCE_S: Final = 1.0
+STORED_AFTER_S: Final = 1.0
 """Time without a report after which a command counts as stored at an orbiter."""
-TRIES: Final = 8
+MAX_ATTEMPTS: Final = 8
 """Maximum transmissions of one command over new connections; chosen, not measured."""
 EPOCH_MS: Final = 1_767_225_600_000
 """Epoch of command numbers: 2026-01-01, in ms since 1970 UTC."""
@@ -63,7 +68,7 @@ class CommandIdGenerator:
         self._system = system
         self._last = 0
 
-    def take(self) -> int:
+    def next_id(self) -> int:
         """Return a new number."""
         self._last = max(self._last + 1, utc_ns(self._system) // 1_000_000 - EPOCH_MS)
         return self._last
@@ -93,8 +98,8 @@ class MrsClient(Queries):
     ) -> None:
         """Use `connect` instead."""
         self.source = source
-        self.authority = SessionAuthority(self._ask_authority, source)
-        address, ends = parse_address(uri), (self._restore, self._give_up)
+        self.authority = SessionAuthority(self._send_authority_request, source)
+        address, ends = parse_address(uri), (self._restore, self._on_reconnect_failed)
         super().__init__(RoverSession(address, source, terms, *ends, timeout_s, patience_s, system))
         self._system, self._numbers = system, CommandIdGenerator(system)
         self._watches: list[CommandWatch] = []
@@ -102,12 +107,12 @@ class MrsClient(Queries):
         self._feed = NotificationStream(self._deliver, self._on_new_ledger)
         self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
         self._trees = TreeUpdates()
-        self._file_news: Updates[FileNotification] = Updates(
+        self._file_events: Updates[FileNotification] = Updates(
             "FileManagement", "monitorFiles", FileNotification
         )
         self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
         self._last_of_plans: dict[str, PlanUpdate] = {}
-        self._signing: asyncio.Task[None] | None = None
+        self._heartbeat_task: asyncio.Task[None] | None = None
 
     @classmethod
     async def connect(
@@ -139,7 +144,7 @@ class MrsClient(Queries):
             source = terms.certificates.name()
         client = cls(to, source or SOURCE, terms, timeout_s, patience_s, system)
         await client._session.open()
-        client._signing = asyncio.create_task(client._give_signs())
+        client._heartbeat_task = asyncio.create_task(client._send_heartbeats())
         return client
 
     async def __aenter__(self) -> "MrsClient":
@@ -150,9 +155,9 @@ class MrsClient(Queries):
 
     async def close(self) -> None:
         """Close the session; streams end."""
-        self.authority.let_go()
-        if self._signing is not None:
-            self._signing.cancel()
+        self.authority.detach()
+        if self._heartbeat_task is not None:
+            self._heartbeat_task.cancel()
         await self._session.close()
         self._end(None, ConnectionError("the session was closed"))
 
@@ -162,7 +167,7 @@ class MrsClient(Queries):
         So several operators command over one session. With certificates the rover accepts only
         the name of the certificate.
         """
-        return SessionAuthority(self._ask_authority, source, renews=False)
+        return SessionAuthority(self._send_authority_request, source, renews=False)
 
     def command(
         self,
@@ -184,7 +189,7 @@ class MrsClient(Queries):
             arrival: its preemption of active motion.
             authority: the epoch that it claims; None for that of this session.
         """
-        number = self._numbers.take() if command_id is None else command_id
+        number = self._numbers.next_id() if command_id is None else command_id
         return Command(
             identity=Identity(source or self.source, number),
             request=request,
@@ -214,7 +219,7 @@ class MrsClient(Queries):
             (await self._session.consumer()).require("Notification", "monitorNotification")
             await self.submit(command)
             if on_stored is not None:
-                await self._tell_if_stored(watch, on_stored)
+                await self._report_if_stored(watch, on_stored)
             await watch.ended
             return watch.outcome()
         except MalError as refusal:
@@ -222,22 +227,24 @@ class MrsClient(Queries):
         finally:
             self._watches.remove(watch)
 
-    async def _tell_if_stored(self, watch: CommandWatch, on_stored: Callable[[str], None]) -> None:
-        await asyncio.wait((watch.ended,), timeout=SILENCE_S)
-        if watch.has_news:
+    async def _report_if_stored(
+        self, watch: CommandWatch, on_stored: Callable[[str], None]
+    ) -> None:
+        await asyncio.wait((watch.ended,), timeout=STORED_AFTER_S)
+        if watch.has_notifications:
             return
-        where = await where_stored(self.get_value)
-        if where is not None and not watch.has_news:
+        where = await describe_storage(self.get_value)
+        if where is not None and not watch.has_notifications:
             on_stored(where)
 
     async def submit(self, command: Command) -> None:
         """Send a command and return when the rover, or the orbiter before it, has accepted it.
 
         If the link is lost before the answer, it is resent: the rover executes it at most once.
-        After `TRIES` losses the command itself is the likely cause: it is too long.
+        After `MAX_ATTEMPTS` losses the command itself is the likely cause: it is too long.
         """
         call = invocation(command.request)
-        for attempt in range(TRIES):
+        for attempt in range(MAX_ATTEMPTS):
             consumer = await self._session.consumer()
             try:
                 await consumer.submit(
@@ -251,11 +258,12 @@ class MrsClient(Queries):
             except MalError as error:
                 if error.number == AreaError.DUPLICATE.value and attempt:
                     return
-                if error.number not in LOST:
+                if error.number not in LINK_LOST_ERRORS:
                     raise
                 await self._session.drop(consumer)
         raise ConnectionError(
-            f"{self._session.uri} disconnected {TRIES} times at {call.service}.{call.operation}:"
+            f"{self._session.uri} disconnected {MAX_ATTEMPTS} times at"
+            f" {call.service}.{call.operation}:"
             " is the message longer than the rover accepts?"
         )
 
@@ -277,7 +285,7 @@ class MrsClient(Queries):
 
     async def file_events(self) -> Stream[FileNotification]:
         """Return file events from now on, except those during a loss of the link."""
-        return await self._subscribe(self._file_news)
+        return await self._subscribe(self._file_events)
 
     async def retrieve_file(
         self,
@@ -317,24 +325,24 @@ class MrsClient(Queries):
 
     async def cancel_transfer(self, path: str) -> None:
         """Cancel this client's transfers of a file; with TLS and the authority, those of all."""
-        await self._tell("FileTransfer", "cancelTransfer", path)
+        await self._submit_operation("FileTransfer", "cancelTransfer", path)
 
     async def file_stored(self, file: FileInfo) -> None:
         """Announce a file that was stored in the onboard folder."""
-        await self._tell("FileManagement", "fileStored", file)
+        await self._submit_operation("FileManagement", "fileStored", file)
 
     async def send_notification(self, notification: Notification) -> None:
         """Send an event for the rover to report."""
-        await self._tell("Notification", "sendNotification", notification)
+        await self._submit_operation("Notification", "sendNotification", notification)
 
     async def publish_parameters(self, values: tuple[ParameterValue, ...]) -> None:
         """Send parameter values for the rover to broadcast."""
-        await self._tell("Monitoring", "publishParameters", values)
+        await self._submit_operation("Monitoring", "publishParameters", values)
 
-    async def _give_signs(self) -> None:
+    async def _send_heartbeats(self) -> None:
         with suppress(ConnectionError):
             while True:
-                await asyncio.sleep(SIGN_S)
+                await asyncio.sleep(HEARTBEAT_S)
                 with suppress(MalError):  # an error answer proves the contact, too
                     await self._give_sign()
                     await self._feed.catch_up(await self._session.consumer())
@@ -346,15 +354,15 @@ class MrsClient(Queries):
         except NotServedError:  # at an orbiter; the query was not sent
             await self.get_last_notification()
 
-    async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
+    async def _send_authority_request(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)
 
-    async def _tell(self, service: str, operation: str, *parts: object) -> None:
+    async def _submit_operation(self, service: str, operation: str, *parts: object) -> None:
         consumer = await self._session.consumer()
         try:
             await consumer.submit(service, operation, *parts)
         except MalError as error:
-            if error.number not in LOST:
+            if error.number not in LINK_LOST_ERRORS:
                 raise
             await self._session.drop(consumer)
             raise ConnectionError("the link was lost before the rover answered") from error
@@ -367,14 +375,14 @@ class MrsClient(Queries):
     async def _restore(self, consumer: RoverConsumer) -> None:
         with suppress(NotServedError):  # the other services remain usable
             await self._feed.restore(consumer)
-        await self._file_news.subscribe(consumer)
+        await self._file_events.subscribe(consumer)
         await self._restore_plans(consumer)
         await self._telemetry.subscribe(consumer)
         with suppress(NotServedError):
             await self._trees.subscribe(consumer)
 
     async def _restore_plans(self, consumer: RoverConsumer) -> None:
-        if not self._plans.wanted:
+        if not self._plans.has_subscribers:
             return
         await self._plans.subscribe(consumer)
         (plans,) = await consumer.request("Plan", "getPlanStatus", ())
@@ -388,7 +396,7 @@ class MrsClient(Queries):
 
     def _deliver(self, notification: Notification) -> None:
         for watch in self._watches:
-            watch.take(notification)
+            watch.on_notification(notification)
         self._notifications.put(notification)
 
     def _on_new_ledger(self) -> None:
@@ -399,11 +407,11 @@ class MrsClient(Queries):
         for watch in self._watches:
             watch.fail(fault)
 
-    def _give_up(self, fault: ConnectionError) -> None:
+    def _on_reconnect_failed(self, fault: ConnectionError) -> None:
         self._end(fault, fault)
 
     def _end(self, of_streams: Exception | None, of_commands: Exception) -> None:
-        every = (self._file_news, self._plans, self._notifications, self._telemetry, self._trees)
+        every = (self._file_events, self._plans, self._notifications, self._telemetry, self._trees)
         for streams in every:
             streams.close(of_streams)
         for watch in self._watches:

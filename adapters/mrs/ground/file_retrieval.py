@@ -8,18 +8,18 @@ from typing import BinaryIO, Final
 from zlib import crc32
 
 from adapters.mal import MalError, StandardError
-from adapters.mrs.ground.queries import LOST
+from adapters.mrs.ground.queries import LINK_LOST_ERRORS
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import FileEventType, FileInfo
 
 READ_OCTETS: Final = 1 << 20
-TRIES: Final = 5
+MAX_ATTEMPTS: Final = 5
 """Maximum successive attempts without a received octet; chosen, not measured."""
-SILENT: Final = {
+RETRYABLE_ERRORS: Final = {
     StandardError.DELIVERY_TIMEDOUT.value,
     StandardError.TRANSACTION_TIMEOUT.value,
-    *LOST,
+    *LINK_LOST_ERRORS,
 }
 """Errors of a lost or stalled transfer, after which it is retried."""
 
@@ -91,7 +91,7 @@ class FileRetrieval:
                     break
                 except MalError as error:
                     idle = 0 if part.tell() > before else idle + 1
-                    if error.number not in SILENT or idle > TRIES:
+                    if error.number not in RETRYABLE_ERRORS or idle > MAX_ATTEMPTS:
                         raise
                     await self._session.drop(consumer)
         await asyncio.to_thread(self._check)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
 from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
-from adapters.mrs.ground.queries import LOST
+from adapters.mrs.ground.queries import LINK_LOST_ERRORS
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.spec import Notification, cursor_of, given_up
+from adapters.mrs.spec import Notification, cursor_of, lost_command
 
 T = TypeVar("T")
 
@@ -52,7 +52,7 @@ class Streams(Generic[T]):
         self._streams: list[Stream[T]] = []
 
     @property
-    def wanted(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether any stream is open."""
         return any(not stream.closed for stream in self._streams)
 
@@ -90,7 +90,7 @@ class Updates(Streams[T]):
 
     async def subscribe(self, consumer: RoverConsumer) -> None:
         """Subscribe over a connection, if a stream is open; raises as `RoverConsumer` does."""
-        if self.wanted:
+        if self.has_subscribers:
             subscription = Subscription(subscriptionId=SUBSCRIPTION)
             await consumer.subscribe(*self._address, subscription, self._on_update)
 
@@ -151,14 +151,16 @@ class NotificationStream:
             missed = await self._missed(consumer)
             self.behind = False
         except MalError as error:  # without its record the rover still accepts a stop
-            if error.number in LOST:
+            if error.number in LINK_LOST_ERRORS:
                 raise
             self.behind = error.number == StandardError.INTERNAL.value
         finally:
             if self._held is held:
                 self._held = None
         known = {notification.cursor for notification in missed}
-        missed.sort(key=lambda each: given_up(each) is not None)  # its end may be recorded later
+        missed.sort(
+            key=lambda each: lost_command(each) is not None
+        )  # its end may be recorded later
         for notification in (*missed, *(n for n in held if n.cursor not in known)):
             self._pass_on(notification)
 

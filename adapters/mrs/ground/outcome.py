@@ -8,7 +8,7 @@ from math import inf, isinf
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs.spec import Notification, ParameterValue, Stage, given_up
+from adapters.mrs.spec import Notification, ParameterValue, Stage, lost_command
 from executive.commands import Command
 from executive.values.reports import TERMINAL
 
@@ -22,14 +22,14 @@ class CommandOutcome:
     Attributes:
         life: its notifications, in the order of reception.
         refusal: the error answer, if it was not accepted.
-        given_up: the relay's notification of its loss: whether the rover received it is unknown.
+        loss: the relay's notification of its loss: whether the rover received it is unknown.
         prediction: the rover's motion prediction; None without one.
     """
 
     command: Command
-    life: tuple[Notification, ...]
+    notifications: tuple[Notification, ...]
     refusal: MalError | None = None
-    given_up: Notification | None = None
+    loss: Notification | None = None
     prediction: Notification | None = None
 
     @property
@@ -40,7 +40,7 @@ class CommandOutcome:
     @property
     def stage(self) -> Stage | None:
         """The last known stage, or None."""
-        return self.life[-1].stage if self.life else None
+        return self.notifications[-1].stage if self.notifications else None
 
 
 class CommandWatch:
@@ -49,7 +49,7 @@ class CommandWatch:
     Attributes:
         command, command_id: the command and its number.
         life: the received notifications.
-        given_up: the relay's notification of its loss, or None.
+        loss: the relay's notification of its loss, or None.
         prediction: the rover's motion prediction, or None.
         ended: completes at the last expected notification.
     """
@@ -59,41 +59,41 @@ class CommandWatch:
         self.command = command
         self._identity = command.identity
         self._on_notification = on_notification
-        self.life: list[Notification] = []
-        self.given_up: Notification | None = None
+        self.notifications: list[Notification] = []
+        self.loss: Notification | None = None
         self.prediction: Notification | None = None
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     @property
-    def has_news(self) -> bool:
+    def has_notifications(self) -> bool:
         """Whether a notification was received, or the watch has ended."""
-        return bool(self.life) or self.ended.done()
+        return bool(self.notifications) or self.ended.done()
 
     def outcome(self, refusal: MalError | None = None) -> CommandOutcome:
         """Return the outcome from the received notifications and the error answer, if any."""
         return CommandOutcome(
-            self.command, tuple(self.life), refusal, self.given_up, self.prediction
+            self.command, tuple(self.notifications), refusal, self.loss, self.prediction
         )
 
-    def take(self, notification: Notification) -> None:
+    def on_notification(self, notification: Notification) -> None:
         """Process a notification of this command; an exception of the callback ends the watch."""
         if self.ended.done():
             return
-        if given_up(notification) == self._identity:
-            self.given_up = notification
-        elif not self._is_news(notification):
+        if lost_command(notification) == self._identity:
+            self.loss = notification
+        elif not self._is_new(notification):
             return
         elif notification.stage is None:
             self.prediction = notification
         else:
-            self.life.append(notification)
+            self.notifications.append(notification)
         try:
             self._on_notification(notification)
         except Exception as fault:
             self.fail(fault)
         if self.ended.done():
             return
-        if self.given_up is not None or notification.stage in TERMINAL:
+        if self.loss is not None or notification.stage in TERMINAL:
             self.ended.set_result(None)
 
     def fail(self, fault: Exception) -> None:
@@ -102,9 +102,9 @@ class CommandWatch:
             self.ended.set_exception(fault)
             self.ended.exception()  # marks it as retrieved; waiting tasks still receive it
 
-    def _is_news(self, notification: Notification) -> bool:
+    def _is_new(self, notification: Notification) -> bool:
         own = (self._identity.source, self._identity.command_id)
-        received = (*self.life, *([] if self.prediction is None else [self.prediction]))
+        received = (*self.notifications, *([] if self.prediction is None else [self.prediction]))
         return (notification.source, notification.commandId) == own and all(
             known.sequence != notification.sequence for known in received
         )
@@ -114,13 +114,15 @@ DTN_QUEUED: Final = "DTN_QUEUED"
 DTN_OLDEST: Final = "DTN_OLDEST"
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 """Parameter of every relay: time until the next contact in s, 0 during one."""
-LAST_HEARD: Final = "DTN_LAST_HEARD"
+LAST_RECEIVED: Final = "DTN_LAST_HEARD"
 """Parameter: time since the last contact with the rover, in s."""
 OVERRIDE: Final = "DTN_OVERRIDE"
 """Parameter: operator's override of the contact: 1 up, -1 down, 0 as planned."""
 
 
-async def where_stored(get_value: Callable[..., Awaitable[Sequence[ParameterValue]]]) -> str | None:
+async def describe_storage(
+    get_value: Callable[..., Awaitable[Sequence[ParameterValue]]],
+) -> str | None:
     """Return the storage of an accepted command without report; None without a relay.
 
     Args:
@@ -130,7 +132,7 @@ async def where_stored(get_value: Callable[..., Awaitable[Sequence[ParameterValu
         ConnectionError: the link does not recover.
     """
     try:
-        values = await get_value(NEXT_CONTACT, LAST_HEARD, OVERRIDE)
+        values = await get_value(NEXT_CONTACT, LAST_RECEIVED, OVERRIDE)
     except MalError:
         return None
     left, age, override = (None if each.value is None else each.value.value for each in values)

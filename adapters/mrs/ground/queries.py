@@ -20,9 +20,9 @@ from adapters.mrs.spec import (
     Preview,
     ServiceDescriptor,
     Speeds,
-    asked_motion,
     cursor_of,
     history_of,
+    preview_request,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
@@ -30,16 +30,16 @@ from executive.history import RunHistory
 
 T = TypeVar("T")
 
-LOST: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
+LINK_LOST_ERRORS: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
 """Errors of an interaction if the link or the rover is lost before the answer."""
 
-LONGEST_NUMBER: Final = (1 << 63) - 1
+MAX_COMMAND_ID: Final = (1 << 63) - 1
 
 
 def _is_number(text: str) -> bool:
     """Whether a text is a command number that fits the wire type."""
     digits = text.removeprefix("-")
-    return digits.isascii() and digits.isdigit() and int(digits) <= LONGEST_NUMBER
+    return digits.isascii() and digits.isdigit() and int(digits) <= MAX_COMMAND_ID
 
 
 class Queries:
@@ -71,7 +71,7 @@ class Queries:
 
     async def get_last_notification(self) -> Notification | None:
         """Return the last recorded notification, or None."""
-        last: Notification | None = await self._ask("Notification", "getLastNotification")
+        last: Notification | None = await self._query("Notification", "getLastNotification")
         return last
 
     async def get_history(
@@ -110,7 +110,7 @@ class Queries:
 
     async def preview(self, motion: Motion) -> Preview:
         """Return the prediction of a motion command, without sending it."""
-        wanted = asked_motion(motion)
+        wanted = preview_request(motion)
         parts = (wanted.operation, wanted.waypoints, wanted.figures, wanted.controller)
         return await self._one(Preview, "MotionControl", "preview", *parts)
 
@@ -181,22 +181,22 @@ class Queries:
         return await self._one(ServiceDescriptor, "ServiceLayer", "getService", name)
 
     async def _one(self, _: type[T], service: str, operation: str, *arguments: Any) -> T:
-        answer: T = await self._ask(service, operation, *arguments)
+        answer: T = await self._query(service, operation, *arguments)
         return answer
 
     async def _list(
         self, _: type[T], service: str, operation: str, *arguments: Any
     ) -> tuple[T, ...]:
-        answer: tuple[T, ...] = await self._ask(service, operation, *arguments)
+        answer: tuple[T, ...] = await self._query(service, operation, *arguments)
         return answer
 
-    async def _ask(self, service: str, operation: str, *arguments: Any) -> Any:
+    async def _query(self, service: str, operation: str, *arguments: Any) -> Any:
         while True:
             consumer = await self._session.consumer()
             try:
                 (answer,) = await consumer.request(service, operation, *arguments)
                 return answer
             except MalError as error:
-                if error.number not in LOST:
+                if error.number not in LINK_LOST_ERRORS:
                     raise
                 await self._session.drop(consumer)

@@ -19,7 +19,7 @@ from adapters.mal import (
     TypedAttribute,
 )
 from adapters.mrs.spec import AreaError, ServiceDescriptor, find_service, mrs_specification
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 DIRECTORY: Final = "ServiceLayer"
@@ -52,7 +52,9 @@ class ServiceLocations:
     listed: dict[str, tuple[int, ...]] = field(default_factory=dict, compare=False)
 
 
-def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> ServiceLocations:
+def service_locations(
+    found: Iterable[ServiceDescriptor], requested_uri: MalUri
+) -> ServiceLocations:
     """Return the addresses of services from the entries of a directory.
 
     The directory's own URI is replaced by the queried one, since the client may use a tunnel or
@@ -61,11 +63,11 @@ def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> Serv
 
     Args:
         found: entries of the directory.
-        asked: URI at which the directory was queried.
+        requested_uri: URI at which the directory was queried.
     """
     listed = {each.name: each for each in reversed(tuple(found)) if _is_ours(each)}
     itself = listed.get(DIRECTORY)
-    here = {str(asked)} if itself is None else {str(asked), itself.providerURI}
+    here = {str(requested_uri)} if itself is None else {str(requested_uri), itself.providerURI}
     brokers_here = {_broker(uri) for uri in here}
     locations = ServiceLocations(listed={name: each.operations for name, each in listed.items()})
     for name, each in listed.items():
@@ -153,7 +155,7 @@ class RoverConsumer:
         self._directory = directory
         self._uri: MalUri | None = None
         self._dialer = dialer
-        self._places = ServiceLocations()
+        self._locations = ServiceLocations()
         self._opened: dict[ServiceLocation, Consumer] = {}
         self._opening = asyncio.Lock()
         self._lost = asyncio.Event()
@@ -162,7 +164,7 @@ class RoverConsumer:
     async def discover(self, uri: MalUri) -> None:
         """Query the directory, connected at this URI; raises as `request` does."""
         (found,) = await self._directory.request(DIRECTORY, "getServices")
-        self._uri, self._places = uri, service_locations(found, uri)
+        self._uri, self._locations = uri, service_locations(found, uri)
 
     def require(self, service: str, operation: str) -> None:
         """Check that the directory lists an operation; a directory without entries passes.
@@ -170,7 +172,7 @@ class RoverConsumer:
         Raises:
             NotServedError: the operation is not listed.
         """
-        listed = self._places.listed
+        listed = self._locations.listed
         if service not in listed and listed and service != DIRECTORY:
             raise NotServedError(f"{self._uri} does not serve {service}")
         number = mrs_specification().operation(service, operation).number
@@ -202,7 +204,7 @@ class RoverConsumer:
     ) -> None:
         """Register a subscription with the service's broker."""
         self.require(service, operation)
-        location = self._places.brokers.get(service)
+        location = self._locations.brokers.get(service)
         broker = self._directory if location is None else await self._at(location, service)
         await broker.subscribe(service, operation, subscription, on_update)
 
@@ -220,20 +222,20 @@ class RoverConsumer:
 
     async def _provider(self, service: str, operation: str) -> Consumer:
         self.require(service, operation)
-        location = self._places.providers.get(service)
+        location = self._locations.providers.get(service)
         return self._directory if location is None else await self._at(location, service)
 
-    async def _at(self, place: ServiceLocation, service: str) -> Consumer:
+    async def _at(self, location: ServiceLocation, service: str) -> Consumer:
         async with self._opening:
-            if place not in self._opened:
+            if location not in self._opened:
                 try:
-                    opened = await self._dialer.connect(place.uri, is_broker=place.is_broker)
+                    opened = await self._dialer.connect(location.uri, is_broker=location.is_broker)
                 except (MalError, ValueError) as error:
-                    text = f"{service}, listed at {place.uri}, is not reachable: {error}"
+                    text = f"{service}, listed at {location.uri}, is not reachable: {error}"
                     raise ConnectionError(text) from error
-                self._opened[place] = opened
+                self._opened[location] = opened
                 self._watches.append(asyncio.create_task(self._watch(opened)))
-            return self._opened[place]
+            return self._opened[location]
 
     async def _watch(self, consumer: Consumer) -> None:
         await consumer.lost()

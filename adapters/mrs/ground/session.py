@@ -10,12 +10,12 @@ from urllib.parse import urlsplit
 from adapters.mal import SCHEME, MalError, MalUri, StandardError
 from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer
 from adapters.mrs.spec import NAME, PORT, describe_error
-from adapters.mrs.terms import TransportMismatchError, TransportSettings
+from adapters.mrs.transport import TransportMismatchError, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
 
-PAUSE_S: Final = 0.2
+RECONNECT_S: Final = 0.2
 """Period of reconnection attempts; chosen, not measured."""
 
 
@@ -47,7 +47,7 @@ class RoverSession:
         name: the last part of the consumer's own URI.
         terms: encoding and certificates, the same as the rover's.
         restore: called with every new consumer before its first use.
-        give_up: called once, if reconnection failed.
+        abort: called once, if reconnection failed.
         timeout_s: timeout of a connection attempt and of each reply.
         patience_s: maximum time of reconnection attempts after a loss; 0 for none.
         system: clock of messages.
@@ -59,7 +59,7 @@ class RoverSession:
         name: str,
         terms: TransportSettings,
         restore: Callable[[RoverConsumer], Awaitable[None]] | None,
-        give_up: Callable[[ConnectionError], None] | None,
+        on_failure: Callable[[ConnectionError], None] | None,
         timeout_s: float,
         patience_s: float,
         system: System = OPERATING_SYSTEM,
@@ -70,7 +70,7 @@ class RoverSession:
         self._timeout_s = timeout_s
         self._dialer = Dialer(name, terms, timeout_s, system)
         self._restore = restore
-        self._give_up = give_up
+        self._on_failure = on_failure
         self._patience_s = patience_s
         self._consumer: RoverConsumer | None = None
         self._settled = asyncio.Event()
@@ -91,8 +91,8 @@ class RoverSession:
         Raises:
             ConnectionError: no rover answers there.
         """
-        consumer = await (self._connect_again() if patiently else self._connect())
-        self._keeper = asyncio.create_task(self._keep(consumer))
+        consumer = await (self._reconnect() if patiently else self._connect())
+        self._keeper = asyncio.create_task(self._reconnect_loop(consumer))
 
     async def consumer(self) -> RoverConsumer:
         """Return the consumer, once it is connected.
@@ -123,7 +123,7 @@ class RoverSession:
             if consumer is not None:
                 await consumer.close()
 
-    async def _keep(self, consumer: RoverConsumer) -> None:
+    async def _reconnect_loop(self, consumer: RoverConsumer) -> None:
         while True:
             await consumer.lost()
             self._settled.clear()
@@ -132,16 +132,16 @@ class RoverSession:
             try:
                 if self._patience_s <= 0.0:
                     raise ConnectionError(f"the connection with {self.uri} was lost")
-                consumer = await self._connect_again()
+                consumer = await self._reconnect()
             except ConnectionError as fault:
                 self._consumer, self._fault = None, fault
                 self._settled.set()
-                if self._give_up is not None:
-                    self._give_up(fault)
+                if self._on_failure is not None:
+                    self._on_failure(fault)
                 return
             _LOG.warning("connection with %s recovered", self.uri)
 
-    async def _connect_again(self) -> RoverConsumer:
+    async def _reconnect(self) -> RoverConsumer:
         loop = asyncio.get_running_loop()
         end_s = loop.time() + self._patience_s
         while True:
@@ -150,7 +150,7 @@ class RoverSession:
             except ConnectionError:
                 if loop.time() >= end_s:
                     raise
-                await asyncio.sleep(PAUSE_S)
+                await asyncio.sleep(RECONNECT_S)
 
     async def _connect(self) -> RoverConsumer:
         try:

@@ -10,7 +10,7 @@ from executive.values.reports import Identity, printable
 
 T = TypeVar("T")
 
-MOST_AT_ONCE: Final = 1000
+MAX_ITEMS: Final = 1000
 """Maximum items of one request or message: answering more would delay a stop by seconds."""
 
 
@@ -33,12 +33,12 @@ class AreaError(Enum):
     BUSY = 6
 
 
-def invalid(*arguments: int) -> MalError:
+def invalid_error(*arguments: int) -> MalError:
     """Return the error for bad arguments, given their indexes among the parts of the message."""
     return MalError(AreaError.INVALID.value, TypedList(AttributeType.UINTEGER, arguments))
 
 
-def duplicate(identity: Identity) -> MalError:
+def duplicate_error(identity: Identity) -> MalError:
     """Return the error for a commandId that its source has already used."""
     return MalError(
         AreaError.DUPLICATE.value, TypedAttribute(AttributeType.LONG, identity.command_id)
@@ -50,7 +50,7 @@ def with_text(error: AreaError | StandardError, text: str) -> MalError:
     return MalError(error.value, text)
 
 
-def look_up(known: Mapping[str, T], name: str) -> T:
+def find_or_raise(known: Mapping[str, T], name: str) -> T:
     """Return the entry of a name; raises NotFound."""
     try:
         return known[name]
@@ -58,19 +58,19 @@ def look_up(known: Mapping[str, T], name: str) -> T:
         raise with_text(AreaError.NOT_FOUND, name) from None
 
 
-def require_few(asked: Sized) -> None:
-    """Raise TOO_MANY if one message has more than `MOST_AT_ONCE` items."""
-    if len(asked) > MOST_AT_ONCE:
-        raise with_text(StandardError.TOO_MANY, f"{len(asked)} items, at most {MOST_AT_ONCE}")
+def require_at_most(requested: Sized) -> None:
+    """Raise TOO_MANY if one message has more than `MAX_ITEMS` items."""
+    if len(requested) > MAX_ITEMS:
+        raise with_text(StandardError.TOO_MANY, f"{len(requested)} items, at most {MAX_ITEMS}")
 
 
-def refused(refusal: Refusal, identity: Identity) -> MalError:
+def refusal_error(refusal: Refusal, identity: Identity) -> MalError:
     """Return the error for a refusal, chosen by the hundreds of its reason number."""
     if refusal.reason is Reason.DUPLICATE:
-        return duplicate(identity)
+        return duplicate_error(identity)
     match refusal.reason.value // 100:
         case 1:
-            return invalid(*([] if refusal.argument is None else [refusal.argument]))
+            return invalid_error(*([] if refusal.argument is None else [refusal.argument]))
         case 4:
             return with_text(AreaError.NOT_SUPPORTED, refusal.text)
         case 5:

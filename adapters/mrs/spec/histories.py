@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from adapters.mrs.spec import types
 from adapters.mrs.spec.core_values import REASONS, identity_of, report_of, utc_s_of
-from adapters.mrs.spec.mapping import LONGEST_TEXT, notification_of, to_ns
+from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH, notification_of, to_ns
 from executive.commands import Mode, PreemptionPolicy
 from executive.history import (
     LeafRun,
@@ -24,14 +24,14 @@ def wire_history(history: RunHistory) -> types.History:
     return types.History(
         until=to_ns(history.until_utc_s),
         reports=tuple(map(_wire_report, history.reports)),
-        asked=tuple(map(_wire_asked, history.received)),
+        asked=tuple(map(_wire_received_command, history.received)),
         declined=tuple(
             types.DeclinedCommand(
                 source=each.identity.source,
                 commandId=each.identity.command_id,
                 timestamp=to_ns(each.utc_s),
                 code=each.refusal.reason.value,
-                text=each.refusal.text[:LONGEST_TEXT],
+                text=each.refusal.text[:MAX_TEXT_LENGTH],
                 figures=_wire_figures(each.refusal.figures),
             )
             for each in history.declined
@@ -42,7 +42,7 @@ def wire_history(history: RunHistory) -> types.History:
                 mode=types.AssetMode(each.mode.value),
                 activeSource=each.active.source if each.active else None,
                 activeCommandId=each.active.command_id if each.active else None,
-                why=each.why[:LONGEST_TEXT],
+                why=each.why[:MAX_TEXT_LENGTH],
             )
             for each in history.situations
         ),
@@ -133,7 +133,7 @@ def _report_of(past: types.PastReport) -> Report:
     )
 
 
-def _wire_asked(received: ReceivedCommand) -> types.AskedCommand:
+def _wire_received_command(received: ReceivedCommand) -> types.AskedCommand:
     created_s = received.created_utc_s
     return types.AskedCommand(
         source=received.identity.source,
@@ -148,17 +148,17 @@ def _wire_asked(received: ReceivedCommand) -> types.AskedCommand:
     )
 
 
-def _received_of(asked: types.AskedCommand) -> ReceivedCommand:
-    created_ns = asked.creationTime
+def _received_of(received: types.AskedCommand) -> ReceivedCommand:
+    created_ns = received.creationTime
     return ReceivedCommand(
-        Identity(asked.source, asked.commandId),
-        asked.text,
-        asked.name,
-        asked.link,
-        utc_s_of(asked.timestamp),
-        PreemptionPolicy.REPLACE if asked.replaces else PreemptionPolicy.APPEND,
+        Identity(received.source, received.commandId),
+        received.text,
+        received.name,
+        received.link,
+        utc_s_of(received.timestamp),
+        PreemptionPolicy.REPLACE if received.replaces else PreemptionPolicy.APPEND,
         None if created_ns is None else utc_s_of(created_ns),
-        asked.lifetime,
+        received.lifetime,
     )
 
 

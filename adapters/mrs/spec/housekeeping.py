@@ -15,7 +15,7 @@ from executive.state import PROMISED_M, PROMISED_RAD, Uncertainty
 from executive.values.reasons import Figure
 from executive.values.reports import Report, ReportKind
 
-LEAST_FREE_OCTETS: Final = 100_000_000
+MIN_FREE_OCTETS: Final = 100_000_000
 """Minimum free octets of a disk, below it an alarm; chosen, not measured."""
 
 
@@ -51,7 +51,7 @@ def _of_process(prefix: str, component: str) -> tuple[HousekeepingParameter, ...
         HousekeepingParameter(f"{prefix}_MEMORY", f"Memory of {component}", "B"),
         HousekeepingParameter(f"{prefix}_CPU", f"Share of a processor core used by {component}"),
         HousekeepingParameter(
-            f"{prefix}_DISK_FREE", f"Free space on the disk of {component}", "B", LEAST_FREE_OCTETS
+            f"{prefix}_DISK_FREE", f"Free space on the disk of {component}", "B", MIN_FREE_OCTETS
         ),
         HousekeepingParameter(f"{prefix}_UPTIME", f"Time since the start of {component}", "s"),
     )

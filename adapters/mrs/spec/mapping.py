@@ -20,7 +20,7 @@ from adapters.mal import (
     TypedAttribute,
 )
 from adapters.mrs.spec import types
-from adapters.mrs.spec.errors import AreaError, invalid, with_text
+from adapters.mrs.spec.errors import AreaError, invalid_error, with_text
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import (
     CommandHeader,
@@ -39,8 +39,8 @@ from executive.commands import (
     PreemptionPolicy,
     Request,
     Stop,
+    all_declarations,
     arguments_of,
-    declared,
 )
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure
@@ -48,13 +48,13 @@ from executive.values.reports import Identity, PlanUpdate, Report, ReportKind
 
 FRAME: Final = "odom"
 
-LONGEST_SOURCE: Final = 256
+MAX_SOURCE_LENGTH: Final = 256
 """Maximum characters of a source: every notification of its commands repeats it."""
-LONGEST_NAME: Final = 64
-LONGEST_TEXT: Final = 4096
-MOST_FIGURES: Final = 32
+MAX_NAME_LENGTH: Final = 64
+MAX_TEXT_LENGTH: Final = 4096
+MAX_FIGURES: Final = 32
 """Maximum figures of a client's notification, so that getNotifications can return 1000 at once."""
-LONGEST_FIGURE: Final = 256
+MAX_FIGURE_LENGTH: Final = 256
 """Maximum characters or octets of a figure that is no number."""
 
 NUMBER_TYPES: Final = {
@@ -143,7 +143,7 @@ def figures(asset: AssetView) -> Mapping[Parameter, float]:
     }
 
 
-MOST_ARGUMENTS: Final = 256
+MAX_ARGUMENTS: Final = 256
 
 _TEXTS: Final = {AttributeType.STRING, AttributeType.IDENTIFIER, AttributeType.URI}
 
@@ -155,8 +155,8 @@ def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
         MalError: Invalid, an argument is neither text nor number, or there are too many.
     """
     arguments = wire.arguments or ()
-    if len(arguments) > MOST_ARGUMENTS:
-        raise invalid(1)
+    if len(arguments) > MAX_ARGUMENTS:
+        raise invalid_error(1)
     return PlanDefinition(
         wire.planId, wire.name, wire.format, wire.content, tuple(map(_argument, arguments))
     )
@@ -196,7 +196,7 @@ def _argument(given: NamedValue) -> PlanArgument:
         return PlanArgument(given.name, value.value)
     if value is not None and value.type in NUMBER_TYPES:
         return PlanArgument(given.name, repr(value.value))
-    raise invalid(1)
+    raise invalid_error(1)
 
 
 _SOURCE: Final = "source"
@@ -247,7 +247,7 @@ def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
     )
 
 
-def given_up(notification: Notification) -> Identity | None:
+def lost_command(notification: Notification) -> Identity | None:
     """Return the command that a relay reports as lost; None for any other notification.
 
     This is no stage of its life cycle, which the rover reports: it may not have reached the rover.
@@ -255,7 +255,7 @@ def given_up(notification: Notification) -> Identity | None:
     return _command_of_link(notification, Severity.ALARM)
 
 
-def forwarded(notification: Notification) -> Identity | None:
+def forwarded_command(notification: Notification) -> Identity | None:
     """Return the command that a relay reports as forwarded; None for any other notification."""
     return _command_of_link(notification, Severity.INFORMATIONAL)
 
@@ -300,7 +300,7 @@ def notification_keys(asset: str, notification: Notification) -> tuple[Any, ...]
 
 def is_valid_name(name: str) -> bool:
     """Whether a name is valid for assets, parameters and services: short, printable, no spaces."""
-    return 0 < len(name) <= LONGEST_NAME and name.isprintable() and " " not in name
+    return 0 < len(name) <= MAX_NAME_LENGTH and name.isprintable() and " " not in name
 
 
 def is_valid_value(value: types.ParameterValue) -> bool:
@@ -316,12 +316,12 @@ def is_valid_notification(notification: Notification) -> bool:
     """Whether a notification is within the size limits of an executive's own."""
     figures = notification.parameters or ()
     return (
-        len(notification.text or "") <= LONGEST_TEXT
-        and len(notification.source or "") <= LONGEST_SOURCE
-        and len(figures) <= MOST_FIGURES
+        len(notification.text or "") <= MAX_TEXT_LENGTH
+        and len(notification.source or "") <= MAX_SOURCE_LENGTH
+        and len(figures) <= MAX_FIGURES
         and all(
-            len(figure.name) <= LONGEST_SOURCE
-            and (figure.value is None or _size(figure.value.value) <= LONGEST_FIGURE)
+            len(figure.name) <= MAX_SOURCE_LENGTH
+            and (figure.value is None or _size(figure.value.value) <= MAX_FIGURE_LENGTH)
             for figure in figures
         )
     )
@@ -430,7 +430,7 @@ def _converter(where: str, argument: Argument, part: Field) -> _Converter:
     if not inner:
         return _BY_HAND.get(argument.kind, _AS_IT_IS)
     one = _composite(where, argument.kind, inner, part)
-    if not argument.many:
+    if not argument.repeated:
         return one
     return _Converter(
         lambda values: tuple(map(one.inward, values)),
@@ -468,7 +468,7 @@ def _require(where: str, arguments: Sequence[Argument], parts: Sequence[Field]) 
         chosen = issubclass(argument.kind, Enum)
         others = {argument.kind.__name__ if chosen else part.type.name}
         fits = part.type.name in _WIRE_TYPES.get(argument.kind, others)
-        alike = (part.nullable, part.type.is_list) == (argument.optional, argument.many)
+        alike = (part.nullable, part.type.is_list) == (argument.optional, argument.repeated)
         if not (fits and alike):
             raise SpecificationError(f"{where}: {part.name} has another type in the request")
 
@@ -478,7 +478,7 @@ def _camel_case(name: str) -> str:
     return first + "".join(map(str.title, others))
 
 
-_CARRIERS: Final = {declaration.kind: carrier_of(declaration) for declaration in declared()}
+_CARRIERS: Final = {declaration.kind: carrier_of(declaration) for declaration in all_declarations()}
 
 REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
     (carrier.declaration.service, carrier.declaration.operation): carrier.request
@@ -509,8 +509,8 @@ def command_of(
     """
     if isinstance(request, Stop):
         supplements = ()
-    elif len(header.source) > LONGEST_SOURCE:
-        raise invalid(0)
+    elif len(header.source) > MAX_SOURCE_LENGTH:
+        raise invalid_error(0)
     created_ns = header.creationTime
     return Command(
         identity=Identity(header.source, header.commandId),

@@ -8,12 +8,14 @@ from adapters.mal import MalError
 from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import AreaError, with_text
 from adapters.mrs.spec.mapping import FRAME, REQUESTS, invocation
-from executive.commands import Family, Motion, Waypoint, declared
+from executive.commands import Family, Motion, Waypoint, all_declarations
 
 if TYPE_CHECKING:
     from executive.preview import Preview
 
-_MOTIONS: Final = {each.operation: each for each in declared() if each.family is Family.MOTION}
+_MOTIONS: Final = {
+    each.operation: each for each in all_declarations() if each.family is Family.MOTION
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,7 @@ class PreviewRequest:
     controller: types.Controller | None = None
 
 
-def asked_motion(motion: Motion) -> PreviewRequest:
+def preview_request(motion: Motion) -> PreviewRequest:
     """Return the preview request of a motion."""
     call = invocation(motion)
     match call.parts:
@@ -38,26 +40,26 @@ def asked_motion(motion: Motion) -> PreviewRequest:
             return PreviewRequest(call.operation, None, figures)
 
 
-def motion_of(asked: PreviewRequest) -> Motion:
+def motion_of(request: PreviewRequest) -> Motion:
     """Return the motion of a preview request.
 
     Raises:
         MalError: Invalid, the motion does not exist, or has other arguments.
     """
-    declaration = _MOTIONS.get(asked.operation)
+    declaration = _MOTIONS.get(request.operation)
     if declaration is None:
-        raise _wrong(f"operation {asked.operation[:64]!r}: one of {', '.join(_MOTIONS)}")
-    waypoints, figures = asked.waypoints or (), asked.figures or ()
+        raise _wrong(f"operation {request.operation[:64]!r}: one of {', '.join(_MOTIONS)}")
+    waypoints, figures = request.waypoints or (), request.figures or ()
     arguments = declaration.arguments
     first = arguments[0]
     parts: tuple[Any, ...] = figures
     if first.kind is Waypoint:
         _require(declaration.operation, "figures", figures, ())
-        if not first.many:
+        if not first.repeated:
             _require(declaration.operation, "waypoints", waypoints, (first.name,))
-        parts = (waypoints if first.many else waypoints[0], asked.controller)
+        parts = (waypoints if first.repeated else waypoints[0], request.controller)
     else:
-        if asked.controller is not None:
+        if request.controller is not None:
             raise _wrong(f"controller: {declaration.operation} has none")
         _require(declaration.operation, "waypoints", waypoints, ())
         names = tuple(argument.name for argument in arguments)

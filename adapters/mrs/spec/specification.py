@@ -6,7 +6,7 @@ from typing import Final
 
 from adapters.mal import Service, ServiceId, Specification, load_specification
 from adapters.mrs.spec import types
-from adapters.mrs.terms import NAME
+from adapters.mrs.transport import NAME
 
 MRS_XML: Final = Path(__file__).with_name("mrs.xml")
 

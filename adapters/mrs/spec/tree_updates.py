@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from adapters.mrs.spec import types
-from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, to_ns
+from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH, NS_PER_S, to_ns
 from executive.values.reports import Identity
 from trees import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
 
@@ -90,7 +90,7 @@ def _update(
         mode=types.AssetMode[snapshot.mode],
         activeSource=None if active is None else active.source,
         activeCommandId=None if active is None else active.command_id,
-        why=snapshot.why[:LONGEST_TEXT],
+        why=snapshot.why[:MAX_TEXT_LENGTH],
         faults=snapshot.faults,
         unmonitored=unmonitored,
         nodes=nodes,
@@ -104,10 +104,10 @@ def _alike(some: Sequence[TreeNodeSnapshot], others: Sequence[TreeNodeSnapshot])
     ]
 
 
-def _nodes(told: Sequence[types.TreeNode]) -> list[TreeNodeSnapshot]:
+def _nodes(received_nodes: Sequence[types.TreeNode]) -> list[TreeNodeSnapshot]:
     paths = _Paths()
     nodes: list[TreeNodeSnapshot] = []
-    for each in told:
+    for each in received_nodes:
         paths.next(each.name, each.depth, each.path)
         path = paths.last
         kind, status = NodeKind[each.kind.name], NodeStatus[each.status.name]

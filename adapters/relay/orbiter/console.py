@@ -10,11 +10,17 @@ from typing import Final
 from adapters.mal import TypedAttribute
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error, forwarded
+from adapters.mrs.spec import (
+    DEFINED,
+    Notification,
+    ParameterValue,
+    describe_error,
+    forwarded_command,
+)
 from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
 
-NOT_GIVEN: Final = "-"
+MISSING_VALUE: Final = "-"
 
 
 class Console:
@@ -30,12 +36,12 @@ class Console:
     """
 
     def __init__(
-        self, client: MrsClient, dictionary: Dictionary, say: Callable[[str], None]
+        self, client: MrsClient, dictionary: Dictionary, print_line: Callable[[str], None]
     ) -> None:
         self.well = True
         self._client = client
         self._dictionary = dictionary
-        self._say = say
+        self._print = print_line
         self._gathered: dict[str, dict[str, ParameterValue]] = {
             "TELEMETRY": {},
             "DTN": {},
@@ -71,17 +77,17 @@ class Console:
                 return
             if arguments == ["help"]:
                 for one in help_lines(self._dictionary):
-                    self._say(one)
+                    self._print(one)
             elif arguments == ["status"]:
                 for value in await self._client.get_value():
                     self._gather(value)
             else:
                 command = self._client.command(self._request(arguments[0], arguments[1:]))
-                self._say(line(time.time(), "SENT", str(command.identity), *arguments))
+                self._print(line(time.time(), "SENT", str(command.identity), *arguments))
                 running.add(asyncio.create_task(self._run(command)))
         except ValueError as fault:  # by shlex, or a MopsError
             self.well = False
-            self._say(line(time.time(), "REFUSED", f"{text.strip()!r}: {fault}"))
+            self._print(line(time.time(), "REFUSED", f"{text.strip()!r}: {fault}"))
 
     def _request(self, name: str, values: list[str]) -> Request:
         if name.upper() == CONTACT:
@@ -89,22 +95,22 @@ class Console:
         entry = self._dictionary.commands.get(name)
         if entry is None:
             raise MopsError(f"unknown command {name}: help lists the commands")
-        given = tuple("" if value == NOT_GIVEN else encoded(value) for value in values)
+        given = tuple("" if value == MISSING_VALUE else encoded(value) for value in values)
         return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
 
     async def _run(self, command: Command) -> None:
         def on_stored(where: str) -> None:
-            self._say(line(time.time(), "STORED", str(command.identity), where))
+            self._print(line(time.time(), "STORED", str(command.identity), where))
 
         outcome = await self._client.run(command, on_stored=on_stored)
         self.well = self.well and outcome.executed
         if outcome.refusal is not None:
             why = describe_error(outcome.refusal)
-            self._say(line(time.time(), "REFUSED", str(command.identity), why))
+            self._print(line(time.time(), "REFUSED", str(command.identity), why))
 
     async def _notifications(self) -> None:
         async for notification in self._client.notifications():
-            self._say(notification_line(notification))
+            self._print(notification_line(notification))
 
     async def _telemetry(self) -> None:
         async for value in await self._client.telemetry():
@@ -117,7 +123,7 @@ class Console:
         if kind != "HEALTH" or value.value is not None:
             gathered[value.name] = value
         if value.name in _LAST:
-            self._say(values_line(kind, tuple(gathered.values())))
+            self._print(values_line(kind, tuple(gathered.values())))
             gathered.clear()
 
 
@@ -135,18 +141,18 @@ _LAST: Final = frozenset(each[-1].name for each in (DEFINED, LINK_PARAMETERS, OR
 _WIDTH = 9
 
 
-def line(utc_s: float, kind: str, *said: str) -> str:
+def line(utc_s: float, kind: str, *parts: str) -> str:
     """Return a line: time in UTC, one word, the rest; unprintable characters become `?`."""
     time = datetime.fromtimestamp(utc_s, UTC)
     head = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}Z {kind:<{_WIDTH}}"
-    whole = " ".join((head, *filter(None, said))).rstrip()
+    whole = " ".join((head, *filter(None, parts))).rstrip()
     return "".join(each if each.isprintable() else "?" for each in whole)
 
 
 def notification_line(notification: Notification) -> str:
     """Return the line of a notification; its type is the command's stage, or FORWARDED."""
     utc_s, text = notification.timestamp / 1e9, notification.text or ""
-    if (left := forwarded(notification)) is not None:
+    if (left := forwarded_command(notification)) is not None:
         return line(utc_s, "FORWARDED", str(left))
     if notification.stage is None:
         severity = notification.severity.name

@@ -63,9 +63,9 @@ class Loss(Enum):
 
     EXPIRED = "may not have reached the rover: its lifetime ended at the orbiter"
     DELETED = "may not have reached the rover: a node on the path deleted it"
-    GIVEN_UP = "may not have reached the rover: it was abandoned at the orbiter"
-    UNHEARD = "may not have reached the rover: no report within its lifetime"
-    FORGOTTEN = "may never be reported on again: the rover restarted with a new ledger"
+    ABANDONED = "may not have reached the rover: it was abandoned at the orbiter"
+    UNREPORTED = "may not have reached the rover: no report within its lifetime"
+    LEDGER_REPLACED = "may never be reported on again: the rover restarted with a new ledger"
 
     def report(self, identity: Identity, utc_s: float) -> Report:
         """Return the report of the loss."""

@@ -12,7 +12,7 @@ from adapters.mops import LinkHealth
 from adapters.mrs.ground import (
     DTN_OLDEST,
     DTN_QUEUED,
-    LAST_HEARD,
+    LAST_RECEIVED,
     NEXT_CONTACT,
     OVERRIDE,
     describe_next_contact,
@@ -44,7 +44,7 @@ _HERE: Final = (
     (DTN_QUEUED, "Bundles queued at the orbiter", None),
     (DTN_OLDEST, "Waiting time of the oldest command there", "s"),
     (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
-    (LAST_HEARD, "Time since the last reception from the rover", "s"),
+    (LAST_RECEIVED, "Time since the last reception from the rover", "s"),
     (OVERRIDE, "Contact override of the operator: 1 up, -1 down, 0 as planned", None),
     ("DTN_ROOM", "Free space of the orbiter's store in octets", "B"),
     ("DTN_QUEUED_OCTETS", "Octets of the bundles queued at the orbiter", "B"),
@@ -95,10 +95,10 @@ ORBITER_PARAMETERS: Final = (
     *(each.definition for each in (*ORBITER_HOUSEKEEPING, *ABOARD_HOUSEKEEPING)),
 )
 """Parameters of the link to a rover, the orbiter, and the onboard processes, in this order."""
-_LISTED_S: Final = 3600.0
+_CONTACT_HISTORY_S: Final = 3600.0
 """Time during which an ended contact stays listed."""
-_MOST_LISTED: Final = 50
-_LATEST_UTC_S: Final = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
+_MAX_CONTACTS: Final = 50
+_MAX_UTC_S: Final = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
 """Last second that ISO 8601 years can express; a plan may end later."""
 
 
@@ -146,9 +146,9 @@ def list_contacts(
         recent = (
             contact
             for contact in plan.between(sender, receiver)
-            if contact.end_utc_s > utc_s - _LISTED_S
+            if contact.end_utc_s > utc_s - _CONTACT_HISTORY_S
         )
-        return tuple(sorted(recent, key=lambda each: each.begin_utc_s)[:_MOST_LISTED])
+        return tuple(sorted(recent, key=lambda each: each.begin_utc_s)[:_MAX_CONTACTS])
 
     now = PlannedContacts(listed(orbiter, rover), listed(rover, orbiter), utc_s)
     if before is not None and (before.up, before.down) == (now.up, now.down):
@@ -158,7 +158,7 @@ def list_contacts(
 
 def _interval(contact: Contact) -> str:
     begin, end = (
-        f"{datetime.fromtimestamp(min(utc_s, _LATEST_UTC_S), UTC):%Y-%m-%dT%H:%M:%SZ}"
+        f"{datetime.fromtimestamp(min(utc_s, _MAX_UTC_S), UTC):%Y-%m-%dT%H:%M:%SZ}"
         for utc_s in (contact.begin_utc_s, contact.end_utc_s)
     )
     return f"{begin}/{end}"
@@ -170,24 +170,24 @@ class RelayLinkStatus:
 
     Attributes:
         queued: bundles queued for it.
-        oldest_s: waiting time of the oldest command.
+        max_age_s: waiting time of the oldest command.
         contact: whether sending is possible now.
         override: the operator's override of the contact plan.
         next_contact_s: time until the next contact, 0 during one.
-        last_heard_s: time since the last reception from the rover.
-        room_octets: free space of the orbiter's store.
+        last_received_s: time since the last reception from the rover.
+        store_free_octets: free space of the orbiter's store.
         queued_octets: octets of the bundles queued for it.
         traffic: traffic counters of the link.
         planned: the planned contacts.
     """
 
     queued: int
-    oldest_s: float
+    max_age_s: float
     contact: bool
     override: ContactOverride
     next_contact_s: float
-    last_heard_s: float
-    room_octets: int
+    last_received_s: float
+    store_free_octets: int
     queued_octets: int
     traffic: Traffic
     planned: PlannedContacts
@@ -196,11 +196,11 @@ class RelayLinkStatus:
         """Return the state as MRS parameters."""
         figures = (
             float(self.queued),
-            self.oldest_s,
+            self.max_age_s,
             self.next_contact_s,
-            self.last_heard_s,
+            self.last_received_s,
             _OVERRIDES[self.override],
-            float(self.room_octets),
+            float(self.store_free_octets),
             float(self.queued_octets),
             *_figures(self.traffic),
         )
@@ -226,32 +226,38 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     return _values(_ABOARD, figures, health.utc_s)
 
 
-def _figures(told: Traffic | LinkHealth) -> tuple[float, ...]:
+def _figures(traffic: Traffic | LinkHealth) -> tuple[float, ...]:
     """Return the traffic counters of a link, in the order of its parameters."""
     figures = (
-        *(told.sent, told.acknowledged, told.retransmitted, told.expired, told.received),
-        told.round_trip_s,
+        *(
+            traffic.sent,
+            traffic.acknowledged,
+            traffic.retransmitted,
+            traffic.expired,
+            traffic.received,
+        ),
+        traffic.round_trip_s,
     )
     return tuple(inf if figure is None else float(figure) for figure in figures)
 
 
 def measure_link(
     health: NeighbourHealth,
-    room_octets: int,
+    free_octets: int,
     queued_octets: int,
-    oldest_utc_s: float | None,
+    earliest_utc_s: float | None,
     planned: PlannedContacts,
     utc_s: float,
 ) -> RelayLinkStatus:
     """Return the link state computed from an agent's health."""
     return RelayLinkStatus(
         queued=health.queued,
-        oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
+        max_age_s=0.0 if earliest_utc_s is None else max(0.0, utc_s - earliest_utc_s),
         contact=health.contact,
         override=health.override,
         next_contact_s=0.0 if health.contact else health.next_contact_utc_s - utc_s,
-        last_heard_s=inf if health.last_heard_s is None else health.last_heard_s,
-        room_octets=room_octets,
+        last_received_s=inf if health.last_received_s is None else health.last_received_s,
+        store_free_octets=free_octets,
         queued_octets=queued_octets,
         traffic=health.traffic,
         planned=planned,
@@ -267,28 +273,28 @@ class LinkMonitor:
     """
 
     def __init__(
-        self, old_after_s: float, tell: Callable[[Severity, str, tuple[Figure, ...]], None]
+        self, old_after_s: float, notify: Callable[[Severity, str, tuple[Figure, ...]], None]
     ) -> None:
         self._old_after_s = old_after_s
-        self._tell = tell
-        self._seen: tuple[bool, ContactOverride] | None = None
+        self._notify = notify
+        self._last: tuple[bool, ContactOverride] | None = None
         self._old = False
 
-    def look(self, status: RelayLinkStatus, utc_s: float) -> None:
+    def update(self, status: RelayLinkStatus, utc_s: float) -> None:
         """Compare with the previous state, and notify of changes."""
-        if (seen := (status.contact, status.override)) != self._seen:
-            self._seen = seen
-            self._say(Severity.INFORMATIONAL, _contact(status, utc_s), status)
-        old = status.oldest_s > self._old_after_s
+        if (seen := (status.contact, status.override)) != self._last:
+            self._last = seen
+            self._notify_with_figures(Severity.INFORMATIONAL, _contact(status, utc_s), status)
+        old = status.max_age_s > self._old_after_s
         if old and not self._old:
             until = describe_next_contact(status.next_contact_s, utc_s)
-            text = f"a command has waited for {status.oldest_s:.0f} s; {until}"
-            self._say(Severity.WARNING, text, status)
+            text = f"a command has waited for {status.max_age_s:.0f} s; {until}"
+            self._notify_with_figures(Severity.WARNING, text, status)
         self._old = old
 
-    def _say(self, severity: Severity, text: str, status: RelayLinkStatus) -> None:
-        figures = (Figure("queued", float(status.queued)), Figure("oldest", status.oldest_s, "s"))
-        self._tell(severity, text, figures)
+    def _notify_with_figures(self, severity: Severity, text: str, status: RelayLinkStatus) -> None:
+        figures = (Figure("queued", float(status.queued)), Figure("oldest", status.max_age_s, "s"))
+        self._notify(severity, text, figures)
 
 
 def _contact(status: RelayLinkStatus, utc_s: float) -> str:
@@ -298,10 +304,10 @@ def _contact(status: RelayLinkStatus, utc_s: float) -> str:
         case ContactOverride.UP if status.contact:
             return f"contact: held open by the operator until {BY_PLAN}"
         case _:
-            return "contact" if status.contact else _dark(status.next_contact_s, utc_s)
+            return "contact" if status.contact else _no_contact_text(status.next_contact_s, utc_s)
 
 
-def _dark(left_s: float, utc_s: float) -> str:
+def _no_contact_text(left_s: float, utc_s: float) -> str:
     if isinf(left_s):
         return "no contact, and none is planned"
     return f"no contact until {datetime.fromtimestamp(utc_s + left_s, UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -7,7 +7,7 @@ from typing import Final
 import click
 
 from adapters.mrs.cli import add_terms_options
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.process import data_option, default_folder, log_level_option, process
 
 FOLDER: Final = "orbiter"

@@ -18,8 +18,8 @@ from adapters.mrs.spec import (
     ORBITER_HOUSEKEEPING,
     AreaError,
     figures,
+    find_or_raise,
     housekeeping_values,
-    look_up,
     notification_keys,
     notification_of,
     parameter_value,
@@ -29,7 +29,7 @@ from adapters.mrs.spec import (
     usage_figures,
     with_text,
 )
-from adapters.mrs.terms import TransportSettings
+from adapters.mrs.transport import TransportSettings
 from adapters.process import ResourceUsage
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 AUTHORITY: Final = "AUTHORITY"
-NOBODY_PROVEN: Final = (
+UNAUTHENTICATED_TEXT: Final = (
     "source names are not authenticated here, because the MRS is served in clear text beyond this"
     " computer: serve with certificates, or have each command claim its epoch itself"
 )
@@ -93,13 +93,13 @@ class RoverProvider:
         self._usage = usage
         self._utc_s = system.utc_s
         self._silent_after_s = silent_after_s
-        self._names_prove_something = True
+        self._names_are_authenticated = True
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding, system=system)
         serve_commands(offer, self, self._serves)
         named = (self._settings.asset, self._settings.domain)
-        self._tell = offer.broadcast("Notification", "monitorNotification", *named)
-        self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
+        self._publish = offer.broadcast("Notification", "monitorNotification", *named)
+        self._publish_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
         offer.serve("Notification", "getNotifications", lambda _, *wanted: self._past(*wanted))
         offer.serve("Notification", "getLastNotification", lambda _: self._last())
         offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
@@ -114,7 +114,7 @@ class RoverProvider:
 
     async def start(self, host: str, tls: "ssl.SSLContext | None", clear_text: bool) -> None:
         """Start listening; raise as `Provider.start` does."""
-        self._names_prove_something = tls is not None or is_loopback(host)
+        self._names_are_authenticated = tls is not None or is_loopback(host)
         await self._offer.provider.start(host, self._settings.port, tls, clear_text)
         self._rover.listener = self
 
@@ -159,13 +159,13 @@ class RoverProvider:
     def report(self, report: Report, cursor: int | None) -> None:
         """Broadcast a report."""
         notification = notification_of(report, cursor)
-        self._tell(notification, keys=notification_keys(self._settings.asset, notification))
+        self._publish(notification, keys=notification_keys(self._settings.asset, notification))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast the rover's values."""
         self._broadcast(tuple(map(parameter_value, values)))
 
-    def tell_health(self) -> None:
+    def publish_health(self) -> None:
         """Broadcast the state of the link to the rover."""
         self._broadcast(self._health())
 
@@ -207,8 +207,8 @@ class RoverProvider:
             raise with_text(
                 AreaError.NOT_SUPPORTED, f"unknown action {action[:40]!r}; the orbiter has: {known}"
             )
-        if not self._names_prove_something:
-            raise with_text(AreaError.REJECTED, NOBODY_PROVEN)
+        if not self._names_are_authenticated:
+            raise with_text(AreaError.REJECTED, UNAUTHENTICATED_TEXT)
         if epoch[1] == "NONE":
             self._rover.record.set_authority(None, source)
             return f"commands of {source} are uplinked without the authority of the orbiter"
@@ -217,13 +217,13 @@ class RoverProvider:
 
     def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:
-            self._tell_value(value, keys=(self._settings.asset, value.name))
+            self._publish_value(value, keys=(self._settings.asset, value.name))
 
     def _past(
-        self, since: int | None, command_id: int | None, most: int
+        self, since: int | None, command_id: int | None, maximum: int
     ) -> tuple[tuple[wire.Notification, ...]]:
         first = min(since or 0, LAST_SEQUENCE)
-        found = self._rover.record.ledger.recorded(first, command_id, page_size(most))
+        found = self._rover.record.ledger.recorded(first, command_id, page_size(maximum))
         return (tuple(notification_of(each.report, each.cursor) for each in found),)
 
     def _last(self) -> tuple[wire.Notification | None]:
@@ -274,12 +274,12 @@ class RoverProvider:
 
     def _mode(self) -> wire.AssetMode:
         record = self._rover.record
-        if self._link_status().last_heard_s > self._silent_after_s:
+        if self._link_status().last_received_s > self._silent_after_s:
             return wire.AssetMode.OFFLINE
         mode = self._rover.mode()
         if mode is not None:
             return wire.AssetMode(mode.value)
-        if record.stopped_by() is not None:
+        if record.active_stop() is not None:
             return wire.AssetMode.STOPPED
         return wire.AssetMode.IDLE if record.outstanding.active() is None else wire.AssetMode.MOVING
 
@@ -293,4 +293,4 @@ class RoverProvider:
         )
 
     def _service(self, call: CallContext, name: str) -> tuple[wire.ServiceDescriptor]:
-        return (look_up({each.name: each for each in self._offer.descriptors(call)}, name),)
+        return (find_or_raise({each.name: each for each in self._offer.descriptors(call)}, name),)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.bundle import BundleId
-from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
+from adapters.mops import MAX_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.report_ledger import ReportLedger
 from adapters.system import OPERATING_SYSTEM, System
@@ -38,7 +38,7 @@ CREATE TABLE IF NOT EXISTS authorities (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL UNIQUE, epoch INTEGER NOT NULL
 );
 """
-MOST_AUTHORITIES: Final = 100
+MAX_AUTHORITIES: Final = 100
 """Maximum number of sources with a recorded authority; the oldest are deleted."""
 _ENDED: Final = 1
 _WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
@@ -96,7 +96,7 @@ class Outstanding:
         """Return whether a bundle is recorded that has not left the outbox."""
         return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
 
-    def asked_again(self, identity: Identity, utc_s: float) -> None:
+    def note_retransmission(self, identity: Identity, utc_s: float) -> None:
         """Record the retransmission of a command."""
         self._ledger.write(
             "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
@@ -104,7 +104,7 @@ class Outstanding:
         )
         self._ledger.commit()
 
-    def left_outbox(
+    def note_departure(
         self, bundle: BundleId, utc_s: float, loss: Loss | None = None
     ) -> Identity | None:
         """Record that a bundle has left the outbox; return its command, the first time.
@@ -125,26 +125,26 @@ class Outstanding:
         elif loss is not None:
             self.end(identity)
         self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
-        self.asked_again(identity, utc_s)
+        self.note_retransmission(identity, utc_s)
         return identity
 
-    def ask_none_again(self) -> None:
+    def cancel_retransmissions(self) -> None:
         """Cancel all retransmissions: a stop ends all commands sent before it."""
         self._ledger.write("UPDATE asked SET message = NULL WHERE message IS NOT NULL", ())
         self._ledger.commit()
 
     def outbox_empty(self, utc_s: float) -> None:
         """Record that the outbox is empty."""
-        if self.oldest_utc_s() is None:
+        if self.earliest_utc_s() is None:
             return
         self._ledger.write(f"UPDATE asked AS a SET asked_utc_s = ? WHERE {_WAITS}", (utc_s,))
         self._ledger.write("DELETE FROM underway", ())
         self._ledger.commit()
 
-    def oldest_utc_s(self) -> float | None:
+    def earliest_utc_s(self) -> float | None:
         """Return the time since when the oldest command has been in the outbox, or None."""
-        ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
-        return None if oldest_utc_s is None else float(oldest_utc_s)
+        ((earliest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
+        return None if earliest_utc_s is None else float(earliest_utc_s)
 
     def end(self, identity: Identity) -> None:
         """Expect no further reports on a command, from the next commit on."""
@@ -153,7 +153,7 @@ class Outstanding:
             (_ENDED, *_key(identity)),
         )
 
-    def end_begun(self, utc_s: float) -> None:
+    def end_started(self, utc_s: float) -> None:
         """Report started commands as lost, with the next commit.
 
         Other commands that have left the outbox are not retransmitted: they may have been executed.
@@ -162,10 +162,10 @@ class Outstanding:
             f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NOT NULL AND NOT {_WAITS}"
         )
         for key in rows:
-            self._lose(Identity(*key), Loss.FORGOTTEN, utc_s)
+            self._lose(Identity(*key), Loss.LEDGER_REPLACED, utc_s)
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
 
-    def end_unheard(self, until_utc_s: float, utc_s: float) -> None:
+    def end_unreported(self, until_utc_s: float, utc_s: float) -> None:
         """Report commands without any report in their lifetime as lost, and expect none.
 
         Args:
@@ -178,26 +178,26 @@ class Outstanding:
             (until_utc_s,),
         )
         for key in rows:
-            self._lose(Identity(*key), Loss.UNHEARD, utc_s)
+            self._lose(Identity(*key), Loss.UNREPORTED, utc_s)
         self._ledger.commit()
 
     def _lose(self, identity: Identity, loss: Loss, utc_s: float) -> None:
         self.end(identity)
-        self._ledger.append(loss.report(identity, utc_s))
+        self._ledger.append_report(loss.report(identity, utc_s))
 
     def unanswered(
-        self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
+        self, requested_before_utc_s: float, utc_s: float, begun: bool, maximum: int
     ) -> Sequence[OutstandingCommand]:
         """Return commands to retransmit, those with the longest wait first.
 
         Stops are excluded: a stop would end commands started since.
 
         Args:
-            asked_before_utc_s: only commands last sent before this time, or after `utc_s`, if the
-                clock was set back.
+            requested_before_utc_s: only commands last sent before this time, or after `utc_s`, if
+                the clock was set back.
             utc_s: the time; expired commands are excluded.
             begun: include commands that have reports.
-            most: maximum number of commands.
+            maximum: maximum number of commands.
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id, a.message, a.until_utc_s{_OPEN}"
@@ -205,7 +205,7 @@ class Outstanding:
             " AND (? OR s.stage IS NULL)"
             f" AND NOT {_WAITS} AND NOT EXISTS (SELECT 1 FROM commands c WHERE c.source = a.source"
             " AND c.command_id = a.command_id AND c.name = ?) ORDER BY a.asked_utc_s LIMIT ?",
-            (asked_before_utc_s, utc_s, utc_s, begun, Stop.__name__, most),
+            (requested_before_utc_s, utc_s, utc_s, begun, Stop.__name__, maximum),
         )
         return [
             OutstandingCommand(Identity(*row[:2]), bytes(row[2]), float(row[3])) for row in rows
@@ -224,9 +224,9 @@ class Outstanding:
         return int(count)
 
 
-LEDGER_STRIDE: Final = HIGHEST_SEQUENCE + 1
+LEDGER_STRIDE: Final = MAX_SEQUENCE + 1
 """Distance between the first numbers of successive ledgers."""
-MOST_LEDGERS: Final = 1000
+MAX_LEDGERS: Final = 1000
 """Maximum number of ledgers of one rover; a report that names one more is refused."""
 
 
@@ -241,7 +241,7 @@ class Ledgers:
     def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
-        self._places = {str(name): int(index) for name, index in rows}
+        self._indexes = {str(name): int(index) for name, index in rows}
 
     def new(self, name: str) -> bool:
         """Return whether a name is that of a ledger that follows another.
@@ -249,11 +249,11 @@ class Ledgers:
         Raises:
             MopsError: the rover has the maximum number of ledgers.
         """
-        if not name or name in self._places:
+        if not name or name in self._indexes:
             return False
-        if len(self._places) >= MOST_LEDGERS:
-            raise MopsError(f"ledger: {name} is number {MOST_LEDGERS + 1} of the rover")
-        return bool(self._places)
+        if len(self._indexes) >= MAX_LEDGERS:
+            raise MopsError(f"ledger: {name} is number {MAX_LEDGERS + 1} of the rover")
+        return bool(self._indexes)
 
     def number(self, name: str, sequence: int) -> int:
         """Return the number of a report here; record its ledger with the next commit.
@@ -262,10 +262,10 @@ class Ledgers:
             name: name of the ledger; empty for the newest.
             sequence: number of the report in it.
         """
-        if name and name not in self._places:
-            self._places[name] = len(self._places)
-            self._ledger.write("INSERT INTO ledgers VALUES (?, ?)", (name, self._places[name]))
-        index = self._places[name] if name else max(self._places.values(), default=0)
+        if name and name not in self._indexes:
+            self._indexes[name] = len(self._indexes)
+            self._ledger.write("INSERT INTO ledgers VALUES (?, ?)", (name, self._indexes[name]))
+        index = self._indexes[name] if name else max(self._indexes.values(), default=0)
         return index * LEDGER_STRIDE + sequence
 
 
@@ -313,28 +313,30 @@ class RecordRetention:
     """
 
     def __init__(
-        self, ledger: ReportLedger, most: int, stopped_by: Callable[[], Identity | None]
+        self, ledger: ReportLedger, maximum: int, stopped_by: Callable[[], Identity | None]
     ) -> None:
-        self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
+        self._ledger, self._max_reports, self._stopped_by = ledger, maximum, stopped_by
         rows = ledger.rows("SELECT sequence FROM forgotten")
         self._border = int(rows[0][0]) if rows else 0
         self._pruned_to = 0
 
-    def forgot(self, number: int) -> bool:
+    def was_pruned(self, number: int) -> bool:
         """Return whether a number may be that of a pruned report."""
         return 0 < number <= self._border
 
     def prune(self, utc_s: float) -> None:
         """Prune the excess above the limit once it is large enough."""
-        cursor = self._cursor_before(self._most)
-        if cursor > self._pruned_to and self._cursor_before(self._most + self._most // _SLACK):
+        cursor = self._cursor_before(self._max_reports)
+        if cursor > self._pruned_to and self._cursor_before(
+            self._max_reports + self._max_reports // _SLACK
+        ):
             self._forget(cursor, utc_s)
 
     def _forget(self, cursor: int, utc_s: float) -> None:
         stop = self._stopped_by()
         stop_key = ("", 0) if stop is None else _key(stop)
-        highest = "SELECT max(number) FROM recorded WHERE cursor <= ?"
-        ((number,),) = self._ledger.rows(highest, (cursor,))
+        maximum = "SELECT max(number) FROM recorded WHERE cursor <= ?"
+        ((number,),) = self._ledger.rows(maximum, (cursor,))
         self._ledger.write(_COMMANDS, (cursor, utc_s, *stop_key))
         self._ledger.write(_REPORTS, (cursor,))
         for statement in _LEFTOVERS:
@@ -352,7 +354,7 @@ class RecordRetention:
         return int(rows[0][0]) if rows else 0
 
 
-MOST_REPORTS: Final = 100_000
+MAX_REPORTS: Final = 100_000
 
 
 class RoverRecord:
@@ -364,7 +366,7 @@ class RoverRecord:
     Args:
         path: the file; it and its folders are created if missing.
         numbered: whether the rover numbers its reports; otherwise they are numbered here.
-        most_reports: maximum number of reports.
+        max_reports: maximum number of reports.
         system: the disk.
 
     Attributes:
@@ -377,13 +379,13 @@ class RoverRecord:
         self,
         path: Path,
         numbered: bool = True,
-        most_reports: int = MOST_REPORTS,
+        max_reports: int = MAX_REPORTS,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._numbered = numbered
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
-        self._history = RecordRetention(self.ledger, most_reports, self.stopped_by)
+        self._history = RecordRetention(self.ledger, max_reports, self.active_stop)
 
     def close(self) -> None:
         """Close the file."""
@@ -413,7 +415,7 @@ class RoverRecord:
                 return False
             if not self._numbered:
                 report = replace(report, sequence=self.ledger.last_sequence + 1)
-        self._keep(report, unit)
+        self._store(report, unit)
         return True
 
     def contradicts(self, report: Report, ledger: str) -> bool:
@@ -426,7 +428,7 @@ class RoverRecord:
             return False
         return known[0] != replace(report, sequence=number, utc_s=known[0].utc_s)
 
-    def stopped_by(self) -> Identity | None:
+    def active_stop(self) -> Identity | None:
         """Return the active stop; None for a brick, which has no stop latch."""
         return self.ledger.last_stop() if self._numbered else None
 
@@ -441,7 +443,7 @@ class RoverRecord:
         """Return whether a report may have been pruned; never true for a known command."""
         identity = report.identity
         known = identity is not None and self.ledger.digest_of(identity) is not None
-        return self._history.forgot(number) and not known
+        return self._history.was_pruned(number) and not known
 
     def _is_known(self, unit: str) -> bool:
         return bool(self.ledger.rows("SELECT 1 FROM heard WHERE unit = ?", (unit,)))
@@ -463,20 +465,20 @@ class RoverRecord:
         )
         return bool(rows)
 
-    def _keep(self, report: Report, unit: str) -> None:
+    def _store(self, report: Report, unit: str) -> None:
         """Record a report and its consequences in one commit."""
         identity, stage = report.identity, report.stage
-        if identity is not None and stage is not None and self._is_news(report, identity):
-            self.ledger.reach(identity, stage)
+        if identity is not None and stage is not None and self._is_new(report, identity):
+            self.ledger.set_stage(identity, stage)
             if stage.terminal:
                 self.outstanding.end(identity)
-        self.ledger.append(report)
+        self.ledger.append_report(report)
         if not self._numbered or report.sequence == UNNUMBERED:
             newest = "SELECT ?, number FROM recorded ORDER BY cursor DESC LIMIT 1"
             self.ledger.write(f"INSERT INTO heard {newest}", (unit,))
         self.ledger.commit()
 
-    def _is_news(self, report: Report, identity: Identity) -> bool:
+    def _is_new(self, report: Report, identity: Identity) -> bool:
         """Return whether a report is the newest; without numbers none follows a terminal stage."""
         rows = self.ledger.rows(
             "SELECT sequence, stage FROM reports WHERE source = ? AND command_id = ?"
@@ -506,10 +508,10 @@ class RoverRecord:
         if epoch is not None:
             values = (source, epoch)
             self.ledger.write("INSERT INTO authorities (source, epoch) VALUES (?, ?)", values)
-            oldest = (
+            age_text = (
                 "DELETE FROM authorities WHERE number <= (SELECT max(number) - ? FROM authorities)"
             )
-            self.ledger.write(oldest, (MOST_AUTHORITIES,))
+            self.ledger.write(age_text, (MAX_AUTHORITIES,))
         self.ledger.commit()
 
     def authority(self, source: str) -> int | None:

@@ -29,7 +29,7 @@ from adapters.bundle import (
     node_of,
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
-from adapters.mrs.terms import TransportSettings, start_fault
+from adapters.mrs.transport import TransportSettings, start_fault
 from adapters.process import ResourceMonitor, StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
@@ -49,12 +49,12 @@ from executive.record import LedgerError
 from executive.values.reports import Identity, Severity
 
 _LOG: Final = logging.getLogger(__name__)
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 PRUNE_S: Final = 60.0
 GRACE_S: Final = 120.0
 """Delay after its lifetime until a command counts as lost, if nothing is retransmitted."""
 _BUNDLES: Final = "bundles.sqlite"
-_AGAIN_S: Final = 1.0
+_RETRY_S: Final = 1.0
 _STORE: Final = "the orbiter's store"
 
 
@@ -116,7 +116,7 @@ class OrbiterRelay:
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
-            node: LinkMonitor(settings.old_after_s, rover.tell)
+            node: LinkMonitor(settings.old_after_s, rover.notify)
             for node, rover in self.rovers.items()
         }
 
@@ -146,10 +146,10 @@ class OrbiterRelay:
         while True:
             try:
                 async with self.agent.receive() as delivery:
-                    self._hear(delivery)
+                    self._on_delivery(delivery)
             except LedgerError as error:  # the delivery stays, and is received again
                 _LOG.error("%s", error)
-                await asyncio.sleep(_AGAIN_S)
+                await asyncio.sleep(_RETRY_S)
 
     def link_status(self, node: Eid) -> RelayLinkStatus:
         """Return the state of the link to a rover."""
@@ -158,7 +158,7 @@ class OrbiterRelay:
             next(each for each in health.neighbours if each.node == node), health.room_octets
         )
 
-    def order(self, node: Eid, override: ContactOverride) -> str:
+    def override_contact(self, node: Eid, override: ContactOverride) -> str:
         """Override the contact plan for a rover until this process ends; return the new state.
 
         The plan is reloaded when an override ends.
@@ -188,38 +188,38 @@ class OrbiterRelay:
             case _:
                 assert_never(override)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Notify of contacts that begin or end, a full store, and commands that wait too long."""
         health = self.agent.health()
-        self._tell_if_full(health.no_room)
+        self._notify_if_full(health.full_text)
         for neighbour in health.neighbours:
             if not neighbour.queued:
                 self.rovers[neighbour.node].record.outstanding.outbox_empty(self._utc_s())
             status = self._measure(neighbour, health.room_octets)
-            self._monitors[neighbour.node].look(status, self._utc_s())
+            self._monitors[neighbour.node].update(status, self._utc_s())
 
-    async def ask_again(self) -> None:
+    async def retransmit_unanswered(self) -> None:
         """Retransmit unanswered commands to all rovers with contact in both directions."""
         settings = self._settings
         if settings.ask_again_s is None:
             return
         for each in self.agent.health().neighbours:
-            silent_s = inf if each.last_heard_s is None else each.last_heard_s
+            silent_s = inf if each.last_received_s is None else each.last_received_s
             if each.contact and silent_s <= settings.silent_after_s and not each.queued:
-                await self.rovers[each.node].ask_again(settings.ask_again_s)
+                await self.rovers[each.node].retransmit_unanswered(settings.ask_again_s)
 
     def prune(self) -> None:
         """Prune the records."""
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
 
-    def _measure(self, health: NeighbourHealth, room_octets: int) -> RelayLinkStatus:
+    def _measure(self, health: NeighbourHealth, free_octets: int) -> RelayLinkStatus:
         node, utc_s = health.node, self._utc_s()
         return measure_link(
             health,
-            room_octets,
+            free_octets,
             self.agent.queued_octets(node),
-            self.rovers[node].record.outstanding.oldest_utc_s(),
+            self.rovers[node].record.outstanding.earliest_utc_s(),
             self._list_contacts(node, utc_s),
             utc_s,
         )
@@ -231,16 +231,16 @@ class OrbiterRelay:
         )
         return self._planned[node]
 
-    def _tell_if_full(self, why: str) -> None:
+    def _notify_if_full(self, why: str) -> None:
         if bool(why) == self._full:
             return
         self._full = bool(why)
         severity = Severity.WARNING if why else Severity.INFORMATIONAL
         text = f"{_STORE} is full: {why}" if why else f"{_STORE} has free space again"
         for rover in self.rovers.values():
-            rover.tell(severity, text)
+            rover.notify(severity, text)
 
-    def _hear(self, delivery: Delivery) -> None:
+    def _on_delivery(self, delivery: Delivery) -> None:
         rover = self.rovers.get(node_of(delivery.source))
         if rover is None:
             _LOG.warning("%s is not a known rover: %r", delivery.source, delivery.payload[:80])
@@ -345,8 +345,8 @@ async def run(
                 RoverProvider(
                     rover,
                     partial(relay.link_status, node),
-                    partial(relay.order, node),
-                    relay.usage.look,
+                    partial(relay.override_contact, node),
+                    relay.usage.measure,
                     settings.silent_after_s,
                     terms,
                     system,
@@ -377,10 +377,10 @@ async def _run_until(
 ) -> None:
     work = [
         relay.receive(),
-        _every(LOOK_S, relay.look),
-        _every(LOOK_S, relay.ask_again),
+        _every(POLL_S, relay.poll),
+        _every(POLL_S, relay.retransmit_unanswered),
         _every(PRUNE_S, relay.prune),
-        *(_every(health_interval_s, provider.tell_health) for provider in providers),
+        *(_every(health_interval_s, provider.publish_health) for provider in providers),
     ]
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(each) for each in work]

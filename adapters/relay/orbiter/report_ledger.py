@@ -54,14 +54,14 @@ class ReportLedger(Ledger):
         self._lowest, self._cursor = min(lowest or 0, 0), cursor or 0
         self._new: list[RecordedReport] = []
 
-    def append(self, report: Report, foreign: bool = False) -> None:
+    def append_report(self, report: Report, foreign: bool = False) -> None:
         """Add a report with the next commit; one without a number is stored below 0."""
         if report.sequence == UNNUMBERED:
             self._lowest -= 1
             report = replace(report, sequence=self._lowest)
-        highest = self.last_sequence
-        super().append(report, foreign)
-        self.last_sequence = max(highest, report.sequence)
+        maximum = self.last_sequence
+        super().append_report(report, foreign)
+        self.last_sequence = max(maximum, report.sequence)
         self._cursor += 1
         self.write("INSERT INTO recorded VALUES (?, ?)", (self._cursor, report.sequence))
         self._new.append(RecordedReport(self._cursor, _as_published(report)))

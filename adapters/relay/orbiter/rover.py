@@ -38,7 +38,7 @@ from adapters.mops import (
     parameters_of,
     report_of,
 )
-from adapters.mrs.spec import AreaError, duplicate, refused, with_text
+from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
 from adapters.relay.orbiter.derived_reports import (
     LOSS_BY_STATUS,
     departure,
@@ -47,15 +47,15 @@ from adapters.relay.orbiter.derived_reports import (
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
 from executive.commands import Command, Mode, PreemptionPolicy, Stop
-from executive.commands.intake import bad_identity, expired
+from executive.commands.intake import check_identity, check_lifetime
 from executive.record import LedgerError, digest
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure
 from executive.values.reports import Identity, Report, ReportKind, Severity
 
-AT_ONCE: Final = 20
+RETRANSMIT_BATCH: Final = 20
 """Maximum number of commands that are retransmitted together."""
-NOBODY: Final = "NOBODY"
+UNKNOWN_SOURCE: Final = "NOBODY"
 """Source of a stop whose own source cannot be encoded."""
 _LOG: Final = logging.getLogger(__name__)
 
@@ -124,7 +124,7 @@ class RelayedRover:
 
     async def _send(self, command: Command, octets: bytes) -> tuple[BundleId, float]:
         """Send a command, stops before all else; return its bundle and the end of its lifetime."""
-        left_s = self._left_s(command)
+        left_s = self._remaining_lifetime_s(command)
         stop = isinstance(command.request, Stop)
         if left_s is None or (stop and left_s <= 0.0):
             left_s = self._lifetime_s
@@ -155,28 +155,30 @@ class RelayedRover:
         """
         fault: MalError | None = None
         try:
-            if refusal := bad_identity(command):
-                raise refused(refusal, command.identity)
+            if refusal := check_identity(command):
+                raise refusal_error(refusal, command.identity)
             octets = self._spelled(command)
         except MalError as error:
             fault = error
-            octets = encode(self._dictionary.command(Stop(), Identity(NOBODY, 0), self._name))
+            octets = encode(
+                self._dictionary.command(Stop(), Identity(UNKNOWN_SOURCE, 0), self._name)
+            )
         bundle, until_utc_s = await self._send(command, octets)
-        self._open_the_way()
+        self._clear_down_override()
         try:
-            self.record.outstanding.ask_none_again()
+            self.record.outstanding.cancel_retransmissions()
             if fault is not None:
                 raise fault
             await self.require_new(command)
             self._record(command, octets, bundle, until_utc_s)
         except MalError as error:
-            self.tell(Severity.WARNING, f"stop {command.identity} was uplinked despite: {error}")
+            self.notify(Severity.WARNING, f"stop {command.identity} was uplinked despite: {error}")
             raise
         except LedgerError as error:
             text = f"the stop was uplinked, but not recorded: {error}"
             raise with_text(StandardError.INTERNAL, text) from error
 
-    def _open_the_way(self) -> None:
+    def _clear_down_override(self) -> None:
         """End an override that closes the contact: no override may delay a stop."""
         node = node_of(self.settings.endpoint)
         for each in self._agent.health().neighbours:
@@ -188,16 +190,16 @@ class RelayedRover:
         identity, now_s = command.identity, self._utc_s()
         while identity in self._sending:
             await asyncio.wait((self._sending[identity],))
-        if refusal := bad_identity(command):
-            raise refused(refusal, identity)
+        if refusal := check_identity(command):
+            raise refusal_error(refusal, identity)
         known = self.record.ledger.digest_of(identity)
         if known is not None:
             with _as_internal():
                 self.record.ledger.commit()  # a kill would lose uncommitted reports
-            self._remind(command, known)
-            raise duplicate(identity)
-        if refusal := expired(command, now_s, now_s):
-            raise refused(refusal, identity)
+            self._repeat_last_report(command, known)
+            raise duplicate_error(identity)
+        if refusal := check_lifetime(command, now_s, now_s):
+            raise refusal_error(refusal, identity)
 
     def carried_out(self, command: Command, report: Report) -> None:
         """Record and report a command that was executed here; raise LedgerError on failure."""
@@ -209,13 +211,13 @@ class RelayedRover:
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is retained and retransmitted until the rover confirms it
         loss = LOSS_BY_STATUS.get(fate)
-        identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), loss)
+        identity = self.record.outstanding.note_departure(bundle, self._utc_s(), loss)
         if loss is not None:
             self._publish()
         elif identity is not None:
             self._report(departure(identity, self._utc_s()))
 
-    async def ask_again(self, ask_again_s: float) -> None:
+    async def retransmit_unanswered(self, retry_s: float) -> None:
         """Retransmit unanswered commands; the rover repeats its last report.
 
         For a rover that numbers its reports, only commands without any report: none gets lost.
@@ -226,13 +228,13 @@ class RelayedRover:
         """
         now_s, begun = self._utc_s(), not self.settings.numbered
         outstanding = self.record.outstanding
-        for each in outstanding.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
+        for each in outstanding.unanswered(now_s - retry_s, now_s, begun, RETRANSMIT_BATCH):
             left_s = each.until_utc_s - now_s
             _LOG.info("%s: %s is retransmitted", self.settings.asset, each.identity)
             await self._agent.send(
                 self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
             )
-            outstanding.asked_again(each.identity, now_s)
+            outstanding.note_retransmission(each.identity, now_s)
 
     def on_delivery(self, delivery: Delivery) -> None:
         """Process the messages of a bundle; log those that are not messages of this rover."""
@@ -241,11 +243,11 @@ class RelayedRover:
         made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
         for number, message in enumerate(messages_in(text, self._refuse)):
             try:
-                self._hear(message, f"{delivery.identity} {number}", made_utc_s)
+                self._on_message(message, f"{delivery.identity} {number}", made_utc_s)
             except MopsError as fault:
                 self._refuse(str(fault))
 
-    def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
+    def notify(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
         """Notify of the link: kind LINK, without a number, not recorded."""
         level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
         _LOG.log(level, "%s: %s", self.settings.asset, text)
@@ -267,7 +269,7 @@ class RelayedRover:
         spelling = self._dictionary.spelling.telemetry
         return None if last is None else mode_of(decode(last[1]), spelling)
 
-    def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
+    def _on_message(self, message: Message, unit: str, made_utc_s: float) -> None:
         if message.source != self._name:
             raise MopsError(
                 f"source: {message.source} is not {self._name}; correct asset in the relay.yaml"
@@ -276,7 +278,7 @@ class RelayedRover:
         spelling = self._dictionary.spelling
         if message.code == spelling.link.code:
             self.aboard = health_of(message, spelling.link)
-            self._give_up_unheard(self.aboard)
+            self._expire_unreported(self.aboard)
             return
         if message.code == spelling.housekeeping.code:
             self.housekeeping = housekeeping_of(message, spelling.housekeeping)
@@ -291,36 +293,38 @@ class RelayedRover:
         report = report_of(message, self._dictionary, made_utc_s)
         ledger = ledger_of(message, self._dictionary)
         if self.record.ledgers.new(ledger):
-            self._begin_anew(ledger)
+            self._start_new_ledger(ledger)
         self._take(report, unit, ledger)
 
-    def _take(self, said: Report, unit: str, ledger: str) -> None:
-        reports: Sequence[Report] = (said,)
+    def _take(self, report: Report, unit: str, ledger: str) -> None:
+        reports: Sequence[Report] = (report,)
         if not self.settings.numbered:
-            last = None if said.identity is None else self.record.ledger.last_report(said.identity)
-            reports = with_implied_stages(said, last)
+            last = (
+                None if report.identity is None else self.record.ledger.last_report(report.identity)
+            )
+            reports = with_implied_stages(report, last)
         for each in reports:
-            part = unit if each is said else f"{unit} {each.stage}"
+            part = unit if each is report else f"{unit} {each.stage}"
             new = self.record.add_report(each, part, ledger)
             if not new and self.record.contradicts(each, ledger):
                 text = f"the rover used number {each.sequence} again for another report"
-                self.tell(Severity.WARNING, f"{text}: {each.text}")
+                self.notify(Severity.WARNING, f"{text}: {each.text}")
         self._publish()
 
-    def _begin_anew(self, ledger: str) -> None:
+    def _start_new_ledger(self, ledger: str) -> None:
         """Start a new ledger of the rover; it does not know the commands of the old one."""
         first = self.record.ledgers.number(ledger, 1)
         text = f"the rover restarted with a new ledger; its reports are numbered from {first}"
-        self.tell(Severity.WARNING, text)
-        self.record.outstanding.end_begun(self._utc_s())
+        self.notify(Severity.WARNING, text)
+        self.record.outstanding.end_started(self._utc_s())
 
-    def _give_up_unheard(self, aboard: LinkHealth) -> None:
+    def _expire_unreported(self, aboard: LinkHealth) -> None:
         """Expire commands without a report, once the rover's downlink queue holds nothing older."""
         if aboard.unread:
             return
         now_s = self._utc_s()
         made_utc_s = min(aboard.utc_s, now_s)  # the rover's clock may be ahead
-        self.record.outstanding.end_unheard(made_utc_s - aboard.oldest_s - self._grace_s, now_s)
+        self.record.outstanding.end_unreported(made_utc_s - aboard.oldest_s - self._grace_s, now_s)
         self._publish()
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
@@ -368,17 +372,19 @@ class RelayedRover:
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
         return CommandConditions(authority, created_s, command.lifetime_s)
 
-    def _left_s(self, command: Command) -> float | None:
+    def _remaining_lifetime_s(self, command: Command) -> float | None:
         """Return the remaining lifetime of a command, at most its full one; None for default."""
         if command.lifetime_s is None:
             return None
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
         return min(created_s + command.lifetime_s - self._utc_s(), command.lifetime_s)
 
-    def _remind(self, command: Command, known: bytes) -> None:
+    def _repeat_last_report(self, command: Command, known: bytes) -> None:
         """Repeat the last report on a command that was received again."""
         if digest(command) != known:
-            self.tell(Severity.WARNING, f"command id {command.identity} is used by another command")
+            self.notify(
+                Severity.WARNING, f"command id {command.identity} is used by another command"
+            )
             return
         identity = command.identity
         reports = self.record.ledger.recorded_on(identity)
@@ -389,7 +395,7 @@ class RelayedRover:
         for each in last:
             self._report(each.report, each.cursor)
         if not last:
-            self.tell(Severity.INFORMATIONAL, f"{identity}: no report received yet")
+            self.notify(Severity.INFORMATIONAL, f"{identity}: no report received yet")
 
 
 @contextmanager

@@ -7,11 +7,11 @@ from typing import Final
 
 from adapters.bundle import DAY_S, AgentSettings, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops import require_asset
-from executive.commands import declared
-from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
+from executive.commands import all_declarations
+from executive.settings import MAX_PORT, SettingsError, read_yaml, require_above_zero
 
 _STOP: Final = "MotionControl.stop"
-_OPERATIONS: Final = tuple(f"{each.service}.{each.operation}" for each in declared())
+_OPERATIONS: Final = tuple(f"{each.service}.{each.operation}" for each in all_declarations())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +37,8 @@ class RelayedRoverSettings(Peer):
         """Raise ValueError if the EID, the name, the port or an operation is invalid."""
         Peer.__post_init__(self)
         require_asset(self.asset)
-        if not 0 <= self.port <= HIGHEST_PORT:
-            raise ValueError(f"port: {self.port} is not in 0 to {HIGHEST_PORT}")
+        if not 0 <= self.port <= MAX_PORT:
+            raise ValueError(f"port: {self.port} is not in 0 to {MAX_PORT}")
         if self.operations is None:
             return
         for name in self.operations:
@@ -120,7 +120,7 @@ def _require_distinct(settings: OrbiterSettings) -> None:
                 f"eid {rover.eid} of rover {name} and eid {settings.eid} of the orbiter are on one"
                 f" node, {own}: each needs a node of its own"
             )
-        for what, value in _own_things(rover):
+        for what, value in _unique_values(rover):
             other = seen.setdefault((what, value), name)
             if other != name:
                 raise ValueError(
@@ -134,7 +134,7 @@ def _by_name(rovers: Sequence[RelayedRoverSettings]) -> Iterator[tuple[str, Rela
         yield f"{number} ({rover.asset})", rover
 
 
-def _own_things(rover: RelayedRoverSettings) -> Iterator[tuple[str, object]]:
+def _unique_values(rover: RelayedRoverSettings) -> Iterator[tuple[str, object]]:
     """Yield values that must be unique to each rover, with their names."""
     yield "asset", rover.asset.lower()
     yield "node", node_of(rover.endpoint)

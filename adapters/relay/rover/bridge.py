@@ -36,21 +36,21 @@ from adapters.mops import (
 from adapters.relay.rover.settings import RelaySettings
 from adapters.system import OPERATING_SYSTEM, System
 
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 PAUSE_S: Final = 0.2
-AGAIN_S: Final = 1.0
+REPUBLISH_S: Final = 1.0
 BUNDLES_AT_ONCE: Final = 32
 COMMANDS_AT_ONCE: Final = 16
 """Maximum commands in a string: a stop waits until the executive has processed the string."""
 STRINGS_IN_FLIGHT: Final = 2
 """Maximum unconfirmed strings of commands: the next is processed while one is confirmed."""
 REPORTS_AT_ONCE: Final = 100
-MOST_HELD_S: Final = 600.0
+MAX_FUTURE_STOP_S: Final = 600.0
 """Time during which a stop from a fast clock overtakes later commands; chosen, not measured."""
-LONGEST_PAYLOAD: Final = 65_536
-MOST_QUEUED: Final = 10_000
+MAX_PAYLOAD_OCTETS: Final = 65_536
+MAX_QUEUED_REPORTS: Final = 10_000
 """Strings of reports that wait while the store is full; more are refused."""
-NOBODY: Final = "no subscriber, neither rover-executive with --relay nor rover-nxt"
+NO_SUBSCRIBER_TEXT: Final = "no subscriber, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -70,7 +70,7 @@ class RoverTopics(Protocol):
         ...
 
 
-Made = tuple[int, int, int]
+CreationTime = tuple[int, int, int]
 """Creation time of a command: the bundle's milliseconds since 2000 and sequence number (RFC 9171,
 4.2.7), and the index of the command in the bundle."""
 
@@ -80,7 +80,7 @@ class BundledCommand:
     """A command from a bundle."""
 
     message: Message
-    made: Made
+    creation: CreationTime
 
 
 class BundleBridge:
@@ -213,7 +213,7 @@ class BundleBridge:
                     self._receive(only_expedited=True),
                     self._receive(only_expedited=False),
                     self._send(),
-                    self._look(),
+                    self._poll(),
                 )
                 tasks = [group.create_task(each) for each in work]
                 opened.set_result(None)
@@ -232,9 +232,9 @@ class BundleBridge:
                 commands = [each for delivery in deliveries for each in self._read(delivery)]
                 stops = [each for each in commands if self._dictionary.is_stop(each.message)]
                 if stops:
-                    self._last_stop.take(max(each.made for each in stops))
+                    self._last_stop.take(max(each.creation for each in stops))
                     await self._hand_over(stops, stops=True)
-                    self._last_stop.keep()
+                    self._last_stop.save()
                 others = [each for each in commands if not self._dictionary.is_stop(each.message)]
                 async with asyncio.TaskGroup() as group:
                     for first in range(0, len(others), COMMANDS_AT_ONCE):
@@ -246,7 +246,7 @@ class BundleBridge:
     def _read(self, delivery: Delivery) -> Iterator[BundledCommand]:
         if delivery.source != self._settings.ground:
             self._refuse(f"{delivery.identity} is not from {self._settings.ground}")
-        elif len(delivery.payload) > LONGEST_PAYLOAD:
+        elif len(delivery.payload) > MAX_PAYLOAD_OCTETS:
             self._refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
         else:
             creation = delivery.identity.creation
@@ -254,20 +254,22 @@ class BundleBridge:
             for index, message in enumerate(messages_in(text, self._refuse)):
                 yield BundledCommand(message, (creation.time_ms, creation.sequence, index))
 
-    async def _hand_over(self, asked: Sequence[BundledCommand], *, stops: bool) -> None:
+    async def _hand_over(self, bundled: Sequence[BundledCommand], *, stops: bool) -> None:
         """Publish commands until they are confirmed; mark those that a stop has overtaken."""
         logged = False
         while True:
-            text = "".join(map(self._text_of, asked))
+            text = "".join(map(self._text_of, bundled))
             if not text:
                 return
             has_subscriber = self._topics.has_listener(stops=stops)
             if has_subscriber:
                 self._topics.publish(text, stops=stops)
             elif not logged:
-                _LOG.warning("commands wait: %s", NOBODY)
+                _LOG.warning("commands wait: %s", NO_SUBSCRIBER_TEXT)
                 logged = True
-            if await self._is_confirmed(fingerprint(text), AGAIN_S if has_subscriber else PAUSE_S):
+            if await self._is_confirmed(
+                fingerprint(text), REPUBLISH_S if has_subscriber else PAUSE_S
+            ):
                 return
 
     async def _is_confirmed(self, mark: int, within_s: float) -> bool:
@@ -279,10 +281,10 @@ class BundleBridge:
             return False
         return True
 
-    def _text_of(self, asked: BundledCommand) -> str:
+    def _text_of(self, bundled: BundledCommand) -> str:
         """Return the present form of a command; empty if the mark does not fit into it."""
-        message = asked.message
-        if self._dictionary.is_stop(message) or not self._last_stop.overtakes(asked.made):
+        message = bundled.message
+        if self._dictionary.is_stop(message) or not self._last_stop.overtakes(bundled.creation):
             return str(message)
         try:
             return str(mark_overtaken(message))
@@ -304,17 +306,17 @@ class BundleBridge:
         while True:
             await self._filled.wait()
             queued = self.health.queued if self.health else 0
-            reports, measurements = self._queue.take(queued, REPORTS_AT_ONCE)
+            reports, measurements = self._queue.pop(queued, REPORTS_AT_ONCE)
             if not reports and not measurements:
                 self._filled.clear()
             await asyncio.gather(
-                *(self._keep(each.text) for each in reports),
+                *(self._store(each.text) for each in reports),
                 *(self._send_measurement(str(each)) for each in measurements),
             )
             for each in reports:
                 self._topics.confirm(each.mark)
 
-    async def _keep(self, reports: str) -> None:
+    async def _store(self, reports: str) -> None:
         """Send reports; retry while the store is full."""
         ground = self._settings.ground
         confirm = self._agent.must_confirm(ground)
@@ -324,7 +326,7 @@ class BundleBridge:
                 return
             except StoreError as error:
                 self._refuse(f"{reports} waits: {error}")
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(POLL_S)
 
     async def _send_measurement(self, message: str) -> None:
         lifetime_s = self._settings.telemetry_lifetime_s
@@ -335,7 +337,7 @@ class BundleBridge:
         except StoreError as error:
             self._refuse(f"{message}: {error}")
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         """Measure the agent's health each second, and send it at its interval."""
         now_s, next_s = self._system.now_s, 0.0
         while True:
@@ -346,7 +348,7 @@ class BundleBridge:
                 message = health_message(self.health, self._entry, self._settings.asset)
                 self._queue.put(str(message), self._refuse)
             self._filled.set()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
 
     def _measure(self) -> LinkHealth:
         health = self.agent_health = self._agent.health()
@@ -357,7 +359,7 @@ class BundleBridge:
             queued=health.queued,
             oldest_s=health.oldest_s,
             next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
-            last_heard_s=orbiter.last_heard_s,
+            last_heard_s=orbiter.last_received_s,
             unread=health.unread,
             refused=self.refused + health.malformed + health.refused,
             contact=orbiter.contact,
@@ -376,31 +378,31 @@ class LastStop:
 
     Both times are those of the orbiter's clock. If that clock was ahead and is then corrected,
     later commands seem older than the stop. Therefore commands created after the arrival of the
-    stop count as overtaken for `MOST_HELD_S` only.
+    stop count as overtaken for `MAX_FUTURE_STOP_S` only.
     """
 
     def __init__(self, path: Path, system: System = OPERATING_SYSTEM) -> None:
         self._path, self._system = path, system
-        self._made: Made = (0, 0, 0)
+        self._made: CreationTime = (0, 0, 0)
         self._arrived_ms = 0
         with suppress(OSError, ValueError):
             time_ms, sequence, index, self._arrived_ms = map(int, path.read_text("ascii").split())
             self._made = (time_ms, sequence, index)
 
-    def take(self, made: Made) -> None:
+    def take(self, made: CreationTime) -> None:
         """Record a stop that has arrived."""
         if made > self._made:
             self._made, self._arrived_ms = made, self._now_ms
 
-    def overtakes(self, made: Made) -> bool:
+    def overtakes(self, made: CreationTime) -> bool:
         """Return whether a stop has overtaken a command with this creation time."""
         if made >= self._made:
             return False
         self._arrived_ms = min(self._arrived_ms, self._now_ms)  # the clock here was set back
-        held = self._now_ms - self._arrived_ms < MOST_HELD_S * 1000
+        held = self._now_ms - self._arrived_ms < MAX_FUTURE_STOP_S * 1000
         return held or made[0] <= self._arrived_ms
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Save it atomically; if that fails it applies until a restart."""
         text = " ".join(map(str, (*self._made, self._arrived_ms)))
         try:
@@ -459,21 +461,21 @@ class SendQueue:
         reports = [each for each in messages if each.code not in self._measurements]
         self._newest |= {each.code: each for each in messages if each.code in self._measurements}
         if reports:
-            if len(self._reports) >= MOST_QUEUED:
+            if len(self._reports) >= MAX_QUEUED_REPORTS:
                 return False
             whole = len(reports) == len(messages) and not dropped
             part = text if whole else "".join(map(str, reports))
             self._reports[ReportBatch(part, fingerprint(text))] = None
         return True
 
-    def take(self, queued: int, most: int) -> tuple[Sequence[ReportBatch], Sequence[Message]]:
+    def pop(self, queued: int, maximum: int) -> tuple[Sequence[ReportBatch], Sequence[Message]]:
         """Return the reports and the measurements that are due now.
 
         Args:
             queued: number of bundles that wait already.
-            most: maximum number of strings of reports.
+            maximum: maximum number of strings of reports.
         """
-        reports = list(islice(self._reports, most))
+        reports = list(islice(self._reports, maximum))
         for each in reports:
             del self._reports[each]
         newest: list[Message] = []

@@ -28,26 +28,26 @@ from adapters.mops import (
 from adapters.mrs.spec import reported_uncertainty
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Mode, Stop
-from executive.commands.intake import bad_identity
+from executive.commands.intake import check_identity
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.record import Ledger, LedgerError, RelayRecord, digest
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Stage
 
-LOOK_S: Final = 0.2
+POLL_S: Final = 0.2
 """Period of `look`."""
 HOUSEKEEPING_S: Final = 30.0
 """Minimum interval between housekeeping messages: the link has a low data rate."""
-RETRANSMIT_LOOKS: Final = 5
+RETRANSMIT_POLLS: Final = 5
 """Unconfirmed reports are republished after this number of calls of `look`."""
 WINDOW: Final = 4
 """Maximum unconfirmed strings of reports; later reports wait and share a string."""
 PAGE: Final = 50
 """Maximum number of reports in a string."""
-MOST_ANSWERED: Final = 100
+MAX_ANSWERED: Final = 100
 """Maximum strings of answers that await confirmation; beyond it commands are republished."""
-LONGEST_SOURCE: Final = 256
+MAX_SOURCE_LENGTH: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
 """`Executive.submit`."""
 _LOG: Final = logging.getLogger(__name__)
@@ -115,11 +115,11 @@ class ExecutiveRelayLink:
         self._mode: Callable[[], Mode | None] = lambda: None
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
-        self._sent = self._kept = self._record.kept
+        self._sent = self._confirmed_up_to = self._record.delivered_up_to
         self._unconfirmed: dict[int, UnconfirmedReports] = {}
         self._answered: dict[int, int] = {}
         """Fingerprint of the commands, by the fingerprint of their answers."""
-        self._looks = self._listeners = 0
+        self._polls = self._listeners = 0
         self._house_s = -inf
 
     def serve(self, submit: Submit, mode: Callable[[], Mode | None] = lambda: None) -> None:
@@ -135,8 +135,8 @@ class ExecutiveRelayLink:
             return
         in_turn, self._written = self._sent == self._written, new[-1].sequence
         for first in range(0, len(new), PAGE):
-            if in_turn and self._may_tell:
-                self._tell(new[first : first + PAGE])
+            if in_turn and self._may_publish:
+                self._publish_reports(new[first : first + PAGE])
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Publish all parameters, including unchanged ones, and the mode."""
@@ -144,7 +144,7 @@ class ExecutiveRelayLink:
         if self._listeners:
             spelling = self._dictionary.spelling.telemetry
             mode = self._mode()
-            self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
+            self._publish_message(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
 
     def housekeeping(self, figures: Mapping[str, float | None]) -> None:
         """Publish the health figures of the executive, at most every `HOUSEKEEPING_S`."""
@@ -152,7 +152,7 @@ class ExecutiveRelayLink:
         if self._listeners and now_s >= self._house_s:
             self._house_s = now_s + HOUSEKEEPING_S
             message = Housekeeping(self._system.utc_s(), figures)
-            self._say(
+            self._publish_message(
                 housekeeping_message(message, self._dictionary.spelling.housekeeping, self._asset)
             )
 
@@ -163,10 +163,10 @@ class ExecutiveRelayLink:
         """Ignored: the commands of a plan have reports of their own."""
 
     @property
-    def _may_tell(self) -> bool:
+    def _may_publish(self) -> bool:
         return self._listeners > 0 and len(self._unconfirmed) < WINDOW
 
-    def _tell(self, reports: Sequence[Report]) -> None:
+    def _publish_reports(self, reports: Sequence[Report]) -> None:
         """Publish reports as one string that needs confirmation."""
         first, self._sent = self._sent + 1, reports[-1].sequence
         text = "".join(str(message) for message in map(self._message, reports) if message)
@@ -174,7 +174,7 @@ class ExecutiveRelayLink:
             self._unconfirmed[fingerprint(text)] = UnconfirmedReports(first, text)
             self._topics.publish(text)
 
-    def _say(self, message: Message) -> None:
+    def _publish_message(self, message: Message) -> None:
         if text := _text_of(message):
             self._topics.publish(text)
 
@@ -183,7 +183,7 @@ class ExecutiveRelayLink:
         try:
             if report.identity is None:
                 return event_of(report, self._dictionary.spelling.event, self._asset, name)
-            command = self._record.asked(report.identity)
+            command = self._record.find(report.identity)
             if command is None:
                 return None
             if report.kind is not ReportKind.COMMAND:
@@ -194,37 +194,37 @@ class ExecutiveRelayLink:
             _LOG.error("report %d not published by the relay: %s", report.sequence, error)
             return None
 
-    def kept(self, mark: int) -> None:
+    def on_confirmed(self, mark: int) -> None:
         """Mark a string as confirmed; earlier strings are not affected."""
         if (commands := self._answered.pop(mark, None)) is not None:
             self._topics.confirm(commands)
         if self._unconfirmed.pop(mark, None) is not None:
-            self._looks = 0
+            self._polls = 0
             self._catch_up()
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Republish unconfirmed reports, and publish those that were deferred."""
         before, self._listeners = self._listeners, self._topics.count_listeners()
-        self._looks = self._looks + 1 if self._unconfirmed else 0
-        if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
-            self._looks = 0
+        self._polls = self._polls + 1 if self._unconfirmed else 0
+        if self._listeners > before or self._polls > RETRANSMIT_POLLS:
+            self._polls = 0
             for unconfirmed in self._unconfirmed.values():
                 self._topics.publish(unconfirmed.text)
         self._catch_up()
         first = next((each.first for each in self._unconfirmed.values()), self._sent + 1)
-        if first - 1 != self._kept:
-            self._kept = first - 1
-            self._record.keep(self._kept)
+        if first - 1 != self._confirmed_up_to:
+            self._confirmed_up_to = first - 1
+            self._record.mark_delivered(self._confirmed_up_to)
 
     def _catch_up(self) -> None:
         """Publish the next deferred reports."""
-        if self._sent == self._written or not self._may_tell or self._ledger.failing:
+        if self._sent == self._written or not self._may_publish or self._ledger.failing:
             return
         with suppress(LedgerError):  # the core sees that too, and reports it
             waiting = self._ledger.reports(self._sent + 1, count=PAGE)
             reports = [each for each in waiting if each.sequence <= self._written]
             if reports:
-                self._tell(reports)
+                self._publish_reports(reports)
 
     def command(self, text: str) -> None:
         """Submit a string of commands; raise MopsError for its first invalid message."""
@@ -240,7 +240,7 @@ class ExecutiveRelayLink:
                 self._confirm(fingerprint(text), answers)
 
         for message in messages:
-            self._take(message, refused.append, answer)
+            self._handle_message(message, refused.append, answer)
         if refused:
             raise MopsError(refused[0])
 
@@ -254,12 +254,12 @@ class ExecutiveRelayLink:
         if not text:
             self._topics.confirm(commands)
             return
-        if len(self._answered) >= MOST_ANSWERED:
+        if len(self._answered) >= MAX_ANSWERED:
             self._answered.clear()
         self._answered[fingerprint(text)] = commands
         self._topics.publish(text)
 
-    def _take(
+    def _handle_message(
         self,
         message: Message,
         refuse: Callable[[str], None],
@@ -277,7 +277,7 @@ class ExecutiveRelayLink:
             if not self._dictionary.is_stop(message):
                 answer(refusal_of(message, self._asset, str(fault)))
                 return
-            identity = Identity(message.source[:LONGEST_SOURCE], message.moe_inputs_id or 0)
+            identity = Identity(message.source[:MAX_SOURCE_LENGTH], message.moe_inputs_id or 0)
             command = Command(identity, Stop(), LINK)
 
         def reply(result: SubmitResult) -> None:
@@ -293,8 +293,10 @@ class ExecutiveRelayLink:
         request = self._dictionary.request(message)
         if message.moe_inputs_id is None:
             raise MopsError("moeinputsid: a command needs a number")
-        if len(message.source) > LONGEST_SOURCE:
-            raise MopsError(f"source: {len(message.source)} characters, at most {LONGEST_SOURCE}")
+        if len(message.source) > MAX_SOURCE_LENGTH:
+            raise MopsError(
+                f"source: {len(message.source)} characters, at most {MAX_SOURCE_LENGTH}"
+            )
         identity = Identity(message.source, message.moe_inputs_id)
         conditions = conditions_of(message)
         return Command(
@@ -312,8 +314,8 @@ class ExecutiveRelayLink:
         """Report on the command over this link, unless its id belongs to another command."""
         with suppress(LedgerError):  # if the ledger cannot be read, the command is refused
             known = self._ledger.digest_of(command.identity)
-            if bad_identity(command) is None and (known is None or known == digest(command)):
-                self._record.remember(command, code)
+            if check_identity(command) is None and (known is None or known == digest(command)):
+                self._record.add(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
         """Return the answer to a command; None if reports not yet confirmed are the answer."""

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
 from adapters.mops import MopsError
-from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
+from adapters.relay.rover.executive_link import POLL_S, ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 
 
@@ -44,7 +44,7 @@ class ExecutiveRelayTopics:
             for key in ("relay_stop", "relay_command")
         )
         reports = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
-        self._kept = declare_topic(
+        self._confirmation_topic = declare_topic(
             node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
         )
         taken = declare_topic(
@@ -63,12 +63,12 @@ class ExecutiveRelayTopics:
                 raise MessageError(f"relay: {error}") from error
 
         def on_kept(mark: UInt64) -> None:
-            link.kept(mark.data)
+            link.on_confirmed(mark.data)
 
         served.subscribe_apart(String, self._stops, on_command)
         served.subscribe(String, self._commands, on_command)
-        served.subscribe(UInt64, self._kept, on_kept)
-        steady_timer(self._node, LOOK_S, served.contained(link.look))
+        served.subscribe(UInt64, self._confirmation_topic, on_kept)
+        steady_timer(self._node, POLL_S, served.contained(link.poll))
 
     def publish(self, text: str) -> None:
         """Publish reports and telemetry, as whole messages."""

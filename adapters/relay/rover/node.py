@@ -60,7 +60,9 @@ class RelayNode:
         self._taken = declare_topic(
             node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
         )
-        self._told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS of the rover")
+        self._notification_topic = declare_topic(
+            node, "relay_notification", "std_msgs/String, MOPS of the rover"
+        )
         ack = declare_optional_topic(
             node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
         )
@@ -69,7 +71,7 @@ class RelayNode:
             stops: node.create_publisher(String, topic.name, topic.qos)
             for stops, topic in ((True, stop), (False, command))
         }
-        self._kept = node.create_publisher(UInt64, ack.name, ack.qos) if ack else None
+        self._confirmation_topic = node.create_publisher(UInt64, ack.name, ack.qos) if ack else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._refused_before = 0
 
@@ -82,7 +84,9 @@ class RelayNode:
         def on_taken(mark: UInt64) -> None:
             bridge.confirmed(mark.data)
 
-        self._node.create_subscription(String, self._told.name, on_notification, self._told.qos)
+        self._node.create_subscription(
+            String, self._notification_topic.name, on_notification, self._notification_topic.qos
+        )
         self._node.create_subscription(UInt64, self._taken.name, on_taken, self._taken.qos)
         steady_timer(self._node, HEALTH_S, partial(self._diagnose, bridge))
 
@@ -96,8 +100,8 @@ class RelayNode:
 
     def confirm(self, mark: int) -> None:
         """Publish the fingerprint of a stored string."""
-        if self._kept is not None:
-            self._kept.publish(UInt64(data=mark))
+        if self._confirmation_topic is not None:
+            self._confirmation_topic.publish(UInt64(data=mark))
 
     def _diagnose(self, bridge: BundleBridge) -> None:
         refused, self._refused_before = bridge.refused - self._refused_before, bridge.refused
@@ -110,7 +114,7 @@ class RelayNode:
 
 
 def diagnose(
-    health: LinkHealth | None, agent: Health | None, refused: int, heard: bool
+    health: LinkHealth | None, agent: Health | None, refused: int, has_subscriber: bool
 ) -> tuple[bytes, str, dict[str, object]]:
     """Return level, text and values: ERROR without an agent, WARN if nothing gets through.
 
@@ -118,13 +122,13 @@ def diagnose(
         health: state of the link, as sent to the ground; None before the first poll.
         agent: state of the bundle agent.
         refused: messages refused since the last diagnosis.
-        heard: whether commands have a subscriber.
+        has_subscriber: whether commands have a subscriber.
     """
     if health is None or agent is None:
         return DiagnosticStatus.ERROR, "the bundle agent is not running", {}
-    if agent.no_room:
-        level, text = DiagnosticStatus.WARN, agent.no_room
-    elif not heard:
+    if agent.full_text:
+        level, text = DiagnosticStatus.WARN, agent.full_text
+    elif not has_subscriber:
         level, text = DiagnosticStatus.WARN, "no subscriber to commands"
     elif refused:
         level, text = DiagnosticStatus.WARN, "messages were refused"
@@ -180,7 +184,7 @@ def serve(
                     executor.spin_once()
                     if reload_requests:
                         reload_requests.clear()
-                        _read_again(bridge, read_plan)
+                        _reload_plan(bridge, read_plan)
                     if not bridge.alive:
                         raise StartError("the bundle agent has ended; the log has its error")
                 _LOG.info("signal received: queued bundles are retained")
@@ -188,7 +192,7 @@ def serve(
         raise StartError(str(error)) from error
 
 
-def _read_again(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
+def _reload_plan(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
     """Reload the contact plan; an invalid one changes nothing."""
     try:
         bridge.set_plan(read_plan())

@@ -18,13 +18,13 @@ from sim.campaign.verdict import clopper_pearson
 from sim.drawing import DONE, FAINT, GRID, INK, MOTION, POINT, WRONG, line, mark, sheet
 
 WIDTH_PX: Final = 460
-MOST_VALUES: Final = 12
+MAX_VALUES: Final = 12
 """Maximum number of distinct values without bins; bins are also used for few runs per value."""
 FEW: Final = 5
 BINS: Final = 10
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 18, 16, 48
 _HEIGHT, _ROW = 270, 26
-_LONGEST: Final = 26
+_MAX_LABEL_LENGTH: Final = 26
 _STEPS: Final = (0.01, 0.02, 0.05, 0.1, 0.25)
 """Steps between the ticks of an axis of shares."""
 _BAND: Final = "#bcd7ea"
@@ -40,7 +40,7 @@ class Share:
     """
 
     name: str
-    kept: int
+    passed: int
     runs: int
     low: float = 0.0
     high: float = 0.0
@@ -48,12 +48,12 @@ class Share:
     @property
     def share(self) -> float:
         """The observed share."""
-        return self.kept / self.runs
+        return self.passed / self.runs
 
     @property
     def interval(self) -> Interval:
         """Interval of the true share with a confidence of 95 %."""
-        return clopper_pearson(self.kept, self.runs)
+        return clopper_pearson(self.passed, self.runs)
 
 
 def by_value(values: Series, holds: Series) -> list[Share]:
@@ -66,7 +66,7 @@ def by_number(values: Series, holds: Series) -> list[Share]:
     """Return the share of each number, or in bins with equal numbers of runs; NA is left out."""
     numbers = values.dropna().astype(float)
     distinct = np.unique(numbers)
-    if len(distinct) <= max(1, min(MOST_VALUES, len(numbers) / FEW)):
+    if len(distinct) <= max(1, min(MAX_VALUES, len(numbers) / FEW)):
         bins = [(value, value) for value in distinct.tolist()]
         bin_of = np.searchsorted(distinct, numbers)
     else:
@@ -122,7 +122,7 @@ def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
             axes.plot([interval.low, interval.high], [row, row], **line(_BAND, 9))
             axes.plot(each.share, row, **mark("o", 8, MOTION))
             axes.annotate(
-                f"{each.kept} of {each.runs}",
+                f"{each.passed} of {each.runs}",
                 (1, row),
                 xycoords=("axes fraction", "data"),
                 xytext=(6, 0),
@@ -185,4 +185,4 @@ def _chart(
 
 
 def _cut(name: str) -> str:
-    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+    return name if len(name) <= _MAX_LABEL_LENGTH else f"{name[: _MAX_LABEL_LENGTH - 1]}…"

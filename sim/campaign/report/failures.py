@@ -10,12 +10,12 @@ from executive.settings import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.runs import CampaignRun, RunTable
-from sim.campaign.session import folder_of, is_kept
+from sim.campaign.session import folder_of, is_saved
 from sim.campaign.worker import ERROR
 from sim.scenario.model import RunMode
 from sim.scenario.pictures import write_run
-from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
+from sim.scenario.run import DATA, run_recorded
 
 FOLDER: Final = "worst"
 """Subfolder of a campaign with a folder for each run that the report shows."""
@@ -81,8 +81,8 @@ def _expected(failed_findings: Sequence[str]) -> str:
     return next(iter(failed_findings), "").partition(", seen ")[0]
 
 
-def choose(
-    runs: RunTable, groups: Sequence[FailureGroup], most: int
+def select_runs(
+    runs: RunTable, groups: Sequence[FailureGroup], maximum: int
 ) -> list[tuple[CampaignRun, str]]:
     """Return the runs to show with the reason: one of each kind of failure, then the extremes."""
     chosen = {
@@ -92,11 +92,11 @@ def choose(
             if group.runs == 1
             else f"the first of {group.runs} runs with this failure",
         )
-        for group in groups[:most]
+        for group in groups[:maximum]
     }
     for figure, why in _EXTREMES.items():
         seen = runs.frame(figure)[figure].dropna()
-        if len(seen) and len(chosen) < most and (number := seen.idxmax()) not in chosen:
+        if len(seen) and len(chosen) < maximum and (number := seen.idxmax()) not in chosen:
             (run,) = runs.at([number])
             chosen[number] = (run, why)
     return list(chosen.values())
@@ -117,7 +117,7 @@ def replay(
     for run, why in chosen:
         target = folder / FOLDER / f"run-{run.run:06d}"
         saved = folder_of(folder, run.run)
-        if is_kept(folder, run) and not (saved / ERROR).exists():
+        if is_saved(folder, run) and not (saved / ERROR).exists():
             copytree(saved, target)
             yield WorstRun(run, why, target, True, "")
             continue
@@ -125,7 +125,7 @@ def replay(
         try:
             scenario = load_scenario(given.scenario, RunMode.LOCK_STEP, given.changes)
             (target / DATA).mkdir(parents=True)
-            outcome = play_recorded(given.scenario, scenario, target)
+            outcome = run_recorded(given.scenario, scenario, target)
         except SettingsError as error:
             yield WorstRun(run, why, target, False, f"It cannot be executed here: {error}")
             continue

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Final
 
 from sim.campaign.model import Campaign
+from sim.campaign.run_filter import RunFilter, Term
 from sim.campaign.runs import RunTable
 from sim.campaign.verdict import CampaignVerdict, CriterionResult, CriterionStatus, judge
-from sim.campaign.where import RunFilter, Term
 from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
 
 NAME: Final = "junit.xml"
-MOST_RUNS: Final = 100
+MAX_CASES: Final = 100
 """Maximum number of failed runs of a scenario that become cases; the others are counted."""
 
 
@@ -71,7 +71,7 @@ def _case(judged: CriterionResult, name: str, trouble: CaseStatus) -> JunitCase:
 
 def _failed(runs: RunTable, here: RunFilter, trouble: CaseStatus) -> Iterator[JunitCase]:
     failed = runs.read(here, failed=True)
-    for run in islice(failed, MOST_RUNS):
+    for run in islice(failed, MAX_CASES):
         findings = "; ".join(run.failed_findings)
         yield JunitCase(f"run {run.run}", f"{findings}; repeat it by: {run.command}", trouble)
     more = sum(1 for _ in failed)

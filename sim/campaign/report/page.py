@@ -15,7 +15,7 @@ from pandas import Series
 
 from executive.values.reports import Stage
 from sim.campaign.draws import INJECT, ValueKind, VariedQuantity, quantities
-from sim.campaign.model import Campaign, Hold, Quantile, Success
+from sim.campaign.model import Campaign, Criterion, Quantile, Success
 from sim.campaign.report.charts import (
     bounds_near,
     by_number,
@@ -27,9 +27,9 @@ from sim.campaign.report.charts import (
 from sim.campaign.report.failures import (
     FOLDER,
     FailureGroup,
-    choose,
     failure_groups,
     replay,
+    select_runs,
 )
 from sim.campaign.runs import CampaignRun, RunTable, keys_of
 from sim.campaign.verdict import CampaignVerdict, CriterionResult, CriterionStatus
@@ -37,12 +37,12 @@ from sim.drawing import as_svg
 from sim.scenario.pictures import REPORTS
 
 NAME: Final = "report.html"
-ALIKE: Final = 1e-9
+RELATIVE_TOLERANCE: Final = 1e-9
 """Relative difference below which figures count as equal."""
-MOST_WORST: Final = 8
-MOST_GROUPS: Final = 25
+MAX_WORST_RUNS: Final = 8
+MAX_GROUPS: Final = 25
 BAD: Final = [Stage.FAILED.name, Stage.REJECTED.name, Stage.EXPIRED.name, Stage.CANCELLED.name]
-MOST_ROWS: Final = 30
+MAX_ROWS: Final = 30
 """Maximum number of rows of a chart of shares, lowest shares first."""
 _UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
 
@@ -61,7 +61,7 @@ class Chart:
     """A drawing with its heading, or a text if there is nothing to draw."""
 
     title: str
-    words: str
+    text: str
     svg: Markup | None = None
 
 
@@ -87,7 +87,7 @@ def write_report(
     """
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
     groups = failure_groups(runs)
-    worst = replay(campaign, choose(runs, groups, MOST_WORST), folder)
+    worst = replay(campaign, select_runs(runs, groups, MAX_WORST_RUNS), folder)
     environment = Environment(
         loader=PackageLoader("sim.campaign.report", "."),
         autoescape=True,
@@ -105,8 +105,8 @@ def write_report(
         false_executed=_false_executed(runs),
         against=tuple(_against(campaign, runs)),
         distributions=tuple(_distributions(campaign, runs)),
-        groups=groups[:MOST_GROUPS],
-        more_groups=_rest(groups[MOST_GROUPS:]),
+        groups=groups[:MAX_GROUPS],
+        more_groups=_rest(groups[MAX_GROUPS:]),
         shown=list(worst),
         folder=FOLDER,
         bad=BAD,
@@ -123,7 +123,7 @@ def judgement_of(verdict: CampaignVerdict) -> CriterionStatus:
     return next((worst for worst in order if worst in found), CriterionStatus.HOLDS)
 
 
-def _hold_row(hold: Hold, judged: CriterionResult) -> CriterionRow:
+def _hold_row(hold: Criterion, judged: CriterionResult) -> CriterionRow:
     """Return the row of a criterion on the page."""
     if judged.judgement is CriterionStatus.EMPTY:
         return CriterionRow(judged, judged.text, "")
@@ -191,9 +191,9 @@ def _chart(
         drawn = draw_against_number(name, by_number(values, holds), wanted)
         return Chart(name, text, Markup(as_svg(drawn)))
     shares = by_value(values, holds)
-    left = len(shares) - MOST_ROWS
+    left = len(shares) - MAX_ROWS
     text += f"The {left} values with the highest success are left out." if left > 0 else ""
-    return Chart(name, text, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
+    return Chart(name, text, Markup(as_svg(draw_shares(shares[:MAX_ROWS], wanted))))
 
 
 def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]:
@@ -212,7 +212,7 @@ def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]
             continue
         seen = known[key].to_numpy(float)
         quantiles = np.quantile(seen, (0.0, 0.5, 0.95, 0.99, 1.0), method="inverted_cdf")
-        if np.ptp(seen) <= ALIKE * np.abs(seen).max():
+        if np.ptp(seen) <= RELATIVE_TOLERANCE * np.abs(seen).max():
             chart = Chart(name, f"It is {seen[0]:.4g} in each run that has it.")
         else:
             bounds = [h.bound for h in campaign.hold if isinstance(h, Quantile) and h.of == key]

@@ -33,7 +33,7 @@ def refusal(definition: PlanDefinition) -> Refusal:
 
 @pytest.mark.parametrize("leaf", LEAVES.values(), ids=lambda leaf: leaf.name)
 def test_every_leaf_is_made_of_its_parameters(leaf: CommandDeclaration) -> None:
-    needed = [each for each in leaf.written if not each.optional]
+    needed = [each for each in leaf.user_arguments if not each.optional]
     given_ = " ".join(f'{parameter.name}="{VALUES[parameter.kind]}"' for parameter in needed)
     for form in (f"<{leaf.name} {given_} {{}}/>", f'<Action ID="{leaf.name}" {given_} {{}}/>'):
         root = check_plan(plan(form.format('deadline_s="9"')), SETTINGS)

@@ -27,7 +27,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import Identity, PlanStatus, ReportKind, Stage
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
-from trees import served
+from trees import commands_by_node
 
 COMPLETED, FAILED = PlanStatus.COMPLETED, PlanStatus.FAILED
 
@@ -159,7 +159,7 @@ def test_what_a_plan_has_done_stays_marked_in_the_tree(bench: PlanBench) -> None
 def test_a_leaf_of_a_plan_names_its_command_also_after_a_suspension(bench: PlanBench) -> None:
     def working() -> dict[str, str | None]:
         nodes = bench.nodes()
-        pairs = zip(nodes, served(nodes), strict=True)
+        pairs = zip(nodes, commands_by_node(nodes), strict=True)
         return {
             node.name: command for node, command in pairs if node.path.startswith("plan:survey/")
         }

@@ -100,9 +100,9 @@ class Desk:
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
         self.router = Router(DICTIONARY, "MOCUP", self, refused.append, record, FREE, self.clock)
-        self.router.lost(RESTARTED)
+        self.router.on_disconnected(RESTARTED)
         if self.plugged:
-            self.router.found(1)
+            self.router.on_connected(1)
 
     def start_executive(self) -> None:
         self.notes[BrickLink.DIRECT].clear()
@@ -134,7 +134,7 @@ class Desk:
         """Have the brick there or not."""
         self.plugged = plugged
         if plugged:
-            self.killed(self.router.found, 1)
+            self.killed(self.router.on_connected, 1)
         else:
             self.usb.clear()
             self.brick.said.clear()
@@ -180,7 +180,7 @@ class Desk:
         if self.brick.said:
             said = self.brick.said.popleft()
             if self.plugged:
-                self.killed(self.router.heard, encode(said))
+                self.killed(self.router.on_octets, encode(said))
 
     def settle(self) -> None:
         """Let everything come to its end, with nobody killed any more."""
@@ -191,7 +191,7 @@ class Desk:
             self.discover()
             self.clock.advance(RETRANSMIT_S)
             self.executive.tick()
-            self.router.look()
+            self.router.poll()
             while self.executive.out or any(self.notes.values()) or self.usb or self.brick.said:
                 self.direct()
                 self.usb_in()
@@ -201,7 +201,7 @@ class Desk:
             self.brick.end()
 
     def _lose_brick(self) -> None:
-        self.router.lost()
+        self.router.on_disconnected()
         assert self.record.waiting() == []
 
     def _to_router(self, link: BrickLink, message: Message) -> None:
@@ -218,7 +218,7 @@ class Desk:
 
     def _check_turn(self, message: Message) -> None:
         """The relay's commands are sent when the brick has nothing else to do."""
-        asked = self.record.asked(message)
+        asked = self.record.find(message)
         if message.code != STOP and asked is not None and asked.links == (BrickLink.RELAY,):
             assert [each.command for each in self.record.unanswered()] == [message]
 

@@ -117,7 +117,7 @@ class Executive:
         self.active = None
 
     def tick(self) -> None:
-        self.plugin.remind()
+        self.plugin.retransmit()
         if self.active is None and self.waiting:
             self.active = self.waiting.popleft()
             self.reach(self.active, Stage.STARTED)
@@ -125,10 +125,10 @@ class Executive:
             self._go_on()
 
     def hear(self, message: Message) -> None:
-        self.plugin.take(message)
+        self.plugin.on_reply(message)
 
     def again(self) -> None:
-        self.claims.again(self.ledger)
+        self.claims.resend(self.ledger)
 
     def reach(self, number: int, stage: Stage, text: str = "", told: bool = True) -> None:
         identity = Identity("MOE", number)
@@ -146,7 +146,7 @@ class Executive:
             return
         self._motion_number += 1
         identity = Identity("MOE", self.active)
-        self.plugin.carry_out(WholeMotion(self._motion_number, self.left.popleft(), identity))
+        self.plugin.execute_motion(WholeMotion(self._motion_number, self.left.popleft(), identity))
 
     def _end(self, executed: bool, text: str) -> None:
         assert self.active is not None

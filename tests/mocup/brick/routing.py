@@ -61,7 +61,7 @@ class Bench:
             self.clock,
         )
         if self.ports.there:
-            self.router.found(1)
+            self.router.on_connected(1)
 
     def fill_disk(self, full: bool) -> None:
         """Let the record take nothing more, or mend it."""
@@ -75,7 +75,7 @@ class Bench:
         return [m for m in map(decode, self.ports.brick) if m.source == SOURCE][-1]
 
     def says(self, *messages: Message) -> None:
-        self.router.heard(b"".join(encode(message) for message in messages))
+        self.router.on_octets(b"".join(encode(message) for message in messages))
 
 
 def forward(number: int | None = 7, source: str = "MOE", distance: str = "1.5") -> Message:

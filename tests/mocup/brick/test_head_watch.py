@@ -56,10 +56,10 @@ def test_a_head_that_does_not_come_there_in_time_fails(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
     bench.clock.advance(6.9)
-    bench.router.look()
+    bench.router.poll()
     assert told(bench) == ["STARTED"]
     bench.clock.advance(0.2)
-    bench.router.look()
+    bench.router.poll()
     (_, ended) = bench.ports.notified[-1]
     assert ended.outputs[:2] == ("FAILED", "PAN_TILT_DEADLINE")
     bench.says(telemetry(1.0, 0.0))
@@ -87,12 +87,12 @@ def test_a_stop_neither_ends_it_nor_does_a_silent_relay_stop_the_brick_for_it(be
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
-    bench.router.silent(BrickLink.RELAY)
+    bench.router.on_host_silent(BrickLink.RELAY)
     assert bench.router.counts.dead_man == 0
     bench.command(BrickLink.RELAY, stop(8))
     bench.says(executed(stop(8)))
     for _ in range(3):
-        bench.router.look()
+        bench.router.poll()
     bench.says(telemetry(1.0, 0.0))
     assert told(bench) == ["STARTED", "EXECUTED", "EXECUTED"]
 
@@ -101,9 +101,9 @@ def test_a_brick_that_goes_away_meanwhile_fails_it(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
-    bench.router.lost()
+    bench.router.on_disconnected()
     assert told(bench) == ["STARTED", "FAILED"]
-    bench.router.found(2)
+    bench.router.on_connected(2)
     bench.says(telemetry(1.0, 0.0))
     assert told(bench) == ["STARTED", "FAILED"]
     assert bench.router.counts.dead_man == 0

@@ -62,7 +62,7 @@ class Day:
         self.desk.clock.advance(self.random.choice([1.0, 4.0]))
         self.desk.discover()
         self.desk.executive.tick()
-        self.desk.killed(self.desk.router.look)
+        self.desk.killed(self.desk.router.poll)
 
     def stop(self) -> None:
         if self.random.random() < 0.5:

@@ -30,15 +30,15 @@ def ends(bench: Bench) -> list[str]:
 def plug(bench: Bench, there: bool) -> None:
     bench.ports.there = there
     if there:
-        bench.router.found(1)
+        bench.router.on_connected(1)
     else:
-        bench.router.lost()
+        bench.router.on_disconnected()
 
 
 def restart(bench: Bench) -> None:
     bench.start(bench.router.record)
-    bench.router.lost(RESTARTED)
-    bench.router.found(1)
+    bench.router.on_disconnected(RESTARTED)
+    bench.router.on_connected(1)
 
 
 @pytest.mark.parametrize("command", [forward(1), stop(1)])
@@ -102,8 +102,8 @@ def test_what_a_stop_dropped_ends_although_the_stop_is_not_recorded_anew(
     bench.fill_disk(False)
     bench.says(executed(stop(1)))
     bench.ports.notified.clear()
-    bench.router.look()
-    bench.router.look()
+    bench.router.poll()
+    bench.router.poll()
     assert ends(bench) == ["FAILED"]
     bench.command(BrickLink.RELAY, forward(3))
     assert bench.ports.brick[-1] == encode(forward(3)), "what comes then need not wait"
@@ -116,7 +116,7 @@ def test_an_end_that_cannot_be_recorded_is_reported_once_it_can_be(
     bench.command(BrickLink.RELAY, forward(1))
     bench.fill_disk(True)
     bench.says(executed(forward(1)))
-    bench.router.look()
+    bench.router.poll()
     assert ends(bench) == []
     bench.fill_disk(False)
     if dies:
@@ -137,7 +137,7 @@ def test_what_was_recorded_and_did_not_reach_the_brick_ends(bench: Bench) -> Non
     bench.ports.to_brick = fill_disk  # type: ignore[method-assign]
     bench.command(BrickLink.RELAY, forward(1))
     bench.fill_disk(False)
-    bench.router.look()
+    bench.router.poll()
     assert ends(bench) == ["REJECTED"]
     bench.command(BrickLink.RELAY, forward(1))
     assert ends(bench) == ["REJECTED"]
@@ -171,7 +171,7 @@ def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_
     ]
     bench.command(BrickLink.DIRECT, report(forward(7), "EXECUTED"))
     bench.fill_disk(False)
-    bench.router.look()
+    bench.router.poll()
     assert bench.ports.brick[-1] == encode(forward(8))
 
 
@@ -192,15 +192,15 @@ def test_what_the_executive_announced_is_confirmed_once_it_is_recorded(bench: Be
 def test_a_reply_is_sent_again_until_rover_relay_has_stored_it(bench: Bench) -> None:
     service = BrickService(bench.router, lambda *_: None, confirmed=True)
     listeners: dict[BrickLink, frozenset[object]] = {link: frozenset({1}) for link in BrickLink}
-    bench.router.found(1)
+    bench.router.on_connected(1)
     bench.command(BrickLink.RELAY, forward(1))
     bench.says(executed(forward(1)))
     ((_, reply),) = bench.ports.notified
-    service.look({link: frozenset() for link in BrickLink})
-    service.look(listeners)
+    service.poll({link: frozenset() for link in BrickLink})
+    service.poll(listeners)
     bench.ports.notified.clear()
-    service.look(listeners)
+    service.poll(listeners)
     assert bench.ports.notified == [(BrickLink.RELAY, reply)]
-    service.kept(fingerprint(str(reply)))
-    service.look(listeners)
+    service.on_confirmed(fingerprint(str(reply)))
+    service.poll(listeners)
     assert len(bench.ports.notified) == 1

@@ -94,8 +94,10 @@ class Bench:
             link: self._node.create_publisher(String, topic.name, topic.qos)
             for link, topic in settings.commands.items()
         }
-        assert settings.kept is not None
-        self._kept = self._node.create_publisher(UInt64, settings.kept.name, settings.kept.qos)
+        assert settings.confirmations is not None
+        self._kept = self._node.create_publisher(
+            UInt64, settings.confirmations.name, settings.confirmations.qos
+        )
         for topic in settings.commands.values():
             publish_heartbeat(self._node, topic)
         self.until(lambda: all(map(_is_heard, self._commands.values())), "both links are heard")

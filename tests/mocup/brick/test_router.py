@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from adapters.mocup.brick.record import BrickLink
 from adapters.mops import Message, encode
-from adapters.mops.codec import LONGEST
+from adapters.mops.codec import MAX_MESSAGE_OCTETS
 from tests.mocup.brick.routing import (
     BOTH,
     SPELLING,
@@ -94,8 +94,8 @@ def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Ben
     bench.command(BrickLink.RELAY, begun)
     bench.says(received(begun), executed(done))
     bench.ports.notified.clear()
-    bench.router.lost()
-    bench.router.lost()
+    bench.router.on_disconnected()
+    bench.router.on_disconnected()
     heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.ports.notified]
     assert heard == [
         (BrickLink.DIRECT, 2, True, "FAILED"),
@@ -106,8 +106,8 @@ def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Ben
 
 
 def test_half_a_message_of_a_brick_that_went_away_spoils_none_of_the_next(bench: Bench) -> None:
-    bench.router.heard(encode(executed(forward()))[:20])
-    bench.router.lost()
+    bench.router.on_octets(encode(executed(forward()))[:20])
+    bench.router.on_disconnected()
     bench.says(executed(forward()))
     assert len(bench.ports.notified) == len(BOTH)
     counts = bench.router.counts
@@ -165,11 +165,11 @@ def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
 
 
 def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
-    source = "M" * (LONGEST - len(encode(forward(source="M"))) + 1)
+    source = "M" * (MAX_MESSAGE_OCTETS - len(encode(forward(source="M"))) + 1)
     longest = forward(source=source)
-    assert len(encode(longest)) == LONGEST
+    assert len(encode(longest)) == MAX_MESSAGE_OCTETS
     bench.command(BrickLink.RELAY, longest)
-    bench.router.lost()
+    bench.router.on_disconnected()
     assert bench.ports.brick == [encode(longest)]
     assert bench.ports.notified == []
     assert bench.router.counts.refused >= 1
@@ -201,7 +201,7 @@ def test_replies_come_through_however_they_are_cut(
         octets += encode(message) + bytes(zeros)
     while octets:
         size = data.draw(st.integers(1, 64))
-        bench.router.heard(octets[:size])
+        bench.router.on_octets(octets[:size])
         octets = octets[size:]
     assert bench.ports.notified == passed
     garbage_count = sum(garbage is not None for _, garbage, _ in said)

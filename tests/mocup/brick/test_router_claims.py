@@ -177,7 +177,7 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
     bench.command(BrickLink.DIRECT, report(forward(3), "STARTED"))
     record.close()
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
-    bench.router.lost(RESTARTED)
+    bench.router.on_disconnected(RESTARTED)
     for link, numbers in ((BrickLink.RELAY, [1, 2, 3]), (BrickLink.DIRECT, [2, 3])):
         bench.ports.notified.clear()
         bench.router.resend_last(link)

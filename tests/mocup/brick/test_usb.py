@@ -11,7 +11,7 @@ import pytest
 
 from adapters.mocup.brick.usb import (
     INCOMING,
-    MOST_TIMEOUTS,
+    MAX_TIMEOUTS,
     OUTGOING,
     Brick,
     BrickConnected,
@@ -84,7 +84,11 @@ class Bench:
 
     def found(self, times: int = 1) -> None:
         def there() -> bool:
-            visits = [event.visit for event in self.happened if isinstance(event, BrickConnected)]
+            visits = [
+                event.connection_number
+                for event in self.happened
+                if isinstance(event, BrickConnected)
+            ]
             return visits == list(range(1, times + 1)) and self.session.connected
 
         self.until(there, "the brick")
@@ -187,7 +191,7 @@ def test_a_fault_of_either_endpoint_is_healed_by_claiming_again(bench: Bench, nu
 
 def test_a_slow_brick_gets_everything_and_holds_up_nobody(bench: Bench) -> None:
     bench.bus.most_taken = 1
-    bench.bus.faults += [TIMEOUT, 0] * (MOST_TIMEOUTS + 1)
+    bench.bus.faults += [TIMEOUT, 0] * (MAX_TIMEOUTS + 1)
     bench.session.start()
     bench.found()
     assert bench.session.send(b"slowly but surely", 1)
@@ -207,7 +211,7 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
         return take(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(bench.bus, "bulk_write", hold)
-    bench.bus.faults += [0, *[TIMEOUT] * MOST_TIMEOUTS]
+    bench.bus.faults += [0, *[TIMEOUT] * MAX_TIMEOUTS]
     bench.session.start()
     bench.found()
     assert bench.session.send(b"y" * 65, 1)

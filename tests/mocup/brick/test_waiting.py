@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mocup.brick.ownership import MOST_WAITING
+from adapters.mocup.brick.ownership import MAX_QUEUED
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import decode
@@ -38,7 +38,7 @@ def test_it_does_not_wait_for_an_executive_that_is_gone(bench: Bench) -> None:
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     bench.command(BrickLink.RELAY, forward(8))
     bench.says(executed(part(7, 1)))
-    bench.router.silent(BrickLink.DIRECT)
+    bench.router.on_host_silent(BrickLink.DIRECT)
     assert sent(bench) == [7, 8]
 
 
@@ -60,11 +60,11 @@ def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench
     at_work(bench, 2)
     bench.ports.there = False
     bench.start(bench.router.record)
-    bench.router.lost(RESTARTED)
+    bench.router.on_disconnected(RESTARTED)
     bench.command(BrickLink.RELAY, stop(9))
     assert [stage for _, _, stage in told(bench)] == ["FAILED", "CANCELLED", "REJECTED"]
     bench.ports.there = True
-    bench.router.found(1)
+    bench.router.on_connected(1)
     assert sent(bench) == [1]
 
 
@@ -72,9 +72,9 @@ def test_a_brick_that_answers_a_stop_has_done_with_what_it_did_not_answer(bench:
     at_work(bench, 1)
     bench.command(BrickLink.RELAY, stop(9), forward(2))
     bench.says(executed(stop(9)))
-    bench.router.look()
+    bench.router.poll()
     assert by_relay(bench) == [(2, "RECEIVED"), (9, "EXECUTED")]
-    bench.router.look()
+    bench.router.poll()
     assert told(bench) == [(BrickLink.RELAY, 1, "FAILED")]
     assert sent(bench) == [1, 9, 2]
 
@@ -83,13 +83,13 @@ def test_what_a_brick_says_of_what_it_did_after_it_answered_a_stop_counts(bench:
     at_work(bench, 1)
     bench.command(BrickLink.RELAY, stop(9))
     bench.says(executed(stop(9)), executed(forward(1)))
-    bench.router.look()
-    bench.router.look()
+    bench.router.poll()
+    bench.router.poll()
     assert by_relay(bench) == [(9, "EXECUTED"), (1, "EXECUTED")]
 
 
 def test_what_is_too_much_is_refused_also_when_it_comes_again(bench: Bench) -> None:
-    at_work(bench, MOST_WAITING + 1)
+    at_work(bench, MAX_QUEUED + 1)
     late = forward(99)
     bench.command(BrickLink.RELAY, late)
     ((_, refusal),) = bench.ports.notified
@@ -108,15 +108,15 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.router.record.close()
     bench.ports.there = False
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
-    bench.router.lost(RESTARTED)
+    bench.router.on_disconnected(RESTARTED)
     assert told(bench) == [(BrickLink.RELAY, 1, "FAILED")]
     bench.ports.there = True
-    bench.router.found(1)
+    bench.router.on_connected(1)
     assert sent(bench) == [1], "what it does nobody knows: it is stopped before it goes on"
     bench.says(executed(bench.halted()))
     assert sent(bench) == [1, 2]
     bench.ports.there = False
-    bench.router.lost()
+    bench.router.on_disconnected()
     gone = [message.outputs for _, message in bench.ports.notified]
     assert gone[1:] == [("CANCELLED", "", "the brick disconnected before it was sent")] * 2
     ends = [
@@ -128,7 +128,7 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.command(BrickLink.RELAY, forward(5), forward(3))
     assert told(bench) == [(BrickLink.RELAY, 5, "REJECTED"), (BrickLink.RELAY, 3, "CANCELLED")]
     bench.ports.there = True
-    bench.router.found(1)
+    bench.router.on_connected(1)
     bench.command(BrickLink.RELAY, forward(6))
     bench.says(executed(bench.halted()))
     assert sent(bench) == [1, 2, 6]
@@ -140,8 +140,8 @@ def test_what_the_brick_cannot_take_yet_goes_on_waiting(bench: Bench) -> None:
     bench.says(executed(forward(1)))
     bench.ports.there = True
     assert (sent(bench), bench.router.counts.waiting) == ([1], 2)
-    bench.router.look()
-    bench.router.look()
+    bench.router.poll()
+    bench.router.poll()
     assert (sent(bench), bench.router.counts.waiting) == ([1, 2], 1)
 
 
@@ -166,9 +166,9 @@ def test_what_ended_on_a_full_disk_is_not_sent_later(
 ) -> None:
     at_work(bench, 2)
     bench.fill_disk(True)
-    bench.router.lost()
-    bench.router.found(1)
+    bench.router.on_disconnected()
+    bench.router.on_connected(1)
     bench.fill_disk(False)
-    bench.router.look()
+    bench.router.poll()
     assert sent(bench) == [1]
     assert told(bench) == [(BrickLink.RELAY, 1, "FAILED"), (BrickLink.RELAY, 2, "CANCELLED")]

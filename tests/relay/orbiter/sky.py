@@ -37,7 +37,7 @@ from adapters.mops import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Notification
-from adapters.mrs.terms import CLEAR
+from adapters.mrs.transport import CLEAR
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
@@ -248,8 +248,8 @@ async def orbiting(
         RoverProvider(
             rover,
             partial(relay.link_status, node),
-            partial(relay.order, node),
-            relay.usage.look,
+            partial(relay.override_contact, node),
+            relay.usage.measure,
             settings.silent_after_s,
             CLEAR,
             system,
@@ -275,7 +275,7 @@ async def telling(station: RoverProvider) -> AsyncIterator[None]:
 
     async def tell() -> None:
         while True:
-            station.tell_health()
+            station.publish_health()
             await asyncio.sleep(0.2)
 
     telling = asyncio.create_task(tell())

@@ -85,7 +85,7 @@ def test_contacts_of_a_daemon_are_set_there(tmp_path: Path) -> None:
     relay = OrbiterRelay(settings, tmp_path, lambda: None, DICTIONARY)
     (node,) = relay.rovers
     with pytest.raises(BundleError, match="ionadmin"):
-        relay.order(node, ContactOverride.UP)
+        relay.override_contact(node, ContactOverride.UP)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from adapters.mops import Message
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification, given_up
+from adapters.mrs.spec import Notification, lost_command
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.commands import MoveForward
@@ -121,7 +121,7 @@ async def test_that_a_command_was_lost(tmp_path: Path) -> None:
         async with out_of_contact(relay, client):
             clock.shift_s = 60.0
             await until(lambda: relay.agent.health().queued == 0)
-        await until(lambda: any(given_up(each) == command.identity for each in notifications))
+        await until(lambda: any(lost_command(each) == command.identity for each in notifications))
 
 
 async def test_the_end_rather_than_the_loss_before_it(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ async def test_the_end_rather_than_the_loss_before_it(tmp_path: Path) -> None:
         running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
         await until(lambda: len(rover.commands) == 1)
         async with out_of_contact(relay, client) as relayed:
-            relayed.record.outstanding.end_unheard(float("inf"), 1.0)
+            relayed.record.outstanding.end_unreported(float("inf"), 1.0)
             await rover.report(rover.commands[0], 1, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 1)
         assert (await running).executed
@@ -164,7 +164,7 @@ async def test_what_a_failed_commit_held_up_is_published_before_later_reports(
         ledger = relayed.record.ledger
         async with received(client) as notifications:
             held = Report(1, 1.0, ReportKind.EVENT, Severity.WARNING, "held up")
-            ledger.append(held)  # as a commit left it that failed
+            ledger.append_report(held)  # as a commit left it that failed
             ledger.commit()  # of something else
             relayed._take(
                 Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "later"), "unit", "first"

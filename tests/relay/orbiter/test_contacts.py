@@ -10,7 +10,7 @@ from adapters.bundle import ContactPlan
 from adapters.bundle.links.contact import ContactPlanError, parse_plan
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error, forwarded
+from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error, forwarded_command
 from adapters.relay.orbiter.link_status import list_contacts
 from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
@@ -59,10 +59,10 @@ async def test_the_way_is_closed_until_it_is_given_back_to_the_plan(
     async with meeting(sky) as (relay, far, client):
         far.ledger = far.ledger if numbered else ""
         said = client.notifications()
-        relay.look()
+        relay.poll()
         down = client.command(ExecuteAction(" contact  Down "))
         assert (await client.run(down)).executed
-        relay.look()
+        relay.poll()
         (left,) = await client.get_value("DTN_NEXT_CONTACT")
         assert left.value is None
         waiting = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
@@ -70,15 +70,15 @@ async def test_the_way_is_closed_until_it_is_given_back_to_the_plan(
         again = await client.run(down)
         assert again.refusal is not None
         assert again.refusal.number == AreaError.DUPLICATE.value
-        assert [each.stage for each in again.life] == [Stage.EXECUTED]
+        assert [each.stage for each in again.notifications] == [Stage.EXECUTED]
         assert far.commands == []
         assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
         assert (await waiting).executed
-        relay.look()
+        relay.poll()
         links: list[str | None] = []
         while len(links) < 3:
             each = await anext(said)
-            if each.kind is NotificationKind.LINK and forwarded(each) is None:
+            if each.kind is NotificationKind.LINK and forwarded_command(each) is None:
                 links.append(each.text)
         assert links == [
             "contact",

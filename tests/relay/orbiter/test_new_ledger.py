@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from adapters.mops import MopsError
-from adapters.mrs.spec import Notification, NotificationKind, forwarded, given_up
+from adapters.mrs.spec import Notification, NotificationKind, forwarded_command, lost_command
 from adapters.mrs.spec import Stage as StageSaid
 from adapters.mrs.spec.types import Severity
-from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverRecord
+from adapters.relay.orbiter.record import LEDGER_STRIDE, MAX_LEDGERS, RoverRecord
 from executive.commands.catalogue import MoveForward
 from executive.values.reports import Report, ReportKind, Stage
 from executive.values.reports import Severity as ReportSeverity
@@ -29,7 +29,9 @@ async def test_its_reports_are_told_and_numbers_only_rise(tmp_path: Path) -> Non
             rover.forget("second")
             assert (await client.run(client.command(MoveForward(2.0)))).executed
             told = [await anext(said) for _ in range(2 * len(LIFE) + 3)]
-            (link,) = [n for n in told if n.kind is NotificationKind.LINK and not forwarded(n)]
+            (link,) = [
+                n for n in told if n.kind is NotificationKind.LINK and not forwarded_command(n)
+            ]
             assert link.severity is Severity.WARNING
             assert link.text is not None
             assert f"numbered from {LEDGER_STRIDE + 1}" in link.text
@@ -60,11 +62,11 @@ async def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> Non
         await rover.event("here again")
         link, loss, event = [await anext(said) for _ in range(3)]
         assert (link.kind, link.severity) == (NotificationKind.LINK, Severity.WARNING)
-        assert given_up(loss) == begun.identity
+        assert lost_command(loss) == begun.identity
         assert event.text == "here again"
         assert (await client.get_status()).activeCommandId is None
         again = await client.run(begun)
-        assert again.given_up is not None
+        assert again.loss is not None
         assert again.stage is StageSaid.STARTED
         rover.life = LIFE
         other = client.command(MoveForward(2.0))
@@ -85,13 +87,13 @@ async def test_who_waits_for_what_the_old_ledger_knew_is_told(tmp_path: Path) ->
         new = [client.run(client.command(MoveForward(2.0))) for _ in range(3)]
         assert all(outcome.executed for outcome in await asyncio.gather(*new))
         for outcome in await asyncio.gather(*waiting):
-            assert outcome.given_up is not None
-            assert "new ledger" in (outcome.given_up.text or "")
+            assert outcome.loss is not None
+            assert "new ledger" in (outcome.loss.text or "")
 
 
 def test_names_without_end_are_no_ledgers(tmp_path: Path) -> None:
     record = RoverRecord(tmp_path / "r")
-    for number in range(MOST_LEDGERS):
+    for number in range(MAX_LEDGERS):
         assert record.ledgers.new(f"{number}") is (number > 0)
         record.ledgers.number(f"{number}", 1)
     with pytest.raises(MopsError, match="is number 1001"):

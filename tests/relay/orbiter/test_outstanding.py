@@ -22,7 +22,7 @@ from adapters.mal import MalError
 from adapters.mocup.brick.record import BrickLink
 from adapters.mops import LinkHealth, decode
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError, forwarded, given_up
+from adapters.mrs.spec import AreaError, forwarded_command, lost_command
 from adapters.mrs.spec.types import Severity
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import GRACE_S, OrbiterRelay, recover_outbox
@@ -66,11 +66,16 @@ async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path)
         await until(lambda: relay.agent.health().queued == 2)
         clock.shift_s = 60.0
         lost = await waiting[0]
-        assert (lost.executed, lost.stage, lost.life, lost.refusal) == (False, None, (), None)
-        assert lost.given_up is not None
-        assert lost.given_up.severity is Severity.ALARM
-        assert lost.given_up.text == f"{short.identity} {WHY}"
-        assert (lost.given_up.commandId, lost.given_up.stage) == (None, None)
+        assert (lost.executed, lost.stage, lost.notifications, lost.refusal) == (
+            False,
+            None,
+            (),
+            None,
+        )
+        assert lost.loss is not None
+        assert lost.loss.severity is Severity.ALARM
+        assert lost.loss.text == f"{short.identity} {WHY}"
+        assert (lost.loss.commandId, lost.loss.stage) == (None, None)
         assert not waiting[1].done(), "it is of one command only"
         clock.shift_s = 3601.0
         assert (await waiting[1]).executed
@@ -86,9 +91,9 @@ async def test_it_is_told_when_a_command_leaves_the_orbiter(tmp_path: Path) -> N
         await until(lambda: relay.agent.health().queued == 1)
         clock.shift_s = 3601.0
         told = [await anext(heard) for _ in range(1 + len(LIFE))]
-        (left,) = [each for each in told if forwarded(each) is not None]
-        assert forwarded(left) == command.identity
-        assert (left.stage, left.sequence, given_up(left)) == (None, 0, None)
+        (left,) = [each for each in told if forwarded_command(each) is not None]
+        assert forwarded_command(left) == command.identity
+        assert (left.stage, left.sequence, lost_command(left)) == (None, 0, None)
         assert left.text == f"{command.identity} has left the orbiter"
         assert [each.stage.name for each in told if each.stage] == [each.name for each in LIFE]
 
@@ -118,7 +123,7 @@ async def test_a_run_over_a_loss_of_the_session_ends_with_it(tmp_path: Path) -> 
             clock.shift_s = 60.0
             await until(lambda: relay.agent.health().queued == 0)
             await client._session.drop(await client._session.consumer())
-            assert (await waiting).given_up is not None
+            assert (await waiting).loss is not None
 
 
 LIFETIME_S = 60.0
@@ -154,14 +159,14 @@ async def test_only_a_link_made_late_enough_gives_it_up(
         sent_s, late_s = clock.utc_s(), LIFETIME_S + grace_s
         await hear(link(sent_s + 3600.0))  # its clock is ahead
         clock.shift_s = late_s + 20.0
-        relay.look()
-        await relay.ask_again()
+        relay.poll()
+        await relay.retransmit_unanswered()
         await hear(link(sent_s + late_s - 5.0))
         await hear(link(sent_s + late_s + 20.0, queued=4, oldest_s=25.0))
         await hear(link(sent_s + late_s + 20.0, unread=1))
         assert not far.record.ledger.recorded_on(command.identity)
         await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
-        given_up = (await end).given_up
+        given_up = (await end).loss
         assert given_up is not None
         assert "no report within its lifetime" in (given_up.text or "")
         (loss,) = far.record.ledger.recorded_on(command.identity)
@@ -253,7 +258,7 @@ class Waiting:
 
     async def wait(self, time_s: float) -> None:
         self.clock.shift_s += time_s
-        await self.relay.ask_again()
+        await self.relay.retransmit_unanswered()
 
 
 async def stages(client: MrsClient, count: int) -> list[Stage]:
@@ -370,14 +375,14 @@ async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) 
         bench.says(executed(decode(bench.ports.brick[0])))
         bench.start(bench.router.record)
         clock.shift_s += 2 * AGAIN_S
-        await relay.ask_again()
+        await relay.retransmit_unanswered()
         outcome = await running
         assert outcome.executed
-        past = await catch_up(client, len(outcome.life))
+        past = await catch_up(client, len(outcome.notifications))
         assert [n.sequence for n in past] == list(range(1, len(past) + 1))
         assert [n.stage for n in past if n.stage is not None][-1].value == Stage.EXECUTED.value
         clock.shift_s += 2 * AGAIN_S
-        await relay.ask_again()
+        await relay.retransmit_unanswered()
         assert not relay.agent.health().queued
         assert len(bench.ports.brick) == 1
     carrying.cancel()

@@ -101,12 +101,12 @@ def test_what_left_the_outbox_is_no_longer_old(tmp_path: Path) -> None:
     later = BundleId(Ipn(1, 1), Creation(1000, 1))
     asked(record, Stop(), IDENTITY, 10.0)
     asked(record, Stop(), Identity("MOE", 8), 20.0, later)
-    assert record.outstanding.oldest_utc_s() == 10.0
-    assert record.outstanding.left_outbox(BUNDLE, 30.0) == IDENTITY
-    assert record.outstanding.left_outbox(BUNDLE, 30.0) is None
-    assert record.outstanding.oldest_utc_s() == 20.0
+    assert record.outstanding.earliest_utc_s() == 10.0
+    assert record.outstanding.note_departure(BUNDLE, 30.0) == IDENTITY
+    assert record.outstanding.note_departure(BUNDLE, 30.0) is None
+    assert record.outstanding.earliest_utc_s() == 20.0
     record.outstanding.outbox_empty(30.0)
-    assert record.outstanding.oldest_utc_s() is None
+    assert record.outstanding.earliest_utc_s() is None
 
 
 def test_a_stop_holds_until_a_resume(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ class Kept:
         bundle = BundleId(Ipn(1, 1), Creation(1000, number))
         command = Command(identity, request, "relay")
         self.record.outstanding.add(command, b"asked", bundle, utc_s, utc_s + LIFETIME_S)
-        self.record.outstanding.left_outbox(bundle, utc_s)
+        self.record.outstanding.note_departure(bundle, utc_s)
         for stage in life:
             self.tell(stage, identity)
 

@@ -16,7 +16,7 @@ from adapters.mrs.spec import (
     NotificationKind,
     ParameterValue,
     Validity,
-    forwarded,
+    forwarded_command,
 )
 from executive.commands.catalogue import (
     ExecuteAction,
@@ -69,7 +69,7 @@ async def test_commands_reach_the_rover_and_its_reports_the_ground(tmp_path: Pat
             for request in requests:
                 outcome = await client.run(client.command(request))
                 assert outcome.executed
-                assert stages(outcome.life) == list(LIFE)
+                assert stages(outcome.notifications) == list(LIFE)
             past = await client.get_notifications()
             assert [n.sequence for n in past] == list(range(1, 4 * len(requests) + 1))
             assert (await client.get_notifications(since=5))[0].sequence == 5
@@ -88,7 +88,7 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
     plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
     async with meeting(sky, clock, plan, old_after_s=60.0) as (relay, rover, client):
         said = client.notifications()
-        relay.look()
+        relay.poll()
         commands = [client.command(MoveForward(1.0)), client.command(Stop())]
         runs = [asyncio.create_task(client.run(command)) for command in commands]
         await until(lambda: relay.link_status(rover_node).queued == 2)
@@ -102,15 +102,15 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         assert (await client.get_status()).mode is AssetMode.OFFLINE
         assert (await client.get_status()).queuedCommands == 2
         clock.shift_s = 120.0
-        relay.look()
+        relay.poll()
         assert rover.commands == []
         clock.shift_s = 3601.0
         assert [o.executed for o in await asyncio.gather(*runs)] == [True, True]
         assert [m.command for m in rover.commands] == ["STOP", "MOVE_FORWARD"]
         await until(lambda: relay.link_status(rover_node).queued == 0)
-        relay.look()
+        relay.poll()
         link = [await anext(said) for _ in range(13)]
-        link = [n for n in link if n.kind is NotificationKind.LINK and forwarded(n) is None]
+        link = [n for n in link if n.kind is NotificationKind.LINK and forwarded_command(n) is None]
         assert [n.sequence for n in link] == [0, 0, 0]
         dark, old, light = (n.text or "" for n in link)
         assert dark.startswith("no contact until ")

@@ -32,7 +32,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         notifications = client.notifications()
 
         async def said() -> Notification:
-            relay.look()
+            relay.poll()
             return await anext(notifications)
 
         assert (await said()).text == "contact"
@@ -42,7 +42,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         assert room.value is not None
         assert room.value.value == 100 * MB - (64 << 20)
         monkeypatch.setattr(os, "statvfs", disk_with(30 * MB))
-        await until(lambda: bool(relay.agent.health().no_room))
+        await until(lambda: bool(relay.agent.health().full_text))
         full = await said()
         assert full.severity is Severity.WARNING
         assert (full.text or "").startswith("the orbiter's store is full: bundle store ")
@@ -54,7 +54,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         assert "30 MB are free on the disk, 67 MB must stay free: free disk space" in text
         await client.submit(client.command(Stop()))
         monkeypatch.undo()
-        await until(lambda: not relay.agent.health().no_room)
+        await until(lambda: not relay.agent.health().full_text)
         again = await said()
         assert (again.severity, again.text) == (
             Severity.INFORMATIONAL, "the orbiter's store has free space again",

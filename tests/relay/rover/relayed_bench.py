@@ -29,14 +29,14 @@ class RelayedBench(Bench):
         self.link.serve(self.executive.submit)
         with suppress(MopsError):
             self.link.command(text)
-        self.executive.turn()
+        self.executive.serve_inbox()
 
     def keep(self) -> None:
         """Say that all that was told is on the disk, as rover-relay does."""
         said = list(self.wire.said)
         self.wire.said.clear()
         for text in said:
-            self.link.kept(fingerprint(text))
+            self.link.on_confirmed(fingerprint(text))
 
     @property
     def told(self) -> list[Message]:

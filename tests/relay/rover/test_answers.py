@@ -59,7 +59,7 @@ def test_a_string_is_confirmed_once_its_answers_are_on_the_disk(
 def test_a_malformed_stop_that_acts_has_one_end(bench: RelayedBench) -> None:
     bench.hear(str(replace(asked(Stop(), 9), inputs=("now",))))
     assert bench.finish(9) is Stage.EXECUTED
-    bench.link.look()
+    bench.link.poll()
     ends = [m.outputs[0] for m in bench.told if m.moe_inputs_id == 9 and is_last(m)]
     assert ends == ["EXECUTED"]
 
@@ -82,7 +82,7 @@ def test_a_command_that_comes_while_the_ledger_fails_has_one_end(
         bench.run(1.0)
         bench.hear(text)
         bench.run(1.0)
-    bench.link.look()
+    bench.link.poll()
     ends |= {m.outputs[0] for m in bench.told if m.moe_inputs_id == number and is_last(m)}
     bench.keep()
     assert len(ends) == 1

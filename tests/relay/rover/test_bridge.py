@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from adapters.bundle import BundleError
 from adapters.mops import LinkHealth, fingerprint, health_message, load_dictionary
 from adapters.relay.rover.bridge import (
-    LONGEST_PAYLOAD,
-    MOST_QUEUED,
+    MAX_PAYLOAD_OCTETS,
+    MAX_QUEUED_REPORTS,
     BundleBridge,
     ReportBatch,
     SendQueue,
@@ -64,7 +64,7 @@ async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
         await orbiter.send(ROVER, octets(command(1), command(2)))
         await orbiter.send(ROVER, b"FLY#" + octets(command(3)) + b"half")
         await orbiter.send(ROVER, b"\xff\x00 nothing at all")
-        await orbiter.send(ROVER, b"x" * (LONGEST_PAYLOAD + 1))
+        await orbiter.send(ROVER, b"x" * (MAX_PAYLOAD_OCTETS + 1))
         await orbiter.send(ROVER, octets(command(4)))
         await until(lambda: str(command(4)) in "".join(ends.rover.commands))
         await until(lambda: link.refused == 4)
@@ -142,7 +142,7 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
 async def test_one_confirmation_is_for_the_same_stop_twice(
     ends: Ends, link: BundleBridge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.relay.rover.bridge.AGAIN_S", 5.0)
+    monkeypatch.setattr("adapters.relay.rover.bridge.REPUBLISH_S", 5.0)
     ends.rover.confirms_stops = False
     stop = DICTIONARY.command(Stop(), Identity("MOE", 7), "JACKAL")
     async with ends.orbiter() as orbiter:
@@ -219,7 +219,7 @@ def test_reports_come_all_in_order_and_once_each(
     for number in numbers:
         assert whole.put(str(event(number)), pytest.fail)
     taken: list[ReportBatch] = []
-    while some := whole.take(queued, most)[0]:
+    while some := whole.pop(queued, most)[0]:
         assert len(some) <= most
         taken += some
     told = [str(event(number)) for number in dict.fromkeys(numbers)]
@@ -231,10 +231,10 @@ def test_of_telemetry_the_newest_comes_once_little_waits(values: list[float], qu
     some = SendQueue(DICTIONARY, QUEUE)
     for value in values:
         some.put(str(telemetry(value)), pytest.fail)
-    assert some.take(QUEUE + 1, 10) == ([], [])
+    assert some.pop(QUEUE + 1, 10) == ([], [])
     expected = [telemetry(values[-1])] if queued <= QUEUE else []
-    assert some.take(queued, 10) == ([], expected)
-    assert some.take(0, 10) == ([], [] if expected else [telemetry(values[-1])])
+    assert some.pop(queued, 10) == ([], expected)
+    assert some.pop(0, 10) == ([], [] if expected else [telemetry(values[-1])])
 
 
 def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
@@ -244,11 +244,13 @@ def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
     assert some.put(text, refused.append)
     assert len(refused) == 1
     reports = ReportBatch(f"{event(1)}{event(2)}", fingerprint(text))
-    assert some.take(0, 10) == ([reports], [telemetry(1.0), health])
+    assert some.pop(0, 10) == ([reports], [telemetry(1.0), health])
 
 
 def test_more_reports_than_there_is_room_for_are_refused() -> None:
     some = SendQueue(DICTIONARY, QUEUE)
-    assert all(some.put(str(event(number)), pytest.fail) for number in range(1, MOST_QUEUED + 1))
-    assert not some.put(str(event(MOST_QUEUED + 1)), pytest.fail)
+    assert all(
+        some.put(str(event(number)), pytest.fail) for number in range(1, MAX_QUEUED_REPORTS + 1)
+    )
+    assert not some.put(str(event(MAX_QUEUED_REPORTS + 1)), pytest.fail)
     assert some.put(str(telemetry(1.0)), pytest.fail)

@@ -10,8 +10,8 @@ from adapters.mops import LinkHealth
 from adapters.relay.rover.node import diagnose
 
 LINK = LinkHealth(1.8e9, 2, 4.0, None, 0.5, 0, 0)
-AGENT = Health(2, 4.0, 0, 7, 0, 1000, no_room="", neighbours=())
-FULL = replace(AGENT, no_room="bundle store x: there is no room")
+AGENT = Health(2, 4.0, 0, 7, 0, 1000, full_text="", neighbours=())
+FULL = replace(AGENT, full_text="bundle store x: there is no room")
 
 
 @pytest.mark.parametrize(

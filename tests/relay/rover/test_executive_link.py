@@ -164,7 +164,7 @@ def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> 
 def test_a_report_that_is_kept_says_nothing_of_those_before_it(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.relay.rover.executive_link.RETRANSMIT_LOOKS", 2)
+    monkeypatch.setattr("adapters.relay.rover.executive_link.RETRANSMIT_POLLS", 2)
     monkeypatch.setattr("adapters.relay.rover.executive_link.PAGE", 1)
     aboard.relay.keeps = False
     aboard.ask(SetTravelSpeed(0.25), 1)

@@ -44,7 +44,7 @@ def test_what_a_stop_has_overtaken_and_was_executed_before_has_that_end_alone(
         assert bench.finish(7) is Stage.FAILED
         bench.hear(str(asked(Stop(), 8)))
         bench.hear(str(overtaken(MoveForward(1.0), 7)))
-        bench.link.look()
+        bench.link.poll()
         ends = [m.outputs[0] for m in bench.told if m.moe_inputs_id == 7]
         assert ends[-1] == "FAILED"
         assert "REJECTED" not in ends

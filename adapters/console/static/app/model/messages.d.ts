@@ -29,13 +29,13 @@
 /** An argument of a command. */ export type ArgumentEntry = { name: string; type: string; unit: string; typed: DisplayUnit | null; optional: boolean; help: string; low: number | null; high: number | null; or_zero: boolean; choices: string[] | null; items: ArgumentEntry[]; least: number | null; most: number | null };
 /** A command as a form. */ export type CommandEntry = { name: string; summary: string; service: string; operation: string; family: string; modes: string[]; motion: boolean; at_least_one: boolean; arguments: ArgumentEntry[]; examples: string[] };
 /** A zone or rock of an asset, in the frame of its odometry, m. */ export type ZoneEntry = { kind: string; title: string; corners: number[][]; x: number | null; y: number | null; radius: number | null };
-/** What the rover covers of the ground: a rectangle about base_link, along its heading. */ export type Footprint = { length_m: number; width_m: number };
+/** Outline of the rover on the ground: a rectangle about base_link, along its heading. */ export type Footprint = { length_m: number; width_m: number };
 /** Entry of a recording, an asset that cannot be commanded. */ export type RecordingEntry = { file: string; rover: string; began: number; ended: number; whole: boolean; damaged: boolean };
 /** Dictionary entry of an asset. */ export type AssetEntry = { asset: string; description: string; version: string; ranges_known: boolean; parameters: ParameterEntry[]; commands: CommandEntry[]; zones: ZoneEntry[]; footprint: Footprint | null; recording: RecordingEntry | null };
 /** A file of a component. */ export type FileEntry = { path: string; size: number; modified: number; mime: string | null; checksum: number | null; meta: Record<string, number | string | boolean | null> };
 /** A submitted plan. */ export type PlanRevision = { asset: string; plan: string; revision: number; command: string; operator: string; utc: number; content: string };
-/** Where the asset would be at a time. */ export type PreviewPose = { time: number; x: number; y: number; heading: number };
-/** What a motion or a plan would come to. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endWithin: number; headingWithin: number; energy: number | null; clearance: number | null; nearest: string | null };
+/** Predicted pose at one time. */ export type PreviewPose = { time: number; x: number; y: number; heading: number };
+/** Prediction of a motion or plan. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endWithin: number; headingWithin: number; energy: number | null; clearance: number | null; nearest: string | null };
 /** A step of an explanation. */ export type ExplanationStepBody = { utc: number | null; text: string };
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
 export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | AuthorityMessage | Notified | AlarmStatus | LinkStatus | AssetState | PlanProgress | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };

@@ -16,16 +16,16 @@ from sqlalchemy.exc import SQLAlchemyError
 from adapters.console.archive import TablePage, cause_of, to_us
 from adapters.console.messages import CommandStatus, plain
 
-MOST_OCTETS: Final = 1 << 20
+MAX_BODY_OCTETS: Final = 1 << 20
 """Maximum octets of a request body."""
 
-COMPRESSED_ASIDE: Final = 1 << 16
+THREAD_COMPRESS_OCTETS: Final = 1 << 16
 """Octets of a response from which on a thread compresses it, which does not block the loop."""
-HIGHEST: Final = 1e11
+MAX_NUMBER: Final = 1e11
 """Maximum number in a query: three thousand years in seconds."""
 
 LIMIT: Final = 200
-MOST: Final = 1000
+MAX_LIMIT: Final = 1000
 """Maximum `limit` of a query; `LIMIT` is the default."""
 
 T = TypeVar("T")
@@ -69,23 +69,23 @@ def refused(status: HTTPStatus, error: str, **more: Any) -> RequestError:
     return RequestError(status, ErrorBody(error, **more))
 
 
-def answer(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
+def json_response(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
     """Return a response with a value as JSON."""
     text = json.dumps(plain(value), separators=(",", ":"))
     return json_answer(text, status)
 
 
 @web.middleware
-async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse:
+async def error_middleware(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Convert refusals, also those of aiohttp, to responses with an `ErrorBody`."""
     try:
         return await handler(request)
     except RequestError as refusal:
         body = {name: value for name, value in plain(refusal.problem).items() if value is not None}
-        return answer(body, refusal.status)
+        return json_response(body, refusal.status)
     except SQLAlchemyError as error:
         text = f"the archive cannot be used: {cause_of(error)}"
-        return answer({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)
+        return json_response({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)
     except OSError as error:
         if error.errno != ENAMETOOLONG:
             raise
@@ -93,7 +93,7 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
     except web.HTTPException as error:
         if error.status < HTTPStatus.BAD_REQUEST or not request.path.startswith("/api/"):
             raise
-        return answer({"error": error.reason}, HTTPStatus(error.status))
+        return json_response({"error": error.reason}, HTTPStatus(error.status))
 
 
 async def body_of(request: web.Request) -> dict[str, Any]:
@@ -123,15 +123,15 @@ def _finite(text: str, kind: Callable[[str], float] = float) -> float:
     return kind(text)
 
 
-def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
+def text_of(body: dict[str, Any], name: str, max_length: int = 256) -> str:
     """Return a text of a body.
 
     Raises:
         RequestError: the text is missing or invalid.
     """
     value = body.get(name)
-    if not isinstance(value, str) or not 0 < len(value) <= longest or not value.isprintable():
-        text = f"{name}: a text of 1 to {longest} printable characters is needed"
+    if not isinstance(value, str) or not 0 < len(value) <= max_length or not value.isprintable():
+        text = f"{name}: a text of 1 to {max_length} printable characters is needed"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name)
     return value
 
@@ -149,21 +149,21 @@ def number_of(request: web.Request, name: str, default: T) -> float | T:
         number = float(given)
     except ValueError:
         number = nan
-    if not isfinite(number) or abs(number) > HIGHEST:
+    if not isfinite(number) or abs(number) > MAX_NUMBER:
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"{name}: a number is needed", field=name)
     return number
 
 
-def count_of(request: web.Request, name: str, default: int, most: int) -> int:
-    """Return a count of the query, from 1 to `most`.
+def count_of(request: web.Request, name: str, default: int, maximum: int) -> int:
+    """Return a count of the query, from 1 to `maximum`.
 
     Raises:
         RequestError: it is out of range.
     """
     number = number_of(request, name, default)
-    if not 1 <= number <= most:
-        text = f"{name}: a number from 1 to {most} is needed"
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, low=1, high=most)
+    if not 1 <= number <= maximum:
+        text = f"{name}: a number from 1 to {maximum} is needed"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, low=1, high=maximum)
     return int(number)
 
 
@@ -178,7 +178,7 @@ def page_of(request: web.Request) -> TablePage:
         asset=request.query.get("asset"),
         start_us=None if start is None else to_us(start),
         before_us=None if before is None else to_us(before),
-        limit=count_of(request, "limit", LIMIT, MOST),
+        limit=count_of(request, "limit", LIMIT, MAX_LIMIT),
     )
 
 
@@ -201,5 +201,5 @@ def json_answer(text: str, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
         text=text,
         status=status,
         content_type="application/json",
-        zlib_executor_size=COMPRESSED_ASIDE,
+        zlib_executor_size=THREAD_COMPRESS_OCTETS,
     )

@@ -10,7 +10,7 @@ from adapters.recording.messages import DECISIONS, encode, topic_of
 from adapters.recording.run_file import RecordedMessage
 from executive.commands import Stop
 from executive.core.authority import AuthorityRequest
-from executive.core.inbox import Inbox, Question, Submission
+from executive.core.inbox import Inbox, Query, Submission
 from executive.core.recording import (
     Call,
     Called,
@@ -60,7 +60,7 @@ class Decisions:
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
-Scripted = Served | AuthorityRequest | Noticed | MadeSafe
+ReplayedItem = Served | AuthorityRequest | Noticed | MadeSafe
 """Items that the inbox replays: commands, and effects of queries by other threads."""
 
 
@@ -73,26 +73,26 @@ class ReplayInbox(Inbox):
 
     def __init__(self) -> None:
         super().__init__()
-        self._script: list[Scripted] = []
+        self._script: list[ReplayedItem] = []
         self._overtaken: set[int] = set()
         self._taken = 0
-        self._checks, self._stop_came = 0, inf
+        self._checks, self._stop_arrived = 0, inf
         self.core: Executive | None = None
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Load the inputs of the next entry."""
-        self._script = [each for each in inputs if isinstance(each, Scripted)]
+        self._script = [each for each in inputs if isinstance(each, ReplayedItem)]
         checks = (each.looks for each in inputs if isinstance(each, StopWaited))
-        self._checks, self._stop_came = 0, next(checks, inf)
+        self._checks, self._stop_arrived = 0, next(checks, inf)
 
     @property
-    def stop_waits(self) -> bool:
+    def stop_pending(self) -> bool:
         """Whether a stop was pending at this check of the recorded run."""
         self._checks += 1
-        return self._checks > self._stop_came
+        return self._checks > self._stop_arrived
 
     @property
-    def stops_now(self) -> int:
+    def pending_stops(self) -> int:
         """Number of stops at the head of the script."""
         flags = [
             isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
@@ -100,29 +100,31 @@ class ReplayInbox(Inbox):
         return flags.index(False) if False in flags else len(flags)
 
     @property
-    def items_now(self) -> int:
+    def pending_items(self) -> int:
         """Number of other items in the script."""
-        return len(self._script) - self.stops_now
+        return len(self._script) - self.pending_stops
 
     def take_stop(self) -> Submission:
         """Return the next stop."""
         return self._submission(self._script.pop(0))
 
-    def take(self) -> Submission | Question:
+    def take(self) -> Submission | Query:
         """Return the next command, or a function with the effect of a query."""
         item = self._script.pop(0)
-        return self._submission(item) if isinstance(item, Served) else partial(self._ask, item)
+        return (
+            self._submission(item) if isinstance(item, Served) else partial(self._run_query, item)
+        )
 
-    def overtaken(self, submission: Submission) -> bool:
+    def superseded_by_stop(self, submission: Submission) -> bool:
         """Return whether a stop had overtaken the submission."""
         return submission.arrival in self._overtaken
 
-    def _ask(self, item: Scripted) -> None:
+    def _run_query(self, item: ReplayedItem) -> None:
         core = self.core
         assert core is not None
         match item:
             case AuthorityRequest():
-                core.ask_authority(item)
+                core.request_authority(item)
             case Noticed() | MadeSafe():
                 notice(core, item)
             case Served():
@@ -130,7 +132,7 @@ class ReplayInbox(Inbox):
             case _:
                 assert_never(item)
 
-    def _submission(self, served: Scripted) -> Submission:
+    def _submission(self, served: ReplayedItem) -> Submission:
         assert isinstance(served, Served)
         self._taken += 1
         if served.overtaken:
@@ -143,7 +145,7 @@ def notice(core: Executive, item: Noticed | MadeSafe) -> None:
     if isinstance(item, Noticed):
         core.event(item.severity, item.text, item.figures, item.kind)
     else:
-        core.make_safe(item.danger)
+        core.enter_safe_mode(item.danger)
 
 
 class ReplayLedger(Ledger):
@@ -189,14 +191,14 @@ class ReplaySolver:
         """Whether the solver was busy at this check of the recorded run."""
         return self._busy.pop(0) if self._busy else False
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Ignore the request: the recording has the result."""
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the next recorded result."""
         return self._plans.pop(0) if self._plans else None
 
-    def beside(self, apart: bool = False) -> "ReplaySolver":
+    def fork(self, apart: bool = False) -> "ReplaySolver":
         """Return itself: the results of all solvers are recorded in one order."""
         return self
 
@@ -205,11 +207,11 @@ class NullVideo:
     """Video stream without output."""
 
     def __init__(self) -> None:
-        self.on = False
+        self.enabled = False
 
-    def switch(self, on: bool) -> None:
+    def set_enabled(self, on: bool) -> None:
         """Store whether it is on."""
-        self.on = on
+        self.enabled = on
 
 
 class NullRover:
@@ -218,7 +220,7 @@ class NullRover:
     def drive(self, velocity: Velocity) -> None:
         """Ignored."""
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         """Ignored."""
 
     def halt(self) -> None:

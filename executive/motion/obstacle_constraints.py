@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from executive.obstacles.detour import find_way
+from executive.obstacles.detour import shortest_detour
 from executive.obstacles.zones import KeepIn, KeepOut, Zones
 from executive.values.geometry import Point
 
@@ -13,16 +13,16 @@ SLOTS: Final = 2
 """Rows of each point: one for each of the nearest obstacles."""
 ROW: Final = 6
 """Number of figures of a row: x, y, curvature, the normal's x and y, distance."""
-ROOM_M: Final = 0.012
+TRACKING_MARGIN_M: Final = 0.012
 """Clearance above the margin, for the tracking error of the rover. Chosen, not measured."""
-ROUGH_M: Final = 0.01
+MARGIN_ALLOWANCE_M: Final = 0.01
 """Part of the margin that a trajectory may use, as the rover may be off the previous one."""
-HEEDED_M: Final = 1.0
+CONSTRAINT_RANGE_M: Final = 1.0
 """Range beyond the required distance; obstacles farther away have no row."""
-LEAVES_SHARE: Final = 0.3
+ESCAPE_RATIO: Final = 0.3
 """Clearance gained per distance travelled, if the rover begins too close to an obstacle."""
 _NONE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
-_FINEST_M: Final = 1e-6
+_LENGTH_RESOLUTION_M: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class _Edge:
     end: Point
     radius_m: float = 0.0
 
-    def beside(self, low: Point, high: Point, apart_m: float) -> bool:
+    def is_outside(self, low: Point, high: Point, apart_m: float) -> bool:
         """Return whether it lies farther than `apart_m` from a rectangle."""
         reach_m = apart_m + self.radius_m
         return (
@@ -63,13 +63,13 @@ class _Proximity:
     at: Point
     away: tuple[float, float]
 
-    def row(self, kept_m: float) -> tuple[float, ...]:
+    def row(self, clearance_m: float) -> tuple[float, ...]:
         """Return the row for a minimum distance: outside of a circle, or beyond a tangent."""
         x_m, y_m = self.at.x_m, self.at.y_m
         if not self.edge.radius_m:
-            return x_m, y_m, 0.0, *self.away, kept_m
-        kept_m += self.edge.radius_m
-        return x_m, y_m, 0.5 / kept_m, 0.0, 0.0, kept_m / 2
+            return x_m, y_m, 0.0, *self.away, clearance_m
+        clearance_m += self.edge.radius_m
+        return x_m, y_m, 0.5 / clearance_m, 0.0, 0.0, clearance_m / 2
 
 
 class ObstacleConstraints:
@@ -87,9 +87,9 @@ class ObstacleConstraints:
         self.zones = zones
         self._radius_m = radius_m
         self._rocks = [
-            _Edge(place, place, rock.radius_m)
+            _Edge(point, point, rock.radius_m)
             for rock in zones.rocks
-            for place in (Point(rock.x_m, rock.y_m),)
+            for point in (Point(rock.x_m, rock.y_m),)
         ]
         areas: list[KeepIn | KeepOut] = [*zones.keep_out, *zones.keep_in]
         self._areas = [(area, [_Edge(*edge) for edge in area.edges]) for area in areas]
@@ -103,91 +103,97 @@ class ObstacleConstraints:
         """The minimum distance of the disc's centre from an obstacle."""
         return self._radius_m + self.zones.margin_m
 
-    def free(self, path: Sequence[Point]) -> bool:
+    def is_free(self, path: Sequence[Point]) -> bool:
         """Return whether the disc may follow straight lines."""
-        apart_m = max(self.zones.margin_m - ROUGH_M, 0.0)
+        apart_m = max(self.zones.margin_m - MARGIN_ALLOWANCE_M, 0.0)
         return self.zones.encounter(path, self._radius_m, apart_m) is None
 
-    def way(self, start: Point, end: Point) -> tuple[Point, ...]:
+    def detour(self, start: Point, end: Point) -> tuple[Point, ...]:
         """Return the corners of a detour of straight lines; empty if a straight line is free.
 
         Also empty if no detour is found.
         """
-        if self.free((start, end)):
+        if self.is_free((start, end)):
             return ()
-        kept_m = self.needed_m + ROOM_M
-        way = find_way(start, end, self.zones, kept_m, lambda place: self.free((start, place)))
-        return way.through if way.complete else ()
+        clearance_m = self.needed_m + TRACKING_MARGIN_M
+        way = shortest_detour(
+            start, end, self.zones, clearance_m, lambda point: self.is_free((start, point))
+        )
+        return way.corners if way.reaches_goal else ()
 
     def rows(self, path: Sequence[Point]) -> list[float]:
         """Return the rows of each point of a path except the first, concatenated."""
-        kept_m = self.needed_m + ROOM_M
+        clearance_m = self.needed_m + TRACKING_MARGIN_M
         low = Point(min(each.x_m for each in path), min(each.y_m for each in path))
         high = Point(max(each.x_m for each in path), max(each.y_m for each in path))
 
         def heeded(edges: Sequence[_Edge]) -> list[_Edge]:
-            return [each for each in edges if not each.beside(low, high, kept_m + HEEDED_M)]
+            return [
+                each
+                for each in edges
+                if not each.is_outside(low, high, clearance_m + CONSTRAINT_RANGE_M)
+            ]
 
         rocks = heeded(self._rocks)
         areas = [(area, heeded(edges)) for area, edges in self._areas]
-        within_m = kept_m + HEEDED_M
+        within_m = clearance_m + CONSTRAINT_RANGE_M
         begun_m = {near.edge: near.gap_m for near in _all_near(path[0], rocks, areas, within_m)}
         figures: list[float] = []
         walked_m, before = 0.0, path[0]
-        for place in path[1:]:
-            walked_m += before.distance_m(place)
-            before = place
-            nearest = _nearest(_all_near(place, rocks, areas, within_m))
+        for point in path[1:]:
+            walked_m += before.distance_m(point)
+            before = point
+            nearest = _nearest(_all_near(point, rocks, areas, within_m))
             for near in nearest:
-                leaving_m = begun_m.get(near.edge, kept_m) + LEAVES_SHARE * walked_m
-                figures += near.row(min(kept_m, leaving_m))
+                leaving_m = begun_m.get(near.edge, clearance_m) + ESCAPE_RATIO * walked_m
+                figures += near.row(min(clearance_m, leaving_m))
             figures += _NONE * (SLOTS - len(nearest))
         return figures
 
 
 def _nearest(found: Iterator[_Proximity]) -> list[_Proximity]:
     """Return the nearest, without those at the same nearest point: two sides at a corner."""
-    kept: list[_Proximity] = []
+    retained: list[_Proximity] = []
     for near in sorted(found, key=lambda each: each.gap_m):
-        if len(kept) == SLOTS:
+        if len(retained) == SLOTS:
             break
-        if all(near.at.distance_m(each.at) > _FINEST_M for each in kept):
-            kept.append(near)
-    return kept
+        if all(near.at.distance_m(each.at) > _LENGTH_RESOLUTION_M for each in retained):
+            retained.append(near)
+    return retained
 
 
 def _all_near(
-    place: Point,
+    point: Point,
     rocks: Sequence[_Edge],
     areas: Sequence[tuple[KeepIn | KeepOut, Sequence[_Edge]]],
     within_m: float,
 ) -> Iterator[_Proximity]:
     """Yield the distances to edges; inside a forbidden area only that to the nearest edge."""
     for rock in rocks:
-        if rock.start.distance_m(place) <= rock.radius_m + within_m:
-            yield _near(place, rock)
+        if rock.start.distance_m(point) <= rock.radius_m + within_m:
+            yield _near(point, rock)
     for area, edges in areas:
-        if edges and area.has(place) is isinstance(area, KeepOut):
-            near = min((_near(place, edge) for edge in edges), key=lambda each: each.gap_m)
+        if edges and area.contains(point) is isinstance(area, KeepOut):
+            near = min((_near(point, edge) for edge in edges), key=lambda each: each.gap_m)
             inward = -near.away[0], -near.away[1]
             yield _Proximity(near.edge, -near.gap_m, near.at, inward)
         else:
-            found = (_near(place, edge) for edge in edges)
+            found = (_near(point, edge) for edge in edges)
             yield from (near for near in found if near.gap_m <= within_m)
 
 
-def _near(place: Point, edge: _Edge) -> _Proximity:
+def _near(point: Point, edge: _Edge) -> _Proximity:
     start, end = edge.start, edge.end
     dx_m, dy_m = end.x_m - start.x_m, end.y_m - start.y_m
     squared_m2 = dx_m * dx_m + dy_m * dy_m
     part = 0.0
     if squared_m2:
-        along_m2 = (place.x_m - start.x_m) * dx_m + (place.y_m - start.y_m) * dy_m
+        along_m2 = (point.x_m - start.x_m) * dx_m + (point.y_m - start.y_m) * dy_m
         part = max(0.0, min(1.0, along_m2 / squared_m2))
     at = Point(start.x_m + part * dx_m, start.y_m + part * dy_m)
-    x_m, y_m = place.x_m - at.x_m, place.y_m - at.y_m
+    x_m, y_m = point.x_m - at.x_m, point.y_m - at.y_m
     apart_m = hypot(x_m, y_m)
-    if apart_m < _FINEST_M:
+    if apart_m < _LENGTH_RESOLUTION_M:
         x_m, y_m = -dy_m, dx_m
     length_m = hypot(x_m, y_m) or 1.0
     return _Proximity(edge, apart_m - edge.radius_m, at, (x_m / length_m, y_m / length_m))

@@ -8,13 +8,13 @@ from math import pi
 from typing import Final, Protocol
 
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import ObstacleConstraints
+from executive.motion.obstacle_constraints import ObstacleConstraints
 from executive.values.geometry import Point, Pose, Velocity
 
-SHORTEST_S: Final = 0.05
-PASSED_AT_ONCE: Final = 1
+MIN_DURATION_S: Final = 0.05
+MAX_VIA_POINTS: Final = 1
 """Maximum number of via points of a trajectory before its end."""
-ANY_RAD: Final = 10.0
+ANY_HEADING_TOLERANCE_RAD: Final = 10.0
 """A tolerance of the heading that admits every heading."""
 
 
@@ -25,7 +25,8 @@ class TrajectoryTarget:
     Attributes:
         heading_rad: of the rover; with a guess, not wrapped.
         aim_m, aim_rad: tolerances of the trajectory's end. They are narrower than those of the
-            motion: stopping at their edge takes less time. `ANY_RAD`: the heading is free.
+            motion: stopping at their edge takes less time. `ANY_HEADING_TOLERANCE_RAD`: the heading
+                is free.
         behind_m: distance of the point to be placed there, behind the control point.
     """
 
@@ -49,7 +50,7 @@ class TrajectoryTarget:
     @property
     def polyline_rad(self) -> float | None:
         """The heading at the end of a polyline; None where it is free."""
-        return self.heading_rad if self.aim_rad < ANY_RAD else None
+        return self.heading_rad if self.aim_rad < ANY_HEADING_TOLERANCE_RAD else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +75,9 @@ class Trajectory:
         segment = min(max(bisect_right(edges_s, time_s) - 1, 0), len(self.passes_s))
         begin_s, end_s = edges_s[segment : segment + 2]
         count = (len(self.states) - 1) // len(edges_s[1:])
-        place = min(max((time_s - begin_s) / (end_s - begin_s), 0.0), 1.0) * count
-        before = segment * count + min(int(place), count - 1)
-        part = place - (before - segment * count)
+        coordinate = min(max((time_s - begin_s) / (end_s - begin_s), 0.0), 1.0) * count
+        before = segment * count + min(int(coordinate), count - 1)
+        part = coordinate - (before - segment * count)
         pair = zip(self.states[before].figures, self.states[before + 1].figures, strict=True)
         return MotionState(*(low + part * (high - low) for low, high in pair))
 
@@ -85,23 +86,23 @@ class Trajectory:
         state = self.at(time_s)
         return Velocity(state.travel_mps, state.rotate_radps)
 
-    def after(self, time_s: float, most: int = 0) -> "Trajectory":
+    def remainder(self, time_s: float, maximum: int = 0) -> "Trajectory":
         """Return the remainder from a time after the start.
 
-        A via point passed within `SHORTEST_S` of that time is left out.
+        A via point passed within `MIN_DURATION_S` of that time is left out.
 
         Args:
             time_s: seconds after the start.
-            most: maximum number of via points; the first ones are left out.
+            maximum: maximum number of via points; the first ones are left out.
         """
-        left_s = max(self.duration_s - time_s, SHORTEST_S)
-        kept_s = self.passes_s[max(len(self.passes_s) - most, 0) :]
-        passes_s = tuple(each - time_s for each in kept_s if each - time_s > SHORTEST_S)
+        left_s = max(self.duration_s - time_s, MIN_DURATION_S)
+        retained_s = self.passes_s[max(len(self.passes_s) - maximum, 0) :]
+        passes_s = tuple(each - time_s for each in retained_s if each - time_s > MIN_DURATION_S)
         count = (len(self.states) - 1) // (len(self.passes_s) + 1)
-        rest = sampled(lambda at_s: self.at(time_s + at_s), passes_s, left_s, count)
+        rest = resample(lambda at_s: self.at(time_s + at_s), passes_s, left_s, count)
         return replace(rest, heading_rad=self.heading_rad, miss=self.miss)
 
-    def extended(self, onward: "Trajectory") -> "Trajectory":
+    def joined_with(self, onward: "Trajectory") -> "Trajectory":
         """Return it joined with the next trajectory, which starts where this one ends."""
 
         def at(time_s: float) -> MotionState:
@@ -111,11 +112,11 @@ class Trajectory:
         passes_s = (*self.passes_s, self.duration_s)
         passes_s += tuple(self.duration_s + each for each in onward.passes_s)
         count = len(onward.states) - 1
-        whole = sampled(at, passes_s, self.duration_s + onward.duration_s, count)
+        whole = resample(at, passes_s, self.duration_s + onward.duration_s, count)
         return replace(whole, heading_rad=onward.heading_rad, miss=self.miss)
 
 
-def sampled(
+def resample(
     at: Callable[[float], MotionState], passes_s: tuple[float, ...], duration_s: float, count: int
 ) -> Trajectory:
     """Return a trajectory with `count` equal intervals to each via point, and to the end."""
@@ -137,7 +138,7 @@ class TrajectoryProblem:
         travel_mps, rotate_radps: speed limits.
         guess: a trajectory near the solution, possibly with fewer via points; None: start from
             rest, with polylines as guesses.
-        through: via points before the target, at any heading: `PASSED_AT_ONCE` at most.
+        through: via points before the target, at any heading: `MAX_VIA_POINTS` at most.
         obstacles: obstacles to avoid; None without any.
         around: corners of a detour to the first of the targets, for the first guess.
     """
@@ -147,14 +148,14 @@ class TrajectoryProblem:
     travel_mps: float
     rotate_radps: float
     guess: Trajectory | None
-    through: tuple[TrajectoryTarget, ...] = ()
+    via_points: tuple[TrajectoryTarget, ...] = ()
     obstacles: ObstacleConstraints | None = None
-    around: tuple[Point, ...] = ()
+    detour_points: tuple[Point, ...] = ()
 
     @property
     def targets(self) -> tuple[TrajectoryTarget, ...]:
         """The via points, and the target."""
-        return *self.through, self.target
+        return *self.via_points, self.target
 
 
 class TrajectorySolver(Protocol):
@@ -170,17 +171,17 @@ class TrajectorySolver(Protocol):
     def busy(self) -> bool:
         """Whether a request is in progress; it accepts no other."""
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Request the solution of a problem."""
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the result of the last request, once; None without a result."""
 
 
 class SharedSolver(TrajectorySolver, Protocol):
     """A `TrajectorySolver` that several clients can use."""
 
-    def beside(self, apart: bool = False) -> "SharedSolver":
+    def fork(self, apart: bool = False) -> "SharedSolver":
         """Return another solver, for the requests of another client.
 
         Args:

@@ -8,11 +8,11 @@ from executive.history import CommandHistory
 from executive.values.reasons import PREDICTED
 from executive.values.reports import Report, Stage, printable
 
-When = Callable[[float], str]
+TimeFormatter = Callable[[float], str]
 """Formats an onboard time, seconds since 1970-01-01 UTC."""
 
 
-def explanation_lines(explanation: Explanation, when: When) -> list[str]:
+def explanation_lines(explanation: Explanation, when: TimeFormatter) -> list[str]:
     """Return an explanation: the headline, then the steps, each with its time."""
     lines = [explanation.headline]
     if explanation.reason is not None:
@@ -26,33 +26,33 @@ def explanation_lines(explanation: Explanation, when: When) -> list[str]:
     return [printable(each) for each in lines]
 
 
-def entry_line(entry: Entry, when: When) -> str:
+def entry_line(entry: Entry, when: TimeFormatter) -> str:
     """Return a command or a report on one line."""
-    line = _life(entry, when) if isinstance(entry, CommandHistory) else _report(entry)
+    line = _command_line(entry, when) if isinstance(entry, CommandHistory) else _report(entry)
     return printable(f"{when(entry.utc_s)}  {line}")
 
 
-def _life(life: CommandHistory, when: When) -> str:
-    link = "" if life.link is None else f" ({life.link})"
+def _command_line(entry: CommandHistory, when: TimeFormatter) -> str:
+    link = "" if entry.link is None else f" ({entry.link})"
     stages = [
         f"{stage.name.lower()} {when(report.utc_s).strip()}"
         for stage in (Stage.ACCEPTED, Stage.STARTED)
-        if (report := life.at(stage)) is not None
+        if (report := entry.report_at(stage)) is not None
     ]
-    end = life.end
+    end = entry.end
     if end is None or end.stage is None:
         stages.append("active")
-        return f"{life.identity} {life.name}{link}: {', '.join(stages)}"
+        return f"{entry.identity} {entry.name}{link}: {', '.join(stages)}"
     stages.append(f"{end.stage.name} {when(end.utc_s).strip()}")
-    outcome = f": {life.outcome}" if life.outcome else ""
+    outcome = f": {entry.outcome}" if entry.outcome else ""
     reason = in_brackets(end.reason)
-    return f"{life.identity} {life.name}{link}: {', '.join(stages)}{outcome}{reason}"
+    return f"{entry.identity} {entry.name}{link}: {', '.join(stages)}{outcome}{reason}"
 
 
 def _report(report: Report) -> str:
     word = report.severity.name if report.stage is None else report.stage.name
-    whose = "" if report.identity is None else f"{report.identity} "
+    prefix = "" if report.identity is None else f"{report.identity} "
     step = "" if report.step is None else f"{report.step}/{report.step_count} "
     shown = [str(each) for each in report.figures if not each.name.startswith(PREDICTED)]
     figures = f" [{', '.join(shown)}]" if shown else ""
-    return f"{whose}{word} {step}{report.text}{in_brackets(report.reason)}{figures}"
+    return f"{prefix}{word} {step}{report.text}{in_brackets(report.reason)}{figures}"

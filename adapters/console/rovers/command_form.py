@@ -12,7 +12,7 @@ from typing import Any, Final
 from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntry
 from executive.commands import Argument, Request, SubmitPlan, arguments_of, declaration_of
 
-MOST_TEXT: Final = 1024
+MAX_TEXT_LENGTH: Final = 1024
 """Maximum length of a text argument."""
 
 
@@ -46,23 +46,23 @@ def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
     declaration = FORMS[form.name]
     try:
         if not isinstance(given, Mapping):
-            raise _wrong("", "args: an object of the command's arguments is needed")
+            raise _invalid("", "args: an object of the command's arguments is needed")
         if form.at_least_one and all(given.get(each.name) is None for each in form.arguments):
             names = ", ".join(each.name for each in form.arguments)
-            raise _wrong(form.arguments[0].name, f"give at least one of {names}")
-        values = _values("", form.arguments, declaration.written, given)
+            raise _invalid(form.arguments[0].name, f"give at least one of {names}")
+        values = _values("", form.arguments, declaration.user_arguments, given)
     except _BadArgumentError as error:
         return error.wrong
     if form.at_least_one:
         values = [
             0.0 if value is None and not argument.optional else value
-            for argument, value in zip(declaration.written, values, strict=True)
+            for argument, value in zip(declaration.user_arguments, values, strict=True)
         ]
-    request: Request = declaration.make(*values)
+    request: Request = declaration.build_request(*values)
     return request
 
 
-def args_of(request: Request) -> dict[str, Any]:
+def form_values(request: Request) -> dict[str, Any]:
     """Return the `args` that would be posted for a request; for a plan without its text."""
     if isinstance(request, SubmitPlan):
         plan = request.plan
@@ -73,18 +73,20 @@ def args_of(request: Request) -> dict[str, Any]:
     if declaration.composite is not None:
         parts = arguments_of(declaration.composite)
         values[:1] = [getattr(values[0], part.field) for part in parts]
-    return _posted(declaration.written, values)
+    return _values_by_name(declaration.user_arguments, values)
 
 
-def _posted(arguments: Sequence[Argument], values: Iterable[Any]) -> dict[str, Any]:
+def _values_by_name(arguments: Sequence[Argument], values: Iterable[Any]) -> dict[str, Any]:
     pairs = zip(arguments, values, strict=True)
     return {each.name: _plain(each, value) for each, value in pairs if value is not None}
 
 
 def _plain(argument: Argument, value: Any) -> Any:
-    if argument.many:
+    if argument.repeated:
         parts = arguments_of(argument.kind)
-        return [_posted(parts, [getattr(each, part.field) for part in parts]) for each in value]
+        return [
+            _values_by_name(parts, [getattr(each, part.field) for part in parts]) for each in value
+        ]
     return value.value if isinstance(value, Enum) else value
 
 
@@ -97,7 +99,7 @@ def _values(
     known = {entry.name for entry in entries}
     if unknown := next((name for name in given if name not in known), None):
         names = ", ".join(sorted(known)) or "none"
-        raise _wrong(f"{prefix}{unknown}", f"argument {unknown!r} is unknown; known are: {names}")
+        raise _invalid(f"{prefix}{unknown}", f"argument {unknown!r} is unknown; known are: {names}")
     return [
         _value(f"{prefix}{entry.name}", entry, argument, given.get(entry.name))
         for entry, argument in zip(entries, arguments, strict=True)
@@ -107,32 +109,34 @@ def _values(
 def _value(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> Any:
     if value is None:
         if not entry.optional:
-            raise _wrong(field, f"{field} is needed")
+            raise _invalid(field, f"{field} is needed")
         return None
     match entry.type:
         case "number":
             return _number(field, entry, value)
         case "integer":
             if isinstance(value, bool) or not isinstance(value, int):
-                raise _wrong(field, f"{field}: a whole number is needed", entry)
+                raise _invalid(field, f"{field}: a whole number is needed", entry)
             _number(field, entry, value)
             return value
         case "choice":
             if value not in (entry.choices or ()):
                 choices = ", ".join(entry.choices or ())
-                raise _wrong(field, f"{field}: one of {choices} is needed", entry)
+                raise _invalid(field, f"{field}: one of {choices} is needed", entry)
             return argument.kind(value) if issubclass(argument.kind, Enum) else value
         case "list":
             return _items(field, entry, argument, value)
         case _:
-            if not isinstance(value, str) or not 0 < len(value) <= MOST_TEXT:
-                raise _wrong(field, f"{field}: a text of at most {MOST_TEXT} characters is needed")
+            if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT_LENGTH:
+                raise _invalid(
+                    field, f"{field}: a text of at most {MAX_TEXT_LENGTH} characters is needed"
+                )
             return value
 
 
 def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise _wrong(field, f"{field}: a finite number is needed", entry)
+        raise _invalid(field, f"{field}: a finite number is needed", entry)
     if entry.or_zero and value == 0:
         return 0.0
     if (entry.low is not None and value < entry.low) or (
@@ -145,14 +149,14 @@ def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
             else (f"at least {low:g}" if low is not None else f"at most {high:g}")
         )
         unit = f" {entry.unit}" if entry.unit else ""
-        raise _wrong(field, f"{field} {value:g}{unit} is out of range, {bounds}{unit}", entry)
+        raise _invalid(field, f"{field} {value:g}{unit} is out of range, {bounds}{unit}", entry)
     return float(value)
 
 
 def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> tuple[Any, ...]:
     minimum, maximum = entry.least or 0, entry.most
     if not isinstance(value, list) or any(not isinstance(each, Mapping) for each in value):
-        raise _wrong(field, f"{field}: a list of objects is needed")
+        raise _invalid(field, f"{field}: a list of objects is needed")
     if len(value) < minimum or (maximum is not None and len(value) > maximum):
         bounds = f"at least {minimum}" if maximum is None else f"{minimum} to {maximum}"
         text = f"{field}: {len(value)} are given, {bounds} are needed"
@@ -164,7 +168,7 @@ def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> 
     )
 
 
-def _wrong(field: str, text: str, entry: ArgumentEntry | None = None) -> _BadArgumentError:
+def _invalid(field: str, text: str, entry: ArgumentEntry | None = None) -> _BadArgumentError:
     if entry is None:
         return _BadArgumentError(InvalidArgument(field, text))
     return _BadArgumentError(InvalidArgument(field, text, entry.low, entry.high, entry.choices))

@@ -47,7 +47,7 @@ CLEAR: Final = TransportSettings()
 """Fixed binary encoding in clear text."""
 
 
-def start_fault(error: ValueError | OSError, what: str, host: str, elsewhere: str) -> str:
+def start_fault(error: ValueError | OSError, what: str, host: str, alternative: str) -> str:
     """Return the reason why a link is not served, for the command line: `cannot {what}`."""
     if isinstance(error, ValueError):
         return (
@@ -59,4 +59,4 @@ def start_fault(error: ValueError | OSError, what: str, host: str, elsewhere: st
         files = "--certificate, --key and --authorities name PEM files"
         return f"TLS: {error}; {files} that this process can read"
     why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error
-    return f"cannot {what}: {why}; choose another address with --host{elsewhere}"
+    return f"cannot {what}: {why}; choose another address with --host{alternative}"

@@ -6,63 +6,67 @@ from typing import Final
 from adapters.explanation.explain import (
     cause_of,
     end_s,
+    is_foreign_motion_event,
     last_ended,
     last_speed_setting,
     mentions,
-    says_who_moves,
     spans,
 )
-from adapters.explanation.log import names
+from adapters.explanation.log import matches_command
 from executive.history import CommandHistory, RunHistory
 from executive.values.reports import Report, ReportKind
 
-LAST_KNOWN: Final = 5
+MAX_SUGGESTED: Final = 5
 """Number of commands that are listed if the requested one is unknown."""
 
 
-def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
+def select_for(history: RunHistory, command: str | None = None) -> RunHistory:
     """Return the part of a history that gives the same explanation of a command or of its end."""
-    lives = list(history.lives().values())
-    meant = [each for each in lives if command is not None and names(command, each.identity)]
+    histories = list(history.command_histories().values())
+    meant = [
+        each
+        for each in histories
+        if command is not None and matches_command(command, each.identity)
+    ]
     if command is None:
-        began_s, ended_s = _since_of_now(history, lives), history.until_utc_s
+        began_s, ended_s = _since_of_now(history, histories), history.until_utc_s
     elif meant:
         began_s = min(each.utc_s for each in meant)
         ended_s = max(end_s(each, history) for each in meant)
     else:
         began_s = ended_s = history.until_utc_s
-        meant = lives[-LAST_KNOWN:]
+        meant = histories[-MAX_SUGGESTED:]
     situations = [
         each for each, next_s in spans(history) if each.utc_s <= ended_s and next_s >= began_s
     ]
     texts = [each.end.text for each in meant if each.end] + [each.why for each in situations]
-    kept = {
+    retained = {
         each.identity
-        for each in lives
+        for each in histories
         if each in meant
         or (each.utc_s <= ended_s and end_s(each, history) >= began_s)
         or any(mentions(text, each.identity) for text in texts)
     }
-    setting = last_speed_setting(lives, ended_s)
+    setting = last_speed_setting(histories, ended_s)
     if setting is not None:
-        kept.add(setting.identity)
+        retained.add(setting.identity)
     return replace(
         history,
         reports=tuple(
             each
             for each in history.reports
-            if each.identity in kept
+            if each.identity in retained
             or (
                 each.kind is not ReportKind.COMMAND
                 and each.utc_s <= ended_s
                 and (each.utc_s >= began_s or _lasts(each) or any(each.text in t for t in texts))
             )
         ),
-        received=tuple(each for each in history.received if each.identity in kept),
+        received=tuple(each for each in history.received if each.identity in retained),
         declined=tuple(
             each
             for each in history.declined
-            if command is not None and names(command, each.identity)
+            if command is not None and matches_command(command, each.identity)
         ),
         situations=tuple(situations),
         leaves=tuple(
@@ -71,20 +75,20 @@ def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
             if each.began_utc_s <= ended_s
             and (each.ended_utc_s is None or each.ended_utc_s >= began_s)
         ),
-        fastest=tuple(each for each in history.fastest if each.identity in kept),
+        fastest=tuple(each for each in history.fastest if each.identity in retained),
     )
 
 
-def _since_of_now(history: RunHistory, lives: list[CommandHistory]) -> float:
+def _since_of_now(history: RunHistory, histories: list[CommandHistory]) -> float:
     """Return the start of the events that explain the rover's state at the end."""
     now = history.situations[-1] if history.situations else None
     if now is None:
         return history.until_utc_s
-    since = [now.utc_s, *(each.utc_s for each in lives if each.identity == now.active)]
+    since = [now.utc_s, *(each.utc_s for each in histories if each.identity == now.active)]
     cause = cause_of(history, now)
     if cause is not None:
         since.append(cause.utc_s)
-    last = last_ended(lives)
+    last = last_ended(histories)
     if last is not None:
         since.append(last.utc_s)
     return min(since)
@@ -92,4 +96,4 @@ def _since_of_now(history: RunHistory, lives: list[CommandHistory]) -> float:
 
 def _lasts(report: Report) -> bool:
     """Return whether an event has a lasting effect: a fault starts or ends, a publisher appears."""
-    return report.reason is not None or says_who_moves(report)
+    return report.reason is not None or is_foreign_motion_event(report)

@@ -62,7 +62,7 @@ class RouterCounts:
     dead_man: int = 0
 
 
-MOST_UNCONFIRMED: Final = 1000
+MAX_UNCONFIRMED: Final = 1000
 """Maximum number of replies that are retransmitted; the oldest are dropped."""
 ABSENT: Final = "the brick is not connected or too slow"
 
@@ -89,7 +89,7 @@ class ReplyPublisher:
 
     name: str
     ports: RouterPorts
-    tell: Callable[[str], None]
+    log: Callable[[str], None]
     counts: RouterCounts
     unconfirmed: dict[int, Message] = field(default_factory=dict)
 
@@ -102,7 +102,7 @@ class ReplyPublisher:
         else:
             if link is BrickLink.RELAY:
                 self.unconfirmed[fingerprint(str(message))] = message
-                if len(self.unconfirmed) > MOST_UNCONFIRMED:
+                if len(self.unconfirmed) > MAX_UNCONFIRMED:
                     del self.unconfirmed[next(iter(self.unconfirmed))]
             self.ports.notify(link, message)
 
@@ -117,7 +117,7 @@ class ReplyPublisher:
     def refuse(self, line: str) -> None:
         """Count and log a message that is not forwarded."""
         self.counts.refused += 1
-        self.tell(line)
+        self.log(line)
 
     @contextmanager
     def contained(self, what: str) -> Iterator[None]:

@@ -42,7 +42,7 @@ from executive.values.facts import (
 )
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 
-STALL_S: Final = 0.25
+COMMAND_STALL_S: Final = 0.25
 """Maximum interval of commands: a base may stop by itself after 0.25 s without one."""
 SEEN_S: Final = 0.4
 """Minimum window of a second odometry to show standstill."""
@@ -52,22 +52,23 @@ class OdometryWindow(NamedTuple):
     """The motion by odometry in a window; commanded motion has the first four figures.
 
     Attributes:
-        way_m, turn_rad: integrals of its velocity.
+        twist_travel_m, twist_turn_rad: integrals of its velocity.
         driven_m, turned_rad: the same without signs.
-        ahead_m, left_m, heading_rad: pose change minus the integrals of the velocity.
-        pose_m: length of the path of its pose.
+        pose_minus_twist_ahead_m, pose_minus_twist_left_m, pose_minus_twist_heading_rad: pose change
+            minus the integrals of the velocity.
+        pose_path_m: length of the path of its pose.
         pose_ahead_m: the same along its heading, signed.
         pose_rad: change of its heading.
     """
 
-    way_m: float
-    turn_rad: float
+    twist_travel_m: float
+    twist_turn_rad: float
     driven_m: float
     turned_rad: float
-    ahead_m: float = 0.0
-    left_m: float = 0.0
-    heading_rad: float = 0.0
-    pose_m: float = 0.0
+    pose_minus_twist_ahead_m: float = 0.0
+    pose_minus_twist_left_m: float = 0.0
+    pose_minus_twist_heading_rad: float = 0.0
+    pose_path_m: float = 0.0
     pose_ahead_m: float = 0.0
     pose_rad: float = 0.0
 
@@ -154,7 +155,7 @@ class MotionHistory:
         self.not_finite_at_s = -inf
         self.unchanged_since_s = -inf
         self.frame_time_s: float | None = None
-        self.others: tuple[str, ...] = ()
+        self.foreign_publishers: tuple[str, ...] = ()
         self.moved = Channel(len(OdometryWindow._fields))
         self.arrivals = Channel(2)
         self.commands = Channel(4)
@@ -197,7 +198,7 @@ class MotionHistory:
                 sighting = self._sighting(fact, self._time_s(fact, now_s))
                 self.second.observe(fact, sighting, now_s)
                 seen = self.second.disagreement(SEEN_S, self.standing_since_s)
-                if self.over_ground is not None and seen is not None and seen.stands:
+                if self.over_ground is not None and seen is not None and seen.is_standing:
                     self.over_ground.rest(seen.to_s)
             case OtherInput():
                 self.other_drivers.observe(fact, now_s)
@@ -207,13 +208,13 @@ class MotionHistory:
             case RejectedData():
                 self.rejections.observe(fact)
             case LaserScan() if self.surroundings is not None:
-                self.surroundings.see(fact, now_s)
+                self.surroundings.add_scan(fact, now_s)
             case Frame(stamp_s):
-                self.frame_time_s = self._stamps.seen_s(
+                self.frame_time_s = self._stamps.sparse_time_s(
                     Odometry, stamp_s, now_s, self._clock.utc_s()
                 )
             case ForeignPublishers(names):
-                self.others = names
+                self.foreign_publishers = names
             case _:
                 pass
 
@@ -223,12 +224,14 @@ class MotionHistory:
         return self.other_drivers.active(self._clock.now_s())
 
     @property
-    def inputs(self) -> tuple[OtherInput, ...]:
+    def mux_inputs(self) -> tuple[OtherInput, ...]:
         """The mux inputs of these publishers."""
         return tuple(each.input for each in self.drivers)
 
     def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:
-        """Record the commanded velocity. After a gap longer than `STALL_S` the history restarts.
+        """Record the commanded velocity.
+
+        After a gap longer than `COMMAND_STALL_S` the history restarts.
 
         Args:
             velocity: of the rover; zero for standstill.
@@ -236,15 +239,15 @@ class MotionHistory:
                 expected velocity.
         """
         now_s = self._clock.now_s()
-        if now_s - self.commands.time_s > STALL_S:
+        if now_s - self.commands.time_s > COMMAND_STALL_S:
             self.commands = Channel(4)
         channel = self.commands
         _, least, last = self._velocities[-1]
         last = last if least == last else STANDING
         at_least = velocity if at_least is None else at_least
         since_s = max(now_s - channel.time_s, 0.0) if channel.time_s > -inf else 0.0
-        way_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
-        steps = (way_m, turn_rad, abs(way_m), abs(turn_rad))
+        distance_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
+        steps = (distance_m, turn_rad, abs(distance_m), abs(turn_rad))
         channel.add(now_s, [old + step for old, step in zip(channel.sums, steps, strict=True)])
         self._velocities.append((now_s, at_least, velocity))
         while self._velocities[1][0] <= now_s - GRID_S * SLOTS:
@@ -255,13 +258,13 @@ class MotionHistory:
             self.standing_since_s = now_s
 
     @property
-    def driven(self) -> tuple[float, float]:
+    def total_motion(self) -> tuple[float, float]:
         """The signed distance and turn by odometry since its first message."""
         moved = OdometryWindow(*self.moved.sums)
         return moved.pose_ahead_m, moved.pose_rad
 
     @property
-    def fastest(self) -> Velocity:
+    def fastest_velocity(self) -> Velocity:
         """The commanded or the measured velocity, if that is higher; zero once zero is commanded.
 
         While the rover accelerates or brakes on its own, the measured one.
@@ -277,7 +280,7 @@ class MotionHistory:
             max(commanded.rotate_radps, measured.rotate_radps, key=abs),
         )
 
-    def accept(self) -> None:
+    def reset_reference(self) -> None:
         """Accept the present odometry as the new reference and discard earlier evidence."""
         self.jump = None
         self.begun_s = self._clock.now_s()
@@ -288,7 +291,7 @@ class MotionHistory:
         return self.standing_since_s == inf
 
     @property
-    def waiting(self) -> bool:
+    def start_pending(self) -> bool:
         """Whether a motion in execution has not moved the rover yet."""
         return self.standing_since_s <= self.motion_since_s < inf
 
@@ -297,12 +300,12 @@ class MotionHistory:
         from_s = to_s - window_s
         return None if from_s < self.begun_s else channel.between(from_s, to_s)
 
-    def lately(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
+    def recent(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
         """Return the same for the known part of the seconds before a time."""
         from_s = max(to_s - window_s, self.begun_s, channel.first_s)
         return None if from_s >= to_s else channel.between(from_s, to_s)
 
-    def moved_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
+    def odometry_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
         """Return the motion by odometry in the seconds before a time."""
         sums = self.window(self.moved, window_s, to_s)
         return None if sums is None else OdometryWindow(*sums)
@@ -355,8 +358,8 @@ class MotionHistory:
         if self.wheels is None:
             return True
         turned = self.wheels_in(REST_S, self.wheels.sums.time_s)
-        most_m = REST_RADPS * self.wheels.settings.wheel_radius_m * REST_S
-        return turned is not None and max(abs(turned.left_m), abs(turned.right_m)) <= most_m
+        max_m = REST_RADPS * self.wheels.settings.wheel_radius_m * REST_S
+        return turned is not None and max(abs(turned.left_m), abs(turned.right_m)) <= max_m
 
     def _time_s(self, fact: Odometry | Joints | Imu | SecondOdometry, now_s: float) -> float:
         return self._stamps.time_s(type(fact), fact.stamp_s, now_s, self._clock.utc_s())
@@ -395,22 +398,22 @@ class MotionHistory:
         step_s = time_s - self.moved.time_s
         travel_mps = (before.velocity.travel_mps + after.velocity.travel_mps) / 2
         rotate_radps = (before.velocity.rotate_radps + after.velocity.rotate_radps) / 2
-        way_m, turn_rad = travel_mps * step_s, rotate_radps * step_s
+        distance_m, turn_rad = travel_mps * step_s, rotate_radps * step_s
         ahead_m, left_m, turned_rad = step_between(before.pose, after.pose)
         level = cos(after.pose.pitch_rad)
         if step_s > 0.0:
             steps = (
-                way_m,
+                distance_m,
                 turn_rad,
-                abs(way_m),
+                abs(distance_m),
                 abs(turn_rad),
-                _beyond(
+                _excess(
                     ahead_m,
                     before.velocity.travel_mps * step_s * level,
                     after.velocity.travel_mps * step_s * level,
                 ),
                 left_m,
-                _beyond(
+                _excess(
                     turned_rad,
                     before.velocity.rotate_radps * step_s,
                     after.velocity.rotate_radps * step_s,
@@ -441,7 +444,7 @@ class MotionHistory:
         return None if near else found
 
 
-def _beyond(step: float, one: float, other: float) -> float:
+def _excess(step: float, one: float, other: float) -> float:
     """Return the excess of a step over the range of two: velocity changes between messages."""
     return step - max(min(step, max(one, other)), min(one, other))
 

@@ -11,16 +11,16 @@ from executive.values.geometry import Point, wrap_rad
 
 OFFSETS_M: Final = (0.3, 0.8)
 """Lengths of a first or last line, along the start or end heading. Chosen, not measured."""
-OTHER_WAY_RAD: Final = 2.2
+TRY_BOTH_TURNS_RAD: Final = 2.2
 """Turn angle above which the opposite direction is tried, too."""
-SHORTEST_M: Final = 1e-3
+MIN_SEGMENT_M: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class TurnSegment:
     """A turn on the spot."""
 
-    place: Point
+    point: Point
     from_rad: float
     by_rad: float
 
@@ -29,7 +29,7 @@ class TurnSegment:
 class LineSegment:
     """A straight line; its length is negative if driven backward."""
 
-    place: Point
+    point: Point
     heading_rad: float
     by_m: float
 
@@ -49,13 +49,13 @@ class Polyline:
     @property
     def corners(self) -> list[Point]:
         """The start points of its parts, and its end."""
-        places = [part.place for part in self.parts]
+        points = [part.point for part in self.parts]
         match self.parts[-1]:
-            case LineSegment(place, heading_rad, by_m):
-                places.append(_beside(place, heading_rad, by_m))
+            case LineSegment(point, heading_rad, by_m):
+                points.append(_beside(point, heading_rad, by_m))
             case TurnSegment():
                 pass
-        return places
+        return points
 
     @property
     def direction(self) -> float:
@@ -70,16 +70,16 @@ class Polyline:
                 break
             time_s -= takes_s
         match part:
-            case TurnSegment(place, from_rad, by_rad):
-                way, speed = _along(by_rad, rotate, time_s, takes_s)
-                return place.x_m, place.y_m, from_rad + way, 0.0, speed
-            case LineSegment(place, heading_rad, by_m):
-                way, speed = _along(by_m, travel, time_s, takes_s)
-                x_m, y_m = way * cos(heading_rad), way * sin(heading_rad)
-                return place.x_m + x_m, place.y_m + y_m, heading_rad, speed, 0.0
+            case TurnSegment(point, from_rad, by_rad):
+                distance, speed = _along(by_rad, rotate, time_s, takes_s)
+                return point.x_m, point.y_m, from_rad + distance, 0.0, speed
+            case LineSegment(point, heading_rad, by_m):
+                distance, speed = _along(by_m, travel, time_s, takes_s)
+                x_m, y_m = distance * cos(heading_rad), distance * sin(heading_rad)
+                return point.x_m + x_m, point.y_m + y_m, heading_rad, speed, 0.0
 
 
-def polylines(
+def initial_guesses(
     start: Point,
     start_rad: float,
     end: Point,
@@ -93,34 +93,34 @@ def polylines(
     Without `end_rad` the end heading is free. All pass through the points `around`.
     """
     found = [
-        _join(places, signs, other, start_rad, end_rad, travel, rotate)
-        for places, signs in _ways(start, start_rad, end, end_rad, around)
+        _join(points, signs, other, start_rad, end_rad, travel, rotate)
+        for points, signs in _corner_sequences(start, start_rad, end, end_rad, around)
         for other in (False, True)
     ]
     return sorted((each for each in found if each is not None), key=lambda each: each.duration_s)
 
 
-def _ways(
+def _corner_sequences(
     start: Point, start_rad: float, end: Point, end_rad: float | None, around: Sequence[Point]
 ) -> Iterator[tuple[list[Point], list[float]]]:
     """Yield corners, and 1 or -1 for each line between them: forward or backward."""
     offsets = [sign * offset_m for offset_m in OFFSETS_M for sign in (1.0, -1.0)]
     lasts_m = [0.0] if end_rad is None else [0.0, *offsets]
     for first_m, last_m, sign in product([0.0, *offsets], lasts_m, (1.0, -1.0)):
-        places, signs = [start], []
+        points, signs = [start], []
         if first_m:
-            places.append(_beside(start, start_rad, first_m))
+            points.append(_beside(start, start_rad, first_m))
             signs.append(copysign(1.0, first_m))
-        places += around
+        points += around
         signs += [sign] * (len(around) + 1)
         if last_m and end_rad is not None:
-            places.append(_beside(end, end_rad, last_m))
+            points.append(_beside(end, end_rad, last_m))
             signs.append(copysign(1.0, -last_m))
-        yield [*places, end], signs
+        yield [*points, end], signs
 
 
 def _join(
-    places: Sequence[Point],
+    points: Sequence[Point],
     signs: Sequence[float],
     other: bool,
     start_rad: float,
@@ -132,31 +132,31 @@ def _join(
     parts: list[TurnSegment | LineSegment] = []
     heading_rad, differs = start_rad, False
 
-    def turn(place: Point, to_rad: float) -> None:
+    def turn(point: Point, to_rad: float) -> None:
         nonlocal heading_rad, differs
         by_rad = wrap_rad(to_rad - heading_rad)
-        if abs(by_rad) > OTHER_WAY_RAD and other and not differs:
+        if abs(by_rad) > TRY_BOTH_TURNS_RAD and other and not differs:
             by_rad -= copysign(2 * pi, by_rad)
             differs = True
         if by_rad:
-            parts.append(TurnSegment(place, heading_rad, by_rad))
+            parts.append(TurnSegment(point, heading_rad, by_rad))
         heading_rad += by_rad
 
-    for (place, after), sign in zip(pairwise(places), signs, strict=True):
-        length_m = place.distance_m(after)
-        if length_m > SHORTEST_M:
-            turn(place, place.bearing_rad(after) + (pi if sign < 0 else 0.0))
-            parts.append(LineSegment(place, heading_rad, sign * length_m))
+    for (point, after), sign in zip(pairwise(points), signs, strict=True):
+        length_m = point.distance_m(after)
+        if length_m > MIN_SEGMENT_M:
+            turn(point, point.bearing_rad(after) + (pi if sign < 0 else 0.0))
+            parts.append(LineSegment(point, heading_rad, sign * length_m))
     if end_rad is not None:
-        turn(places[-1], end_rad)
+        turn(points[-1], end_rad)
     if differs is not other or not parts:
         return None
     takes_s = sum(_takes_s(part, travel, rotate) for part in parts)
     return Polyline(tuple(parts), takes_s, heading_rad)
 
 
-def _beside(place: Point, heading_rad: float, ahead_m: float) -> Point:
-    return Point(place.x_m + ahead_m * cos(heading_rad), place.y_m + ahead_m * sin(heading_rad))
+def _beside(point: Point, heading_rad: float, ahead_m: float) -> Point:
+    return Point(point.x_m + ahead_m * cos(heading_rad), point.y_m + ahead_m * sin(heading_rad))
 
 
 def _takes_s(part: TurnSegment | LineSegment, travel: Bounds, rotate: Bounds) -> float:
@@ -167,7 +167,7 @@ def _takes_s(part: TurnSegment | LineSegment, travel: Bounds, rotate: Bounds) ->
             return duration_s(part.by_m, travel)
 
 
-def _along(way: float, bounds: Bounds, time_s: float, takes_s: float) -> tuple[float, float]:
+def _along(distance: float, bounds: Bounds, time_s: float, takes_s: float) -> tuple[float, float]:
     """Return the distance covered and the speed, by a trapezoidal speed profile."""
     peak = min(bounds.speed, bounds.acceleration * takes_s / 2)
     ramp_s = peak / bounds.acceleration
@@ -175,7 +175,10 @@ def _along(way: float, bounds: Bounds, time_s: float, takes_s: float) -> tuple[f
     if time_s < ramp_s:
         done, speed = bounds.acceleration * time_s**2 / 2, bounds.acceleration * time_s
     elif left_s < ramp_s:
-        done, speed = abs(way) - bounds.acceleration * left_s**2 / 2, bounds.acceleration * left_s
+        done, speed = (
+            abs(distance) - bounds.acceleration * left_s**2 / 2,
+            bounds.acceleration * left_s,
+        )
     else:
         done, speed = peak * (time_s - ramp_s / 2), peak
-    return copysign(done, way), copysign(speed, way)
+    return copysign(done, distance), copysign(speed, distance)

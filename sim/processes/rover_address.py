@@ -43,12 +43,12 @@ class RoverAddress:
     port: int
     shared: bool
 
-    def beside(self, number: int) -> "RoverAddress":
+    def next_address(self, number: int) -> "RoverAddress":
         """Return the address of a further rover in the same domain, at the port plus a number."""
         return self if self.port == ANY_PORT else replace(self, port=self.port + number)
 
 
-def known_place() -> RoverAddress:
+def default_address() -> RoverAddress:
     """Return the default address of `rover command`, `rover status` and `rover watch`.
 
     Raises:
@@ -85,7 +85,7 @@ def _known_port() -> int:
 
 
 @contextmanager
-def free_place() -> Iterator[RoverAddress]:
+def allocate_address() -> Iterator[RoverAddress]:
     """Reserve an unused ROS domain, with any port.
 
     Raises:

@@ -16,11 +16,11 @@ from executive.motion import (
 from executive.settings import Settings
 from executive.values.clock import ManualClock
 from executive.values.facts import Fact, MotionEnded, Odometry
-from executive.values.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
+from executive.values.geometry import STANDING, Pose, Velocity, arc_end, wrap_rad
 from executive.values.ports import CameraIntent, Hold, WholeMotion
 
-FINEST_S: Final = 1e-9
-FOLLOWED_S: Final = 0.5
+TIME_RESOLUTION_S: Final = 1e-9
+TRAJECTORY_REUSE_S: Final = 0.5
 """Reuse time of a trajectory: between its states the model deviates by centimetres."""
 
 
@@ -67,17 +67,17 @@ class KinematicBase(StationaryBase):
         seen_late_s = settings.tick_s / 2  # odometry is read at ticks only
         self._latency_s = max(0.0, settings.turn_drive.latency_s - seen_late_s)
         self._control_m = settings.turn_drive.control_point_m
-        self._coming: deque[tuple[float, Velocity]] = deque()
+        self._pending: deque[tuple[float, Velocity]] = deque()
 
     def drive(self, velocity: Velocity) -> None:
         """Apply a velocity command."""
-        self._coming.append((self._clock.now_s() + self._latency_s, velocity))
+        self._pending.append((self._clock.now_s() + self._latency_s, velocity))
 
     def advance(self) -> None:
         """Advance to the clock's time."""
         now_s = self._clock.now_s()
-        while self._coming and self._coming[0][0] <= now_s:
-            due_s, velocity = self._coming.popleft()
+        while self._pending and self._pending[0][0] <= now_s:
+            due_s, velocity = self._pending.popleft()
             self._move(due_s)
             self.velocity = velocity
         self._move(now_s)
@@ -87,13 +87,13 @@ class KinematicBase(StationaryBase):
         if self.velocity == STANDING:
             return
         control = self.pose.ahead(self._control_m)
-        moved = on_arc(
+        moved = arc_end(
             replace(self.pose, x_m=control.x_m, y_m=control.y_m),
             self.velocity.travel_mps * passed_s,
             self.velocity.rotate_radps * passed_s,
         )
-        place = moved.ahead(-self._control_m)
-        self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
+        point = moved.ahead(-self._control_m)
+        self.pose = replace(moved, x_m=point.x_m, y_m=point.y_m)
 
 
 class DelegatedMotionBase(StationaryBase):
@@ -111,7 +111,7 @@ class DelegatedMotionBase(StationaryBase):
         self._begins_s = 0.0
         self._ended: MotionEnded | None = None
 
-    def carry_out(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: WholeMotion) -> None:
         """Start a motion."""
         self._motion, self._from = motion, self.pose
         messages = 1 if isinstance(motion.what, Hold) else 2
@@ -128,7 +128,7 @@ class DelegatedMotionBase(StationaryBase):
         profile = profile_of(self._motion.what, self._settings.drive)
         since_s = self._clock.now_s() - self._begins_s
         held_s, whole = profile.held_s(since_s), profile.velocity
-        self.pose = on_arc(self._from, whole.travel_mps * held_s, whole.rotate_radps * held_s)
+        self.pose = arc_end(self._from, whole.travel_mps * held_s, whole.rotate_radps * held_s)
         self.velocity = whole if 0.0 < since_s < profile.duration_s else STANDING
         if since_s >= profile.duration_s + self._message_s:
             self._ended = MotionEnded(self._motion.number, executed=True)
@@ -149,36 +149,36 @@ class DynamicModelBase(StationaryBase):
         self._delay_s = settings.mpc.command_delay_s
         control = pose.ahead(self._model.ahead_m)
         self._state = MotionState(control.x_m, control.y_m, pose.heading_rad)
-        self._coming: deque[tuple[float, Velocity]] = deque()
+        self._pending: deque[tuple[float, Velocity]] = deque()
         self._last_s = -inf
 
     def drive(self, velocity: Velocity) -> None:
         """Apply a velocity command, which takes effect in a ramp as long as a tick."""
         due_s = self._clock.now_s() + self._delay_s
         begins_s = due_s - self._settings.tick_s
-        if begins_s > self._last_s + FINEST_S:
-            last = self._coming[-1][1] if self._coming else self._commanded
-            self._coming.append((begins_s, last))
-        self._coming.append((due_s, velocity))
+        if begins_s > self._last_s + TIME_RESOLUTION_S:
+            last = self._pending[-1][1] if self._pending else self._commanded
+            self._pending.append((begins_s, last))
+        self._pending.append((due_s, velocity))
         self._last_s = due_s
 
     def advance(self) -> None:
         """Advance to the clock's time."""
         now_s = self._clock.now_s()
-        while self._coming and self._coming[0][0] <= now_s:
-            due_s, velocity = self._coming.popleft()
+        while self._pending and self._pending[0][0] <= now_s:
+            due_s, velocity = self._pending.popleft()
             self._move(due_s, velocity)
-        if self._coming:
-            due_s, velocity = self._coming[0]
+        if self._pending:
+            due_s, velocity = self._pending[0]
             part = (now_s - self._at_s) / (due_s - self._at_s)
-            self._move(now_s, self._commanded.toward(velocity, part))
+            self._move(now_s, self._commanded.interpolate(velocity, part))
         else:
             self._move(now_s, self._commanded)
         state, model = self._state, self._model
         heading_rad = wrap_rad(state.heading_rad)
         control = Pose(state.x_m, state.y_m, heading_rad=heading_rad)
-        place = control.ahead(-model.ahead_m)
-        self.pose = replace(self.pose, x_m=place.x_m, y_m=place.y_m, heading_rad=heading_rad)
+        point = control.ahead(-model.ahead_m)
+        self.pose = replace(self.pose, x_m=point.x_m, y_m=point.y_m, heading_rad=heading_rad)
         turning_radps = model.true_rotation(state.rotate_radps, state.lag_radps)
         self.velocity = Velocity(state.travel_mps, turning_radps)
 
@@ -189,7 +189,7 @@ class DynamicModelBase(StationaryBase):
     def _move(self, until_s: float, velocity: Velocity) -> None:
         """Advance to a time, with a command in effect."""
         step_s, self._at_s = until_s - self._at_s, max(until_s, self._at_s)
-        if step_s > FINEST_S:
+        if step_s > TIME_RESOLUTION_S:
             self._state = self._model.moved(self._state, velocity, step_s)
 
 
@@ -207,26 +207,28 @@ class CachedTrajectorySolver:
         """Whether a trajectory is still being computed."""
         return self._rest is None and self._solver.busy
 
-    def ask(self, problem: TrajectoryProblem) -> None:
+    def request(self, problem: TrajectoryProblem) -> None:
         """Reuse the remainder of the last trajectory, or have the problem solved."""
         self._rest = self._left(problem)
         if self._rest is None:
-            self._solver.ask(problem)
+            self._solver.request(problem)
 
     def _left(self, problem: TrajectoryProblem) -> Trajectory | None:
         """Return the remainder of the last trajectory; None if it is outdated, or no solution."""
         plan, guess = self._plan, problem.guess
-        if plan is None or guess is None or len(guess.passes_s) < len(problem.through):
+        if plan is None or guess is None or len(guess.passes_s) < len(problem.via_points):
             return None
         driven_s = plan.duration_s - guess.duration_s
-        return plan.after(driven_s, len(guess.passes_s)) if driven_s < FOLLOWED_S else None
+        return (
+            plan.remainder(driven_s, len(guess.passes_s)) if driven_s < TRAJECTORY_REUSE_S else None
+        )
 
-    def answer(self) -> Trajectory | None:
+    def take_result(self) -> Trajectory | None:
         """Return the result of the last request, once."""
         if self._rest is not None:
             rest, self._rest = self._rest, None
             return rest
-        plan = self._solver.answer()
+        plan = self._solver.take_result()
         if plan is not None:
             self._plan = plan
         return plan

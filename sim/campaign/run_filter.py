@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*")
 _AND: Final = re.compile(r"\s+and\s+")
 _ORDER: Final = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
-ALIKE: Final = 5e-6
+RELATIVE_TOLERANCE: Final = 5e-6
 """Relative tolerance for equal non-integers: reports show six digits."""
 
 
@@ -47,7 +47,7 @@ class Term:
         if isinstance(value, str) or value.is_integer():
             same = column == value
         else:
-            apart = ALIKE * abs(value)
+            apart = RELATIVE_TOLERANCE * abs(value)
             same = column.between(value - apart, value + apart)
         return same if self.comparison == "==" else ~same
 

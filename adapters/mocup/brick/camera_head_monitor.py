@@ -14,13 +14,13 @@ from executive.commands import MoveCameraAngles, SetCameraAngles
 from executive.values.clock import Clock
 from executive.values.parameters import Parameter
 
-NEAR_RAD: Final = 0.02
+ANGLE_TOLERANCE_RAD: Final = 0.02
 """Equal to `camera.angle_tolerance_rad` of the executive."""
 USUAL_RADPS: Final = 0.5
 """Rotation speed of the head if telemetry does not give it. Chosen, not measured."""
 MARGIN_S: Final = 5.0
 """Allowed in addition to twice the turning time at the head's speed. Chosen, not measured."""
-MOST_AIMED: Final = 64
+MAX_PENDING: Final = 64
 """Maximum number of commands with pending angles."""
 _Key = tuple[str, int | None, int | None]
 _Angles = tuple[float | None, float | None]
@@ -81,10 +81,10 @@ class CameraHeadMonitor:
             case _:
                 return
         self._pointing[_key(command)] = _Pointing(command, wanted_rad)
-        if len(self._pointing) > MOST_AIMED:
+        if len(self._pointing) > MAX_PENDING:
             del self._pointing[next(iter(self._pointing))]
 
-    def keep(self, command: Message, reply: Message) -> bool:
+    def defer_reply(self, command: Message, reply: Message) -> bool:
         """Defer the reply that a command is executed; return False if it does not move the head."""
         pointing = self._pointing.get(_key(command))
         if pointing is None:
@@ -94,7 +94,7 @@ class CameraHeadMonitor:
         pointing.until_s = self._clock.now_s() + 2.0 * left_rad / self._speed_radps + MARGIN_S
         return True
 
-    def keeps(self, command: Message) -> bool:
+    def is_deferred(self, command: Message) -> bool:
         """Return whether the reply to a command is deferred."""
         pointing = self._pointing.get(_key(command))
         return pointing is not None and pointing.reply is not None
@@ -108,7 +108,7 @@ class CameraHeadMonitor:
         self._pointing.clear()
         self._seen_rad = (None, None)
 
-    def see(self, telemetry: Message) -> list[PointingResult]:
+    def on_telemetry(self, telemetry: Message) -> list[PointingResult]:
         """Process telemetry and return the commands confirmed by its angles."""
         try:
             values = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
@@ -120,7 +120,7 @@ class CameraHeadMonitor:
         return [
             PointingResult(each.command, self._taken(each))
             for each in self._waiting()
-            if _left_rad(each.wanted_rad, self._seen_rad) <= NEAR_RAD
+            if _left_rad(each.wanted_rad, self._seen_rad) <= ANGLE_TOLERANCE_RAD
         ]
 
     def overdue(self) -> list[PointingResult]:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.scenario.model import RunMode, Scenario
-from sim.scenario.outcome import ScenarioResult, outcome_of, play_once
+from sim.scenario.outcome import ScenarioResult, evaluate, run_once
 from sim.scenario.record import Record
 
 DATA: Final = "data"
@@ -61,7 +61,7 @@ class RunError(Exception):
     """A live run failed before its end; the text gives the reason."""
 
 
-def play(
+def run_scenario(
     name: str, scenario: Scenario, mode: RunMode, speed: float = 1.0, out: Path | None = None
 ) -> ScenarioResult:
     """Run a scenario and return its result.
@@ -86,20 +86,20 @@ def play(
 
     run_folder = _new_folder(out, Path(name).stem)
     if mode is RunMode.LOCK_STEP:
-        outcome = play_recorded(name, scenario, run_folder)
+        outcome = run_recorded(name, scenario, run_folder)
     else:
         outcome = _play(name, scenario, mode, speed, run_folder / DATA)
     write_run(run_folder, scenario, outcome.record)
     return outcome
 
 
-def play_recorded(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
-    """Run a scenario in lock step, as `play_once` does, and write its recording and plot.
+def run_recorded(name: str, scenario: Scenario, saved: Path) -> ScenarioResult:
+    """Run a scenario in lock step, as `run_once` does, and write its recording and plot.
 
     Args:
         name: name of the scenario, for errors.
         scenario: result of `load_scenario` for lock step.
-        kept: folder of the run, with an empty subfolder `DATA`.
+        saved: folder of the run, with an empty subfolder `DATA`.
 
     Raises:
         SettingsError: the world cannot be simulated.
@@ -107,9 +107,9 @@ def play_recorded(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
     from adapters.recording import RunFile
     from sim.plot import write_plot
 
-    with closing(RunFile(kept / RECORDING)) as tape:
-        outcome = play_once(name, scenario, kept / DATA, tape)
-    write_plot(kept / RECORDING, kept / PLOT)
+    with closing(RunFile(saved / RECORDING)) as tape:
+        outcome = run_once(name, scenario, saved / DATA, tape)
+    write_plot(saved / RECORDING, saved / PLOT)
     return outcome
 
 
@@ -125,8 +125,8 @@ def _play(
     name: str, scenario: Scenario, mode: RunMode, speed: float, folder: Path
 ) -> ScenarioResult:
     if mode is RunMode.LOCK_STEP:
-        return play_once(name, scenario, folder)
-    return outcome_of(scenario, _live(name, scenario, folder, mode, speed))
+        return run_once(name, scenario, folder)
+    return evaluate(scenario, _live(name, scenario, folder, mode, speed))
 
 
 def _live(name: str, scenario: Scenario, folder: Path, mode: RunMode, speed: float) -> Record:

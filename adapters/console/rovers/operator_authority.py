@@ -77,7 +77,7 @@ class OperatorAuthority:
         self._held: dict[Key, AuthorityMessage] = {}
         self._links: dict[Key, RoverLink] = {}
         self._for: dict[Key, str] = {}
-        self._asked: dict[Key, str] = {}
+        self._pending: dict[Key, str] = {}
 
     @property
     def held(self) -> tuple[AuthorityMessage, ...]:
@@ -114,13 +114,13 @@ class OperatorAuthority:
             return None
         raise self._not_held(held, f"{operator} does not hold the authority over {held.asset}")
 
-    def hear(self, link: RoverLink, status: AuthorityStatus) -> AuthorityMessage:
+    def on_status(self, link: RoverLink, status: AuthorityStatus) -> AuthorityMessage:
         """Store the authority status of an asset; publish it if it has changed."""
         key = _key(link)
         self._links[key] = link
         before = self._held.get(key)
         if before is not None and before.epoch != status.epoch:
-            self._asked.pop(key, None)
+            self._pending.pop(key, None)
         operator = status.holder
         if link.proven_name is not None and status.holder == link.proven_name:
             operator = self._for.get(key)
@@ -134,29 +134,35 @@ class OperatorAuthority:
             needed=status.needed,
             lease_left=status.leaseLeft,
             lease=status.lease,
-            asked_by=self._asked.get(key) or status.askedBy,
+            asked_by=self._pending.get(key) or status.askedBy,
         )
         self._held[key] = held
-        if before is None or _is_news(before, held):
+        if before is None or _changed(before, held):
             self._publish(held)
         return held
 
-    async def ask(self, link: RoverLink, asked: OperatorRequest) -> AuthorityMessage:
+    async def request(self, link: RoverLink, operator_request: OperatorRequest) -> AuthorityMessage:
         """Perform the action that an operator requests.
 
         Raises:
             RequestError: another operator holds it, or the asset cannot be reached.
         """
-        _LOG.info("%s: %s: %s %s", link.asset, asked.operator, asked.act.value, asked.to)
-        self._require_turn(link, asked)
+        _LOG.info(
+            "%s: %s: %s %s",
+            link.asset,
+            operator_request.operator,
+            operator_request.act.value,
+            operator_request.to,
+        )
+        self._require_turn(link, operator_request)
         try:
-            status = await self._perform(link, asked)
+            status = await self._perform(link, operator_request)
         except MalError as error:
             raise await self._refused(link, error) from error
         except ConnectionError as error:
             text = f"{link.asset} cannot be reached: {error}"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
-        return self.hear(link, status)
+        return self.on_status(link, status)
 
     async def run(self) -> None:
         """Renew the leases of operators with an open page periodically."""
@@ -174,51 +180,55 @@ class OperatorAuthority:
             return
         authority = link.client.authority_of(self.source(link, operator))
         try:
-            self.hear(link, await authority.request())
+            self.on_status(link, await authority.request())
         except (MalError, ConnectionError) as error:
             _LOG.warning("%s: the authority of %s is not renewed: %s", link.asset, operator, error)
 
-    async def _perform(self, link: RoverLink, asked: OperatorRequest) -> AuthorityStatus:
-        authority = self.client(link).authority_of(self.source(link, asked.operator))
+    async def _perform(self, link: RoverLink, operator_request: OperatorRequest) -> AuthorityStatus:
+        authority = self.client(link).authority_of(self.source(link, operator_request.operator))
         key = _key(link)
-        match asked.act:
+        match operator_request.act:
             case OperatorAction.REQUEST | OperatorAction.TAKE:
-                take = asked.act is OperatorAction.TAKE
+                take = operator_request.act is OperatorAction.TAKE
                 status = await (authority.take() if take else authority.request())
-                self._for[key] = asked.operator
+                self._for[key] = operator_request.operator
             case OperatorAction.HAND_OVER:
-                if link.proven_name is not None and self._is_present(asked.to):
+                if link.proven_name is not None and self._is_present(operator_request.to):
                     status = await authority.request()
-                    self._for[key] = asked.to
-                    self._asked.pop(key, None)
+                    self._for[key] = operator_request.to
+                    self._pending.pop(key, None)
                 else:
-                    status = await authority.hand_over(asked.to, asked.lease_s)
+                    status = await authority.hand_over(
+                        operator_request.to, operator_request.lease_s
+                    )
             case OperatorAction.RELEASE:
                 status = await authority.release()
                 self._for.pop(key, None)
             case _:
-                assert_never(asked.act)
+                assert_never(operator_request.act)
         return status
 
-    def _require_turn(self, link: RoverLink, asked: OperatorRequest) -> None:
+    def _require_turn(self, link: RoverLink, operator_request: OperatorRequest) -> None:
         """Raise RequestError if all operators share one source and another one holds it."""
         held = self._held.get(_key(link))
         if held is None or link.proven_name is None or held.holder != link.proven_name:
             return
-        if held.operator in {None, asked.operator} or not self._is_present(held.operator):
+        if held.operator in {None, operator_request.operator} or not self._is_present(
+            held.operator
+        ):
             return
-        if asked.act in {OperatorAction.REQUEST, OperatorAction.TAKE}:
-            self._asked[_key(link)] = asked.operator
-            held = replace(held, asked_by=asked.operator)
+        if operator_request.act in {OperatorAction.REQUEST, OperatorAction.TAKE}:
+            self._pending[_key(link)] = operator_request.operator
+            held = replace(held, asked_by=operator_request.operator)
             self._held[_key(link)] = held
             self._publish(held)
-        raise self._not_held(held, f"{asked.operator} does not hold the authority")
+        raise self._not_held(held, f"{operator_request.operator} does not hold the authority")
 
     async def _refused(self, link: RoverLink, error: MalError) -> RequestError:
         """Return the refusal of the asset, with the present holder."""
         holder = None
         with suppress(MalError, ConnectionError, RequestError):
-            holder = self.hear(link, await self.client(link).authority.status()).holder
+            holder = self.on_status(link, await self.client(link).authority.status()).holder
         return refused(HTTPStatus.FORBIDDEN, describe_error(error), holder=holder)
 
     def _not_held(self, held: AuthorityMessage, wrong: str) -> RequestError:
@@ -239,7 +249,7 @@ def _key(link: RoverLink) -> Key:
     return link.asset, link.kind
 
 
-def _is_news(before: AuthorityMessage, now: AuthorityMessage) -> bool:
+def _changed(before: AuthorityMessage, now: AuthorityMessage) -> bool:
     ends_s = (before.utc + before.lease_left, now.utc + now.lease_left)
     renewed = now.holder is not None and abs(ends_s[1] - ends_s[0]) > RENEWAL_S
     return renewed or replace(now, utc=before.utc, lease_left=before.lease_left) != before

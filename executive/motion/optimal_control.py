@@ -13,8 +13,8 @@ from math import inf, isfinite
 from typing import Any, Final
 
 from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.obstacles import ROW, SLOTS, ObstacleConstraints
-from executive.motion.plan import Trajectory, TrajectoryProblem, sampled
+from executive.motion.obstacle_constraints import ROW, SLOTS, ObstacleConstraints
+from executive.motion.trajectory import Trajectory, TrajectoryProblem, resample
 from executive.settings import SettingsError
 from executive.values.geometry import Point
 
@@ -24,9 +24,9 @@ EFFORT_COST: Final = 2e-3
 """Cost of full acceleration throughout, s: smooths plans. Chosen, not measured."""
 FASTER_RADPS: Final = 0.05
 """Increase of the yaw rate allowed to a rover that turns at its limit or faster."""
-LONGEST_S: Final = 600.0
+MAX_DURATION_S: Final = 600.0
 ITERATIONS: Final = 40
-FEWEST_BETWEEN: Final = 10
+MIN_INTERVALS: Final = 10
 """Minimum number of intervals to each via point."""
 _STATE: Final = 6
 _PASS: Final = 4
@@ -55,16 +55,16 @@ class OptimalControlProblem:
     def __init__(
         self,
         model: MotionModel,
-        most: tuple[float, float],
+        limits: tuple[float, float],
         steps: int,
         passes: int,
         obstacles: bool,
     ) -> None:
         self._model = model
-        self._most = most
+        self._limits = limits
         self._passes = passes
         self._obstacles = obstacles
-        self._count = steps if not passes else max(steps // 2, FEWEST_BETWEEN)
+        self._count = steps if not passes else max(steps // 2, MIN_INTERVALS)
         self._durations = slice(_STATE, _STATE + passes + 1)
         self._miss = _STATE + passes + 1
         self._lowest: list[float] = []  # lower bounds of its constraints; all upper bounds are 0
@@ -86,13 +86,15 @@ class OptimalControlProblem:
         end = [target.x_m, target.y_m, guess.heading_rad, target.aim_m, target.aim_rad]
         passed = [
             figure
-            for each in problem.through
+            for each in problem.via_points
             for figure in (each.x_m, each.y_m, each.aim_m, each.behind_m)
         ]
         rows: list[float] = []
         if problem.obstacles is not None:
-            halves = sampled(guess.at, guess.passes_s, guess.duration_s, 2 * self._count).states
-            rows = problem.obstacles.rows([each.behind(self._model.ahead_m) for each in halves])
+            halves = resample(guess.at, guess.passes_s, guess.duration_s, 2 * self._count).states
+            rows = problem.obstacles.rows(
+                [each.point_behind(self._model.ahead_m) for each in halves]
+            )
         low, high = self._bounds(problem, least_s)
         found = self._solver(
             x0=self._vector(guess),
@@ -107,9 +109,11 @@ class OptimalControlProblem:
             return None
         return self._read(figures, guess.heading_rad)
 
-    def leads(self, plan: Trajectory, obstacles: ObstacleConstraints | None) -> bool:
+    def is_clear_of_obstacles(
+        self, plan: Trajectory, obstacles: ObstacleConstraints | None
+    ) -> bool:
         """Return whether a plan is clear of all obstacles."""
-        return obstacles is None or obstacles.free(self._path(plan))
+        return obstacles is None or obstacles.is_free(self._path(plan))
 
     def _build(self, ca: Any) -> Any:
         """Return the solver of casadi."""
@@ -118,10 +122,10 @@ class OptimalControlProblem:
         controls = [ca.SX.sym(f"u{index}", 2) for index in range(steps)]
         first_row = _FIXED + _PASS * self._passes
         row_count = 2 * steps * SLOTS if self._obstacles else 0
-        asked = ca.SX.sym("p", first_row + row_count * ROW)
-        away_rows = iter(ca.vertsplit(asked[first_row:], ROW)) if self._obstacles else iter(())
+        parameters = ca.SX.sym("p", first_row + row_count * ROW)
+        away_rows = iter(ca.vertsplit(parameters[first_row:], ROW)) if self._obstacles else iter(())
         x_m, y_m, heading_rad, aim_m, aim_rad, behind_m, fastest_radps = ca.vertsplit(
-            asked[_STATE:_FIXED]
+            parameters[_STATE:_FIXED]
         )
         rows: list[Any] = []
         equal: list[bool] = []
@@ -138,10 +142,10 @@ class OptimalControlProblem:
 
         def keep_away(at: tuple[Any, Any], miss: Any) -> None:
             for row in islice(away_rows, SLOTS):
-                x_m, y_m, curvature, away_x, away_y, kept_m = ca.vertsplit(row)
+                x_m, y_m, curvature, away_x, away_y, clearance_m = ca.vertsplit(row)
                 off_x_m, off_y_m = at[0] - x_m, at[1] - y_m
                 gap_m = curvature * (off_x_m**2 + off_y_m**2) + away_x * off_x_m + away_y * off_y_m
-                require(False, kept_m - gap_m - miss)
+                require(False, clearance_m - gap_m - miss)
 
         for index, node in enumerate(nodes):
             state, durations, miss = node[:_STATE], node[self._durations], node[self._miss]
@@ -151,7 +155,7 @@ class OptimalControlProblem:
                 moved = self._model.advance(ca.vertsplit(state), pair, step_s, ca)
                 require(True, nodes[index + 1] - ca.vertcat(*moved, durations, miss))
             if index == 0:
-                require(True, state - asked[:_STATE])
+                require(True, state - parameters[:_STATE])
             else:
                 turning = self._model.true_rotation(state[4], state[5], ca)
                 require(False, turning - fastest_radps, -turning - fastest_radps)
@@ -161,8 +165,10 @@ class OptimalControlProblem:
                 keep_away(midway, miss)
             if 0 < index < steps and index % count == 0:
                 at = _FIXED + _PASS * (index // count - 1)
-                place_x_m, place_y_m, near_m, back_m = ca.vertsplit(asked[at : at + _PASS])
-                require(False, beyond(node, place_x_m, place_y_m, back_m, near_m))
+                position_x_m, position_y_m, near_m, back_m = ca.vertsplit(
+                    parameters[at : at + _PASS]
+                )
+                require(False, beyond(node, position_x_m, position_y_m, back_m, near_m))
         end, miss = nodes[-1], nodes[-1][self._miss]
         off_rad = end[2] - heading_rad
         require(True, end[3], end[4])
@@ -172,7 +178,7 @@ class OptimalControlProblem:
             off_rad - aim_rad - miss,
             -off_rad - aim_rad - miss,
         )
-        effort = sum(ca.sumsqr(each / ca.DM(self._most)) for each in controls) / steps
+        effort = sum(ca.sumsqr(each / ca.DM(self._limits)) for each in controls) / steps
         takes_s = ca.sum1(nodes[0][self._durations])
         cost = takes_s + MISS_COST * nodes[0][self._miss] + EFFORT_COST * effort
         pairs = zip(nodes, [*controls, ca.SX(0, 1)], strict=True)
@@ -180,7 +186,7 @@ class OptimalControlProblem:
             "x": ca.vertcat(*(part for pair in pairs for part in pair)),
             "f": cost,
             "g": ca.vertcat(*rows),
-            "p": asked,
+            "p": parameters,
         }
         self._lowest = [0.0 if each else -inf for each in equal]
         return _nlpsol(ca, problem, equal)
@@ -206,7 +212,7 @@ class OptimalControlProblem:
         """Return the positions of base_link at each node and midway between them, by the model."""
         edges_s = (0.0, *plan.passes_s, plan.duration_s)
         ahead_m = self._model.ahead_m
-        path = [plan.states[0].behind(ahead_m)]
+        path = [plan.states[0].point_behind(ahead_m)]
         for index, (state, after) in enumerate(pairwise(plan.states)):
             segment = index // self._count
             step_s = (edges_s[segment + 1] - edges_s[segment]) / self._count
@@ -215,7 +221,7 @@ class OptimalControlProblem:
                 (after.rotate_radps - state.rotate_radps) / step_s,
             )
             midway = self._model.advance(state.figures, controls, step_s / 2)
-            path += [MotionState(*midway).behind(ahead_m), after.behind(ahead_m)]
+            path += [MotionState(*midway).point_behind(ahead_m), after.point_behind(ahead_m)]
         return path
 
     def _bounds(
@@ -226,9 +232,9 @@ class OptimalControlProblem:
         travel = max(problem.travel_mps, abs(start.travel_mps))
         rotate = max(problem.rotate_radps, abs(start.rotate_radps))
         first_low = [*[-inf] * _STATE, *least_s, 0.0]
-        first_high = [*[inf] * _STATE, *[LONGEST_S] * len(least_s), inf]
-        most = list(self._most)
-        high = [*most, inf, inf, inf, travel, rotate, inf, *[inf] * shared]
+        first_high = [*[inf] * _STATE, *[MAX_DURATION_S] * len(least_s), inf]
+        limits = list(self._limits)
+        high = [*limits, inf, inf, inf, travel, rotate, inf, *[inf] * shared]
         low = [-each for each in high]
         steps = self._count * (self._passes + 1)
         return [*first_low, *low * steps], [*first_high, *high * steps]
@@ -237,7 +243,7 @@ class OptimalControlProblem:
         """Return the variables of a plan."""
         edges_s = (0.0, *guess.passes_s, guess.duration_s)
         durations_s = [end_s - begin_s for begin_s, end_s in pairwise(edges_s)]
-        states = sampled(guess.at, guess.passes_s, guess.duration_s, self._count).states
+        states = resample(guess.at, guess.passes_s, guess.duration_s, self._count).states
         vector: list[float] = []
         for index, state in enumerate(states):
             vector += [*state.figures, *durations_s, guess.miss]
@@ -245,8 +251,8 @@ class OptimalControlProblem:
                 step_s = durations_s[index // self._count] / self._count
                 pair = (state.travel_mps, state.rotate_radps)
                 after = (states[index + 1].travel_mps, states[index + 1].rotate_radps)
-                for low, high, most in zip(pair, after, self._most, strict=True):
-                    vector.append(max(-most, min(most, (high - low) / step_s)))
+                for low, high, maximum in zip(pair, after, self._limits, strict=True):
+                    vector.append(max(-maximum, min(maximum, (high - low) / step_s)))
         return vector
 
     def _read(self, figures: list[float], heading_rad: float) -> Trajectory:

@@ -3,16 +3,16 @@
 from dataclasses import replace
 from typing import Final
 
-from adapters.console.messages import ENDED, CommandState, CommandStatus, StageEntry
+from adapters.console.messages import TERMINAL_STATES, CommandState, CommandStatus, StageEntry
 
 CONSOLE: Final = "console"
 ORBITER: Final = "orbiter"
 SENT: Final = "SENT"
-TAKEN: Final = "TAKEN"
+ACKNOWLEDGED: Final = "TAKEN"
 RECEIVED: Final = "RECEIVED"
 REJECTED: Final = "REJECTED"
 FORWARDED: Final = "FORWARDED"
-GIVEN_UP: Final = "GIVEN_UP"
+LOST: Final = "GIVEN_UP"
 UNKNOWN: Final = "UNKNOWN"
 PREDICTED: Final = "PREDICTED"
 _STATES: Final = {
@@ -25,18 +25,19 @@ _STATES: Final = {
     "FAILED": CommandState.FAILED,
     "CANCELLED": CommandState.CANCELLED,
     "EXPIRED": CommandState.EXPIRED,
-    TAKEN: CommandState.TAKEN,
-    FORWARDED: CommandState.TAKEN,
-    GIVEN_UP: CommandState.GIVEN_UP,
+    ACKNOWLEDGED: CommandState.ACKNOWLEDGED,
+    FORWARDED: CommandState.ACKNOWLEDGED,
+    LOST: CommandState.LOST,
     UNKNOWN: CommandState.UNKNOWN,
 }
 _ORDER: Final = list(CommandState)
-LIFE: Final = (
-    frozenset({CommandState.RECEIVED, CommandState.ACCEPTED, CommandState.STARTED}) | ENDED
+LIFECYCLE_STATES: Final = (
+    frozenset({CommandState.RECEIVED, CommandState.ACCEPTED, CommandState.STARTED})
+    | TERMINAL_STATES
 )
 
 
-def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
+def apply_stage(command: CommandStatus, reached: StageEntry) -> CommandStatus:
     """Return a command after a stage was received; the same command if nothing changes."""
     history = command.history
     alike = [
@@ -48,42 +49,42 @@ def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
         return command  # received over another link, or for a repeated command
     history = tuple(each for each in history if each not in alike)
     before = CommandState.RECEIVED if _disproves_refusal(command, reached) else command.state
-    state = _later(before, _STATES.get(reached.stage, before))
-    waits = state in {CommandState.SENDING, CommandState.TAKEN}
-    is_pending = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
+    state = _next_state(before, _STATES.get(reached.stage, before))
+    waits = state in {CommandState.SENDING, CommandState.ACKNOWLEDGED}
+    is_pending = waits and not (state is CommandState.ACKNOWLEDGED and reached.node == ORBITER)
     return replace(
         command,
         state=state,
-        ended=state in ENDED,
+        ended=state in TERMINAL_STATES,
         deadline=command.deadline if is_pending else None,
         history=(*history, reached),
     )
 
 
-def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
+def merge(stored: CommandStatus, received: CommandStatus) -> CommandStatus:
     """Return the merge of two views of a command: of archive and console, or of two consoles.
 
     Args:
-        kept: state of the archive; its operator and arguments have priority, if known.
-        heard: state of the console.
+        stored: state of the archive; its operator and arguments have priority, if known.
+        received: state of the console.
     """
-    added = [each for each in heard.history if each not in kept.history]
-    history = sorted([*kept.history, *added], key=_heard_at)
-    posted = heard if kept.args is None and heard.args is not None else kept
+    added = [each for each in received.history if each not in stored.history]
+    history = sorted([*stored.history, *added], key=_received_utc)
+    posted = received if stored.args is None and received.args is not None else stored
     merged = replace(
-        kept,
-        name=posted.name or heard.name,
+        stored,
+        name=posted.name or received.name,
         args=posted.args,
         by=posted.by,
         link=posted.link,
-        made=min(kept.made, heard.made),
+        made=min(stored.made, received.made),
         state=CommandState.SENDING,
         ended=False,
-        deadline=kept.deadline if heard.deadline is None else heard.deadline,
+        deadline=stored.deadline if received.deadline is None else received.deadline,
         history=(),
     )
     for reached in history:
-        merged = reach(merged, reached)
+        merged = apply_stage(merged, reached)
     return merged
 
 
@@ -96,20 +97,20 @@ def _disproves_refusal(command: CommandStatus, reached: StageEntry) -> bool:
         command.state is CommandState.REJECTED
         and all(each.stage != REJECTED or each.sequence is None for each in command.history)
         and reached.sequence is not None
-        and _STATES.get(reached.stage) in LIFE - {CommandState.RECEIVED}
+        and _STATES.get(reached.stage) in LIFECYCLE_STATES - {CommandState.RECEIVED}
     )
 
 
-def _heard_at(reached: StageEntry) -> tuple[float, int, float]:
+def _received_utc(reached: StageEntry) -> tuple[float, int, float]:
     return reached.rx, reached.sequence or 0, reached.utc
 
 
-def _later(now: CommandState, reached: CommandState) -> CommandState:
+def _next_state(now: CommandState, reached: CommandState) -> CommandState:
     """Return the state after a stage, which may be late: the life cycle never goes back."""
-    if now in ENDED:
+    if now in TERMINAL_STATES:
         return now
-    if reached in LIFE or now not in LIFE:
-        if now in LIFE and _ORDER.index(reached) < _ORDER.index(now):
+    if reached in LIFECYCLE_STATES or now not in LIFECYCLE_STATES:
+        if now in LIFECYCLE_STATES and _ORDER.index(reached) < _ORDER.index(now):
             return now
         return reached
-    return reached if reached in {CommandState.UNKNOWN, CommandState.GIVEN_UP} else now
+    return reached if reached in {CommandState.UNKNOWN, CommandState.LOST} else now
