@@ -100,9 +100,9 @@ def _logging_as_before() -> Iterator[None]:
     root.handlers[:] = handlers
 
 
-@pytest.fixture(autouse=True)
-def _databases_closed() -> Iterator[None]:
-    """Close the databases of what a test had die as by kill -9: Python warns of those left open."""
+@contextmanager
+def databases_closed() -> Iterator[None]:
+    """Close the databases of what is left to die as by kill -9: Python warns of those left open."""
     opened: list[sqlite3.Connection] = []
     connect = sqlite3.connect
 
@@ -116,6 +116,13 @@ def _databases_closed() -> Iterator[None]:
     for database in opened:
         with suppress(sqlite3.ProgrammingError):  # of another thread, which closes it itself
             database.close()
+
+
+@pytest.fixture(autouse=True)
+def _databases_closed() -> Iterator[None]:
+    """Close the databases of a test."""
+    with databases_closed():
+        yield
 
 
 @pytest.fixture(autouse=True)
