@@ -67,6 +67,7 @@ def reacting(then: Reaction) -> Settings:
     return replace(SEEING, faults=replace(SEEING.faults, obstacle_ahead=row))
 
 
+@pytest.mark.at_length
 def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
     with Looking(tmp_path, ROCK) as bench:
         bench.execute(THERE, 1)
@@ -75,6 +76,7 @@ def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
         assert Reason.OBSTACLE_AHEAD not in bench.reasons
 
 
+@pytest.mark.at_length
 def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) -> None:
     with Looking(tmp_path) as bench:
         bench.submit(THERE, 1)
@@ -86,6 +88,7 @@ def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) 
         assert Reason.OBSTACLE_AHEAD not in bench.reasons
 
 
+@pytest.mark.at_length
 def test_what_is_far_ahead_is_driven_up_to_first(tmp_path: Path) -> None:
     with Looking(tmp_path) as bench:
         bench.submit(MoveTo(Waypoint(6.0, 0.0)), 1)
@@ -97,6 +100,7 @@ def test_what_is_far_ahead_is_driven_up_to_first(tmp_path: Path) -> None:
         assert bench.finish(1) is Stage.EXECUTED
 
 
+@pytest.mark.at_length
 def test_what_moves_away_again_is_driven_over(tmp_path: Path) -> None:
     with Looking(tmp_path) as bench:
         bench.submit(THERE, 1)
@@ -136,6 +140,7 @@ def test_a_place_that_lies_in_something_is_refused(tmp_path: Path) -> None:
         assert "; target too near to scanned obstacle at (" in refusal.text
 
 
+@pytest.mark.at_length
 def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> None:
     zones = Zones(rocks=(KnownRock("boulder", 5.5, 1.2, 0.3),))
     settings = replace(SEEING, zones=zones)
@@ -149,6 +154,7 @@ def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> 
         assert blocked.text.startswith("path blocked by rock 'boulder'")
 
 
+@pytest.mark.at_length
 def test_a_path_goes_around_what_is_told_too_once_it_has_left_its_line(tmp_path: Path) -> None:
     zones = Zones(rocks=(KnownRock("boulder", 3.1, -0.85, 0.25),))
     beside = Disc(2.0, 0.25, 0.3)
@@ -181,6 +187,7 @@ def test_other_motions_are_left_to_the_monitors(tmp_path: Path) -> None:
         assert bench.last(1).reason is Reason.OBSTACLE_AHEAD
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("away", [False, True], ids=["stays", "moves away"])
 def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
     away: bool, tmp_path: Path

@@ -44,6 +44,7 @@ def figures(refusal: Refusal) -> dict[str, float]:
     return {each.name: each.value for each in refusal.figures}
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "motion",
     [

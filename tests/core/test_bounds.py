@@ -49,6 +49,7 @@ class Restless(KinematicRover):
         super().drive(Velocity(0.06, 0.0) if velocity == STANDING else velocity)
 
 
+@pytest.mark.at_length
 def test_a_velocity_that_does_not_end_fails_once_its_time_is_up(tmp_path: Path) -> None:
     settings = ignoring("off_command", "steady_off_command", "drives_uncommanded")
     with Bench(tmp_path, settings, rover=Restless()) as bench:
@@ -78,6 +79,7 @@ def test_what_is_not_there_or_has_no_name_is_refused(bench: Bench) -> None:
         assert f"line {line}" in refused.text
 
 
+@pytest.mark.at_length
 def test_a_plan_is_predicted_with_the_speed_that_it_sets(tmp_path: Path) -> None:
     with PlanBench(tmp_path) as bench:
         ahead = '<moveForward distance="2" deadline_s="60"/>'

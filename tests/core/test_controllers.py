@@ -72,6 +72,7 @@ def sent_by(bench: Bench, *numbers: int) -> list[Controller]:
     return found
 
 
+@pytest.mark.at_length
 def test_a_queue_is_driven_by_what_each_command_chooses(bench: PlanBench) -> None:
     asked: list[tuple[Motion, Controller]] = [
         (MoveTo(THERE), TURN_DRIVE),

@@ -50,6 +50,7 @@ def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:
     return [motion.what for motion in bench.rover.told if motion is not None]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("request_", "expected"),
     [
@@ -133,6 +134,7 @@ def test_what_the_rover_refuses_fails_with_its_words(bench: SelfMovingBench) -> 
     assert "motor stuck" in bench.last(1).text
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("under_way", [False, True])
 def test_what_the_rover_never_answers_fails_by_its_deadline_unless_it_is_under_way(
     bench: SelfMovingBench, under_way: bool
@@ -175,6 +177,7 @@ def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
         make_locomotion(KinematicRover(), clock, chosen, Status(clock, chosen))
 
 
+@pytest.mark.at_length
 def test_the_camera_waits(bench: SelfMovingBench, monkeypatch: pytest.MonkeyPatch) -> None:
     point = bench.rover.point_camera
 

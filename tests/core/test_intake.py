@@ -67,6 +67,7 @@ def refusal_of(request: Request, **options: Any) -> Refusal:
     return refusal
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("request_", GOOD, ids=lambda r: type(r).__name__)
 @pytest.mark.parametrize("mode", Mode)
 def test_a_good_request_is_accepted_in_its_modes(request_: Request, mode: Mode) -> None:

@@ -121,6 +121,7 @@ def test_a_file_that_is_no_ledger_is_refused_by_name(tmp_path: Path) -> None:
         Ledger(tmp_path / "ledger.sqlite")
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("attempt", range(3))
 def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: int) -> None:
     path = tmp_path / "ledger.sqlite"

@@ -45,6 +45,7 @@ def told(bench: Bench) -> list[str]:
     return [r.text for r in reports if r.reason is Reason.LINK_LOST and r.identity is None]
 
 
+@pytest.mark.at_length
 def test_by_default_it_goes_on(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         bench.submit(MoveForward(20.0), 1)
@@ -86,6 +87,7 @@ def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
         bench.execute(MoveForward(0.2), 3)
 
 
+@pytest.mark.at_length
 def test_a_later_stage_follows_an_earlier_one(tmp_path: Path) -> None:
     with bench_with(tmp_path, motion=STAGES) as bench:
         bench.submit(MoveForward(15.0), 1)
@@ -122,6 +124,7 @@ def events(bench: Bench) -> list[str]:
     return [r.text for r in bench.heard.reports if r.kind is ReportKind.EVENT]
 
 
+@pytest.mark.at_length
 def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path: Path) -> None:
     around = [Waypoint(2.0, 0.0), Waypoint(2.0, 2.0), Waypoint(10.0, 2.0)]
     with bench_with(tmp_path, motion=AT_TEN) as bench:
@@ -170,6 +173,7 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
         assert mode(bench) is Mode.IDLE
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("request_", [MoveForward(1.0), SetTravelSpeed(0.5), ActivatePlan("none")])
 def test_any_command_ends_the_return_before_it_is_looked_at(
     tmp_path: Path, request_: Request
@@ -185,6 +189,7 @@ def test_any_command_ends_the_return_before_it_is_looked_at(
         )
 
 
+@pytest.mark.at_length
 def test_it_stops_waits_and_then_returns_and_stops_if_it_takes_too_long(tmp_path: Path) -> None:
     stages = [(3, "stop"), (5, "return"), (7, "stop")]
     told_s = [{"after_s": after_s, "then": then} for after_s, then in stages]
@@ -216,6 +221,7 @@ def test_a_plan_is_suspended_for_the_return(tmp_path: Path) -> None:
         assert mode(bench) is Mode.PLAN
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("first", ["hold", "stop"])
 def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: str) -> None:
     with bench_with(tmp_path, motion=[{"after_s": 2, "then": first}, *AT_TEN]) as bench:
@@ -286,6 +292,7 @@ def test_stages_that_make_no_sense_are_refused(stages: list[tuple[int, str]], sa
         structure({"motion": read}, LinkLossSettings, "jackal.yaml")
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(("link", "signs"), [("ros", 0), ("direct", 1), ("relay", 1)])
 def test_only_what_comes_by_a_link_with_the_ground_is_a_sign_of_it(
     tmp_path: Path, link: str, signs: int

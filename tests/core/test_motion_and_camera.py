@@ -38,6 +38,7 @@ from tests.support.kinematic import PICTURE, STEP_S, WHOLE_LIFE, Bench, ignoring
 pytestmark = pytest.mark.alike
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "target",
     [
@@ -57,6 +58,7 @@ def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -
         assert abs(pose.heading_rad - target.heading_rad) % (2 * pi) == pytest.approx(0, abs=0.035)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.014, 0.0), (0.0, 0.014), (-0.01, -0.01), (0.5, 0.5)])
 def test_a_finer_tolerance_is_kept(bench: Bench, x_m: float, y_m: float) -> None:
     bench.execute(MoveTo(Waypoint(x_m, y_m, tolerance_m=0.01)), 1)
@@ -70,6 +72,7 @@ def shoved(tmp_path: Path) -> Iterator[Bench]:
         yield bench
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("bearing_rad", [3.0, -3.0, 2.2, -1.9, 0.9])
 def test_a_line_is_found_again_forward_and_backward(shoved: Bench, bearing_rad: float) -> None:
     bench = shoved
@@ -118,6 +121,7 @@ def test_rotations_are_absolute_and_relative(bench: Bench) -> None:
     assert bench.rover.pose.heading_rad == pytest.approx(pi / 2, abs=0.07)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("degrees", [180, -180, 270, -270, 360, -360])
 def test_a_relative_turn_goes_its_whole_way_to_its_side(bench: Bench, degrees: int) -> None:
     bench.execute(RotateBy(radians(degrees)), 1)
@@ -141,6 +145,7 @@ def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -
     assert bench.finish(1) is Stage.EXECUTED
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("request_", "slower"),
     [(MoveTo(Waypoint(3.0, 0.0)), SetTravelSpeed(0.1)), (RotateTo(3.0), SetRotateSpeed(0.1))],
@@ -152,6 +157,7 @@ def test_a_motion_may_be_slowed_down(bench: Bench, request_: Request, slower: Re
     assert bench.finish(1) is Stage.EXECUTED
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("request_", [MoveForward(5.0), RotateTo(3.0)])
 def test_a_short_gap_in_the_odometry_is_no_jump(bench: Bench, request_: Request) -> None:
     bench.submit(request_, 1)
@@ -174,6 +180,7 @@ def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
         assert bench.finish(1) is Stage.EXECUTED
 
 
+@pytest.mark.at_length
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:
     bench.execute(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
     steps = [(r.step, r.step_count) for r in bench.heard.reports if r.stage is Stage.PROGRESS]
@@ -191,6 +198,7 @@ def test_drive_holds_its_velocity_for_its_time(bench: Bench) -> None:
     assert bench.rover.pose.heading_rad == pytest.approx(0.8, abs=0.05)
 
 
+@pytest.mark.at_length
 def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
     bench.submit(SetTravelSpeed(0.4), 1)
     bench.execute(MoveTo(Waypoint(2.0, 1.0, 1.0)), 2)
@@ -299,6 +307,7 @@ def test_a_stop_leaves_a_camera_at_rest(bench: Bench, monkeypatch: pytest.Monkey
     assert pointed == []
 
 
+@pytest.mark.at_length
 def test_a_camera_may_be_slowed_down_on_its_way(bench: Bench) -> None:
     bench.rover.lazy_camera = True
     bench.submit(SetCameraAngles(2.0, 0.0), 1)
@@ -329,6 +338,7 @@ def test_every_source_keeps_its_own_pictures(bench: Bench) -> None:
     assert len(list((bench.folder / "files/pictures").iterdir())) == len(sources)
 
 
+@pytest.mark.at_length
 def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench) -> None:
     bench.rover.camera_works = False
     bench.submit(TakePicture(), 1)

@@ -97,6 +97,7 @@ def duration_s(bench: Bench, number: int = 1) -> float:
     return bench.last(number).figures[0].value
 
 
+@pytest.mark.at_length
 def test_waypoints_are_passed_without_standing_and_told_as_ever(
     bench: Bench, rover: Noted, tmp_path: Path
 ) -> None:
@@ -112,6 +113,7 @@ def test_waypoints_are_passed_without_standing_and_told_as_ever(
         assert duration_s(bench) < 0.6 * duration_s(standing)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("asking", [Waypoint(1.5, 0.5, tolerance_m=0.01), Waypoint(1.5, 0.5, 0.5)])
 def test_it_stands_where_a_waypoint_asks_for_a_heading_or_for_more_precision(
     bench: Bench, rover: Noted, asking: Waypoint
@@ -124,6 +126,7 @@ def test_it_stands_where_a_waypoint_asks_for_a_heading_or_for_more_precision(
     assert [step for step, _, _ in progress(bench)] == [1, 2]
 
 
+@pytest.mark.at_length
 def test_wide_tolerances_cut_corners(bench: Bench, rover: Noted) -> None:
     bench.execute(FollowPath(CORNERS), 1)
     bench.execute(MoveTo(Waypoint(0.0, 0.0, 0.0)), 2)
@@ -162,6 +165,7 @@ def test_places_on_each_other_near_and_back_again(
     assert progress(bench) == told
 
 
+@pytest.mark.at_length
 def test_another_command_supersedes_it_between_waypoints(bench: Bench, rover: Noted) -> None:
     bench.submit(FollowPath(CORNERS), 1)
     bench.run(2.5)
@@ -188,6 +192,7 @@ def weak(then: Reaction) -> Settings:
     return replace(SMOOTH, faults=replace(SMOOTH.faults, battery_low=row))
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("then", [Reaction.PAUSE, Reaction.SLOW_DOWN, Reaction.STOP])
 def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
     then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
@@ -228,6 +233,7 @@ def test_a_waypoint_that_is_passed_while_it_brakes_for_a_pause_is_passed(
         assert min(each.travel_mps for each in bench.rover.sent) > -0.1
 
 
+@pytest.mark.at_length
 def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
     tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
@@ -268,6 +274,7 @@ def test_a_waypoint_that_was_missed_is_driven_to_alone(
         assert slow_mps == 0.0
 
 
+@pytest.mark.at_length
 def test_a_push_off_the_path_is_made_up_for(bench: Bench) -> None:
     bench.submit(FollowPath(CORNERS), 1)
     bench.run(1.0)

@@ -111,6 +111,7 @@ def test_an_operator_makes_the_pose_certain_again(bench: Bench, way_out: Request
     bench.execute(ABSOLUTE[0], 2)
 
 
+@pytest.mark.at_length
 def test_a_confirmed_pose_is_as_uncertain_as_the_operator_says(bench: Bench) -> None:
     bench.execute(ConfirmPose(0.3, 0.0), 1)
     assert bench.refusal(ABSOLUTE[0], 2).reason is Reason.POSE_UNCERTAIN
@@ -163,6 +164,7 @@ def test_a_crash_within_a_motion_adds_nothing(bench: Bench) -> None:
     bench.execute(ABSOLUTE[0], 2)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("pose", [Pose(), Pose(2.0, 1.0), Pose(2.0, 0.0, heading_rad=1.0)])
 def test_odometry_that_is_elsewhere_after_a_restart_is_uncertain(bench: Bench, pose: Pose) -> None:
     bench.execute(MoveForward(2.0), 1)
@@ -209,6 +211,7 @@ def seeing(tmp_path: Path) -> Iterator[SeeingBench]:
         yield bench
 
 
+@pytest.mark.at_length
 def test_a_second_odometry_that_agrees_makes_the_pose_certain_again(seeing: SeeingBench) -> None:
     jump(seeing, x_m=0.5)
     true = moved(seeing.rover.pose, x_m=-0.5)
@@ -222,6 +225,7 @@ def test_a_second_odometry_that_agrees_makes_the_pose_certain_again(seeing: Seei
     seeing.execute(ABSOLUTE[0], 2)
 
 
+@pytest.mark.at_length
 def test_a_push_that_only_the_second_odometry_sees_is_not_forgotten(seeing: SeeingBench) -> None:
     seeing.seen = lambda pose: moved(pose, y_m=0.5)
     seeing.run(3.0)

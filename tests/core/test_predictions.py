@@ -50,6 +50,7 @@ def be_woken(bench: Bench) -> None:
         bench.executive.serve_inbox()
 
 
+@pytest.mark.at_length
 def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(bench: Bench) -> None:
     bench.execute(ROUND, 1)
     (told,) = predictions(bench)
@@ -63,6 +64,7 @@ def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(be
     assert len(became) == len(bench.last(1).figures)
 
 
+@pytest.mark.at_length
 def test_it_comes_while_the_motion_is_young_and_the_answer_does_not_wait_for_it(
     bench: Bench,
 ) -> None:
@@ -131,6 +133,7 @@ def test_nothing_is_predicted_of_what_has_ended(bench: Bench) -> None:
     assert bench.stages(3)[-1] is Stage.EXECUTED
 
 
+@pytest.mark.at_length
 def test_a_repeat_gets_the_last_of_its_life_again(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(9.0, 0.0)), 1)
     while not predictions(bench):
@@ -149,6 +152,7 @@ def test_after_a_crash_nothing_is_left_of_a_prediction(bench: Bench) -> None:
     assert predictions(bench) == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("options", [{"report_progress": False}, {"link": "plan"}])
 def test_who_wants_no_progress_gets_no_prediction(bench: Bench, options: dict[str, object]) -> None:
     if "link" in options:
@@ -169,6 +173,7 @@ def test_velocities_of_a_joystick_are_not_predicted(bench: Bench) -> None:
     assert figures(bench.last(1))["length"] == pytest.approx(0.6, abs=0.05)
 
 
+@pytest.mark.at_length
 def test_a_plan_is_told_with_its_prediction_and_what_became_of_it(bench: Bench) -> None:
     bench.submit(SubmitPlan(plan(f"<Sequence>{AHEAD}{BACK}</Sequence>")), 1)
     bench.submit(ActivatePlan("survey"), 2)
@@ -205,6 +210,7 @@ def test_a_plan_takes_what_was_predicted_whatever_it_is_made_of(bench: Bench, bo
     assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.4)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "body",
     [
@@ -225,6 +231,7 @@ def test_of_a_plan_that_would_not_do_nothing_is_predicted(tmp_path: Path, body: 
         assert bench.rover.sent[-1] != STANDING
 
 
+@pytest.mark.at_length
 def test_a_plan_that_was_suspended_is_not_compared(bench: Bench) -> None:
     bench.submit(SubmitPlan(plan(f"<Sequence>{AHEAD}{BACK}</Sequence>")), 1)
     bench.submit(ActivatePlan("survey"), 2)
@@ -270,6 +277,7 @@ def test_what_a_preview_raises_is_contained(tmp_path: Path) -> None:
         assert figures(bench.last(1))["length"] == pytest.approx(1.0, abs=2 * STEP_S)
 
 
+@pytest.mark.at_length
 def test_repeats_are_bit_identical(tmp_path: Path) -> None:
     def told(folder: Path) -> list[Report]:
         folder.mkdir()

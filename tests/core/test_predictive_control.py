@@ -74,6 +74,7 @@ class Failing:
         return self._solver.fork(apart)
 
 
+@pytest.mark.at_length
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     x_m=st.floats(-6.0, 6.0),
@@ -147,6 +148,7 @@ def off(pose: Pose, target: Waypoint) -> tuple[float, float]:
     return place_m, abs(wrap_rad(pose.heading_rad - (target.heading_rad or 0.0)))
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "target", [Waypoint(-1.0, 0.3, 0.0), Waypoint(0.0, 0.5, 0.0), Waypoint(1.0, -1.0, pi)]
 )
@@ -176,6 +178,7 @@ def took_s(lockstep: LockStep) -> float:
     return reports(lockstep)[-1].figures[0].value
 
 
+@pytest.mark.at_length
 def test_it_takes_less_time_than_turn_then_drive(
     solver: MinimumTimeSolver, aside: LockStep, tmp_path: Path
 ) -> None:
@@ -189,6 +192,7 @@ def ends_at(request: MoveTo | FollowPath) -> Waypoint:
     return request.target if isinstance(request, MoveTo) else request.waypoints[-1]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "request_",
     [
@@ -206,6 +210,7 @@ def test_what_asks_for_no_heading_or_more_precision_is_executed(
     assert off(lockstep.executive.status.pose, last)[0] < 0.03
 
 
+@pytest.mark.at_length
 def test_where_more_precision_is_asked_turn_then_drive_ends_there_in_truth(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
@@ -238,6 +243,7 @@ class NextTick:
         return NextTick(self._solver.fork(apart))
 
 
+@pytest.mark.at_length
 def test_plans_from_another_thread_are_for_the_tick_after(
     solver: MinimumTimeSolver, aside: LockStep, tmp_path: Path
 ) -> None:
@@ -274,6 +280,7 @@ class Late:
         return self._solver.fork(apart)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("late_s", [0.12, 0.37])
 def test_while_a_plan_is_late_the_one_before_is_driven_on(
     late_s: float, solver: MinimumTimeSolver, tmp_path: Path
@@ -354,6 +361,7 @@ def test_two_runs_are_alike(tmp_path: Path) -> None:
     assert paths[0] == paths[1]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("miss", [None, 1.0])
 def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
     miss: float | None, solver: MinimumTimeSolver, tmp_path: Path
@@ -367,6 +375,7 @@ def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
     assert alarms(lockstep) == []
 
 
+@pytest.mark.at_length
 def test_a_few_ticks_without_an_answer_go_by_the_plan_before(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:

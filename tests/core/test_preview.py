@@ -69,6 +69,7 @@ def refused(bench: Bench, asked: Motion | PlanDefinition) -> Refusal:
     return found
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "motion",
     [
@@ -108,6 +109,7 @@ def test_neither_a_stop_nor_the_queue_keeps_it_out(bench: Bench) -> None:
     assert previewed(bench, MoveForward(1.0)).length_m == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.at_length
 def test_it_goes_by_the_speeds_that_are_set(bench: Bench) -> None:
     fast = previewed(bench, MoveForward(4.0))
     bench.submit(SetTravelSpeed(0.25), 1)
@@ -116,6 +118,7 @@ def test_it_goes_by_the_speeds_that_are_set(bench: Bench) -> None:
     assert slow.duration_s > 2 * fast.duration_s
 
 
+@pytest.mark.at_length
 def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
     told = previewed(bench, FollowPath(tuple(Waypoint(float(x % 2), 0.0) for x in range(1, 30))))
     times_s = [each.time_s for each in told.path]

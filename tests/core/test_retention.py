@@ -69,6 +69,7 @@ def held(ranges: list[Range]) -> set[int]:
     return {number for first, last in ranges for number in range(first, last + 1)}
 
 
+@pytest.mark.at_length
 @given(RANGES)
 def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> None:
     found = list(merge_ranges(ranges))
@@ -189,6 +190,7 @@ def test_a_plan_knows_its_steps_without_their_commands(bench: Forgetful) -> None
     assert [number for number, _ in bench.commanded()] == list(range(1, 33))
 
 
+@pytest.mark.at_length
 def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None:
     def pages(commands: range) -> int:
         for number in commands:
@@ -199,6 +201,7 @@ def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None
     assert pages(range(100, 600)) <= pages(range(1, 100)) + 2
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "request_",
     [ExecuteAction("x" * 200_000), FollowPath(tuple(Waypoint(1.0, 2.0) for _ in range(5_000)))],

@@ -173,6 +173,7 @@ def test_without_a_ledger_no_camera_moves_and_nothing_gathers(bench: Bench) -> N
     bench.execute(SetCameraAngles(1.0, 0.0), 22)
 
 
+@pytest.mark.at_length
 def test_a_rover_that_comes_on_too_slowly_fails_by_its_deadline(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,6 +123,7 @@ REQUESTS = [
 ]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: type(request).__name__)
 def test_a_motion_ends_executed_once_a_frame_taken_after_it_agrees(
     seeing: SeeingBench, request_: MoveTo
@@ -142,6 +143,7 @@ def test_a_motion_ends_executed_once_a_frame_taken_after_it_agrees(
     assert figures["headings apart"] < 0.01
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "request_",
     [MoveTo(Waypoint(3.0, 0.0)), MoveForward(-3.0), RotateBy(2.0), DriveFor(0.5, 0.0, 6.0)],
@@ -160,6 +162,7 @@ def test_a_motion_that_slipped_slowly_is_not_confirmed(
     assert off or figures["headings apart"] > figures["heading bound"]
 
 
+@pytest.mark.at_length
 def test_a_motion_of_which_no_frame_tells_is_not_verified(seeing: SeeingBench) -> None:
     seeing.submit(MoveForward(1.0), 1)
     seeing.run(1.0)

@@ -252,6 +252,7 @@ def test_while_it_slides_a_stop_reports_at_what_speed_and_then_fails(ice: IceBen
     assert ice.executive.mode is Mode.STOPPED
 
 
+@pytest.mark.at_length
 def test_the_end_of_a_motion_waits_for_the_accelerometer(ice: IceBench) -> None:
     ice.submit(Stop(), 2)
     ice.finish(2)
@@ -268,12 +269,14 @@ def test_the_end_of_a_motion_waits_for_the_accelerometer(ice: IceBench) -> None:
     assert ice.true_mps == 0.0
 
 
+@pytest.mark.at_length
 def test_a_motion_that_slides_on_is_not_executed(ice: IceBench) -> None:
     ice.friction = 0.01
     assert ice.finish(1) is Stage.FAILED
     assert ice.last(1).reason in {Reason.SLIDES, Reason.WHEELS_SLIP}
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("source", ["joints", "gyro"])
 def test_a_stop_waits_for_a_sensor_that_fell_silent(ice: IceBench, source: str) -> None:
     setattr(ice, "imu" if source == "gyro" else source, False)

@@ -85,6 +85,7 @@ def test_in_the_simulation_nothing_is_touched_and_no_monitor_objects(
     assert lockstep.rover.contacts == 0
 
 
+@pytest.mark.at_length
 def test_a_way_leads_past_zones_and_stays_within_the_yard(tmp_path: Path) -> None:
     zones = Zones(keep_in=(YARD,), keep_out=(BAR,))
     with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:

@@ -108,6 +108,7 @@ SHAPES = st.sampled_from(
 )
 
 
+@pytest.mark.at_length
 @given(shape=SHAPES, path=st.lists(PLACES, min_size=2, max_size=4))
 def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -> None:
     kinds: Any = {KeepOut: "keep_out", KeepIn: "keep_in", KnownRock: "rocks"}
@@ -170,6 +171,7 @@ def test_a_motion_too_near_is_refused_by_name_and_distance(
         assert refusal.figures[0].value == pytest.approx(way_m, abs=0.1)
 
 
+@pytest.mark.at_length
 def test_a_motion_that_leaves_room_is_carried_out(zoned: Bench) -> None:
     zoned.execute(MoveForward(2.0), 1)
     zoned.execute(RotateTo(pi / 2), 2)
@@ -177,6 +179,7 @@ def test_a_motion_that_leaves_room_is_carried_out(zoned: Bench) -> None:
     zoned.execute(FollowPath((Waypoint(3.0, 1.2), Waypoint(5.0, 0.0))), 4)
 
 
+@pytest.mark.at_length
 def test_what_waits_is_judged_from_where_the_rover_will_be(zoned: Bench) -> None:
     zoned.submit(MoveForward(1.5), 1)
     assert zoned.refusal(MoveForward(1.0), 2).reason is Reason.PATH_BLOCKED
@@ -199,6 +202,7 @@ def test_what_began_elsewhere_than_expected_is_judged_again(zoned: Bench) -> Non
     assert zoned.rover.pose.x_m < 0.2
 
 
+@pytest.mark.at_length
 def test_a_rover_that_stands_too_near_may_leave_but_not_come_nearer(zoned: Bench) -> None:
     zoned.rover.pose = Pose(2.3, 0.0)
     zoned.run(0.1)

@@ -22,6 +22,7 @@ def picture(bench: Bench, *stamps_s: float, data: bytes = WHOLE, number: int = 1
     return bench.finish(number, 10.0)
 
 
+@pytest.mark.at_length
 def test_a_frame_from_before_the_request_is_no_picture(bench: Bench) -> None:
     bench.run(20.0)
     assert picture(bench, 2.0, 2.0) is Stage.FAILED

@@ -49,6 +49,7 @@ def test_a_channel_tells_what_was_added_between_any_two_times(
     assert added == pytest.approx([3.0 * (to_s - from_s), from_s - to_s], abs=1e-6)
 
 
+@pytest.mark.at_length
 def test_what_is_older_or_newer_than_all_is_not_known() -> None:
     drive = Drive()
     drive.go(15.0)

@@ -74,6 +74,7 @@ def begin(bench: Bench, cause: Cause) -> None:
     cause.there = False
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("name", LATCHED)
 def test_each_fault_that_a_resume_ends_holds_over_kill_9(
     name: str, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
@@ -112,6 +113,7 @@ def test_each_fault_that_a_resume_ends_holds_over_kill_9(
         assert bench.executive.safety.active == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("name", ENDED)
 def test_what_ends_by_itself_is_looked_for_afresh(
     name: str, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
@@ -125,6 +127,7 @@ def test_what_ends_by_itself_is_looked_for_afresh(
         assert bench.executive.safety.active == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("then", [Reaction.WARN, Reaction.SLOW_DOWN, *MODES])
 def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
     then: Reaction, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch

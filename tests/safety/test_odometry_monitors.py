@@ -90,6 +90,7 @@ def test_a_velocity_that_is_held_leads_along_its_arc(
     assert outcome.figures.false_executed == 0
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("late_s", [0.15, 0.2])
 def test_a_velocity_that_is_held_ends_at_its_heading_though_odometry_came_late(
     tmp_path: Path, late_s: float
@@ -113,6 +114,7 @@ PUSHED_LATE = (
 """A push after the frame that ends the motion was taken, before that frame arrives."""
 
 
+@pytest.mark.at_length
 def test_a_push_that_is_felt_has_the_motion_wait_for_a_frame_taken_after_it(tmp_path: Path) -> None:
     outcome = play(tmp_path, "motion_turn", *PUSHED_LATE, blind=False)
     assert [r.stage for r in outcome.record.reports if r.stage and r.stage.terminal] == [
@@ -130,6 +132,7 @@ def test_a_push_that_no_imu_felt_is_told_by_the_next_frames(tmp_path: Path) -> N
     assert first_event(outcome).reason is Reason.SLIDES
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("fault", ["odometry_lost", "odometry_repeated"])
 def test_odometry_that_falls_behind_other_sensors_is_seen_before_it_is_stale(
     tmp_path: Path, fault: str

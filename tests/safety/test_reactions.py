@@ -53,6 +53,7 @@ def go(number: int = 1) -> tuple[MoveTo, int]:
     return MoveTo(Waypoint(5.0, 0.0)), number
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("then", "mode"), [(Reaction.STOP, Mode.STOPPED), (Reaction.SAFE, Mode.SAFE)]
 )
@@ -109,6 +110,7 @@ def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
     assert "stopped by MOE:1; send resume" in bench.executive.why
 
 
+@pytest.mark.at_length
 def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
     bench = make(Reaction.PAUSE, ClearPolicy.ON_RESUME)
     bench.submit(*go())

@@ -72,6 +72,7 @@ def test_rejected_odometry_is_in_the_refusal_in_why_and_in_the_faults(bench: Ben
     assert any(WHY in each for each in snapshot_of(bench.executive, 0.0).faults)
 
 
+@pytest.mark.at_length
 def test_a_rejection_is_reported_once_and_once_that_it_is_over(bench: Bench) -> None:
     rejecting(bench, ODOMETRY, 20.0)
     (warning,) = events(bench, Reason.DATA_REJECTED)

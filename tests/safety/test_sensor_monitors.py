@@ -92,6 +92,7 @@ def test_no_fault_is_seen_in_a_rover_that_does_what_it_is_told(
     assert drive.names == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("velocity", "given", "name", "within_s"),
     [
@@ -119,6 +120,7 @@ def test_a_fault_is_seen_by_what_it_shows_in(
     assert drive.names[0] == name, drive.begun[0].refusal.text
 
 
+@pytest.mark.at_length
 def test_a_fault_of_several_windows_begins_once_and_is_over_with_the_last() -> None:
     faults = asset().faults
     row = replace(faults.odometry_off_wheels, then=Reaction.WARN, clears=ClearPolicy.ITSELF)
@@ -136,6 +138,7 @@ def test_a_fault_of_several_windows_begins_once_and_is_over_with_the_last() -> N
     assert [each.name for each in drive.over] == drive.names == ["odometry_off_wheels"]
 
 
+@pytest.mark.at_length
 def test_a_resume_waits_for_each_window_of_a_fault() -> None:
     drive = driving()
     assert goes_wrong(drive, odometry_travel=0.0) <= 0.3
@@ -172,6 +175,7 @@ def test_the_evidence_says_in_figures_who_told_what() -> None:
     assert "wheels 0.80 m/s" in refusal.text
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("kind", "name", "limit_s"),
     [
@@ -231,6 +235,7 @@ def test_an_imu_without_orientation_keeps_its_gyro_and_its_force_and_no_lean() -
     assert "blocked" in found(drive, held_n=100.0)
 
 
+@pytest.mark.at_length
 def test_on_a_slope_an_imu_without_orientation_stops_nobody() -> None:
     drive = driving()
     drive.oriented = False
@@ -279,6 +284,7 @@ def test_where_the_second_odometry_corrects_the_pose_only_gross_slip_is_a_fault(
     assert drive.names == ["slips"]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("wheel_noise_radps", [0.0, 0.03])
 def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then(
     wheel_noise_radps: float,
@@ -294,6 +300,7 @@ def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then(
     assert drive.names == ["odometry_off_gyro"]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("wrong_radps", [0.012, 0.02, 0.05, 0.3, -0.3])
 @pytest.mark.parametrize("bias_radps", [0.0, 0.006])
 def test_a_gyro_that_was_wrong_at_rest_leaves_no_fault_behind(
@@ -326,6 +333,7 @@ def test_a_bias_that_stays_another_one_is_learnt_in_the_end() -> None:
     assert drive.names == []
 
 
+@pytest.mark.at_length
 def test_what_was_before_the_first_motion_after_a_fault_is_not_looked_at() -> None:
     """It slid aside and was stopped; once it slides no more, nothing of that counts."""
     drive = driving()
@@ -340,6 +348,7 @@ def test_what_was_before_the_first_motion_after_a_fault_is_not_looked_at() -> No
     assert drive.names == []
 
 
+@pytest.mark.at_length
 def test_what_was_before_a_resume_is_not_looked_at(tmp_path: Path) -> None:
     """While it was stopped it was moved aside, more slowly than is noticed at rest."""
     rover = SensedRover(asset())
@@ -365,6 +374,7 @@ def test_a_gyro_may_have_a_bias_before_it_was_learnt() -> None:
     assert drive.names == []
 
 
+@pytest.mark.at_length
 def test_nothing_is_made_of_a_gap_in_what_a_sensor_tells() -> None:
     drive = driving(ARC)
     for kind in (Imu, Joints, SecondOdometry):
@@ -380,6 +390,7 @@ DRIVE = DriveFor(0.8, 0.0, 10.0)
 TURN = DriveFor(0.0, 1.2, 10.0)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("request_", "given", "reason"),
     [
@@ -420,6 +431,7 @@ def test_a_motion_ends_by_what_its_sensors_show_and_says_so(
         assert rover.velocity == STANDING
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("kind", "fault"),
     [
@@ -445,6 +457,7 @@ def test_a_motion_goes_on_without_a_sensor_and_tells_of_its_silence(
         assert told[-1].text == f"{fault} is over"
 
 
+@pytest.mark.at_length
 def test_a_rover_that_slides_where_it_stands_tells_it(tmp_path: Path) -> None:
     rover = SensedRover(asset())
     with Bench(tmp_path, asset(), rover=rover, all_sensors=True) as bench:

@@ -268,6 +268,7 @@ def events(bench: Bench) -> list[Reason | None]:
     return [report.reason for report in told if report.identity is None]
 
 
+@pytest.mark.at_length
 def test_a_drive_against_a_wall_slows_down_stops_and_may_go_back(make: Make) -> None:
     bench = make()
     bench.submit(MoveForward(5.0), 1)
@@ -288,6 +289,7 @@ def test_a_drive_against_a_wall_slows_down_stops_and_may_go_back(make: Make) -> 
     bench.execute(RotateBy(1.0), 3)
 
 
+@pytest.mark.at_length
 def test_a_goal_near_a_wall_is_reached(make: Make) -> None:
     bench = make()
     bench.execute(MoveForward(3.0 - FRONT_M - 0.2), 1)
@@ -309,6 +311,7 @@ class Hanging(RoverTree):
             super().tick()
 
 
+@pytest.mark.at_length
 def test_it_works_though_the_tree_hangs(make: Make) -> None:
     bench = make(build_tree=Hanging)
     tree, rover = bench.executive.tree, bench.rover
@@ -348,6 +351,7 @@ def test_without_scans_the_rover_does_not_drive(make: Make) -> None:
     bench.execute(MoveForward(-0.5), 3)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("ray_m", "reason"), [(nan, Reason.LASER_BLIND), (-inf, Reason.OBSTACLE_AHEAD)]
 )

@@ -97,6 +97,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     assert bench.rover.velocity == STANDING
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("claim", [None, 0, -1, 7, 1 << 62])
 def test_a_stop_acts_whatever_authority_it_claims(bench: Bench, claim: int | None) -> None:
     epoch = granted(AskedAuthority(bench).request("MOE"))
@@ -199,6 +200,7 @@ def test_only_who_may_takes_it(bench: Bench) -> None:
     assert authority.state.holder == "DIRECTOR"
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", ["", "x" * 257, "a\nb", "\x1b[2J", "plan:survey"])
 def test_nobody_holds_it_under_a_name_that_is_none(bench: Bench, name: str) -> None:
     authority = AskedAuthority(bench)
@@ -342,6 +344,7 @@ def guarded(tmp_path: Path) -> Iterator[Aboard]:
     aboard.close()
 
 
+@pytest.mark.at_length
 def test_a_session_holds_what_it_requested_and_another_hears_who_does(guarded: Aboard) -> None:
     async def session(first: MrsClient) -> None:
         heard = first.notifications()
@@ -435,6 +438,7 @@ def test_the_command_line_requests_it_and_says_who_holds_it(guarded: Aboard) -> 
     assert json.loads(rover("authority", "status", "--json", *to).output)["holder"] is None
 
 
+@pytest.mark.at_length
 def test_an_operator_holds_it_until_ctrl_c(guarded: Aboard) -> None:
     guarded.runs = False
     holding = typed_elsewhere("authority", "request", "--hold", "--to", guarded.uri)
@@ -445,6 +449,7 @@ def test_an_operator_holds_it_until_ctrl_c(guarded: Aboard) -> None:
     assert rover("authority", "status", "--to", guarded.uri).output.startswith("authority free")
 
 
+@pytest.mark.at_length
 def test_an_operator_that_holds_it_is_told_when_another_took_it(tmp_path: Path) -> None:
     aboard = Aboard(tmp_path, authority=replace(RULES, lease_s=0.3))
     try:

@@ -98,6 +98,7 @@ def test_bundles_of_a_foreign_key_move_nothing(rover: TestedNode, form: Integrit
     assert (rover.take(), rover.node.refusals.count) == ([], 1)
 
 
+@pytest.mark.at_length
 def test_thousands_of_refused_bundles_leave_nothing_before_a_stop(
     orbiter: TestedNode, rover: TestedNode
 ) -> None:

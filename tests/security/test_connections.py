@@ -331,6 +331,7 @@ async def test_where_descriptors_are_few_new_operators_get_in_and_the_log_stays_
     assert len(log) < 10_000
 
 
+@pytest.mark.at_length
 def test_long_lists_do_not_hold_up_a_stop(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
         consumer = await Consumer.connect(mrs_specification(), aboard.uri)

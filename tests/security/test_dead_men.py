@@ -136,6 +136,7 @@ def test_of_a_thousand_stops_under_the_same_numbers_a_thousand_act(bench: Bench)
     assert len(bench.ports.brick) == 1000
 
 
+@pytest.mark.at_length
 @given(st.lists(st.booleans(), max_size=20))
 def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it(
     stops: list[bool],

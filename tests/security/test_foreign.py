@@ -198,6 +198,7 @@ async def rest(consumer: Consumer) -> list[int]:
         return [len(chunk.data) async for (chunk,) in progress]
 
 
+@pytest.mark.at_length
 def test_transfers_that_nobody_reads_give_way(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -86,6 +86,7 @@ def test_who_speaks_as_another_is_refused_and_nothing_is_written_down(
     assert [report.reason for report in told] == [Reason.BAD_IDENTITY]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("who", ["MOE-2", UNNAMED])
 def test_a_stop_under_the_name_of_another_acts(
     secured: Aboard, ends: dict[str, Certificates], who: str

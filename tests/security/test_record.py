@@ -40,6 +40,7 @@ def test_a_source_is_not_locked_out_by_numbers_sent_under_its_name(bench: Bench)
 NUMBERS = st.integers(1, 30) | st.integers(2**63 - 10, 2**63 - 1) | st.integers(1, 2**63 - 1)
 
 
+@pytest.mark.at_length
 @given(st.lists(NUMBERS, max_size=60, unique=True))
 @settings(max_examples=50)
 def test_the_numbers_of_commands_are_used_and_no_others(
@@ -91,6 +92,7 @@ def test_no_text_from_outside_forges_a_line(bench: Bench, caplog: pytest.LogCapt
     assert all("\n" not in record.getMessage() for record in caplog.records)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("step_s", [-3600.0, 0.0, 3600.0])
 def test_a_command_does_not_outlive_its_lifetime_whatever_the_clock_does(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, step_s: float

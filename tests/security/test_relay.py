@@ -39,6 +39,7 @@ def published(ends: Ends, *, overtaken: bool) -> set[int | None]:
     return {m.moe_inputs_id for m in messages if (m.outputs[3:] == ("True",)) == overtaken}
 
 
+@pytest.mark.at_length
 def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_executive(
     tmp_path: Path,
 ) -> None:
@@ -201,6 +202,7 @@ def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path
         assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("numbered", [True, False])
 async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(
     tmp_path: Path, numbered: bool

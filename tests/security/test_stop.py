@@ -47,6 +47,7 @@ def stop(number: int = 7, source: str = "MOE", **options: Any) -> Command:
     return Command(Identity(source, number), Stop(), "direct", **options)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
@@ -362,6 +363,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(disk)], check=True)
 
 
+@pytest.mark.at_length
 def test_a_stop_on_a_disk_that_is_really_full_holds_over_kill_9(small_disk: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", FILL_AND_STOP, str(small_disk)], stdout=subprocess.PIPE, text=True

@@ -68,6 +68,7 @@ def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> 
     assert bench.executive.mode is Mode.IDLE
 
 
+@pytest.mark.at_length
 def test_repeat_retry_and_inverter_run_their_child_as_often_as_they_say(bench: PlanBench) -> None:
     assert bench.outcome(f'<Repeat num_cycles="3">{BACK}</Repeat>') is COMPLETED
     assert bench.ends() == [Stage.EXECUTED] * 3
@@ -127,6 +128,7 @@ def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
     assert not any(n.path.startswith("plan:") for n in bench.nodes())
 
 
+@pytest.mark.at_length
 def test_what_a_plan_has_done_stays_marked_in_the_tree(bench: PlanBench) -> None:
     def statuses() -> list[str]:
         return [
@@ -179,6 +181,7 @@ def test_a_leaf_of_a_plan_names_its_command_also_after_a_suspension(bench: PlanB
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
 
 
+@pytest.mark.at_length
 def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
     bench.begin(AHEAD)
     assert bench.executive.mode is Mode.PLAN
@@ -209,6 +212,7 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     assert [number for number, _ in bench.commanded()] == [1, 2, 3]
 
 
+@pytest.mark.at_length
 def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> None:
     bench.begin(f"<Fallback>{AHEAD}{BACK}</Fallback>")
     bench.submit(Stop(), 1)
@@ -261,6 +265,7 @@ def test_one_plan_has_the_rover(bench: PlanBench) -> None:
     assert bench.until(COMPLETED) is COMPLETED
 
 
+@pytest.mark.at_length
 def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBench) -> None:
     bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>", 4.0)
     bench.crash()
@@ -274,6 +279,7 @@ def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBen
     assert bench.ends() == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
 
 
+@pytest.mark.at_length
 def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> None:
     """The command ended in the tick of the crash; its plan had not seen it yet."""
     bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
@@ -338,6 +344,7 @@ def test_a_leaf_that_raises_fails_its_plan(
     bench.execute(MoveForward(0.5), 1)
 
 
+@pytest.mark.at_length
 def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
     bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>")
     bench.fill_disk()
