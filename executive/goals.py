@@ -34,11 +34,11 @@ class Goal:
     Attributes:
         progress: progress through its steps.
         leg: the leg as last planned, or a leg of the detour to it.
-        begun: start pose of the leg as last planned.
+        start_pose: start pose of the leg as last planned.
         origin: start pose of the leg as first planned.
         verification: compares the motion with the second odometry; None without one.
         slid_m: distance slid before this leg, beyond what its motion allows.
-        journey: statistics of the motion; None if they are not needed.
+        statistics: statistics of the motion; None if they are not needed.
     """
 
     def __init__(self, lifecycle: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
@@ -80,7 +80,7 @@ class GoalQueue:
     """Goals of one branch of the tree in order of arrival; at most one is active.
 
     Attributes:
-        held: why waiting goals may not start; None if they may.
+        blocked_by: why waiting goals may not start; None if they may.
     """
 
     def __init__(self, clock: Clock) -> None:

@@ -48,7 +48,7 @@ class Condition(ContainedNode):
 
     Args:
         holds: returns whether the condition holds.
-        whose: returns the command that meets it; None if it concerns no command.
+        identity_of: returns the command that meets it; None if it concerns no command.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class GoalLeaf(Leaf):
 
     Attributes:
         goal: the goal that was active when the leaf started.
-        late: reason of the failure on timeout.
+        timeout_reason: reason of the failure on timeout.
         timeout_text: text of the failure on timeout, before the seconds allowed.
         needs: source of the data that it waits for.
     """

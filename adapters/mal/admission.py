@@ -62,7 +62,7 @@ class Quota:
         what: The counted resource, in the plural.
         total: Bound of all connections.
         share: Bound of one connection.
-        keeps: Whether a connection has priority and must not be aborted.
+        is_priority: Whether a connection has priority and must not be aborted.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Quota:
 
 
 class LimitedLog:
-    """Rate-limited log of peers' errors: `most` records of a kind in `period_s`, then a count."""
+    """Log of peers' errors: `maximum` records of a kind in `period_s`, then a count."""
 
     def __init__(
         self, warn: Callable[..., None], maximum: int = 10, period_s: float = 10.0
@@ -157,7 +157,7 @@ class Connections(ConnectionGuard):
     `on_refused` is called with the header of a message that exceeds a bound, and the error.
 
     Attributes:
-        keeps: Whether a connection has priority and must not be aborted; set by the owner.
+        is_priority: Whether a connection has priority and must not be aborted; set by the owner.
     """
 
     def __init__(

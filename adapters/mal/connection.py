@@ -42,9 +42,9 @@ class Framer:
 
     Args:
         cap: Maximum octets of a message.
-        reserve: Called with the octets beyond `room` that the buffer is about to allocate, or
+        reserve: Called with the octets beyond `capacity` that the buffer is about to allocate, or
             (negative) has released; raises to reject.
-        room: Buffer size under load.
+        capacity: Buffer size under load.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class ConnectionGuard:
     Attributes:
         turns: Scheduler of the connections.
         message_cap: Maximum octets of a message.
-        room: Octets of each connection's buffer without a reservation.
+        capacity: Octets of each connection's buffer without a reservation.
     """
 
     def __init__(self, message_cap: int = MESSAGE_CAP, capacity: int = BUFFER_STEP_OCTETS) -> None:
@@ -255,7 +255,7 @@ class Connection(asyncio.BufferedProtocol):
         peer_name: The name in the peer's certificate; empty if it has none, None without a
             certificate.
         arrived_s: Time of the last received octets, by the loop's clock.
-        heard: Number of complete received messages.
+        messages_received: Number of complete received messages.
         last_received_s: Time of the last of them, by the loop's clock.
     """
 

@@ -202,7 +202,7 @@ class MopsStream:
     Invalid input is dropped up to and including the next `#`; each piece is counted and logged.
 
     Args:
-        tell: called with one line for each dropped piece.
+        notify: called with one line for each dropped piece.
 
     Attributes:
         dropped_octets, dropped_pieces: totals of invalid input.

@@ -35,7 +35,7 @@ class ExecutiveHousekeeping:
         parameters: the measured parameters.
 
     Attributes:
-        tell: called with the figures.
+        publish: called with the figures.
         rover: the rover class, if it provides figures.
     """
 

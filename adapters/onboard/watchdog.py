@@ -27,7 +27,7 @@ class Watchdog:
         executive: supervised executive; receives the alarm, and is made SAFE if the rover moved,
             once its thread continues.
         bound_s: seconds without a heartbeat after which it acts.
-        tell: called with one line at each alarm, on the watchdog's thread.
+        notify: called with one line at each alarm, on the watchdog's thread.
     """
 
     def __init__(self, executive: Executive, bound_s: float, notify: Callable[[str], None]) -> None:

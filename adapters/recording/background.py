@@ -42,7 +42,7 @@ class BackgroundRecorder:
         bounds: limits of size and age.
 
     Attributes:
-        tell: called with one line, on the writing thread, if the recording ends early.
+        on_fault: called with one line, on the writing thread, if the recording ends early.
 
     Raises:
         OSError: the folder cannot be written.

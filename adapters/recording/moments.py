@@ -33,7 +33,7 @@ class Moment:
         since_s: time of the latest change of each node, by its path.
         pose: pose by odometry; None before the first.
         commands: the latest report of each command, in order of arrival.
-        told: reports of this tick.
+        reports: reports of this tick.
     """
 
     time_s: float

@@ -135,7 +135,7 @@ class ReplayResult:
     """Result of a replay.
 
     Attributes:
-        lives: number of starts of the executive.
+        starts: number of starts of the executive.
         entries, ticks, decisions: numbers that were compared.
         duration_s: time from the first entry to the last.
         whole: whether the recording was closed properly.

@@ -306,7 +306,7 @@ class _Track:
     """Track of the rover: few points, at distances that grow with its length.
 
     Attributes:
-        places: points of the track.
+        points: points of the track.
     """
 
     def __init__(self) -> None:

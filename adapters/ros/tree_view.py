@@ -24,7 +24,7 @@ class TreeSubscriber:
 
     Args:
         executor: serves the node; spun here.
-        whose: name of the executive for display.
+        prefix: name of the executive for display.
         start: advice to the operator if no snapshot is received.
     """
 

@@ -156,7 +156,7 @@ class Argument:
         unit: for display; empty for none.
         position: of the message part that holds it, from 1; 1 within a composite.
         kind: float, int, str, an Enum of texts, or the class of a composite.
-        many: whether it can be repeated.
+        repeated: whether it can be repeated.
         optional: whether it may be omitted.
         bound: the values that the asset accepts.
         help: short description, without its unit.

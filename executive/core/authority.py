@@ -78,7 +78,7 @@ class Authority:
         clock: monotonic clock for the lease, unaffected by steps of the wall clock.
         settings: authority settings of the asset.
         record: stores grants.
-        tell: called with one line on each change of holder and each request.
+        notify: called with one line on each change of holder and each request.
     """
 
     def __init__(

@@ -69,7 +69,7 @@ class GroundMonitor:
     """Measures the time since the last contact with the ground.
 
     Attributes:
-        heard: whether the last `update` found a contact.
+        in_contact: whether the last `update` found a contact.
         stage: the last stage reached since the last contact; None before the first.
         trail: track since the last contact, if the settings use it.
     """

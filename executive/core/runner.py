@@ -143,7 +143,7 @@ class Executive:
         self._ledger = ledger
         self._latch = _open_stop_latch(ledger)
         self._downlinks = downlinks
-        self._arbiter = Arbiter(clock, settings, rover, mover, self._stop_waits)
+        self._arbiter = Arbiter(clock, settings, rover, mover, self._stop_pending)
         self._notifications = Notifications(clock, ledger, downlinks)
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
@@ -492,7 +492,7 @@ class Executive:
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
-    def _stop_waits(self) -> bool:
+    def _stop_pending(self) -> bool:
         waits = self._inbox.stop_pending
         self._recorder.on_stop_check(waits)
         return waits

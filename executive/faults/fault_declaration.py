@@ -53,7 +53,7 @@ class FaultParameter:
     """Description of one figure of a row.
 
     Attributes:
-        what: human-readable description of the compared figure.
+        description: human-readable description of the compared figure.
         unit: unit of the figure, empty for a count or a ratio.
         low, high: bounds of the value in a file.
     """

@@ -43,7 +43,7 @@ class HistoryBuilder:
 
     Args:
         leaf_paths: returns the leaves of an asset's behaviour tree; other nodes are ignored.
-        most: maximum number of items of each kind, the newest; None for all.
+        maximum: maximum number of items of each kind, the newest; None for all.
     """
 
     def __init__(

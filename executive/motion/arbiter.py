@@ -63,13 +63,13 @@ class Arbiter:
         settings: Settings,
         rover: Rover,
         mover: BaseDriver,
-        stop_waits: Callable[[], bool],
+        stop_pending: Callable[[], bool],
     ) -> None:
         self._clock = clock
         self._settings = settings
         self._rover = rover
         self._driver = mover
-        self._stop_pending = stop_waits
+        self._stop_pending = stop_pending
         self.latched = False
         self._committed_at_s = clock.now_s()
 

@@ -68,7 +68,7 @@ class Trapezoid:
     """A schedule of distance over time, followed with proportional feedback.
 
     Attributes:
-        way: signed distance of the whole motion.
+        distance: signed distance of the whole motion.
     """
 
     bounds: Bounds
@@ -132,10 +132,10 @@ class Leg:
         heading_rad: heading at the end; None to stay as the drive ends.
         tolerance_m: position tolerance.
         turn_rad: signed angle of the turn to that heading; None for the shorter direction.
-        aim: end of the line, uphill of the target by the expected slide of the last turn.
-        through: waypoints to pass without stopping.
-        around: corners of a detour around obstacles, if it is driven as a curve.
-        straight: whether turns and lines drive it, regardless of the command's controller.
+        compensated_target: end of the line, uphill of the target by the slide of the last turn.
+        via_points: waypoints to pass without stopping.
+        detour_points: corners of a detour around obstacles, if it is driven as a curve.
+        force_turn_then_drive: whether turns and lines drive it, for any controller.
     """
 
     toward_rad: float | None
@@ -298,8 +298,8 @@ class Motion(ABC):
 
     Attributes:
         expected_s: expected duration without disturbances.
-        notice: a progress text to report; None without one.
-        passed: number of waypoints passed, of those of its leg.
+        progress_note: a progress text to report; None without one.
+        waypoints_passed: number of waypoints passed, of those of its leg.
     """
 
     expected_s: float
@@ -354,7 +354,7 @@ class Locomotion(Protocol):
     """Makes motions of commands, which begin now.
 
     Attributes:
-        alone: whether the camera must not be pointed during a motion.
+        excludes_camera: whether the camera must not be pointed during a motion.
     """
 
     excludes_camera: bool

@@ -43,7 +43,7 @@ class OptimalControlProblem:
 
     Args:
         model: the rover.
-        most: its maximum accelerations, of travel in m/s² and of rotation in rad/s².
+        limits: its maximum accelerations, of travel in m/s² and of rotation in rad/s².
         steps: intervals of a plan without via points.
         passes: number of via points.
         obstacles: whether it has obstacle constraints.

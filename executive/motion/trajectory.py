@@ -138,9 +138,9 @@ class TrajectoryProblem:
         travel_mps, rotate_radps: speed limits.
         guess: a trajectory near the solution, possibly with fewer via points; None: start from
             rest, with polylines as guesses.
-        through: via points before the target, at any heading: `MAX_VIA_POINTS` at most.
+        via_points: via points before the target, at any heading: `MAX_VIA_POINTS` at most.
         obstacles: obstacles to avoid; None without any.
-        around: corners of a detour to the first of the targets, for the first guess.
+        detour_points: corners of a detour to the first of the targets, for the first guess.
     """
 
     start: MotionState

@@ -33,9 +33,9 @@ class Detour:
     """Result of a search.
 
     Attributes:
-        through: points to pass in order before the end, on straight lines.
-        complete: whether the last line to the end is free; if not, the last point is the nearest
-            one found.
+        corners: points to pass in order before the end, on straight lines.
+        reaches_goal: whether the last line to the end is free; if not, the last point is
+            the nearest one found.
     """
 
     corners: tuple[Point, ...]

@@ -63,8 +63,8 @@ class _BuildContext:
     """Context of a node that is built.
 
     Attributes:
-        place: location of the node, or of its parent.
-        given: the values of `{names}` in its tree.
+        location: location of the node, or of its parent.
+        arguments: the values of `{names}` in its tree.
         trees: the enclosing trees, outermost first.
         limited: whether a Timeout is above it.
     """

@@ -110,7 +110,7 @@ class _ActiveRun:
     """The executing plan.
 
     Attributes:
-        journey: its motion statistics; None after a suspension.
+        statistics: its motion statistics; None after a suspension.
     """
 
     execution: PlanExecution
@@ -135,7 +135,7 @@ class Planner:
     Args:
         active: set to the executing plan and the suspended ones.
         cancel: cancels a command of a plan that has not ended.
-        foretell: predicts a plan that starts.
+        predict: predicts a plan that starts.
     """
 
     def __init__(

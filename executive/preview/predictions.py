@@ -42,7 +42,7 @@ class _PredictionJob:
         name: human-readable name of its subject.
         start: start pose.
         command: command of the motion; None for a plan.
-        wanted: returns whether the prediction is still needed.
+        is_wanted: returns whether the prediction is still needed.
         since_s: time of the request.
         run: the preview run, once started.
     """

@@ -32,7 +32,7 @@ class LedgerRetention:
     A command that has not ended is retained completely, with all reports since its begin.
 
     Args:
-        kept: minimum number of retained reports, without foreign ones.
+        passed: minimum number of retained reports, without foreign ones.
         at_once: number of reports deleted at once.
 
     Raises:

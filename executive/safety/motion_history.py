@@ -111,7 +111,7 @@ class MotionHistory:
         motion_since_s: start of the motion in execution; infinite without one.
         unchanged_since_s: since when the odometry is identical to the last bit.
         frame_time_s: exposure time of the newest camera frame; None if its clock is unknown.
-        others: other publishers that may move the rover.
+        foreign_publishers: other publishers that may move the rover.
         other_drivers: publishers of received velocities.
         lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
         begun_s: start of the evidence; no window extends before it.

@@ -196,7 +196,7 @@ class SecondOdometrySample:
 
     Attributes:
         time_s: when it was measured.
-        seen, believed: pose by second odometry and by odometry, each in its own frame.
+        second_pose, odometry_pose: pose by second odometry and by odometry, each in its own frame.
         driven_m, turned_rad: distance and turn by odometry, without signs, since the start.
     """
 
@@ -246,7 +246,7 @@ class SecondOdometryTrack:
 
     Attributes:
         settings: of the sensor.
-        sightings: the samples of the last seconds, in order.
+        samples: the samples of the last seconds, in order.
         at_s: arrival of the newest message.
     """
 

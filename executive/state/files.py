@@ -69,7 +69,7 @@ class FileFolder:
 
     Args:
         root: the folder; created by the first store.
-        tell: callback for each change made here.
+        notify: callback for each change made here.
     """
 
     def __init__(self, root: Path, notify: Callable[[FileEvent], None]) -> None:

@@ -43,7 +43,7 @@ class SourceMotion:
     """The motion of the rover by one source.
 
     Attributes:
-        stands: whether it shows standstill for the required time.
+        is_standing: whether it shows standstill for the required time.
         figures: the speeds, without sign.
         awaited: whether it shows neither standstill nor motion now.
     """

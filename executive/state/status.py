@@ -53,8 +53,8 @@ class Status:
         motion_started: the last whole motion that a rover of delegated motion started, and
             `motion_started_at_s`, the time of that report.
         motion_ended: the last whole motion that such a rover ended.
-        elsewhere: the command that the rover last received over another link.
-        foreign: other publishers of the rover's velocity.
+        executed_by_relay: the command that the rover last received over another link.
+        foreign_publishers: other publishers of the rover's velocity.
         standstill: detects standstill by each source.
         rejections: the sources with rejected data.
         fusion: corrects the pose by a second odometry; None without one.

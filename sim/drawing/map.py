@@ -95,7 +95,7 @@ class DriveMap:
         views: poses where a picture was taken, with the heading of the camera.
         incidents: faults and failures.
         zones: zones and known rocks of the settings.
-        seen: obstacles scanned by the laser up to the end.
+        scanned: obstacles scanned by the laser up to the end.
         figures: lines of text beside the map.
         scale: size of the rover relative to the Jackal.
     """

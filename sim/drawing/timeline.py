@@ -82,7 +82,7 @@ class CommandLane:
         sent_s: times of the first and each further transmission.
         received_s, started_s, ended_s: times of the reports of these stages, if any.
         last: last reported stage.
-        words: text about its end.
+        text: text about its end.
         figures: text beside the mark of its end.
         journey: path of the command over the drawn links.
     """

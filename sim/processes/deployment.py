@@ -19,7 +19,7 @@ class Deployment(ProcessGroup):
     """A running rover.
 
     Attributes:
-        place: ROS domain and port of the processes.
+        address: ROS domain and port of the processes.
         settings: settings of the asset.
         aboard: data folder of the executive.
         speed: simulated seconds per second.

@@ -114,7 +114,7 @@ class LockStep:
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP if it executes whole motions.
-        heard: all reports and telemetry so far.
+        downlink_record: all reports and telemetry so far.
         alive: whether an executive runs: always, except between `kill` and `start`.
     """
 

@@ -86,7 +86,7 @@ class LiveSession:
         mode: link of the commands that name none; the only source of telemetry.
         load: sets the mass of the rover's cargo, in kg.
         faults: injects and clears faults of the rover.
-        look: adds the true poses received since its last call to the record.
+        poll: adds the true poses received since its last call to the record.
         record: receives all other data.
         brief: whether the run ends when all entries are done and all admitted commands have ended.
         speed: seconds of the scenario per second, if the simulation is fast enough.

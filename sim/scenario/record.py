@@ -284,7 +284,7 @@ class Fetched:
     """A file that was fetched.
 
     Attributes:
-        came: received octets.
+        received: received octets.
         aboard: octets of the file aboard at that time.
         checksum: CRC-32 reported by the rover.
     """

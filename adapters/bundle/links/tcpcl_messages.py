@@ -129,7 +129,7 @@ def encode_message(message: Message) -> bytes:
 class MessageReader:
     """Splits a stream into messages, beginning with the contact header.
 
-    Segments above `most_octets` are rejected.
+    Segments above `max_octets` are rejected.
     """
 
     def __init__(self, max_octets: int) -> None:

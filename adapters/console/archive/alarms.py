@@ -23,8 +23,8 @@ class AlarmRaised:
     Attributes:
         source: fault, report or limit that raises it.
         utc: time of the occurrence, by the onboard clock.
-        lasts: whether it is active until an `AlarmCleared`.
-        again: whether it counts as another occurrence if the alarm is active already.
+        persistent: whether it is active until an `AlarmCleared`.
+        reoccurrence: whether it counts as another occurrence if the alarm is active already.
     """
 
     asset: str

@@ -64,8 +64,8 @@ class _ActiveTransfer:
 
     Attributes:
         stopped: set unless it runs or is queued.
-        lately: recent times of the loop's clock, with the octets received by then.
-        wrong: number of received files that differ from the one aboard.
+        recent: recent times of the loop's clock, with the octets received by then.
+        corrupt_attempts: number of received files that differ from the one aboard.
     """
 
     transfer: Transfer
@@ -81,7 +81,7 @@ class Transfers:
     Args:
         client: returns the session with an asset.
         store: stores the files.
-        tell: called with a transfer at each change.
+        notify: called with a transfer at each change.
         system: clock and random ids.
     """
 

@@ -81,8 +81,8 @@ class NxtSettings:
         address: its USB address.
         commands, notifications: topics of each link.
         stops: topic of the relay's stops, which overtake its commands.
-        taken: topic of each link for the acknowledgement of its strings.
-        kept: topic of `rover-relay` for the acknowledgement of replies; None if it has none.
+        acknowledgements: topic of each link for the acknowledgement of its strings.
+        confirmations: topic on which `rover-relay` acknowledges replies; None without.
         relay_telemetry_s: minimum period of telemetry to the relay, s.
         relay_needs_authority: whether the relay's commands need the authority until an executive
             has published it.

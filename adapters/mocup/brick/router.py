@@ -79,7 +79,7 @@ class Router:
         dictionary: decodes requests; gives the codes of telemetry and stop.
         name: name of the brick, as source or destination of messages.
         ports: output of the router.
-        tell: called with one line for each message that is not forwarded.
+        notify: called with one line for each message that is not forwarded.
         record: earlier commands, claims and authority.
         authority: authority for the relay's commands until the executive has published it.
         clock: clock of the lifetimes.

@@ -204,8 +204,8 @@ class FolderWatcher:
     The core reports its own changes by `notify`; a periodic scan finds those of other programs. A
     file that is being written is reported when it did not change between two scans.
 
-    `tell` is called on the loop with each change: event, path, stamp (the last known one if it was
-    deleted), and metadata.
+    `notify` is called on the loop with each change: event, path, stamp (the last known one of a
+    deleted file), and metadata.
     """
 
     def __init__(

@@ -59,7 +59,7 @@ class ServedOperations:
 
     Args:
         encoding: encoding of message bodies.
-        hear: called at each operation call, except those of `BETWEEN_ASSETS`.
+        on_contact: called at each operation call, except those of `BETWEEN_ASSETS`.
         system: clock of messages, and sockets.
 
     Attributes:

@@ -20,7 +20,7 @@ class SessionAuthority:
     the link does not recover in time.
 
     Args:
-        ask: calls an operation of the service Authority.
+        send_request: calls an operation of the service Authority.
         source: source of the commands.
         renews: whether to renew the lease periodically; otherwise only each request renews it.
 

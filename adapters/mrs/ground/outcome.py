@@ -20,7 +20,7 @@ class CommandOutcome:
     """The outcome of a command.
 
     Attributes:
-        life: its notifications, in the order of reception.
+        notifications: its notifications, in the order of reception.
         refusal: the error answer, if it was not accepted.
         loss: the relay's notification of its loss: whether the rover received it is unknown.
         prediction: the rover's motion prediction; None without one.
@@ -48,7 +48,7 @@ class CommandWatch:
 
     Attributes:
         command, command_id: the command and its number.
-        life: the received notifications.
+        notifications: the received notifications.
         loss: the relay's notification of its loss, or None.
         prediction: the rover's motion prediction, or None.
         ended: completes at the last expected notification.

@@ -47,7 +47,7 @@ class RoverSession:
         name: the last part of the consumer's own URI.
         terms: encoding and certificates, the same as the rover's.
         restore: called with every new consumer before its first use.
-        abort: called once, if reconnection failed.
+        on_failure: called once, if reconnection failed.
         timeout_s: timeout of a connection attempt and of each reply.
         patience_s: maximum time of reconnection attempts after a loss; 0 for none.
         system: clock of messages.

@@ -269,7 +269,7 @@ class LinkMonitor:
 
     Args:
         old_after_s: a command that waits for longer counts as old.
-        tell: called with each change.
+        notify: called with each change.
     """
 
     def __init__(

@@ -308,7 +308,7 @@ class RecordRetention:
     lifetime. So the maximum may be exceeded for a time. An active stop is retained, too.
 
     Args:
-        most: maximum number of reports.
+        maximum: maximum number of reports.
         stopped_by: returns the active stop.
     """
 
