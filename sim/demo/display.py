@@ -14,7 +14,7 @@ from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_RECEIVED, NEXT_CONT
 from executive.values.parameters import Parameter
 from executive.values.reports import Stage
 from sim.scenario.record import Receipt, Record, SeenStatus
-from sim.scenario.sent import DUPLICATE, RELAY, CommandJourney, sent_commands
+from sim.scenario.sent import DUPLICATE, RELAY, CommandTrace, sent_commands
 
 
 class SessionView:
@@ -33,14 +33,14 @@ class SessionView:
         self,
         links: Sequence[str],
         heading: str,
-        show: "Callable[[SessionView, CommandJourney | None], None]",
+        show: "Callable[[SessionView, CommandTrace | None], None]",
     ) -> None:
         self.heading = heading
         self.status: SeenStatus | None = None
         self._links, self._show = links, show
-        self._sent: list[CommandJourney] = []
+        self._sent: list[CommandTrace] = []
 
-    def on_news(self, record: Record) -> None:
+    def on_update(self, record: Record) -> None:
         """Display the changes in a record."""
         before, self._sent = self._sent, list(sent_commands(record))
         last = record.statuses[-1] if record.statuses else None
@@ -114,7 +114,7 @@ _STYLE: Final = {
 
 
 def commands_table(
-    commands: Sequence[CommandJourney], *, relayed: bool = False, brief: bool = False
+    commands: Sequence[CommandTrace], *, relayed: bool = False, brief: bool = False
 ) -> Table:
     """Return the life cycle of every command; times in seconds since the first was sent.
 
@@ -142,20 +142,20 @@ def commands_table(
     return table
 
 
-def _aboard_s(sent: CommandJourney) -> list[float | None]:
+def _aboard_s(sent: CommandTrace) -> list[float | None]:
     """Return the times of RECEIVED, ACCEPTED, STARTED and the end, by the onboard clock."""
     stages: Iterable[Receipt | None] = map(sent.at, (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED))
     return [None if each is None else each.made_s for each in (*stages, sent.ended)]
 
 
-def _relayed_s(sent: CommandJourney, brief: bool) -> list[float | None]:
+def _relayed_s(sent: CommandTrace, brief: bool) -> list[float | None]:
     received, _, started, ended = _aboard_s(sent)
     aboard = [received] if brief else [received, started]
     ground_s = None if sent.ended is None else sent.ended.time_s
-    return [sent.sending.time_s, *aboard, None if sent.given_up else ended, ground_s]
+    return [sent.sending.time_s, *aboard, None if sent.expiry else ended, ground_s]
 
 
-def outcome(sent: CommandJourney) -> Text:
+def outcome(sent: CommandTrace) -> Text:
     """Return the current stage of a command, or how it ended."""
     ending, stage = sent.ending, sent.stage
     if ending is not None:
@@ -198,7 +198,7 @@ class LineDisplay:
         self._views.append(SessionView(links, heading, self._show))
         return self._views[-1]
 
-    def _show(self, view: SessionView, sent: CommandJourney | None) -> None:
+    def _show(self, view: SessionView, sent: CommandTrace | None) -> None:
         if sent is None:
             self._show_contact(view)
         elif sent.ending or sent.stage in _SHOWN or (sent.stored and not sent.receipts):
@@ -238,7 +238,7 @@ class TerminalDisplay(LineDisplay):
         self._live.stop()
         super().__exit__(*_)
 
-    def _show(self, view: SessionView, sent: CommandJourney | None) -> None:
+    def _show(self, view: SessionView, sent: CommandTrace | None) -> None:
         shown = [
             part
             for each in self._views

@@ -82,7 +82,7 @@ def _summary(played: Played) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    record, heard = played.record, played.scene.downlink_record
+    record, received = played.record, played.scene.downlink_record
     if record.poses and record.odometry:
         drift_m = record.poses[-1].pose.point.distance_m(record.odometry[-1].point)
         table.add_row(
@@ -90,8 +90,8 @@ def _summary(played: Played) -> Table:
             f"{last_error(record)}   (odometry is {100 * drift_m:.1f} cm off)",
         )
     table.add_row("driven", f"{path_length_m(record.poses):.1f} m in {record.simulated_s:.1f} s")
-    if heard.moved_after_s is not None:
-        table.add_row("first motion", f"{format_elapsed(heard.moved_after_s)} after the start")
+    if received.moved_after_s is not None:
+        table.add_row("first motion", f"{format_elapsed(received.moved_after_s)} after the start")
     if any(receipt.link == RELAY for receipt in record.receipts):
         for name, figure in waited(record):
             table.add_row(name, figure)

@@ -77,16 +77,16 @@ def play(
                     name = scenario.settings.asset if len(scenes) > 1 else ""
                     view: SessionView = shown.view(links, name)
                     record = await run_in_setup(
-                        scene, scenario, mode, brief=True, on_news=view.on_news
+                        scene, scenario, mode, brief=True, on_update=view.on_update
                     )
                     return Played(scene, scenario, folder, record)
 
-                async def tell_address() -> None:
+                async def print_address() -> None:
                     if operations is not None:
                         console.print(BROWSE + await operations.address())
 
                 plays = map(play_one, scenes, scenarios, folders)
-                together = asyncio.gather(asyncio.gather(*plays), tell_address())
+                together = asyncio.gather(asyncio.gather(*plays), print_address())
                 played, _ = await _guarded(fleet, together)
                 await asyncio.sleep(SETTLE_S)
                 return played

@@ -4,10 +4,6 @@ They are drawn from plain data (`DriveMap`, `RunTimeline`) of any run as matplot
 Importing this package loads matplotlib, so commands import it late.
 """
 
-from sim.drawing.journey import SHORT_S as SHORT_S
-from sim.drawing.journey import Journey as Journey
-from sim.drawing.journey import Levels as Levels
-from sim.drawing.journey import Passage as Passage
 from sim.drawing.lanes import line as line
 from sim.drawing.lanes import mark as mark
 from sim.drawing.map import DriveMap as DriveMap
@@ -16,6 +12,10 @@ from sim.drawing.map import draw_map as draw_map
 from sim.drawing.map import thinned as thinned
 from sim.drawing.panel import Panel as Panel
 from sim.drawing.panel import Series as Series
+from sim.drawing.passage import SHORT_S as SHORT_S
+from sim.drawing.passage import Levels as Levels
+from sim.drawing.passage import Passage as Passage
+from sim.drawing.passage import ReportTimes as ReportTimes
 from sim.drawing.run_plot import RunPlot as RunPlot
 from sim.drawing.run_plot import Track as Track
 from sim.drawing.run_plot import draw_run as draw_run

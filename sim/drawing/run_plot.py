@@ -14,7 +14,7 @@ from sim.drawing.lanes import LEFT_PX, RIGHT_PX, WIDTH_PX
 from sim.drawing.map import SOIL, Incident, draw_incidents, draw_rover, draw_zones, thinned
 from sim.drawing.panel import LOOKS
 from sim.drawing.style import FAINT, INK, POINT, sheet
-from sim.drawing.timeline import RunTimeline, draw_rows, heights_px, place_of
+from sim.drawing.timeline import RunTimeline, draw_rows, grid_position, heights_px
 
 _TOP, _MAP, _BESIDE_MAP, _BOTTOM = 56, 380, 62, 52
 _AROUND_M: Final = 0.6
@@ -53,7 +53,7 @@ def draw_run(plot: RunPlot) -> Figure:
     heights = [_MAP, _BESIDE_MAP, *heights_px(plot.timeline)]
     height = _TOP + sum(heights) + _BOTTOM
     with sheet(WIDTH_PX, height, plot.timeline.title) as figure:
-        grid = figure.add_gridspec(len(heights), **place_of(heights, _TOP, _BOTTOM))
+        grid = figure.add_gridspec(len(heights), **grid_position(heights, _TOP, _BOTTOM))
         ground = figure.add_subplot(grid[0], facecolor=SOIL)
         first = figure.add_subplot(grid[2])
         others = [figure.add_subplot(grid[at], sharex=first) for at in range(3, len(heights))]

@@ -14,16 +14,6 @@ from matplotlib.figure import Figure
 from executive.commands import Mode
 from executive.history import CommandHistory
 from executive.values.reports import Report, ReportKind, Stage
-from sim.drawing.journey import (
-    LEGEND,
-    LEGEND_OF_WAITING,
-    PASSAGE_PX,
-    QUEUE_PX,
-    Journey,
-    Levels,
-    draw_journey,
-    draw_queues,
-)
 from sim.drawing.lanes import (
     ENDED,
     ENDS,
@@ -43,6 +33,16 @@ from sim.drawing.lanes import (
     write_beside,
 )
 from sim.drawing.panel import Panel, draw_panel
+from sim.drawing.passage import (
+    LEGEND,
+    LEGEND_OF_WAITING,
+    PASSAGE_PX,
+    QUEUE_PX,
+    Levels,
+    Passage,
+    draw_passage,
+    draw_queues,
+)
 from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, sheet
 
 SHORT_S: Final = 0.2
@@ -84,7 +84,7 @@ class CommandLane:
         last: last reported stage.
         text: text about its end.
         figures: text beside the mark of its end.
-        journey: path of the command over the drawn links.
+        passage: path of the command over the drawn links.
     """
 
     title: str
@@ -95,12 +95,12 @@ class CommandLane:
     last: Stage | None = None
     text: str = ""
     figures: str = ""
-    journey: Journey | None = None
+    passage: Passage | None = None
 
     @property
     def height_px(self) -> int:
         """Height of the lane in pixels."""
-        return LANE_PX if self.journey is None else PASSAGE_PX
+        return LANE_PX if self.passage is None else PASSAGE_PX
 
 
 def lane_of(
@@ -162,7 +162,7 @@ class RunTimeline:
         modes: modes with begin and end.
         panels: panels of speeds below the rows.
         eclipses: begin and end of each contact outage.
-        gone: begin and end of each interval without an executive.
+        absences: begin and end of each interval without an executive.
         waiting: numbers of bundles queued at the orbiter and of reports queued aboard.
     """
 
@@ -174,13 +174,13 @@ class RunTimeline:
     modes: tuple[tuple[Mode, float, float], ...] = ()
     panels: tuple[Panel, ...] = ()
     eclipses: tuple[tuple[float, float], ...] = ()
-    gone: tuple[tuple[float, float], ...] = ()
+    absences: tuple[tuple[float, float], ...] = ()
     waiting: tuple[Levels, Levels] | None = None
 
     @property
     def relayed(self) -> bool:
         """Whether a command has a lane over the orbiter."""
-        return any(each.journey is not None for each in self.commands)
+        return any(each.passage is not None for each in self.commands)
 
 
 def draw_timeline(timeline: RunTimeline) -> Figure:
@@ -188,14 +188,14 @@ def draw_timeline(timeline: RunTimeline) -> Figure:
     heights = heights_px(timeline)
     top_px = _TOP + _LEGEND_ROW * timeline.relayed
     with sheet(WIDTH_PX, top_px + sum(heights) + _BOTTOM, timeline.title) as figure:
-        grid = place_of(heights, top_px, _BOTTOM)
+        grid = grid_position(heights, top_px, _BOTTOM)
         all_axes = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
         draw_rows(list(all_axes), timeline)
         _add_legend(figure, timeline)
     return figure
 
 
-def place_of(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[str, Any]:
+def grid_position(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[str, Any]:
     """Return the grid parameters for a column of axes with these heights in pixels."""
     height = top_px + sum(heights) + bottom_px
     return {
@@ -220,12 +220,12 @@ def heights_px(timeline: RunTimeline) -> list[int]:
 def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
     """Draw rows, panels and queues into axes with the heights of `heights_px`."""
     above, *panels = all_axes
-    gone = timeline.gone
+    absences = timeline.absences
     for axes in all_axes:
         axes.spines[["left", "top", "right"]].set_visible(False)
         axes.grid(axis="x", color=GRID, zorder=0.5)
         axes.set_axisbelow(True)
-        for dark in (*timeline.eclipses, *gone):
+        for dark in (*timeline.eclipses, *absences):
             axes.axvspan(*dark, color=DARK, linewidth=0, zorder=0.2)
     for axes in all_axes[:-1]:
         axes.spines.bottom.set_visible(False)
@@ -234,8 +234,8 @@ def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
     above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
     above.yaxis.set_visible(False)
     names = [f"outage: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
-    names += ["no executive"] * len(gone)
-    for dark, text in zip((*timeline.eclipses, *gone), names, strict=True):
+    names += ["no executive"] * len(absences)
+    for dark, text in zip((*timeline.eclipses, *absences), names, strict=True):
         above.text(mean(dark), -6, text, color=_DARK_INK, fontweight="bold", ha="center")
     top = draw_commands(above, timeline.commands) + _GAP
     for name in dict.fromkeys(fault.name for fault in timeline.faults):
@@ -278,9 +278,9 @@ def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
         top, bottom = bottom, bottom + lane.height_px
         draw_rule(axes, top)
         write_beside(axes, 36, top + 19, str(number), color=FAINT, ha="right")
-        if lane.journey is not None:
+        if lane.passage is not None:
             write_beside(axes, 46, top + 19, _cut(lane.title, 26), fontweight="bold")
-            draw_journey(axes, lane.journey, top)
+            draw_passage(axes, lane.passage, top)
             continue
         write_beside(axes, 46, top + 19, _cut(lane.title), fontweight="bold")
         end = "no report" if lane.last is None else lane.last.name

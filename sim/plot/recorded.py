@@ -115,7 +115,7 @@ class _Plot:
             events=events_of(worrying, self._time_of),
             modes=self._modes(),
             panels=tuple(panel for panel in panels if panel.series),
-            gone=tuple(self._absences),
+            absences=tuple(self._absences),
         )
         return RunPlot(
             timeline=timeline,

@@ -24,7 +24,7 @@ from sim.scenario.record import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExpectedLife:
+class LifecycleExpectation:
     """Expected life cycle of a command.
 
     Attributes:
@@ -64,7 +64,7 @@ class ExpectedLife:
             yield _aspect(_stages(self.stages), _stages([report.stage for report in reports]))
         last = reports[-1] if reports else None
         if self.ends is not None:
-            expired = Stage.EXPIRED if record.given_up(self.command) else None
+            expired = Stage.EXPIRED if record.expiry(self.command) else None
             ends = last.stage if last else expired
             yield _aspect(f"ends {self.ends.name}", f"ends {ends.name}" if ends else "no report")
         if self.reason is not None:
@@ -213,7 +213,7 @@ class FileFetched:
 
 
 CommandExpectation = (
-    ExpectedLife
+    LifecycleExpectation
     | Events
     | LinkNotificationCount
     | PlanIs

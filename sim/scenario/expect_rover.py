@@ -230,7 +230,7 @@ class PictureCount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VideoComes(ScheduledInterval):
+class VideoExpectation(ScheduledInterval):
     """Expected pictures of the video stream received in an interval; with --live only.
 
     Attributes:
@@ -274,7 +274,7 @@ RoverExpectation = (
     | ParameterIs
     | TelemetryCount
     | PictureCount
-    | VideoComes
+    | VideoExpectation
     | Contacts
 )
 

@@ -48,7 +48,7 @@ async def run_in_setup(
     scenario: Scenario,
     mode: RunMode,
     brief: bool = False,
-    on_news: Callable[[Record], None] = lambda _: None,
+    on_update: Callable[[Record], None] = lambda _: None,
 ) -> Record:
     """Run a scenario in a scene with its rover and world.
 
@@ -58,7 +58,7 @@ async def run_in_setup(
         mode: link of the run. Over the relay, the executive must be ready before. It starts with
             a stop if a brick moves the rover.
         brief: whether the run ends when all entries are done and all admitted commands have ended.
-        on_news: called with the record after each addition.
+        on_update: called with the record after each addition.
 
     Raises:
         ChildError: a process ended.
@@ -92,7 +92,7 @@ async def run_in_setup(
         record,
         brief,
         speed,
-        on_news=on_news,
+        on_update=on_update,
     )
     async with AsyncExitStack() as watching:
         if scene.ground is not None:

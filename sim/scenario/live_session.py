@@ -91,7 +91,7 @@ class LiveSession:
         brief: whether the run ends when all entries are done and all admitted commands have ended.
         speed: seconds of the scenario per second, if the simulation is fast enough.
         system: clock.
-        on_news: called with the record after each addition.
+        on_update: called with the record after each addition.
     """
 
     def __init__(
@@ -106,11 +106,11 @@ class LiveSession:
         brief: bool = False,
         speed: float = 1.0,
         system: System = OPERATING_SYSTEM,
-        on_news: Callable[[Record], None] = lambda _: None,
+        on_update: Callable[[Record], None] = lambda _: None,
     ) -> None:
         self._system = system
         self._uris, self._mode, self._load, self._brief = uris, mode, load, brief
-        self._on_news = on_news
+        self._on_update = on_update
         self._poll = poll
         self._speed = speed
         self._entries = len(scenario.timeline)
@@ -160,7 +160,7 @@ class LiveSession:
 
     def _tell(self) -> None:
         self._new_data.set()
-        self._on_news(self._record)
+        self._on_update(self._record)
 
     @property
     def _client(self) -> MrsClient | None:
@@ -259,7 +259,7 @@ class LiveSession:
         received = answer in (Answer.ADMITTED, Answer.REFUSED)
         if received and all(each.identity != identity for each in record.requested):
             record.requested.append(AdmittedRequest(identity, command.request))
-        self._on_news(record)
+        self._on_update(record)
 
     async def _query_answer(self, label: str) -> QueryAnswer:
         if self._client is None:

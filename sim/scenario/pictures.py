@@ -33,10 +33,10 @@ from sim.drawing import (
     CommandLane,
     DriveMap,
     Incident,
-    Journey,
     Levels,
     Panel,
     Passage,
+    ReportTimes,
     RunTimeline,
     Series,
     TimeSpan,
@@ -48,7 +48,7 @@ from sim.drawing import (
 )
 from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
 from sim.scenario.record import Receipt, Record, TruePose
-from sim.scenario.sent import RELAY, CommandJourney, sent_commands
+from sim.scenario.sent import RELAY, CommandTrace, sent_commands
 from sim.scenario.truth import path_length_m, true_ends
 
 REPORTS: Final = "reports.jsonl"
@@ -97,8 +97,8 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
 
     def done_s(kind: type) -> Iterator[float]:
         for each in record.requested:
-            life = histories.get(each.identity) if isinstance(each.request, kind) else None
-            executed = None if life is None else life.report_at(Stage.EXECUTED)
+            lifecycle = histories.get(each.identity) if isinstance(each.request, kind) else None
+            executed = None if lifecycle is None else lifecycle.report_at(Stage.EXECUTED)
             if executed is not None:
                 yield record.time_of(executed)
 
@@ -106,7 +106,7 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
     return DriveMap(
         title=f"{scenario.title}: the drive, world “{scenario.world.name}”",
         world=scenario.world,
-        planned=planned_places(record),
+        planned=planned_waypoints(record),
         driven=tuple(_odometry(record)),
         true=tuple(seen.pose for seen in poses),
         stops=tuple(_at(poses, time_s) for time_s in done_s(Stop)),
@@ -136,7 +136,7 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     return RunTimeline(
         title=scenario.title,
         end_s=record.simulated_s,
-        commands=tuple(map(journey_lane, sent_commands(record)) if relayed else lanes),
+        commands=tuple(map(passage_lane, sent_commands(record)) if relayed else lanes),
         faults=tuple(_faults(scenario, record)),
         events=events_of({each.sequence: each for each in record.reports}.values(), record.time_of),
         modes=tuple(_modes(record)),
@@ -195,13 +195,13 @@ def last_error(record: Record) -> str | None:
     return f"{100 * ends[-1].off_m:.1f} cm{turned}"
 
 
-def planned_places(record: Record) -> tuple[Waypoint, ...]:
+def planned_waypoints(record: Record) -> tuple[Waypoint, ...]:
     """Return the waypoints of the started motions, without consecutive repeats."""
-    poses, lives = record.poses, record.all_lifecycles()
+    poses, lifecycles = record.poses, record.all_lifecycles()
     waypoints: list[Waypoint] = []
     for each in record.requested:
-        life = lives.get(each.identity)
-        started = None if life is None else life.report_at(Stage.STARTED)
+        lifecycle = lifecycles.get(each.identity)
+        started = None if lifecycle is None else lifecycle.report_at(Stage.STARTED)
         if started is not None and poses:
             waypoints += _to(each.request, _at(poses, record.time_of(started)))
     return tuple(waypoint for waypoint, _ in groupby(waypoints))
@@ -274,28 +274,28 @@ def _lane(record: Record, identity: Identity, entry: CommandHistory | None) -> C
     return lane_of(entry, record.time_of, record.label(identity), sent_s, answers)
 
 
-def journey_lane(sent: CommandJourney) -> CommandLane:
+def passage_lane(sent: CommandTrace) -> CommandLane:
     """Return the lane of a command between ground, orbiter and rover."""
-    sending, lost = sent.sending, sent.given_up
+    sending, lost = sent.sending, sent.expiry
 
-    def passage(receipt: Receipt | None) -> Passage | None:
+    def report_times(receipt: Receipt | None) -> ReportTimes | None:
         if receipt is None:
             return None  # the rover answers a repeat with its earlier report
-        return Passage(max(receipt.made_s, sending.time_s), receipt.time_s)
+        return ReportTimes(max(receipt.made_s, sending.time_s), receipt.time_s)
 
-    journey = Journey(
+    passage = Passage(
         sent.link == RELAY,
         sent.ending,
         sending.time_s,
         sending.answered_s if sent.stored else None,
-        passage(sent.at(Stage.RECEIVED)),
-        passage(sent.at(Stage.STARTED)),
-        None if lost else passage(sent.ended),
+        report_times(sent.at(Stage.RECEIVED)),
+        report_times(sent.at(Stage.STARTED)),
+        None if lost else report_times(sent.ended),
         lost.time_s if lost else None,
         sent.again,
     )
     title = f"again: {sent.title}" if sent.again else sent.title
-    return CommandLane(title, (sending.time_s,), last=sent.stage, journey=journey)
+    return CommandLane(title, (sending.time_s,), last=sent.stage, passage=passage)
 
 
 def _queued(record: Record) -> Levels:
@@ -323,9 +323,9 @@ def waited(record: Record) -> Iterator[tuple[str, str]]:
     """Yield names and figures of queued items: their number and the maximum waiting time."""
     stored_s = []
     for sent in sent_commands(record):
-        left = sent.given_up or sent.at(Stage.RECEIVED)
+        left = sent.expiry or sent.at(Stage.RECEIVED)
         if sent.stored and left is not None:
-            left_s = left.time_s if sent.given_up else left.made_s
+            left_s = left.time_s if sent.expiry else left.made_s
             stored_s.append(left_s - sent.sending.time_s)
     aboard_s = [each.time_s - each.made_s for each in record.receipts if each.link == RELAY]
     names = ("commands queued at the orbiter", "reports queued aboard")

@@ -293,7 +293,7 @@ def check(scenario: Scenario) -> None:
                 _known(label, commands, f"{path}.repeat")
             case model.Inject(inject=fault) if why := unsupported_reason(type(fault), parts):
                 raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
-            case of_commands.ExpectedLife(command=label):
+            case of_commands.LifecycleExpectation(command=label):
                 _known(label, commands, f"{path}.command")
             case of_commands.FileFetched(fetched=label):
                 _known(label, fetched, f"{path}.fetched")
@@ -401,7 +401,7 @@ def _obstacles(entry: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str,
             yield ".link", f"{link!r} works in lock step only"
         case of_rover.Contacts() if live:
             yield ".contacts", "contacts are known in lock step only"
-        case of_rover.VideoComes() if not live:
+        case of_rover.VideoExpectation() if not live:
             yield ".video", "video works with --live only"
         case of_commands.LinkNotificationCount() if not relay:
             yield ".link", "works with --live --link relay only"
@@ -419,7 +419,7 @@ def _obstacles(entry: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str,
             | of_commands.FileList()
             | of_commands.FileFetched()
             | of_commands.PlanIs()
-            | of_rover.VideoComes()
+            | of_rover.VideoExpectation()
         ) if relay:
             yield f".{next(iter(entry.__slots__))}", "does not travel over the relay"
         case _:

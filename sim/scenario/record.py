@@ -409,10 +409,10 @@ class Record:
         entry = None if identity is None else self.all_lifecycles().get(identity)
         return () if entry is None else entry.stages
 
-    def given_up(self, label: str) -> Report | None:
+    def expiry(self, label: str) -> Report | None:
         """Return the orbiter's report that a command's lifetime ended there, or None."""
         identity = self.identity(label)
-        return next((each for each in self.reports if gives_up(each, identity)), None)
+        return next((each for each in self.reports if reports_expiry(each, identity)), None)
 
     def all_lifecycles(self) -> dict[Identity, CommandHistory]:
         """Return the history of each command with reports."""
@@ -437,8 +437,8 @@ class Record:
         if after is None:
             last_s = self.simulated_s if timed.at_end else 0.0
             return last_s if timed.at_s is None else timed.at_s
-        given_up = self.given_up(after.label)
-        for report in (*self.reports_of(after.label), *([given_up] if given_up else ())):
+        expiry = self.expiry(after.label)
+        for report in (*self.reports_of(after.label), *([expiry] if expiry else ())):
             if after.matches(report):
                 return self.time_of(report) + after.delay_s
         return None
@@ -462,7 +462,7 @@ class Record:
         return between(samples, start_s, start_s + lasting.for_s)
 
 
-def gives_up(report: Report, identity: Identity | None) -> bool:
+def reports_expiry(report: Report, identity: Identity | None) -> bool:
     """Return whether the orbiter reports that it no longer forwards this command."""
     alarm = (report.kind, report.severity) == (ReportKind.LINK, Severity.ALARM)
     return alarm and identity is not None and report.identity == identity

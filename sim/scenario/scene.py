@@ -168,7 +168,7 @@ def scene_in(
     name, domain = rover.settings.asset, rover.address.domain
     parameters = config_folder() / f"{name}.ros.yaml"
     with ExitStack() as running:
-        heard = running.enter_context(recorder(name, domain, parameters))
+        received = running.enter_context(recorder(name, domain, parameters))
         load: Callable[[float], None] | None = None
         if any(isinstance(entry, Cargo) for entry in scenario.timeline):
             from sim.ros.cargo import cargo_publisher
@@ -179,7 +179,7 @@ def scene_in(
             from sim.ros.faults import fault_client
 
             faults = running.enter_context(fault_client(name, domain, parameters, START_S))
-        yield LiveSetup(fleet, rover, heard, ground, load, faults)
+        yield LiveSetup(fleet, rover, received, ground, load, faults)
 
 
 @contextmanager

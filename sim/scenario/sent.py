@@ -6,7 +6,7 @@ from typing import Final
 
 from executive.commands import request_text
 from executive.values.reports import Report, Stage
-from sim.scenario.record import Answer, Receipt, Record, SentCommand, gives_up
+from sim.scenario.record import Answer, Receipt, Record, SentCommand, reports_expiry
 
 RELAY: Final = "relay"
 DUPLICATE: Final = "DUPLICATE"
@@ -15,7 +15,7 @@ _ANSWERED: Final = {Answer.REFUSED: Stage.REJECTED.name, Answer.LOST: "LOST"}
 
 
 @dataclass(frozen=True, slots=True)
-class CommandJourney:
+class CommandTrace:
     """A command that was sent, or sent again, with its reports.
 
     Attributes:
@@ -23,7 +23,7 @@ class CommandJourney:
         again: whether it was sent before over any link.
         known: whether it was sent before over the same link.
         receipts: receipts of its life-cycle reports on its link, each once and in order.
-        given_up: receipt of the report that its lifetime ended at the orbiter.
+        expiry: receipt of the report that its lifetime ended at the orbiter.
     """
 
     sending: SentCommand
@@ -31,7 +31,7 @@ class CommandJourney:
     again: bool
     known: bool
     receipts: tuple[Receipt, ...]
-    given_up: Receipt | None
+    expiry: Receipt | None
 
     @property
     def link(self) -> str:
@@ -56,7 +56,7 @@ class CommandJourney:
             return DUPLICATE
         if stage is not None and stage.terminal:
             return stage.name
-        if self.given_up is not None:
+        if self.expiry is not None:
             return Stage.EXPIRED.name
         return _ANSWERED.get(answer)
 
@@ -65,7 +65,7 @@ class CommandJourney:
         """Receipt of its final report."""
         if self.stage is not None and self.stage.terminal:
             return self.receipts[-1]
-        return self.given_up
+        return self.expiry
 
     @property
     def text(self) -> str:
@@ -74,8 +74,8 @@ class CommandJourney:
             if self.receipts:
                 return f"reported again: {self._last(self.receipts[-1].report)}"
             return self.sending.text.partition(": ")[2]
-        if self.given_up is not None:
-            return self.given_up.report.text.partition(": ")[2]
+        if self.expiry is not None:
+            return self.expiry.report.text.partition(": ")[2]
         return self._last(self.receipts[-1].report) if self.receipts else self.sending.text
 
     def at(self, stage: Stage) -> Receipt | None:
@@ -88,7 +88,7 @@ class CommandJourney:
         return f"{report.text} (reason {report.reason.value})" if report.reason else report.text
 
 
-def sent_commands(record: Record) -> Iterator[CommandJourney]:
+def sent_commands(record: Record) -> Iterator[CommandTrace]:
     """Yield the sent commands of a live run in their order."""
     requests = {each.identity: request_text(each.request) for each in record.requested}
     links: dict[object, set[str]] = {}
@@ -106,14 +106,14 @@ def sent_commands(record: Record) -> Iterator[CommandJourney]:
             for each in received:
                 if each.report.identity == identity and each.report.stage is not None:
                     stages.setdefault(each.report.sequence, each)
-        given_up = (each for each in received if gives_up(each.report, identity))
-        yield CommandJourney(
+        expiry = (each for each in received if reports_expiry(each.report, identity))
+        yield CommandTrace(
             sending,
             requests.get(identity, sending.label),
             bool(before),
             known,
             tuple(stages[sequence] for sequence in sorted(stages)),
-            next(given_up, None),
+            next(expiry, None),
         )
         if sending.answer is not Answer.LOST:
             before.add(sending.link)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.scenario.expect_commands import ExpectedLife
+from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.live import run_in_setup
 from sim.scenario.model import QueryParameters, RunMode, Scenario
 from sim.scenario.outcome import judge
@@ -30,7 +30,7 @@ def patient(scenario: Scenario) -> Scenario:
     Played briefly, it ends once every while is over in which something is expected.
     """
     expected = tuple(
-        replace(each, within_s=None) if isinstance(each, ExpectedLife) else each
+        replace(each, within_s=None) if isinstance(each, LifecycleExpectation) else each
         for each in scenario.expect
     )
     timed = [each for each in expected if isinstance(each, Scheduled) and not each.at_end]

@@ -15,7 +15,7 @@ async def play(
     mode: RunMode,
     uris: Mapping[str, str],
     text: str,
-    on_news: Callable[[Record], None] = lambda _: None,
+    on_update: Callable[[Record], None] = lambda _: None,
     lasts_s: float = 60.0,
 ) -> Record:
     """Play the entries of a timeline, and return what was seen.
@@ -27,6 +27,6 @@ async def play(
     scenario = load_scenario(str(path), mode)
     record = Record(time.time(), folder, lambda utc_s: min(utc_s, time.time()))
     await LiveSession(
-        scenario, uris, mode, None, None, lambda: None, record, brief=True, on_news=on_news
+        scenario, uris, mode, None, None, lambda: None, record, brief=True, on_update=on_update
     ).play()
     return record

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from executive.settings import config_folder
-from sim.scenario.expect_commands import ExpectedLife
+from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.reading import load_scenario
 from tests.demo.conftest import LIMIT_S, ROVER, Demo, Played, Ran
 
@@ -45,7 +45,7 @@ def ran(played: Played) -> Ran:
 def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
     table = ran.output[ran.output.index(" #  command") :]
     rows = re.findall(r"^ ?(\d+)  .*?(EXECUTED|CANCELLED|REJECTED|DUPLICATE)", table, re.MULTILINE)
-    ends = [each.ends for each in JACKAL.expect if isinstance(each, ExpectedLife)]
+    ends = [each.ends for each in JACKAL.expect if isinstance(each, LifecycleExpectation)]
     expected = [*(end.name for end in ends if end is not None), "DUPLICATE"]
     assert rows == [(str(number), end) for number, end in enumerate(expected, 1)]
     first = table.splitlines()[1]

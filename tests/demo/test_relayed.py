@@ -12,9 +12,9 @@ from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from sim.demo.display import LineDisplay
 from sim.demo.outcome import by_both, late
-from sim.scenario.expect_commands import ExpectedLife
+from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.model import RunMode
-from sim.scenario.pictures import journey_lane, waited
+from sim.scenario.pictures import passage_lane, waited
 from sim.scenario.record import Record, Scheduled, StageTime
 from sim.scenario.sent import sent_commands
 from tests.demo.playing import play
@@ -43,14 +43,14 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Record, str]:
             with LineDisplay(console) as shown:
                 view = shown.view(["relay"])
 
-                def on_news(record: Record) -> None:
+                def on_update(record: Record) -> None:
                     seen[:] = [record]
-                    view.on_news(record)
+                    view.on_update(record)
 
                 uris = {"relay": str(station.uri)}
-                playing = asyncio.create_task(play(folder, RunMode.RELAY, uris, TEXT, on_news))
+                playing = asyncio.create_task(play(folder, RunMode.RELAY, uris, TEXT, on_update))
                 await until(lambda: bool(seen) and len(seen[0].sendings) == 2)
-                await until(lambda: seen[0].given_up("too-old") is not None)
+                await until(lambda: seen[0].expiry("too-old") is not None)
                 await until(lambda: seen[0].statuses[-1].values["DTN_QUEUED"] == 1)
                 assert rover.commands == []
                 clock.shift_s = 3601.0
@@ -88,7 +88,7 @@ def test_what_the_orbiter_gives_up_has_ended_for_what_waits_and_what_is_expected
 ) -> None:
     record, _ = played
     for stage, holds in ((Stage.EXPIRED, True), (Stage.EXECUTED, False)):
-        assert ExpectedLife(command="too-old", ends=stage).judge(record).holds is holds
+        assert LifecycleExpectation(command="too-old", ends=stage).judge(record).holds is holds
     for after in (StageTime("too-old", "ENDED"), StageTime("too-old", "EXPIRED")):
         assert record.resolve_time(Scheduled(after=after)) is not None
     assert record.resolve_time(Scheduled(after=StageTime("too-old", "EXECUTED"))) is None
@@ -96,7 +96,7 @@ def test_what_the_orbiter_gives_up_has_ended_for_what_waits_and_what_is_expected
 
 def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:
     record, _ = played
-    expired, waiting, again = (journey_lane(sent).journey for sent in sent_commands(record))
+    expired, waiting, again = (passage_lane(sent).passage for sent in sent_commands(record))
     assert expired is not None
     assert expired.stored_s is not None
     assert expired.lost_s is not None

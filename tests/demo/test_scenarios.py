@@ -14,7 +14,7 @@ from executive.values.reports import Stage
 from sim.demo.commands import SHOWS, demo
 from sim.drawing.map import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.scenario.commands import scenario
-from sim.scenario.expect_commands import ExpectedLife
+from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.model import Eclipse, Repeat, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 
@@ -41,7 +41,9 @@ def stations(played: Scenario) -> Iterator[Pose]:
     """Yield where the rover is, and where it goes."""
     pose = played.world.start_pose
     yield pose
-    ends = {each.command: each.ends for each in played.expect if isinstance(each, ExpectedLife)}
+    ends = {
+        each.command: each.ends for each in played.expect if isinstance(each, LifecycleExpectation)
+    }
     for entry in played.timeline:
         if isinstance(entry, Send) and isinstance(entry.command, MoveTo | FollowPath | MoveForward):
             if ends[entry.name] not in (Stage.EXECUTED, Stage.CANCELLED, None):
@@ -73,7 +75,9 @@ def test_the_route_keeps_clear_of_rocks(name: str) -> None:
 def test_each_command_is_expected_to_end_somehow(name: str) -> None:
     played = load(name)
     sent = [entry.name for entry in played.timeline if isinstance(entry, Send)]
-    assert sent == [each.command for each in played.expect if isinstance(each, ExpectedLife)]
+    assert sent == [
+        each.command for each in played.expect if isinstance(each, LifecycleExpectation)
+    ]
 
 
 @pytest.mark.parametrize("name", ["jackal", "mocup"])

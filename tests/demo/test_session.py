@@ -34,11 +34,11 @@ def played(
     aboard: Aboard,
     folder: Path,
     text: str,
-    on_news: Callable[[Record], None] = lambda _: None,
+    on_update: Callable[[Record], None] = lambda _: None,
     lasts_s: float = 60.0,
 ) -> Record:
     async def session(_: MrsClient) -> Record:
-        return await play(folder, RunMode.DIRECT, {"direct": aboard.uri}, text, on_news, lasts_s)
+        return await play(folder, RunMode.DIRECT, {"direct": aboard.uri}, text, on_update, lasts_s)
 
     return aboard.ground(session)
 
@@ -46,7 +46,7 @@ def played(
 def test_a_scenario_is_played_to_its_end(aboard: Aboard, tmp_path: Path) -> None:
     seen: set[tuple[str, Stage | None]] = set()
 
-    def on_news(record: Record) -> None:
+    def on_update(record: Record) -> None:
         seen.update((sent.title, sent.stage) for sent in sent_commands(record))
 
     record = played(
@@ -61,7 +61,7 @@ def test_a_scenario_is_played_to_its_end(aboard: Aboard, tmp_path: Path) -> None
 - {after: resume ENDED, command: {moveForward: {distance: -0.5}}, label: back}
 - {after: back ENDED, repeat: back}
 """,
-        on_news,
+        on_update,
     )
     far, camera, stop, refused, resume, back, again = sent_commands(record)
     assert [each.ending for each in (far, stop, refused, resume, back, again)] == [
@@ -108,7 +108,7 @@ def test_a_play_ends_without_a_command_that_never_does(aboard: Aboard, tmp_path:
 def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard, tmp_path: Path) -> None:
     console = Console(width=110)
     with console.capture() as printed, LineDisplay(console) as shown:
-        played(aboard, tmp_path, FORWARD, shown.view(["direct"]).on_news)
+        played(aboard, tmp_path, FORWARD, shown.view(["direct"]).on_update)
     lines = [line for line in printed.get().splitlines() if "moveForward distance 0.2 m" in line]
     assert [line.split()[6] for line in lines[:2]] == ["STARTED", "EXECUTED"]
     assert "\x1b" not in printed.get()
@@ -121,7 +121,7 @@ def test_on_a_narrow_terminal_each_command_keeps_to_its_line(
     console = Console(file=screen, force_terminal=True, width=80, height=24)
     beyond = "\n- {after: go ENDED, command: {moveForward: {distance: 1.0e+6}}}"
     with TerminalDisplay(console) as shown:
-        record = played(aboard, tmp_path, FORWARD + beyond, shown.view(["direct"]).on_news)
+        record = played(aboard, tmp_path, FORWARD + beyond, shown.view(["direct"]).on_update)
     with console.capture() as printed:
         console.print(commands_table(list(sent_commands(record)), brief=True))
     drawn = Text.from_ansi(printed.get()).plain.splitlines()

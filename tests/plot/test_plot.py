@@ -60,7 +60,7 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
 
 def test_no_line_leads_over_the_time_without_an_executive(tmp_path: Path) -> None:
     shown = plot_of(recorded("killed", tmp_path, 18))
-    ((gone_s, again_s),) = shown.timeline.gone
+    ((gone_s, again_s),) = shown.timeline.absences
     assert (round(gone_s), round(again_s)) == (3, 5)
     assert "2 starts of the executive" in shown.figures
     assert not [mode for mode, begin_s, end_s in shown.timeline.modes if begin_s < 4 < end_s]

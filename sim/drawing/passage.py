@@ -55,7 +55,7 @@ LEGEND_OF_WAITING: Final[dict[str, list[Style]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class ReportTimes:
     """Times of a report: creation aboard and receipt on the ground."""
 
     made_s: float
@@ -63,7 +63,7 @@ class Passage:
 
 
 @dataclass(frozen=True, slots=True)
-class Journey:
+class Passage:
     """A command sent over a link; times in seconds, as on the axis.
 
     Attributes:
@@ -79,9 +79,9 @@ class Journey:
     ending: str | None
     sent_s: float
     stored_s: float | None = None
-    received: Passage | None = None
-    started: Passage | None = None
-    ended: Passage | None = None
+    received: ReportTimes | None = None
+    started: ReportTimes | None = None
+    ended: ReportTimes | None = None
     lost_s: float | None = None
     again: bool = False
 
@@ -91,7 +91,7 @@ class Journey:
         return self.ended is not None and self.ended.ground_s - self.sent_s < SHORT_S
 
 
-def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
+def draw_passage(axes: Axes, lane: Passage, top: float) -> None:
     """Draw a lane of three levels; `top` is its upper edge in pixels, downwards."""
     link = "relay" if lane.relayed else "direct link"
     write_beside(axes, 46, top + 37, f"by {link}", fontsize=11 * POINT)
@@ -106,7 +106,7 @@ def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
     if lane.short:
         _draw_short(axes, lane, top)
         return
-    _draw_way_up(axes, lane, top)
+    _draw_uplink(axes, lane, top)
     if not lane.again:
         _draw_work(axes, lane, top + _ROVER)
     for passage in (lane.received, lane.started, lane.ended):
@@ -115,7 +115,7 @@ def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
     axes.plot(lane.sent_s, top + _GROUND, **SENT)
 
 
-def _draw_short(axes: Axes, lane: Journey, top: float) -> None:
+def _draw_short(axes: Axes, lane: Passage, top: float) -> None:
     """Draw a short command as one mark, with its duration as text."""
     assert lane.ended is not None
     ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
@@ -137,7 +137,7 @@ def _draw_short(axes: Axes, lane: Journey, top: float) -> None:
     )
 
 
-def _draw_way_up(axes: Axes, lane: Journey, top: float) -> None:
+def _draw_uplink(axes: Axes, lane: Passage, top: float) -> None:
     """Draw a command from the ground to the rover, or to its expiry at the orbiter."""
     ground, orbiter, rover = top + _GROUND, top + _ORBITER, top + _ROVER
     arrived_s = lane.lost_s if lane.received is None else lane.received.made_s
@@ -157,7 +157,7 @@ def _draw_way_up(axes: Axes, lane: Journey, top: float) -> None:
         axes.plot(lane.received.made_s, rover, **RECEIVED)
 
 
-def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
+def _draw_work(axes: Axes, lane: Passage, rover: float) -> None:
     """Draw waiting and execution of a command aboard."""
     received, started, ended = lane.received, lane.started, lane.ended
     if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
@@ -168,7 +168,7 @@ def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
         axes.plot(started.made_s, rover, **STARTED)
 
 
-def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
+def _draw_report(axes: Axes, passage: ReportTimes, top: float) -> None:
     """Draw a report from the rover to the ground, after its waiting aboard."""
     made_s, ground_s = passage.made_s, passage.ground_s
     ground, rover, report = top + _GROUND, top + _ROVER, top + _REPORT

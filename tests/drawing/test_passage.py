@@ -13,41 +13,41 @@ from sim.drawing import (
     MOTION,
     WRONG,
     CommandLane,
-    Journey,
     Passage,
+    ReportTimes,
     RunTimeline,
     draw_timeline,
 )
 from sim.drawing.timeline import DARK
 from tests.drawing.pictures import lines, spans, words, written_alike
 
-WAITED = Journey(
+WAITED = Passage(
     True,
     "EXECUTED",
     sent_s=5.0,
     stored_s=5.01,
-    received=Passage(20.0, 20.1),
-    started=Passage(21.0, 21.1),
-    ended=Passage(26.0, 28.0),
+    received=ReportTimes(20.0, 20.1),
+    started=ReportTimes(21.0, 21.1),
+    ended=ReportTimes(26.0, 28.0),
 )
-EXPIRED = Journey(True, "EXPIRED", sent_s=6.0, stored_s=6.0, lost_s=13.0)
-AGAIN = Journey(
+EXPIRED = Passage(True, "EXPIRED", sent_s=6.0, stored_s=6.0, lost_s=13.0)
+AGAIN = Passage(
     False,
     "DUPLICATE",
     sent_s=28.0,
-    ended=Passage(28.0, 28.5),
+    ended=ReportTimes(28.0, 28.5),
     again=True,
 )
 
 
-def timeline(*journeys: Journey, eclipse: bool = True) -> Figure:
+def timeline(*passages: Passage, eclipse: bool = True) -> Figure:
     queued, aboard = ((5.0, 1), (6.0, 2), (13.0, 1), (20.0, 0)), ((26.0, 1), (28.0, 0))
     return draw_timeline(
         RunTimeline(
             "Commands through an <eclipse>",
             end_s=29.0,
             commands=tuple(
-                CommandLane("moveTo", (each.sent_s,), journey=each) for each in journeys
+                CommandLane("moveTo", (each.sent_s,), passage=each) for each in passages
             ),
             eclipses=((4.0, 20.0),) if eclipse else (),
             waiting=(queued, aboard) if eclipse else None,
@@ -80,7 +80,7 @@ def test_a_repeat_shows_no_work() -> None:
 
 
 def test_what_is_done_at_once_is_one_mark_with_its_time() -> None:
-    passage = Passage(6.0, 6.1)
+    passage = ReportTimes(6.0, 6.1)
     short = replace(
         WAITED, sent_s=5.9, stored_s=5.9, received=passage, started=passage, ended=passage
     )
