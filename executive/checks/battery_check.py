@@ -123,10 +123,10 @@ def check_battery(
     if estimator.energy_j == 0.0 or needed_j <= left_j:
         return None
     nearer = end.distance_m(home) <= pose.point.distance_m(home)
-    if nearer and needed_j <= RETURN_PATH_FACTOR * estimate_energy_j(
-        to_home, pose, speeds, settings, zones
-    ):
-        return None
+    if nearer:
+        allowed_j = RETURN_PATH_FACTOR * estimate_energy_j(to_home, pose, speeds, settings, zones)
+        if needed_j <= allowed_j:
+            return None
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(
         Reason.BATTERY_SHORT,

@@ -110,7 +110,7 @@ def test_what_a_recording_exercises_is_noticed(
     with closing(RunFile(recordings / "drive.mcap")) as tape, Bench(tmp_path, tape=tape) as bench:
         bench.execute(MoveForward(0.5), 1)
         bench.executive.close()
-    noticed = mutant("executive/motion/arbiter.py", "+ pass", of="self._mover.commit(")
+    noticed = mutant("executive/motion/arbiter.py", "+ pass", of="self._driver.commit(")
     missed = mutant("executive/obstacles/detour.py", "+ pass", of="push_all(start, ")
     monkeypatch.setattr(mutants, "sample", lambda *_: [noticed, missed])
     told: list[str] = []

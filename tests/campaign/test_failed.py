@@ -126,7 +126,7 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
     seed = int(draw(campaign, 1).changes[-2].value)
     monkeypatch.setattr("sim.campaign.worker.run_once", broken(run_once))
     for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
-        monkeypatch.setattr(f"{place}.play_recorded", broken(run_recorded))
+        monkeypatch.setattr(f"{place}.run_recorded", broken(run_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
     CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).to_the_end()
     assert found.numbers() == [0, 1]

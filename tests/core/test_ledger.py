@@ -23,7 +23,7 @@ number = 0
 while True:
     number += 1
     ledger.record(Command(Identity("MOE", number), MoveForward(float(number)), "direct"))
-    ledger.reach(Identity("MOE", number), Stage.STARTED)
+    ledger.set_stage(Identity("MOE", number), Stage.STARTED)
     ledger.commit()
     print(number, flush=True)
 """

@@ -178,7 +178,7 @@ def test_a_picture_must_show_something(
 
 @pytest.mark.parametrize(
     ("change", "fault"),
-    [({"came": b"pictura"}, "octets differ"), ({"checksum": 1}, "reported 00000001")],
+    [({"received": b"pictura"}, "octets differ"), ({"checksum": 1}, "reported 00000001")],
 )
 def test_what_was_fetched_must_be_what_is_aboard(
     played: tuple[Scenario, Record], tmp_path: Path, change: dict[str, Any], fault: str

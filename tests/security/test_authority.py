@@ -314,14 +314,13 @@ def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> 
 
 
 @pytest.mark.at_length
-@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("cls", "name", "broken", "found"),
     [
-        (Authority, "judge", lambda *_: None, "commands executed without authority"),
+        (Authority, "check_command", lambda *_: None, "commands executed without authority"),
         (Authority, "_renew", lambda _: None, "commands of the holder refused"),
-        (AuthorityRecord, "keep", lambda *_: None, "holders beside the one there is"),
-        (Authority, "used", lambda *_: None, "commands of the holder refused"),
+        (AuthorityRecord, "save", lambda *_: None, "holders beside the one there is"),
+        (Authority, "renew_lease", lambda *_: None, "commands of the holder refused"),
         (RelayAuthority, "fault", lambda *_: "", "commands executed without authority"),
         (BrickRecord, "authority", lambda _: None, "commands of the holder refused"),
     ],
