@@ -76,12 +76,12 @@ class ProgressBar(Progress):
             self._print_failure(run)
         self.update(self._runs, advance=1, succeeded=self._succeeded)
 
-    def mark_delivered(self, total: int) -> None:
+    def begin_saving(self, total: int) -> None:
         """Show the number of failed runs to save."""
         if total:
             self._save_task = self.add_task("failed runs saved", total=total)
 
-    def delivered_up_to(self) -> None:
+    def on_saved(self) -> None:
         """Show that one more is saved."""
         self.advance(self._save_task)
 

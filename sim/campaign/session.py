@@ -50,10 +50,10 @@ class ProgressListener(Protocol):
 class ArtifactListener(Protocol):
     """Receives the progress of saving failed runs."""
 
-    def mark_delivered(self, total: int) -> None:
+    def begin_saving(self, total: int) -> None:
         """Called with the number of failed runs to save."""
 
-    def delivered_up_to(self) -> None:
+    def on_saved(self) -> None:
         """Called for each saved one."""
 
 
@@ -191,7 +191,7 @@ def save_failed_runs(
     """
     digests = {run.run: run.digest for run in islice(runs.read(failed=True), maximum)}
     missing = [run for run in digests if not folder_of(folder, run).exists()]
-    watcher.mark_delivered(len(missing))
+    watcher.begin_saving(len(missing))
     unlike = []
     for result in play(job_of(draw(campaign, run)) for run in missing):
         if isinstance(result, JobFailed):
@@ -199,7 +199,7 @@ def save_failed_runs(
         if result.digest != digests[result.run]:
             unlike.append(result.run)
         _unpack(result, folder_of(folder, result.run))
-        watcher.delivered_up_to()
+        watcher.on_saved()
     return sorted(unlike)
 
 

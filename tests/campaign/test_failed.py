@@ -31,10 +31,10 @@ class Keeper:
     def __init__(self) -> None:
         self.total = self.done = 0
 
-    def mark_delivered(self, total: int) -> None:
+    def begin_saving(self, total: int) -> None:
         self.total = total
 
-    def delivered_up_to(self) -> None:
+    def on_saved(self) -> None:
         self.done += 1
 
 

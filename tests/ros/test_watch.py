@@ -58,4 +58,4 @@ def test_where_no_executive_is_heard_it_says_how_to_start_one() -> None:
 def test_a_name_that_ros_does_not_take_is_refused() -> None:
     done = watch("--once", "--asset", "no name")
     assert done.returncode == 2
-    assert "no name for ROS" in done.stderr
+    assert "is not a valid ROS name" in done.stderr
