@@ -16,7 +16,7 @@ from sim.scenario.model import Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.pictures import last_error, waited, write_run
 from sim.scenario.record import Record
-from sim.scenario.scene import LiveSetup
+from sim.scenario.scene import LiveScene
 from sim.scenario.sent import RELAY, sent_commands
 from sim.scenario.truth import path_length_m
 from trees import as_svg as tree_as_svg
@@ -34,7 +34,7 @@ Files = Iterator[tuple[tuple[Path, ...], str]]
 class Played:
     """A session that was run, and the folder of its files."""
 
-    scene: LiveSetup
+    scene: LiveScene
     scenario: Scenario
     folder: Path
     record: Record
@@ -82,7 +82,7 @@ def _summary(played: Played) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
-    record, received = played.record, played.scene.downlink_record
+    record, received = played.record, played.scene.recorder
     if record.poses and record.odometry:
         drift_m = record.poses[-1].pose.point.distance_m(record.odometry[-1].point)
         table.add_row(
@@ -119,7 +119,7 @@ def _write(played: Played) -> Files:
     """Write the files of a rover, and yield them with their descriptions."""
     folder, recorder, aboard = (
         played.folder,
-        played.scene.downlink_record,
+        played.scene.recorder,
         played.scene.rover.aboard,
     )
     *drawn, reports = write_run(folder, played.scenario, played.record)

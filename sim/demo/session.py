@@ -15,7 +15,7 @@ from sim.processes import POLL_S, AddressError, OperationsConsole
 from sim.processes.recorder import format_elapsed, since_start_s
 from sim.scenario.live import ready, run_in_setup
 from sim.scenario.model import RunMode, Scenario
-from sim.scenario.scene import Fleet, LiveSetup, links_of, scene_in
+from sim.scenario.scene import Fleet, LiveScene, links_of, scene_in
 
 T = TypeVar("T")
 BROWSE: Final = "In a browser on this computer: "
@@ -72,7 +72,7 @@ def play(
                 return ()
             with display(console) as shown:
 
-                async def play_one(scene: LiveSetup, scenario: Scenario, folder: Path) -> Played:
+                async def play_one(scene: LiveScene, scenario: Scenario, folder: Path) -> Played:
                     links = [each.link for each in links_of(scenario, mode)]
                     name = scenario.settings.asset if len(scenes) > 1 else ""
                     view: SessionView = shown.view(links, name)
@@ -94,16 +94,16 @@ def play(
         return asyncio.run(play_all())
 
 
-async def _get_ready(scene: LiveSetup, scenario: Scenario, mode: RunMode) -> None:
+async def _get_ready(scene: LiveScene, scenario: Scenario, mode: RunMode) -> None:
     """Wait until a rover is ready on all links, and is the only publisher of its topics."""
     for link in links_of(scenario, mode):
         await ready(scene, link)
-    while not scene.downlink_record.ready:
+    while not scene.recorder.ready:
         await asyncio.sleep(POLL_S / 5)
     place = scene.rover.address
     if place.shared:
         await asyncio.sleep(DISCOVERY_S)
-    if scene.downlink_record.rovers() > 1:
+    if scene.recorder.rovers() > 1:
         raise AddressError(
             f"another rover runs in ROS domain {place.domain}."
             " End it, or set ROS_DOMAIN_ID to another number, the same in every terminal."

@@ -6,6 +6,7 @@ Importing this package loads matplotlib, so commands import it late.
 
 from sim.drawing.lanes import line as line
 from sim.drawing.lanes import mark as mark
+from sim.drawing.map import SMALL_ROVER as SMALL_ROVER
 from sim.drawing.map import DriveMap as DriveMap
 from sim.drawing.map import Incident as Incident
 from sim.drawing.map import draw_map as draw_map

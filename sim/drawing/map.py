@@ -24,6 +24,8 @@ STEP_M: Final = 0.02
 """Distance of the points of a drawn track."""
 PIXELS_PER_M: Final = 100
 """Scale for a rover of the Jackal's size, as all lengths below: maps scale with the rover."""
+SMALL_ROVER: Final = 0.5
+"""Size of a MOCUP relative to a Jackal, for drawing."""
 HALF_LENGTH_M: Final = 0.254
 HALF_WIDTH_M: Final = 0.215
 VIEW_M: Final = 2.8

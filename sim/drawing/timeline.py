@@ -45,7 +45,7 @@ from sim.drawing.passage import (
 )
 from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, sheet
 
-SHORT_S: Final = 0.2
+MIN_DRAWN_WAIT_S: Final = 0.2
 """Minimum drawn waiting time aboard."""
 _TOP, _BOTTOM = 84, 52
 _LEGEND_ROW: Final = 22
@@ -231,7 +231,7 @@ def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
         axes.spines.bottom.set_visible(False)
         axes.tick_params(axis="x", bottom=False, labelbottom=False)
     rows_px = heights_px(timeline)[0]
-    above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
+    above.set(xlim=(0, max(timeline.end_s, MIN_DRAWN_WAIT_S)), ylim=(rows_px, 0))
     above.yaxis.set_visible(False)
     names = [f"outage: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
     names += ["no executive"] * len(absences)
@@ -299,7 +299,7 @@ def _draw_lifecycle(axes: Axes, lane: CommandLane, middle: float) -> None:
     if (
         received_s is not None
         and waited_until_s is not None
-        and waited_until_s - received_s > SHORT_S
+        and waited_until_s - received_s > MIN_DRAWN_WAIT_S
     ):
         axes.plot([received_s, waited_until_s], [middle, middle], **WAITING_FOR_TURN)
     if started_s is not None:

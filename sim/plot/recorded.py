@@ -24,6 +24,7 @@ from executive.settings import LocomotionKind
 from executive.values.geometry import Pose, Velocity, wrap_rad
 from executive.values.reports import Report, Severity, Stage
 from sim.drawing import (
+    SMALL_ROVER,
     CommandLane,
     Incident,
     Panel,
@@ -44,8 +45,6 @@ SILENT_S: Final = 1.0
 """Maximum time between values that a line connects."""
 BOUND: Final = "bound"
 """Name of the figure that is the bound in a report."""
-SMALL_ROVER: Final = 0.5
-"""Size of a MOCUP relative to a Jackal, for drawing."""
 
 
 def write_plot(recording: Path, path: Path) -> None:

@@ -18,7 +18,7 @@ from executive.values.parameters import Parameter
 from sim.scenario.live_session import CONDITION_POLL_S, LiveSession, watched
 from sim.scenario.model import RunMode, Scenario
 from sim.scenario.record import Record, TruePose
-from sim.scenario.scene import START_S, LiveSetup, links_of, live_setup
+from sim.scenario.scene import START_S, LiveScene, links_of, live_scene
 from sim.scenario.truth import load_requests, undelayed_s
 
 
@@ -34,7 +34,7 @@ def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0
         TimeoutError: the rover did not get ready in time.
     """
     relay = RunMode.RELAY in links_of(scenario, mode)
-    with live_setup(scenario, folder, relay, speed) as scene:
+    with live_scene(scenario, folder, relay, speed) as scene:
 
         async def play() -> Record:
             await ready(scene, RunMode.DIRECT)
@@ -44,7 +44,7 @@ def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0
 
 
 async def run_in_setup(
-    scene: LiveSetup,
+    scene: LiveScene,
     scenario: Scenario,
     mode: RunMode,
     brief: bool = False,
@@ -73,7 +73,7 @@ async def run_in_setup(
         if late_s > 0:
             raise TimeoutError(f"the rover was ready {late_s:.0f} s after the planned start")
         await asyncio.sleep(-late_s)
-    recorder, speed = scene.downlink_record, scene.rover.speed
+    recorder, speed = scene.recorder, scene.rover.speed
     first = len(recorder.true)
     files = scene.rover.aboard / "files"
     record = Record(start_utc_s, files, float if speed == 1.0 else recorder.simulated_s)
@@ -109,7 +109,7 @@ async def run_in_setup(
     return record
 
 
-async def ready(scene: LiveSetup, mode: RunMode) -> str:
+async def ready(scene: LiveScene, mode: RunMode) -> str:
     """Wait until link and simulation report the pose of the rover; return the link's URI.
 
     An executive starts with a stop, which a brick may receive late. If the relay reaches the brick
@@ -129,14 +129,14 @@ async def ready(scene: LiveSetup, mode: RunMode) -> str:
         raise TimeoutError(f"the rover was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: LiveSetup, mode: RunMode) -> None:
+async def _known(uri: str, scene: LiveScene, mode: RunMode) -> None:
     """Wait until pose and camera are received over a link, and the true pose here.
 
     Other parameters follow later: health figures of the executive's process are seconds apart.
     """
     needed = (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
-        while not scene.downlink_record.true or any(
+        while not scene.recorder.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(CONDITION_POLL_S)

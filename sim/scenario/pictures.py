@@ -30,6 +30,7 @@ from executive.values.parameters import Parameter
 from executive.values.reports import Identity, Report, Stage
 from sim.drawing import (
     SHORT_S,
+    SMALL_ROVER,
     CommandLane,
     DriveMap,
     Incident,
@@ -52,8 +53,6 @@ from sim.scenario.sent import RELAY, CommandTrace, sent_commands
 from sim.scenario.truth import path_length_m, true_ends
 
 REPORTS: Final = "reports.jsonl"
-SMALL_ROVER: Final = 0.5
-"""Size of a MOCUP relative to a Jackal, for drawing."""
 
 
 def write_run(folder: Path, scenario: Scenario, record: Record) -> tuple[Path, ...]:

@@ -66,7 +66,7 @@ class Fleet:
 
 
 @dataclass(frozen=True, slots=True)
-class LiveSetup:
+class LiveScene:
     """Environment of the live runs of one rover.
 
     Attributes:
@@ -77,7 +77,7 @@ class LiveSetup:
 
     fleet: Fleet
     rover: Deployment
-    downlink_record: "RoverRecorder"
+    recorder: "RoverRecorder"
     ground: socket.socket | None
     load: Callable[[float], None] | None
     faults: "FaultClient | None"
@@ -157,7 +157,7 @@ def fleet_of(
 @contextmanager
 def scene_in(
     fleet: Fleet, rover: Deployment, scenario: Scenario, ground: socket.socket | None = None
-) -> Iterator[LiveSetup]:
+) -> Iterator[LiveScene]:
     """Yield the environment of a scenario's run; starts a thread that records topics.
 
     Raises:
@@ -179,13 +179,13 @@ def scene_in(
             from sim.ros.faults import fault_client
 
             faults = running.enter_context(fault_client(name, domain, parameters, START_S))
-        yield LiveSetup(fleet, rover, received, ground, load, faults)
+        yield LiveScene(fleet, rover, received, ground, load, faults)
 
 
 @contextmanager
-def live_setup(
+def live_scene(
     scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0
-) -> Iterator[LiveSetup]:
+) -> Iterator[LiveScene]:
     """Start a rover and yield its environment, for scenarios with this rover and world.
 
     Raises:

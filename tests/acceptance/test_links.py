@@ -19,7 +19,7 @@ from sim.scenario.model import RunMode, Scenario, Send
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
-from sim.scenario.scene import LiveSetup, live_setup
+from sim.scenario.scene import LiveScene, live_scene
 from tests.support.lives import Lives, lives
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
@@ -60,19 +60,19 @@ def failing(scenario: Scenario, record: Record) -> list[str]:
     ]
 
 
-async def briefly(scene: LiveSetup, scenario: Scenario, mode: RunMode) -> Record:
+async def briefly(scene: LiveScene, scenario: Scenario, mode: RunMode) -> Record:
     """Play a scenario for its reports, and give it time on a machine that has much to do."""
     patient = replace(scenario, lasts_s=PATIENCE_S)
     return await run_in_setup(scene, patient, mode, brief=True)
 
 
-async def under_way(scene: LiveSetup, then: Callable[[], None]) -> None:
+async def under_way(scene: LiveScene, then: Callable[[], None]) -> None:
     """Do something as soon as the rover has gone a little way."""
-    while not scene.downlink_record.true:
+    while not scene.recorder.true:
         await asyncio.sleep(0.02)
-    first = scene.downlink_record.true[-1].pose
+    first = scene.recorder.true[-1].pose
     while True:
-        pose = scene.downlink_record.true[-1].pose
+        pose = scene.recorder.true[-1].pose
         if hypot(pose.x_m - first.x_m, pose.y_m - first.y_m) > UNDER_WAY_M:
             return then()
         await asyncio.sleep(0.02)
@@ -85,14 +85,14 @@ async def meanwhile(play: Coroutine[Any, Any, Record], kill: Coroutine[Any, Any,
     return record
 
 
-def kill_relay(scene: LiveSetup) -> None:
+def kill_relay(scene: LiveScene) -> None:
     assert scene.orbiter is not None
     asset = scene.rover.settings.asset
     scene.orbiter.relays[asset].kill()
     scene.orbiter.children[-1].kill()
 
 
-def executive_again(scene: LiveSetup, folder: Path, uri: str) -> ChildProcess:
+def executive_again(scene: LiveScene, folder: Path, uri: str) -> ChildProcess:
     port = uri.rpartition(":")[2].partition("/")[0]
     options = ("--asset", str(folder / "asset.yaml"), "--data", str(scene.rover.aboard))
     environment = {"ROS_DOMAIN_ID": str(scene.rover.address.domain)}
@@ -104,7 +104,7 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
     camera = load_scenario("mocup_camera")
     locomotion = told_by("MOE-2", load_scenario("mocup_locomotion"))
 
-    async def by_relay(scene: LiveSetup, folder: Path) -> tuple[Record, Record]:
+    async def by_relay(scene: LiveScene, folder: Path) -> tuple[Record, Record]:
         uri = await ready(scene, RunMode.DIRECT)
         async with await MrsClient.connect(uri, patience_s=PATIENCE_S) as direct:
             kill = under_way(scene, scene.rover.children[-1].kill)
@@ -117,7 +117,7 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
                 again.end()
             return first, second
 
-    async def by_direct_link(scene: LiveSetup) -> tuple[Record, Record]:
+    async def by_direct_link(scene: LiveScene) -> tuple[Record, Record]:
         kill = under_way(scene, lambda: kill_relay(scene))
         first = await meanwhile(briefly(scene, camera, RunMode.DIRECT), kill)
         return first, await briefly(scene, locomotion, RunMode.DIRECT)
@@ -127,7 +127,7 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
         for mode in (RunMode.DIRECT, RunMode.RELAY):
             folder = tmp_path / mode.link
             folder.mkdir()
-            scenes.append(running.enter_context(live_setup(camera, folder, relay=True)))
+            scenes.append(running.enter_context(live_scene(camera, folder, relay=True)))
 
         async def both() -> tuple[tuple[Record, Record], tuple[Record, Record]]:
             relayed = by_relay(scenes[1], tmp_path / RunMode.RELAY.link)
@@ -146,12 +146,12 @@ def test_the_jackal_by_the_relay_and_then_without_it(tmp_path: Path) -> None:
     path.write_text(SHORT)
     short = told_by("MOE-2", load_scenario(str(path), RunMode.DIRECT))
 
-    async def session(scene: LiveSetup) -> tuple[Record, Record]:
+    async def session(scene: LiveScene) -> tuple[Record, Record]:
         by_relay = await run_in_setup(scene, relay, RunMode.RELAY)
         kill = under_way(scene, lambda: kill_relay(scene))
         return by_relay, await meanwhile(briefly(scene, short, RunMode.DIRECT), kill)
 
-    with live_setup(relay, tmp_path, relay=True) as scene:
+    with live_scene(relay, tmp_path, relay=True) as scene:
         by_relay, direct = asyncio.run(session(scene))
     assert failing(relay, by_relay) == []
     assert lives(direct) == in_lock_step(short, tmp_path)

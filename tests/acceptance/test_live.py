@@ -14,7 +14,7 @@ from sim.scenario.model import QueryParameters, RunMode, Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Scheduled
-from sim.scenario.scene import live_setup
+from sim.scenario.scene import live_scene
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 240
@@ -57,7 +57,7 @@ def _over(timed: Scheduled, label: str, later_s: float) -> QueryParameters:
 def test_hold_over_real_processes(name: str, tmp_path: Path) -> None:
     """One at a time: a rover and its processes take most of a core."""
     scenario = patient(load_scenario(name, RunMode.DIRECT))
-    with live_setup(scenario, tmp_path, relay=False) as scene:
+    with live_scene(scenario, tmp_path, relay=False) as scene:
         record = asyncio.run(run_in_setup(scene, scenario, RunMode.DIRECT, brief=True))
     assert [str(found) for found in judge(scenario, record) if not found.holds] == []
 
