@@ -1,4 +1,4 @@
-"""Says to setuptools what colcon must be able to read here; the facts stand in pyproject.toml."""
+"""Declares to setuptools the keys that colcon reads here; pyproject.toml has their values."""
 
 import tomllib
 from pathlib import Path
@@ -17,7 +17,7 @@ def scripts(table: dict[str, str]) -> list[str]:
 
 
 def data_files() -> list[tuple[str, list[str]]]:
-    """List where colcon and pip put what is not a module: the ament marker, config/, launch/."""
+    """List where colcon and pip put all but modules: the ament marker, config/, launch/."""
     files = [
         ("share/ament_index/resource_index/packages", ["resource/rover_executive"]),
         (SHARE, ["package.xml"]),

@@ -1,1 +1,1 @@
-"""Connections of the core: ROS, links, operators."""
+"""Adapters that connect the core to ROS, links and operators, and the processes made of them."""

@@ -1,4 +1,4 @@
-"""Interface of a process to its computer: time, randomness, disk and sockets.
+"""`System`: the interface of a process to its computer: time, randomness, disk and sockets.
 
 All other events of a process arrive through its event loop. With another system and another loop
 the same code runs in simulated time.

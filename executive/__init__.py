@@ -1,1 +1,1 @@
-"""The core of one rover, importable without ROS, physics or sockets."""
+"""The core of one rover's executive, importable without ROS, physics or sockets."""

@@ -1,4 +1,4 @@
-"""Goals: accepted commands in the tree; the context of its leaves, and the mode."""
+"""`Goal`: an accepted command in the tree, with its progress; `Context`: state for the leaves."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -13,19 +13,92 @@ from executive.commands import (
     InstantCommand,
     Mode,
     Motion,
+    MoveTo,
 )
-from executive.commands.intake import check_lifetime
+from executive.commands.intake import check_lifetime, in_map
 from executive.commands.lifecycle import CommandLifecycle
-from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, MotionVerification
+from executive.motion import Intents, Latches, Leg, Locomotion, MotionVerification
+from executive.obstacles.zones import ClearanceViolation
 from executive.plans import ActivePlans
 from executive.safety import FaultMonitor
 from executive.settings import Settings
 from executive.state import FileFolder, MotionStatistics, Status
 from executive.values.clock import Clock
 from executive.values.facts import Source
-from executive.values.geometry import Pose
+from executive.values.geometry import Point, Pose
+from executive.values.identity import Identity
 from executive.values.ports import Video
 from executive.values.reasons import Figure, Refusal
+
+
+@dataclass(slots=True)
+class LegProgress:
+    """The progress of a goal through its steps, as its leaves record it; a step has legs.
+
+    Attributes:
+        step: index of the step in execution.
+        attempts: how often the step ended off its target.
+        detour_stops: number of stops of the goal on detours around obstacles.
+        obstacle_stops: how often a newly detected obstacle ended a line of the step.
+        at_detour: whether the leg ends at a detour point, and not at the target of the step.
+        left_path: whether the step detours around a scanned obstacle.
+        turn_then_drive: whether turns and lines drive the step, since its curve failed.
+        blocking: the newly detected obstacle, until the detour around it is planned.
+        last_driven: where a motion ended last, until the next is planned.
+    """
+
+    step: int = 0
+    attempts: int = 0
+    detour_stops: int = 0
+    obstacle_stops: int = 0
+    at_detour: bool = False
+    left_path: bool = False
+    turn_then_drive: bool = False
+    blocking: ClearanceViolation | None = None
+    last_driven: Point | None = None
+
+    @property
+    def untried(self) -> bool:
+        """Whether no leg of the step has ended yet, nor a detour leg before it."""
+        return not self.attempts and not self.detour_stops
+
+    @property
+    def new(self) -> bool:
+        """Whether no leg of the goal has ended yet."""
+        return not self.step and self.untried
+
+    def end_step(self) -> None:
+        """Continue with the next step."""
+        self.step += 1
+        self.attempts = self.obstacle_stops = 0
+        self.left_path = self.turn_then_drive = False
+
+    def begin_leg(self, detour: bool, in_one: bool) -> None:
+        """Begin a leg.
+
+        Args:
+            detour: whether it is a detour around obstacles.
+            in_one: whether it is driven as one curve, without a stop on the detour.
+        """
+        self.at_detour = detour and not in_one
+        self.left_path = self.left_path or detour
+        self.blocking = None
+
+    def stop_before(self, blocking: ClearanceViolation | None) -> None:
+        """End a leg before a newly detected obstacle, which the next leg avoids."""
+        self.blocking = blocking
+        self.detour_stops += 1
+        self.obstacle_stops += 1
+
+    def end_detour(self) -> None:
+        """End a leg at a detour point."""
+        self.detour_stops += 1
+        self.attempts = 0
+
+    def abandon_curve(self, through: bool) -> None:
+        """Abandon a curve without a solution: one to a single waypoint is not tried again."""
+        self.attempts += 1
+        self.turn_then_drive = not through
 
 
 class Goal:
@@ -33,10 +106,12 @@ class Goal:
 
     Attributes:
         progress: progress through its steps.
+        request: the request in the frame of the pose, by the last transform that was used.
         leg: the leg as last planned, or a leg of the detour to it.
         start_pose: start pose of the leg as last planned.
         origin: start pose of the leg as first planned.
         verification: compares the motion with the second odometry; None without one.
+        waits_for_map: whether it holds because the transform of the map is lost.
         slid_m: distance slid before this leg, beyond what its motion allows.
         statistics: statistics of the motion; None if they are not needed.
     """
@@ -47,11 +122,39 @@ class Goal:
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
         self.progress = LegProgress()
+        self.request = lifecycle.command.request
+        self._map_origin: Pose | None = None
+        self.waits_for_map = False
         self.leg = Leg(None, None, False, None, 0.0)
         self.start_pose = self.origin = Pose()
         self.verification: MotionVerification | None = None
         self.slid_m = 0.0
         self.statistics: MotionStatistics | None = None
+
+    def localize(self, status: Status, settings: Settings) -> None:
+        """Move request and leg with the map if they are in it and it is known."""
+        request = self.command.request
+        if not in_map(request, settings):
+            return
+        assert isinstance(request, MoveTo | FollowPath)
+        origin, before = status.map_origin, self._map_origin
+        if isinstance(origin, Refusal):
+            return
+        if before is not None and not self.progress.at_detour:
+            self.leg = self.leg.moved(origin.compose(before.inverse))
+        self.request, self._map_origin = request.moved(origin), origin
+
+    def map_figures(self, status: Status) -> tuple[Figure, ...]:
+        """Return pose and transform age in the map; none for waypoints in the odometry frame."""
+        if self._map_origin is None:
+            return ()
+        pose = self._map_origin.inverse.compose(status.pose)
+        return (
+            Figure("map x", pose.x_m, "m"),
+            Figure("map y", pose.y_m, "m"),
+            Figure("map heading", pose.heading_rad, "rad"),
+            Figure("map age", status.map_age_s, "s"),
+        )
 
     def result_figures(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
         """Return the measured and predicted figures of the goal, except those named in `known`."""
@@ -266,6 +369,29 @@ class Context:
         return self.goals.motion_mode if own else mode
 
     @property
+    def holding_stop(self) -> Identity | None:
+        """The stop that holds the rover; None if none does, or if a fault does."""
+        return None if self.latches.hazard is not None else self.latches.stop
+
+    @property
+    def holding_fault(self) -> str | None:
+        """Name of the fault that holds the rover, or keeps waiting goals from their start."""
+        latches, motion = self.latches, self.goals.motion
+        holding = latches.hazard
+        if holding is None and latches.stopped_by is None:
+            holding = latches.paused or (None if motion.active else motion.blocked_by)
+        return None if holding is None else holding.fault
+
+    @property
+    def lost_map(self) -> Refusal | None:
+        """A refusal if the active motion is in the map and its transform is lost; or None."""
+        active = self.goals.motion.active
+        if active is None or not in_map(active.command.request, self.settings):
+            return None
+        origin = self.status.map_origin
+        return origin if isinstance(origin, Refusal) else None
+
+    @property
     def why(self) -> str:
         """One line on the rover's present motion as measured, and its reason."""
         uncertainty = self.status.uncertainty
@@ -281,11 +407,12 @@ class Context:
         moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
         held = f"{moves}, but should be stationary" if moving else self._slides or "standing"
         if latches.hazard is not None:
-            return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._recovery_hint}"
+            text = f"{self.mode.name}: {latches.hazard.text}; {self._recovery_hint}"
+            return text if held == "standing" else f"{held}: {text}"
         if latches.stopped_by is not None:
             return f"{held}: stopped by {latches.stopped_by}; send resume"
         if latches.paused is not None:
-            return f"motion waits: PAUSED because {latches.paused.text}; {self._recovery_hint}"
+            return f"PAUSED: {latches.paused.text}; {self._recovery_hint}"
         if not status.odometry_fresh:
             return status.rejections.explain("standing: no odometry", Source.ODOMETRY)
         if active is None and self.goals.motion.blocked_by is not None:
@@ -299,6 +426,7 @@ class Context:
         if active is None:
             return f"{held}: {self._idle_text}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"
+        doing += "" if self.lost_map is None else f": {self.lost_map.text}"
         return f"{moves} for {doing}" if moving else f"standing during {doing}"
 
     @property
@@ -313,9 +441,10 @@ class Context:
     def _recovery_hint(self) -> str:
         if self.safety.self_clearing:
             stopped = self.latches.stopped_by is not None
-            return "resume once that is over" if stopped else "it goes on when that is over"
-        over = self.safety.unresolved_cause() is None
-        return "that is over: resume to go on" if over else "resume when that is mended"
+            return f"{'send resume' if stopped else 'continues'} once the cause is cleared"
+        if self.safety.unresolved_cause() is None:
+            return "the cause is cleared: send resume"
+        return "clear the cause, then send resume"
 
     @property
     def _idle_text(self) -> str:

@@ -1,1 +1,1 @@
-"""Simulated rovers in simulated worlds, with their display and measurement."""
+"""Simulated rovers in simulated worlds: scenarios, campaigns, calibration and drawings of runs."""

@@ -1,4 +1,4 @@
-"""The pan/tilt head of a camera: turns to its target angles at a limited speed."""
+"""`HeadController`: the simulated pan/tilt head of a camera, with a limited speed."""
 
 from typing import Final
 

@@ -1,6 +1,7 @@
 """What every test may rely on: its own ROS domain on loopback, hypothesis without deadlines."""
 
 import asyncio
+import gc
 import inspect
 import logging
 import re
@@ -29,11 +30,14 @@ FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain
 PARTICIPANTS_PORTS = 100  # more than the participants of a test take of them, from the first on
 ASYNC_LIMIT_S = 240.0
 RECORDED = 4  # of a test: those with random commands make hundreds
-LONGEST_NAME = 200
+MAX_NAME_LENGTH = 200
 _numbers = count()
 
 settings.register_profile("rover", deadline=None)
 settings.load_profile("rover")
+
+# Imports and tests make much that lives on, which Python's default looks through over and over.
+gc.set_threshold(50_000, 20, 20)
 
 # A shell's background job ignores SIGINT, and so would every process that a test starts and ends.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -71,6 +75,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         raise pytest.UsageError(f"not found by `rover test`: say mark.ros in {unmarked}")
 
 
+def pytest_collection_finish() -> None:
+    """Have the garbage collector pass over what was imported: it lives as long as the tests."""
+    gc.collect()
+    gc.freeze()
+
+
 def _covers_more(test: pytest.Item) -> bool:
     """Return whether a test runs lines of the core that no other runs, as far as its marks say."""
     cases = getattr(test, "callspec", None)
@@ -106,12 +116,12 @@ def databases_closed() -> Iterator[None]:
     opened: list[sqlite3.Connection] = []
     connect = sqlite3.connect
 
-    def connect_and_keep(*arguments: Any, **options: Any) -> sqlite3.Connection:
+    def connect_and_record(*arguments: Any, **options: Any) -> sqlite3.Connection:
         opened.append(connect(*arguments, **options))
         return opened[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sqlite3, "connect", connect_and_keep)
+        patch.setattr(sqlite3, "connect", connect_and_record)
         yield
     for database in opened:
         with suppress(sqlite3.ProgrammingError):  # of another thread, which closes it itself
@@ -126,13 +136,29 @@ def _databases_closed() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
+def _connections_closed() -> Iterator[None]:
+    """Charge a connection that outlives its loop to its test: Python warns in any later one."""
+    left: list[asyncio.BaseTransport] = []
+    close = asyncio.SelectorEventLoop.close
+
+    def check_and_close(loop: Any) -> None:
+        left.extend(each for each in loop._transports.values() if each._sock is not None)
+        close(loop)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(asyncio.SelectorEventLoop, "close", check_and_close)
+        yield
+    assert not left, "open when their loop is closed"
+
+
+@pytest.fixture(autouse=True)
 def _executives_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
     """Record those of benches, and those over the simulated rover in lock step."""
     folder: Path | None = request.config.getoption("--recordings")
     if folder is None:
         yield
         return
-    name = re.sub(r"\W+", "-", request.node.nodeid).strip("-")[:LONGEST_NAME]
+    name = re.sub(r"\W+", "-", request.node.nodeid).strip("-")[:MAX_NAME_LENGTH]
     paths = (folder / f"{name}-{number}{SUFFIX}" for number in range(RECORDED))
     from sim.rover.lockstep import LockStep  # slow to import
 
@@ -194,7 +220,8 @@ def patient(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _environment(patch: pytest.MonkeyPatch, domain: int, config: Path, log_dir: Path) -> None:
     patch.setenv("ROS_DOMAIN_ID", str(domain))
     patch.setenv("ROVER_CONFIG", str(config))
-    patch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(CHECKOUT / "config" / "fastdds.xml"))
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        patch.setenv(name, str(CHECKOUT / "config" / "fastdds.xml"))
     patch.setenv("ROS_LOG_DIR", str(log_dir))
     patch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
 

@@ -1,6 +1,7 @@
 """The command `rover test`: every check that a change must pass."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from typing import BinaryIO, Final
 import click
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-CORE_TESTS: Final = tuple(f"tests/{room}" for room in ("core", "safety", "security", "trees"))
+CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "security", "trees"))
 """What is run under coverage, which doubles the time that Python takes: the tests of the core."""
 
 
@@ -69,7 +70,7 @@ CORE: Final = CiCheck(
 REST: Final = CiCheck(
     "pytest",
     # Many of these wait for others: clusters, orbiters, ION, a browser.
-    (_python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),),
+    (_python(*_pytest("not ros", *(f"--ignore={package}" for package in CORE_TESTS), workers=3)),),
 )
 STATIC_CHECKS: Final = (
     CiCheck("ruff check", (_python("ruff", "check", "."),)),
@@ -97,6 +98,9 @@ STRESS: Final = {
 """Attacks of `rover bench`, each with how much of it there is in full, and at least."""
 STRESS_HOURS: Final = 24.0, 0.2
 """Of operations in simulated time, in full and at least."""
+MEMORY: Final = Path("/dev/shm")
+LEAST_FREE_OCTETS: Final = 4 << 30
+"""The folders that pytest keeps, those of three runs, take a quarter of that."""
 PLANTED_SEEDS: Final = 4
 """From which each planted fault is looked for; with none, only in its situations."""
 
@@ -168,7 +172,15 @@ def stress_checks(percent: int) -> list[CiCheck]:
     full, least = STRESS_HOURS
     storms = _simulated(max(least, full * percent / 100), seed=str(time.time_ns()))
     planted = _python("tests.simulated.planted", "--seeds", str(PLANTED_SEEDS * percent // 100))
-    return [*checks, CiCheck("simulated", (storms,)), CiCheck("planted", (planted,))]
+    played = ("tests/robots/test_robots.py", "tests/robots/test_robot_new.py")
+    at_once = ("-n", "2", "--dist", "worksteal")
+    robots = ("env", "ROBOTS=all", *_python("pytest", "-q", *at_once, *played))
+    return [
+        *checks,
+        CiCheck("simulated", (storms,)),
+        CiCheck("planted", (planted,)),
+        CiCheck("robots", (robots,)),
+    ]
 
 
 def _simulated(hours: float, seed: str) -> tuple[str, ...]:
@@ -182,9 +194,16 @@ def _run(command: tuple[str, ...], output: BinaryIO | None = None) -> int:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a check: hundreds of processes share the byte code of one."""
+    """Return the environment of a check: hundreds of processes share the byte code of one.
+
+    Where there is room, folders of tests lie in memory: each commit of a ledger waits for a disk.
+    """
     unwanted = "PYTHONDONTWRITEBYTECODE"
-    return {name: value for name, value in os.environ.items() if name != unwanted}
+    found = {name: value for name, value in os.environ.items() if name != unwanted}
+    roomy = MEMORY.is_dir() and shutil.disk_usage(MEMORY).free >= LEAST_FREE_OCTETS
+    if roomy and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC:  # some tests write programs
+        found.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
+    return found
 
 
 def _carry_out_all() -> Iterator[CiCheckResult]:

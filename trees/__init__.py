@@ -6,6 +6,7 @@ from trees.rover import preview as preview
 from trees.rover import snapshot_of as snapshot_of
 from trees.snapshot import COLOURS as COLOURS
 from trees.snapshot import DisplayStatus as DisplayStatus
+from trees.snapshot import FaultSnapshot as FaultSnapshot
 from trees.snapshot import NodeKind as NodeKind
 from trees.snapshot import NodeStatus as NodeStatus
 from trees.snapshot import TreeNodeSnapshot as TreeNodeSnapshot

@@ -1,4 +1,4 @@
-"""Camera primitives: pointing, taking pictures."""
+"""Leaves for the camera: `PanTilt` points it, `Capture` takes and stores a picture."""
 
 from py_trees.common import Status
 

@@ -1,4 +1,4 @@
-"""`rover tree`: draws the behaviour tree."""
+"""The command `rover tree`: draws the behaviour tree of an asset, without a running executive."""
 
 import click
 

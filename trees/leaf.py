@@ -1,4 +1,4 @@
-"""Base classes of leaves: a deadline on the core's clock, and containment of exceptions.
+"""Base classes of the tree's leaves: a deadline on the core's clock, containment of exceptions.
 
 Any exception within a leaf leaves the tree as a `LeafError` with the leaf's path.
 """

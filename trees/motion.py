@@ -1,7 +1,8 @@
-"""Motion primitives: plan a leg of a goal, turn, drive, hold a velocity, finish the leg."""
+"""Leaves for motions: plan a leg of a goal, turn, drive, hold a velocity, finish the leg."""
 
 from dataclasses import replace
 from functools import partial
+from typing import Final
 
 from py_trees.common import Status
 
@@ -11,8 +12,10 @@ from executive.checks import (
     check_pose,
     check_request,
     check_target,
+    check_turns,
     detour_to,
     scanned_obstacle_ahead,
+    turning_curves,
 )
 from executive.commands import (
     ABOARD_LINK,
@@ -23,6 +26,7 @@ from executive.commands import (
     RotateBy,
     RotateTo,
     Waypoint,
+    is_absolute,
 )
 from executive.commands import Motion as CommandedMotion
 from executive.goals import Context, Goal
@@ -40,6 +44,7 @@ from executive.motion import (
     plan_leg,
 )
 from executive.obstacles.zones import ClearanceViolation
+from executive.settings import Controller
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
 from executive.values.reasons import Figure, Reason, Refusal
@@ -52,6 +57,7 @@ MAX_DETOURS = 20
 """Maximum detours to one target that a new obstacle may interrupt; chosen, not measured."""
 MAX_START_AGE_RATIO = 0.5
 """Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
+WAITING_FOR_MAP: Final = "waiting for the transform from map to odom"
 EXTERNAL_START_WINDOW_S = 0.5
 """Time for a rover to report that it already executes the command from another link."""
 
@@ -61,7 +67,7 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
 
     A missed waypoint is retried on its own.
     """
-    match goal.command.request:
+    match goal.request:
         case MoveTo(target):
             return target, ()
         case FollowPath(waypoints):
@@ -93,6 +99,24 @@ class _MotionLeaf(GoalLeaf):
         super().__init__(name, context, context.goals.motion)
         self.timeout_text = f"{name}: not done"
 
+    def on_timeout(self) -> Status:
+        """Fail the goal on timeout, with the reason of the map if that is lost."""
+        lost = self.context.lost_map
+        return super().on_timeout() if lost is None else self.fail(lost)
+
+    def _hold_for_map(self) -> bool:
+        """Hold while the map is lost, as long as for a second-odometry frame; report it once."""
+        goal = self.goal
+        before, goal.waits_for_map = goal.waits_for_map, self.context.lost_map is not None
+        if before is not goal.waits_for_map:
+            self.set_deadline(self._deadline_for(WAIT_S))
+        if goal.waits_for_map:
+            self.feedback_message = WAITING_FOR_MAP
+            self.context.intents.motion = STANDING
+            if not before:
+                goal.lifecycle.advance(goal.progress.step, goal.step_count, WAITING_FOR_MAP)
+        return goal.waits_for_map
+
     @property
     def _executed_by_relay(self) -> bool:
         """Whether the rover received the command over another link, and executes it."""
@@ -101,40 +125,19 @@ class _MotionLeaf(GoalLeaf):
     @property
     def _evidence_sources(self) -> str:
         """Return the pose sources that confirm the motion."""
-        if self.context.status.fusion is None:
-            return join_sources(["odometry"])
-        return join_sources(["odometry", "second odometry"])
-
-    @property
-    def _pose_figures(self) -> tuple[Figure, ...]:
-        """Figures of the pose, with its uncertainty and standard deviations if known."""
-        pose, odometry = self.context.status.pose, self.context.status.odometry
-        figures: tuple[Figure, ...] = (
-            Figure("x", pose.x_m, "m"),
-            Figure("y", pose.y_m, "m"),
-            Figure("heading", pose.heading_rad, "rad"),
-        )
-        if uncertainty := self.context.status.uncertainty:
-            figures = (*figures, *uncertainty.figures)
-        if odometry is None or not odometry.position_sd_m:
-            return figures
-        return (
-            *figures,
-            Figure("position sd", odometry.position_sd_m, "m"),
-            Figure("heading sd", odometry.heading_sd_rad, "rad"),
-        )
+        second = [] if self.context.status.fusion is None else ["second odometry"]
+        return join_sources(["odometry", *second])
 
     def _from_where(self, start: Pose) -> str:
         """Return the start pose of a motion as text if the pose is uncertain; otherwise empty."""
         uncertainty = self.context.status.uncertainty
-        if not uncertainty:
-            return ""
-        return f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
+        text = f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
+        return text if uncertainty else ""
 
     def _check_begin(self) -> Refusal | None:
         """Return a refusal if a goal may not start here, by pose or battery, or None."""
         context, goal, status = self.context, self.goal, self.context.status
-        request = goal.command.request
+        request = goal.request
         if not goal.progress.new:
             return None
         assert isinstance(request, CommandedMotion)
@@ -179,7 +182,7 @@ class _MotionLeaf(GoalLeaf):
         elif (slid_m := self._slid_m - self.goal.slid_m) > SLID_M:
             text = f"the rover slid {slid_m:.2f} m by its accelerometer, not measured by its wheels"
             figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
-            outcome = Refusal(Reason.SLIDES, text, figures)
+            outcome = Refusal(Reason.SLIDE_AT_REST, text, figures)
             context.status.grow_uncertainty(slid_m, 0.0, text)
         if outcome is None:
             context.intents.motion = STANDING
@@ -204,10 +207,12 @@ class _MotionLeaf(GoalLeaf):
                 return Status.FAILURE
         if motion is None or (motion.done if standing else motion.handover_allowed):
             return Status.SUCCESS
-        if motion.fault is not None:
-            return self.fail(motion.fault)
+        if motion.failure is not None:
+            return self.fail(motion.failure)
         now_s = self.context.clock.now_s()
         goal.progress.last_driven = self.context.status.pose.point
+        if self.context.lost_map is not None and not self._executed_by_relay:
+            return Status.FAILURE  # PlanLeg holds until the map returns
         if motion.update_limits(now_s) or self._executed_by_relay:
             self.set_deadline(self._deadline_for(motion.expected_s))
         self.context.intents.motion = motion.intent(now_s)
@@ -224,7 +229,9 @@ class _MotionLeaf(GoalLeaf):
         if motion.retry_as_curve and not through and progress.obstacle_stops < MAX_DETOURS:
             progress.stop_before(progress.blocking)
         else:
-            progress.abandon_curve(through)
+            radius_m = self.context.settings.drive.min_turning_radius_m
+            again = radius_m is not None and progress.attempts < MAX_ATTEMPTS
+            progress.abandon_curve(through or again)
 
     def _advance(self) -> None:
         """Count a step of the goal, and report it unless it is the last."""
@@ -262,6 +269,9 @@ class PlanLeg(_MotionLeaf):
         if verification is not None and not verification.ready(now_s - self._begun_s):
             self.feedback_message = "waiting for a second-odometry frame"
             return Status.RUNNING
+        if self._hold_for_map():
+            return Status.RUNNING
+        self.goal.localize(self.context.status, self.context.settings)
         self._count_passed_waypoints()
         step, through = _next_step(self.goal, self.context.locomotion)
         detour = self._detour(step, through)
@@ -271,10 +281,14 @@ class PlanLeg(_MotionLeaf):
         refusal = self._check_begin()
         if refusal is not None:
             return self.fail(refusal)
-        curves = self.context.locomotion.supports_curve
-        progress = goal.progress
-        one_curve = isinstance(step, Waypoint) and curves(goal.command, step)
+        progress, supported = goal.progress, self.context.locomotion.supports_curve
+        one_curve = isinstance(step, Waypoint) and supported(goal.command, step)
         in_one = one_curve and not progress.turn_then_drive
+        if isinstance(step, Waypoint) and not in_one:
+            rest = FollowPath((*detour, step), Controller.TURN_DRIVE)
+            tight = check_turns(rest, status.pose, settings, status.obstacles)
+            if tight is not None:
+                return self.fail(tight)
         self._report_detour(detour, in_one)
         if progress.at_detour:
             leg = plan_leg(detour[0], settings, status)
@@ -282,7 +296,9 @@ class PlanLeg(_MotionLeaf):
             around = tuple(Point(each.x_m, each.y_m) for each in detour)
             leg = plan_leg(step, settings, status, through, around)
         goal.leg = replace(
-            leg, force_turn_then_drive=progress.turn_then_drive or progress.at_detour
+            leg,
+            curves=turning_curves(step, status.pose, settings, status.obstacles.known),
+            force_turn_then_drive=progress.turn_then_drive or progress.at_detour,
         )
         goal.start_pose = status.pose
         if progress.untried:
@@ -310,7 +326,7 @@ class PlanLeg(_MotionLeaf):
         The straight lines of a path are followed, except around scanned obstacles across them.
         """
         goal, status, settings = self.goal, self.context.status, self.context.settings
-        request = goal.command.request
+        request = goal.request
         obstacles = avoided_obstacles(settings, status.obstacles)
         if not isinstance(step, Waypoint):
             return check_request(step, status.pose, settings, obstacles) or ()
@@ -406,6 +422,9 @@ class FinishLeg(_MotionLeaf):
     def act(self) -> Status:
         """Complete the step, unless the rover ended off its target."""
         goal, progress = self.goal, self.goal.progress
+        request, settings = goal.command.request, self.context.settings
+        if self._hold_for_map():
+            return Status.RUNNING
         verified: Verified | Refusal | None = Verified(())
         if progress.step + 1 == goal.step_count and not progress.at_detour:
             verified = self._verify()
@@ -413,10 +432,11 @@ class FinishLeg(_MotionLeaf):
             return Status.RUNNING
         if isinstance(verified, Refusal):
             return self.fail(verified)
+        goal.localize(self.context.status, settings)
         position_error_m, near_m, heading_rad = self._errors()
         if position_error_m > near_m or heading_rad > HEADING_TOLERANCE_RAD:
             progress.attempts += 1
-            relative = not isinstance(goal.command.request, MoveTo | FollowPath)
+            relative = not isinstance(request, MoveTo | FollowPath)
             if not relative and progress.attempts < MAX_ATTEMPTS:
                 return Status.FAILURE
             text = f"off target by {position_error_m:.3f} m and {heading_rad:.3f} rad"
@@ -444,7 +464,8 @@ class FinishLeg(_MotionLeaf):
                 Figure("duration", took_s, "s"),
                 Figure("position error", position_error_m, "m"),
                 Figure("heading error", heading_rad, "rad"),
-                *self._pose_figures,
+                *self.context.status.pose_figures,
+                *goal.map_figures(self.context.status),
                 *verified.figures,
             ),
         )
@@ -452,13 +473,12 @@ class FinishLeg(_MotionLeaf):
 
     def _uncertain(self) -> Refusal | None:
         """Return a refusal if the pose has become too uncertain for the step's target, or None."""
-        context, goal, request = self.context, self.goal, self.goal.command.request
-        if not isinstance(request, MoveTo | FollowPath | RotateTo):
+        status, goal, request = self.context.status, self.goal, self.goal.command.request
+        if not is_absolute(request):
             return None
-        uncertainty = context.status.uncertainty
-        distance_m = goal.origin.point.distance_m(context.status.pose.point)
-        position_m = 0.0 if isinstance(request, RotateTo) else uncertainty.position_m
-        return check_target(distance_m, position_m, uncertainty, context.settings)
+        distance_m = goal.origin.point.distance_m(status.pose.point)
+        position_m = 0.0 if isinstance(request, RotateTo) else status.uncertainty.position_m
+        return check_target(distance_m, position_m, status.uncertainty, self.context.settings)
 
     def _errors(self) -> tuple[float, float, float]:
         """Return the distance from the target, its tolerance, and the heading error.
@@ -529,7 +549,7 @@ class HoldVelocity(_MotionLeaf):
             return Status.RUNNING
         if isinstance(verified, Refusal):
             return self.fail(verified)
-        figures = (*self._pose_figures, *verified.figures)
+        figures = (*self.context.status.pose_figures, *verified.figures)
         text = (
             f"velocity held for its time, {self._evidence_sources}{self._from_where(self._start)}"
         )
@@ -572,3 +592,9 @@ class HoldVelocity(_MotionLeaf):
                 Figure("position bound", off_bound_m, "m"),
             ),
         )
+
+
+WHOLE_MOTIONS: Final[tuple[tuple[str, type, str, type[_MotionLeaf]], ...]] = (
+    ("velocity", DriveFor, "hold velocity", HoldVelocity),
+)
+"""Motions of one leaf, without legs: name, request, name of the leaf, leaf."""

@@ -1,4 +1,4 @@
-"""The tree of a plan: the nodes of BehaviorTree.CPP v4 that plans may have, by py_trees.
+"""`PlanTree`: the py_trees tree of a plan, with the nodes of BehaviorTree.CPP v4 that it may have.
 
 Its leaves command nothing themselves: they poll the `PlanExecution`, which knows the completed
 steps. A node that is halted while it runs halts its running descendants.
@@ -59,14 +59,14 @@ class CommandLeaf(ContainedNode):
     """A leaf: waits up to its deadline for the end of its command, which its message names."""
 
     def __init__(self, step: PlanStep, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
-        super().__init__(step.place.name)
+        super().__init__(step.location.name)
         self._step = step
         self._execution = execution
         self._cycles = cycles
 
     def initialise(self) -> None:
         """Store the cycle of each loop around it, and the start time."""
-        self._key = step_key(self._step.place, [cycle.now for cycle in self._cycles])
+        self._key = step_key(self._step.location, [cycle.now for cycle in self._cycles])
         self._began_s = self._execution.clock.now_s()
 
     def update(self) -> Status:
@@ -93,7 +93,7 @@ class LoopDecorator(Decorator):
     def __init__(
         self, loop: LoopNode, child: Behaviour, execution: PlanExecution, cycle: Cycle
     ) -> None:
-        super().__init__(loop.place.name, child)
+        super().__init__(loop.location.name, child)
         self._execution = execution
         self._times = loop.times
         self._again = Status.SUCCESS if loop.repeat_on is RepeatOn.SUCCESS else Status.FAILURE
@@ -137,14 +137,14 @@ class TimeoutDecorator(Decorator):
         execution: PlanExecution,
         cycles: Sequence[Cycle],
     ) -> None:
-        super().__init__(limit.place.name, child)
+        super().__init__(limit.location.name, child)
         self._limit = limit
         self._execution = execution
         self._cycles = cycles
 
     def initialise(self) -> None:
         """Start the time limit."""
-        self._key = step_key(self._limit.place, [cycle.now for cycle in self._cycles])
+        self._key = step_key(self._limit.location, [cycle.now for cycle in self._cycles])
         self._until_s = self._execution.clock.now_s() + self._limit.duration_s
 
     def tick(self) -> Iterator[Behaviour]:
@@ -171,7 +171,7 @@ class ParallelBranch(composites.Composite):
     """`Parallel`: ticks all children that have not ended, until enough have."""
 
     def __init__(self, parallel: ParallelNode, children: Sequence[Behaviour]) -> None:
-        super().__init__(parallel.place.name, list(children))
+        super().__init__(parallel.location.name, list(children))
         self._parallel = parallel
 
     def tick(self) -> Iterator[Behaviour]:
@@ -226,7 +226,7 @@ def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -
             return CommandLeaf(node, execution, cycles)
         case SequenceNode() | FallbackNode():
             kind = composites.Sequence if isinstance(node, SequenceNode) else composites.Selector
-            return kind(node.place.name, memory=True, children=below(node.children))
+            return kind(node.location.name, memory=True, children=below(node.children))
         case ParallelNode():
             return ParallelBranch(node, below(node.children))
         case LoopNode(_, _, _, child):

@@ -1,4 +1,4 @@
-"""The static tree of a rover: priority stop over safety over work over idle."""
+"""`RoverTree`: the static behaviour tree of a rover: stop, then safety, then work, then idle."""
 
 from math import floor
 from pathlib import Path
@@ -11,19 +11,19 @@ from py_trees.composites import Parallel, Selector, Sequence
 from executive.commands import (
     CameraPointing,
     DeleteFile,
-    DriveFor,
     ExecuteAction,
     InstantCommand,
     MoveFile,
-    Place,
     TakePicture,
+    TargetCommand,
 )
 from executive.commands.actions import perform
 from executive.core.runner import Executive
+from executive.faults import summary
 from executive.goals import Context, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
-from executive.safety import FaultMonitor, summary, unmonitored
+from executive.safety import FaultMonitor, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, join_sources
 from executive.state import Status as AssetStatus
@@ -32,9 +32,9 @@ from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Idle, Leaf, TakeGoal
-from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
+from trees.motion import WHOLE_MOTIONS, Drive, FinishLeg, PlanLeg, Turn
 from trees.plan import PlanTree
-from trees.snapshot import NodeKind, TreeNodeSnapshot, TreeSnapshot, nodes
+from trees.snapshot import FaultSnapshot, NodeKind, TreeNodeSnapshot, TreeSnapshot, nodes
 from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfirmed
 
 ALMOST_S: Final = 1e-6
@@ -129,7 +129,7 @@ INSTANT_DEADLINE_S: Final = 5.0
 class RunInstantCommand(GoalLeaf):
     """Executes an instant command, and ends the goal."""
 
-    timeout_reason = Reason.ERRAND_FAILED
+    timeout_reason = Reason.INSTANT_COMMAND_FAILED
     timeout_text = "not done"
 
     def begin(self) -> float:
@@ -141,7 +141,7 @@ class RunInstantCommand(GoalLeaf):
         try:
             refusal = self._do()
         except OSError as error:
-            refusal = Refusal(Reason.ERRAND_FAILED, f"command failed: {error.strerror}")
+            refusal = Refusal(Reason.INSTANT_COMMAND_FAILED, f"command failed: {error.strerror}")
         if refusal is not None:
             return self.fail(refusal)
         self.queue.complete_active()
@@ -219,7 +219,10 @@ def snapshot_of(executive: Executive, utc_s: float) -> TreeSnapshot:
         mode=executive.mode.name,
         why=executive.why,
         nodes=tree.nodes(),
-        faults=tuple(map(str, executive.safety.active)),
+        faults=tuple(
+            FaultSnapshot(each.name, each.severity, each.refusal.text)
+            for each in executive.safety.active
+        ),
         unmonitored=summary(unmonitored(executive.settings, executive.safety.history)),
         active=executive.active_command,
     )
@@ -268,11 +271,10 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
-        _sequence("go", TakeGoal("take place", goals, Place, waits), leg),
-        _sequence(
-            "velocity",
-            TakeGoal("take velocity", goals, DriveFor, waits),
-            HoldVelocity("hold velocity", context),
+        _sequence("go", TakeGoal("take place", goals, TargetCommand, waits), leg),
+        *(
+            _sequence(name, TakeGoal(f"take {name}", goals, kind, waits), leaf(title, context))
+            for name, kind, title, leaf in WHOLE_MOTIONS
         ),
         Idle("no motion"),
     )

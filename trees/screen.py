@@ -1,4 +1,4 @@
-"""Displays a tree snapshot in the terminal, below its mode, reason and faults."""
+"""`Screen` displays snapshots of the tree in the terminal, below mode, reason and faults."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -74,7 +74,7 @@ def render(
         height: available lines; if they are too few, idle and failed branches are collapsed.
         notes: notes printed after nodes, by their paths.
     """
-    nodes, lines = snapshot.nodes, list(snapshot.faults)
+    nodes, lines = snapshot.nodes, list(map(str, snapshot.faults))
     if snapshot.unmonitored:
         lines.append(f"not monitored: {snapshot.unmonitored}")
     if height is not None and len(nodes) + len(lines) + _HEAD_LINES >= height:

@@ -1,4 +1,4 @@
-"""Snapshot of the tree as values, and its drawings as text, Mermaid or SVG."""
+"""`TreeSnapshot`: the behaviour tree as values; its drawings as text, Mermaid or SVG."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from executive.commands.intake import SOURCE_PREFIX
-from executive.values.reports import Identity
+from executive.values.reports import Identity, Severity
 from trees.leaf import Condition, TakeGoal
 from trees.plan import ParallelBranch
 
@@ -73,6 +73,18 @@ class TreeNodeSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class FaultSnapshot:
+    """A fault that is active, with its evidence as a text."""
+
+    name: str
+    severity: Severity
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.severity.name} {self.name}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
 class TreeSnapshot:
     """All nodes in depth-first order, with the executive's status.
 
@@ -80,7 +92,7 @@ class TreeSnapshot:
         tick: number of the last tick before the snapshot.
         utc_s: time of the snapshot, seconds since 1970-01-01 UTC.
         why: one line on the rover's motion and its reason.
-        faults: one line for each active fault.
+        faults: the active faults.
         unmonitored: one line on missing monitors.
         active: the active command.
     """
@@ -90,7 +102,7 @@ class TreeSnapshot:
     mode: str
     why: str
     nodes: tuple[TreeNodeSnapshot, ...]
-    faults: tuple[str, ...] = ()
+    faults: tuple[FaultSnapshot, ...] = ()
     unmonitored: str = ""
     active: Identity | None = None
 

@@ -1,4 +1,4 @@
-"""Confirmation of standstill by each source, at a stop and at the end of a motion."""
+"""Which sources of motion confirm standstill, for leaves at a stop and at the end of a motion."""
 
 from typing import Final
 
@@ -65,7 +65,8 @@ def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -
         return Refusal(Reason.STOP_DEADLINE, text, figures)
     over_ground, slid = context.safety.history.over_ground, context.safety.sliding
     if over_ground is not None:
-        text += f"; {', '.join(f'{each.name} {each.value:.2f} m/s' for each in over_ground.lost)}"
-        figures += over_ground.lost
-    reason = Reason.SLIDES if slid is None else slid.refusal.reason
+        lost = over_ground.lost_speeds
+        text += f"; {', '.join(f'{each.name} {each.value:.2f} m/s' for each in lost)}"
+        figures += lost
+    reason = Reason.SLIDE_AT_REST if slid is None else slid.refusal.reason
     return Refusal(reason, f"{text}. Check that the rover is stationary before resume", figures)

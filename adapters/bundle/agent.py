@@ -1,4 +1,4 @@
-"""Bundle agent: a node, its store and its links on an asyncio loop."""
+"""`BundleAgent`: a bundle node with its store and its links on an asyncio loop."""
 
 import asyncio
 import logging
@@ -76,21 +76,21 @@ class Health:
 
     Attributes:
         queued: bundles in the outbox.
-        oldest_s: time that the first of them has been there.
-        unread: units that wait for the application.
+        oldest_age_s: time that the first of them has been there.
+        undelivered: units that wait for the application.
         expired: bundles that expired here, counted over restarts.
         malformed: received transmissions that could not be decoded, since the start.
-        room_octets: free space of the store.
+        free_octets: free space of the store.
         full_text: text of the reason if the store is full, otherwise empty.
         refused: bundles rejected since the start: invalid signature, or a limit exceeded.
     """
 
     queued: int
-    oldest_s: float
-    unread: int
+    oldest_age_s: float
+    undelivered: int
     expired: int
     malformed: int
-    room_octets: int
+    free_octets: int
     full_text: str
     neighbours: tuple[NeighbourHealth, ...]
     refused: int = 0
@@ -270,7 +270,7 @@ class BundleAgent:
         """
         committed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-        def tell(failure: StoreError | None) -> None:
+        def on_commit(failure: StoreError | None) -> None:
             if committed.done():
                 return
             if failure is None:
@@ -278,7 +278,7 @@ class BundleAgent:
             else:
                 committed.set_exception(failure)
 
-        self._opened.node.transaction.on_commit(tell)
+        self._opened.node.transaction.on_commit(on_commit)
         self._wake()
         await committed
 
@@ -326,7 +326,7 @@ class BundleAgent:
             self._arrived.set()
             raise
         for delivery in deliveries:
-            node.delivered(delivery)
+            node.mark_delivered(delivery)
         self._wake()
 
     async def close(self) -> None:
@@ -379,12 +379,12 @@ class BundleAgent:
         )
         return Health(
             queued=node.outbox.depth(),
-            oldest_s=max(0.0, max_age_s),
-            unread=node.inbox.depth(),
+            oldest_age_s=max(0.0, max_age_s),
+            undelivered=node.inbox.depth(),
             expired=node.expired,
             malformed=node.receiving.malformed
             + sum(endpoint.malformed for endpoint in session.endpoints.values()),
-            room_octets=database.free_octets,
+            free_octets=database.free_octets,
             full_text=str(database.full_error()) if database.full else "",
             neighbours=tuple(
                 self._neighbour_health(neighbour.node) for neighbour in self._settings.neighbours

@@ -1,4 +1,4 @@
-"""Command `rover bundle`: keys that sign bundles."""
+"""The command `rover bundle`: `rover bundle key` generates a key that signs bundles."""
 
 from pathlib import Path
 
@@ -38,6 +38,6 @@ def key(file: Path) -> None:
     name = click.format_filename(file)
     try:
         make_key(file)
-    except OSError as fault:
-        raise _InvalidFileError(f"{name}: {fault.strerror}") from fault
+    except OSError as error:
+        raise _InvalidFileError(f"{name}: {error.strerror}") from error
     click.echo(f"{name}: {KEY_OCTETS} octets")

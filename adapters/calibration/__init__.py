@@ -1,13 +1,13 @@
-"""Calibration of a rover's response to commands, fitted to a recorded drive.
+"""Calibration: fits a rover's response to commands to a recorded drive, for its settings.
 
-    settings ─> pattern ─> a plan, driven and recorded ─> drive_log ─> fit ─> asset_file ─> YAML
+    settings ─> pattern ─> a plan, driven and recorded ─> drive_log ─> fit ─> figures of the YAML
 
 The models are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (the extra `sim`).
 docs/controllers.md shows its use.
 """
 
-from adapters.calibration.asset_file import with_figures as with_figures
 from adapters.calibration.drive_log import DriveLog as DriveLog
+from adapters.calibration.drive_log import drive_of as drive_of
 from adapters.calibration.drive_log import read_drive as read_drive
 from adapters.calibration.fit import Calibration as Calibration
 from adapters.calibration.fit import CalibrationError as CalibrationError

@@ -1,5 +1,6 @@
-"""A drive read from a recording: commands, odometry, and the rover's true pose."""
+"""`read_drive` reads a recording or a bag: commands, odometry, wheels, the rover's true pose."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,10 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapters.recording import RecordingError, RunReader
-from executive.core.recording import Called, Drove, Halted, Life, Observed, Truth
+from executive.core.recording import (
+    CoreCalled,
+    FactObserved,
+    HaltCommanded,
+    ProcessStart,
+    Truth,
+    VelocityCommanded,
+)
 from executive.settings import Settings
 from executive.values.facts import Joints, Odometry, SecondOdometry
-from executive.values.geometry import Pose
+from executive.values.geometry import STANDING, Pose, Velocity
 
 Series = NDArray[np.float64]
 
@@ -72,13 +80,25 @@ def read_drive(path: Path) -> DriveLog:
     """
     recording, drive = RunReader(path), _DriveLogReader()
     for message in recording.messages():
-        drive.take(recording.decoded(message))
+        drive.add_item(recording.decoded(message))
+    return drive.log(path)
+
+
+def drive_of(settings: Settings, arrived: Iterable[tuple[float, Any]], path: Path) -> DriveLog:
+    """Return the drive in velocity commands (`Velocity`) and facts with their times of arrival, s.
+
+    Raises:
+        RecordingError: there is no drive; `path` names their file.
+    """
+    drive = _DriveLogReader(settings)
+    for at_s, each in arrived:
+        drive.add(at_s, each)
     return drive.log(path)
 
 
 class _DriveLogReader:
-    def __init__(self) -> None:
-        self._settings: Settings | None = None
+    def __init__(self, settings: Settings | None = None) -> None:
+        self._settings = settings
         self._begin()
 
     def _begin(self) -> None:
@@ -89,34 +109,42 @@ class _DriveLogReader:
         self._second: list[tuple[float, Pose]] = []
         self._truth: list[tuple[float, Pose]] = []
 
-    def take(self, item: Any) -> None:
+    def add_item(self, item: Any) -> None:
         match item:
-            case Life():
+            case ProcessStart():
                 self._settings = item.settings
                 self._begin()
-            case Called():
+            case CoreCalled():
                 self._now_s = item.now_s
-            case Observed(now_s=now_s, fact=fact):
+            case FactObserved(now_s=now_s, fact=fact):
                 self._now_s = now_s
-                match fact:
-                    case Odometry():
-                        self._odometry.append((now_s, fact))
-                    case SecondOdometry():
-                        self._second.append((fact.stamp_s, fact.pose))
-                    case Joints():
-                        self._joints.append(fact)
-                    case _:
-                        pass
-            case Drove(velocity=velocity):
-                self._drove.append((self._now_s, velocity.travel_mps, velocity.rotate_radps))
-            case Halted():
-                self._drove.append((self._now_s, 0.0, 0.0))
+                self.add(now_s, fact)
+            case VelocityCommanded(velocity=velocity):
+                self.add(self._now_s, velocity)
+            case HaltCommanded():
+                self.add(self._now_s, STANDING)
             case Truth():
                 self._truth.append((item.time_s, item.pose))
             case _:
                 pass
 
+    def add(self, now_s: float, arrived: Any) -> None:
+        match arrived:
+            case Odometry():
+                self._odometry.append((now_s, arrived))
+            case SecondOdometry():
+                self._second.append((arrived.stamp_s, arrived.pose))
+            case Joints():
+                self._joints.append(arrived)
+            case Velocity():
+                self._drove.append((now_s, arrived.travel_mps, arrived.rotate_radps))
+            case _:
+                pass
+
     def log(self, path: Path) -> DriveLog:
+        # Drivers repeat stamps, and send late messages in another order.
+        by_stamp = {fact.stamp_s: (now_s, fact) for now_s, fact in self._odometry}
+        self._odometry = [by_stamp[stamp_s] for stamp_s in sorted(by_stamp)]
         if self._settings is None or not self._drove or len(self._odometry) < 2:
             raise RecordingError(f"{path}: has no drive of a velocity-controlled rover")
         stamps_s = np.array([fact.stamp_s for _, fact in self._odometry])

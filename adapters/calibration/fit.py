@@ -1,4 +1,4 @@
-"""Fits `mpc` and `sensors.joints` of an asset's settings to a drive of the rover.
+"""`calibrate` fits `turn_drive`, `mpc` and `sensors.joints` of an asset's settings to a drive.
 
 Least squares throughout: latency and rotation from the commands, slip from the true path, track
 from the wheels in spins. Figures that the drive does not determine stay near the settings, by a
@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from adapters.calibration.drive_log import CommandSeries, DriveLog, PoseSeries, Series
-from executive.settings import SlipSettings, YawResponse
+from executive.settings import Settings, SlipSettings, YawResponse
 
 GRID_S: Final = 0.01
 """Time step of the model's integration."""
@@ -24,15 +24,18 @@ REGULARIZATION: Final = 0.01
 _SETTLED: Final = ("offset_m", "gain_m")
 """Terms of the slip model that odometry with slip compensation uses."""
 MAX_LAG_S: Final = 0.3
+MAX_DELAY_S: Final = 0.5
 TURNING_RADPS: Final = 0.2
 SPINNING_MPS: Final = 0.05
+MAX_UNEXPLAINED_RATIO: Final = 0.7
+"""Maximum residual rate of turn relative to the rate itself: half of its mean square. Chosen."""
 WINDOW_S: Final = 0.5
 """Window of the comparison between wheels and rotation."""
 DIGITS: Final = 3
 
 
 class CalibrationError(Exception):
-    """A drive is too short; the text gives its distance and rotation."""
+    """A drive is too short, or does not follow its commands; the text gives the figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +82,11 @@ class Calibration:
 def calibrate(log: DriveLog) -> Calibration:
     """Return the figures of the settings, fitted to a drive under these settings.
 
-    The slip of the rover is fitted only with a true path; the slip model of its odometry is
-    always fitted.
+    The slip of the rover is fitted only with a true path, that in its odometry always. Without a
+    path or a key `odometry_slip` the two are taken to be the same.
 
     Raises:
-        CalibrationError: the drive is too short.
+        CalibrationError: the drive is too short, or does not follow its commands.
     """
     turned_rad = float(np.sum(np.abs(np.diff(log.odometry.heading_rad))))
     driven_m = float(np.sum(np.hypot(np.diff(log.odometry.x_m), np.diff(log.odometry.y_m))))
@@ -94,28 +97,41 @@ def calibrate(log: DriveLog) -> Calibration:
             " `rover calibrate --plan` prints a pattern"
         )
     mpc = log.settings.mpc
-    figures, residuals = _fit_response(log)
+    response = _Response(log)
+    figures, residuals = _fit_response(log, response)
     known, known_residual, _ = _slip(
         log, log.odometry, mpc.odometry_slip or SlipSettings(), settled=True
     )
-    parts: list[tuple[str, SlipSettings | None, SlipSettings]] = [
-        ("odometry_slip", mpc.odometry_slip, known)
+    parts: list[tuple[str, tuple[str, ...], SlipSettings | None, SlipSettings]] = [
+        ("odometry_slip", _SETTLED, mpc.odometry_slip, known)
     ]
     residuals.append(replace(known_residual, name="odometry's own slip model"))
     scale = None
     if log.reference is not None:
         slip, residual, scale = _slip(log, log.reference, mpc.slip)
-        parts.insert(0, ("slip", mpc.slip, slip))
+        parts.insert(0, ("slip", tuple(each.name for each in fields(slip)), mpc.slip, slip))
         residuals.append(residual)
-    for name, before, after in parts:
-        fitted = (
-            _SETTLED
-            if name == "odometry_slip"
-            else tuple(each.name for each in fields(SlipSettings))
-        )
-        figures += _differences(f"mpc.{name}", fitted, before, after)
+    elif mpc.odometry_slip is None:
+        # The best assumption: the slip is that in the odometry, which needs no correction then.
+        parts = [("slip", _SETTLED, mpc.slip, known)]
+    for name, names, before, after in parts:
+        figures += _differences(f"mpc.{name}", names, before, after)
     figures += _track(log)
+    figures = _turn_drive(log.settings, response.latency_s(), known.offset_m) + figures
     return Calibration(tuple(figures), tuple(residuals), scale)
+
+
+def _turn_drive(settings: Settings, latency_s: float, offset_m: float) -> list[Fitted]:
+    """Return the figures of turn-then-drive, to the millisecond and millimetre.
+
+    It steers by the odometry, and so turns about the point that stays in place by the odometry.
+    """
+    law, latency_s = settings.turn_drive, latency_s + settings.mpc.odometry_age_s
+    figures = [Fitted("turn_drive.latency_s", law.latency_s, round(latency_s, 3))]
+    if settings.drive.min_turning_radius_m is None:  # a car does not turn on the spot
+        point_m = round(offset_m, 3)
+        figures.append(Fitted("turn_drive.control_point_m", law.control_point_m, point_m))
+    return figures
 
 
 def _differences(
@@ -149,7 +165,7 @@ def _ramps(commands: CommandSeries, tick_s: float) -> tuple[Series, Series, Seri
     return np.maximum.accumulate(times_s), knots(commands.travel_mps), knots(commands.rotate_radps)
 
 
-def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
+def _low_pass(signal: Series, step_s: float, lag_s: float) -> Series:
     """Return a signal after a first-order lag with a time constant."""
     from scipy.signal import lfilter  # slow to import, as is scipy.optimize
 
@@ -171,7 +187,7 @@ def _true_rotation(yaw: YawResponse, travel: Series, rotate: Series) -> Series:
     )
     late = rotate * np.abs(rotate) * of_turning - yaw.load * travel_mps2 * rotate
     at_once = yaw.gain * rotate - yaw.drag_radps * np.tanh(rotate / yaw.drag_at_radps)
-    rotation: Series = at_once + _lagging(late, GRID_S, yaw.lag_s)
+    rotation: Series = at_once + _low_pass(late, GRID_S, yaw.lag_s)
     return rotation
 
 
@@ -181,28 +197,66 @@ _SCALE: Final = 0.1
 """Scale of the differences between rovers in the figures of rotation. Chosen, not measured."""
 
 
-def _fit_response(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
-    """Return latency and response to velocities."""
-    settings, odometry = log.settings, log.odometry
-    grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
-    times_s, travel_mps, rotate_radps = _ramps(log.commands, settings.tick_s)
-    passed_s = np.diff(odometry.time_s)
-    turned = np.diff(odometry.heading_rad) / passed_s
-    midway = (odometry.heading_rad[1:] + odometry.heading_rad[:-1]) / 2
-    driven = np.diff(odometry.x_m) * np.cos(midway) + np.diff(odometry.y_m) * np.sin(midway)
-    before = settings.mpc
+class _Response:
+    """Commands, and the mean rates between successive poses of the odometry.
 
-    def mean(rate: Series) -> Series:
-        """Return the mean of a rate between successive odometry poses."""
+    Attributes:
+        turned, driven: mean rate of turn and mean speed between two poses.
+    """
+
+    def __init__(self, log: DriveLog) -> None:
+        odometry = log.odometry
+        self._times_s = odometry.time_s
+        self._grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
+        self._at_s, *self._commands = _ramps(log.commands, log.settings.tick_s)
+        self._passed_s = np.diff(odometry.time_s)
+        self.turned = np.diff(odometry.heading_rad) / self._passed_s
+        midway = (odometry.heading_rad[1:] + odometry.heading_rad[:-1]) / 2
+        dx, dy = np.diff(odometry.x_m), np.diff(odometry.y_m)
+        self.driven = (dx * np.cos(midway) + dy * np.sin(midway)) / self._passed_s
+
+    def commanded(self, delay_s: float) -> tuple[Series, Series]:
+        """Return commanded travel and rotation on the grid, later by a delay."""
+        at_s = self._grid_s - delay_s
+        travel, rotate = (np.interp(at_s, self._at_s, each) for each in self._commands)
+        return travel, rotate
+
+    def mean(self, rate: Series) -> Series:
+        """Return the mean of a rate on the grid between two poses."""
         path = np.cumsum(rate) * GRID_S
-        means: Series = np.diff(np.interp(odometry.time_s, grid_s + GRID_S / 2, path)) / passed_s
-        return means
+        means: Series = np.diff(np.interp(self._times_s, self._grid_s + GRID_S / 2, path))
+        return means / self._passed_s
+
+    def latency_s(self) -> float:
+        """Return dead time and lag together, with any steady ratios of speeds to commands.
+
+        Turns count on the spot alone: in arcs, tyres have lags of their own.
+        """
+        spins = np.abs(self.driven) < SPINNING_MPS
+
+        def residuals(figures: Series) -> Series:
+            delay_s, lag_s, ahead, turn = figures
+            travel, rotate = (
+                self.mean(_low_pass(each, GRID_S, lag_s)) for each in self.commanded(delay_s)
+            )
+            driven = (self.driven - ahead * travel) / _rms(self.driven)
+            turned = (self.turned - turn * rotate) / _rms(self.turned)
+            return np.concatenate([driven, turned[spins]])
+
+        from scipy.optimize import least_squares
+
+        bounds = ([0.0, 0.0, 0.1, 0.1], [MAX_DELAY_S, MAX_DELAY_S, 3.0, 3.0])
+        delay_s, lag_s, *_ = least_squares(residuals, [0.05, 0.05, 1.0, 1.0], bounds=bounds).x
+        return float(delay_s + lag_s)
+
+
+def _fit_response(log: DriveLog, response: _Response) -> tuple[list[Fitted], list[Residual]]:
+    """Return latency and response to velocities."""
+    before, turned, mean = log.settings.mpc, response.turned, response.mean
 
     def apart(delay_s: float, yaw: YawResponse) -> tuple[Series, Series]:
-        at_s = grid_s - delay_s
-        travel, rotate = (np.interp(at_s, times_s, each) for each in (travel_mps, rotate_radps))
-        rotation = _true_rotation(yaw, travel, rotate)
-        return turned - mean(rotation), driven / passed_s - mean(travel)
+        travel, rotate = response.commanded(delay_s)
+        return turned - mean(_true_rotation(yaw, travel, rotate)), response.driven - mean(travel)
 
     start = np.array([before.command_delay_s, *(getattr(before.yaw, n) for n in _FITTED)])
     scales = np.array([_DELAY_SCALE_S, *(_SCALE for _ in _FITTED)])
@@ -221,7 +275,7 @@ def _fit_response(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     lower = np.full(len(start), -np.inf)
     upper = np.full(len(start), np.inf)
     for at, (low, high) in {
-        0: (0.0, 0.5),
+        0: (0.0, MAX_DELAY_S),
         1: (0.1, 3.0),
         1 + _FITTED.index("lag_s"): (0.02, 1.0),
     }.items():
@@ -232,6 +286,12 @@ def _fit_response(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     figures = start + found.x * scales
     delay_s, yaw = _rounded(figures[0]), yaw_of(figures)
     old, new = apart(before.command_delay_s, before.yaw), apart(delay_s, yaw)
+    if _rms(new[0]) > MAX_UNEXPLAINED_RATIO * _rms(turned):
+        raise CalibrationError(
+            f"the rover did not follow these commands: {_rms(new[0]):.2g} of the {_rms(turned):.2g}"
+            " rad/s that it turned (rms) remain without a cause; are they those that its base"
+            " received?"
+        )
     units = (("rate of turn", "rad/s"), ("speed", "m/s"))
     differences = [
         Residual(name, unit, _rms(then), _rms(now))
@@ -320,14 +380,14 @@ class _Columns:
         terms = (
             (travel, none),
             (none, -rotate),
-            (none, -_lagging(root * rotate, step_s, lag_s)),
-            (none, _lagging(gained * rotate, step_s, lag_s)),
-            (-_lagging(gained * np.abs(rotate), step_s, lag_s), none),
+            (none, -_low_pass(root * rotate, step_s, lag_s)),
+            (none, _low_pass(gained * rotate, step_s, lag_s)),
+            (-_low_pass(gained * np.abs(rotate), step_s, lag_s), none),
         )
-        columns = [np.concatenate(self._led(ahead, left)) for ahead, left in terms]
+        columns = [np.concatenate(self._displacement(ahead, left)) for ahead, left in terms]
         return np.array(columns).T, np.concatenate(self._in_body(*self._moved))
 
-    def _led(self, ahead_mps: Series, left_mps: Series) -> tuple[Series, Series]:
+    def _displacement(self, ahead_mps: Series, left_mps: Series) -> tuple[Series, Series]:
         """Return the displacement by body velocities between two poses."""
         before = np.roll(self._heading, 1)
         before[0] = self._heading[0]
@@ -355,7 +415,7 @@ def _track(log: DriveLog) -> list[Fitted]:
     at_s = np.arange(wheels.time_s[0], wheels.time_s[-1], WINDOW_S)
     rolled = np.diff(np.interp(at_s, wheels.time_s, distances))
     turned = np.diff(np.interp(at_s, log.odometry.time_s, log.odometry.heading_rad))
-    travel = np.abs(np.diff(np.interp(at_s, log.odometry.time_s, _summed(log)))) / WINDOW_S
+    travel = np.abs(np.diff(np.interp(at_s, log.odometry.time_s, _travelled_m(log)))) / WINDOW_S
     spins = (np.abs(turned) > TURNING_RADPS * WINDOW_S) & (travel < SPINNING_MPS)
     if not spins.any():
         return []
@@ -363,7 +423,7 @@ def _track(log: DriveLog) -> list[Fitted]:
     return [Fitted("sensors.joints.track_m", joints.track_m, _rounded(track_m))]
 
 
-def _summed(log: DriveLog) -> Series:
+def _travelled_m(log: DriveLog) -> Series:
     """Return the distance driven so far, from the speed of the odometry, without sign."""
     steps_s = np.diff(log.odometry.time_s, prepend=log.odometry.time_s[0])
     distances: Series = np.cumsum(np.abs(log.travel_mps) * steps_s)

@@ -1,4 +1,4 @@
-"""Calibration drive: a plan of velocities that are held one after the other."""
+"""`plan_xml`: the calibration drive as a plan of velocities that are held one after the other."""
 
 from typing import Final
 from xml.etree import ElementTree

@@ -1,4 +1,4 @@
-"""`rover bag`: converts a recording for the tools of ROS."""
+"""The command `rover bag`: converts a recording to a rosbag2 folder, for the tools of ROS."""
 
 from pathlib import Path
 

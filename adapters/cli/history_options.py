@@ -1,4 +1,4 @@
-"""Shared by `rover log` and `rover why`: source of the history, and format of its times."""
+"""Shared by `rover log` and `rover why`: reads the history from a file or by MRS, formats times."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -78,8 +78,6 @@ async def query_history(
 
 async def _of_reports(client: "MrsClient", number: int | None) -> RunHistory:
     """Return a history of reports only, of all commands with a number or of all."""
-    from adapters.mrs.spec import report_of
-
-    found = map(report_of, await client.get_all_notifications(command_id=number))
-    reports = sorted(found, key=lambda each: each.sequence)
+    found = await client.get_all_notifications(command_id=number)
+    reports = sorted((each.report for each in found), key=lambda each: each.sequence)
     return RunHistory(reports[-1].utc_s if reports else 0.0, tuple(reports))

@@ -1,4 +1,4 @@
-"""`rover log`: history of commands and events."""
+"""The command `rover log`: lists commands and events of a rover, or of a recording."""
 
 import sys
 from dataclasses import replace
@@ -121,8 +121,6 @@ async def _query(
     printer: _Printer,
     follow: bool,
 ) -> None:
-    from adapters.mrs.spec import report_of
-
     async with await connect(to) as client:
         stream = client.notifications()
         history = await query_history(client, wanted.command, everything=wanted.command is None)
@@ -138,21 +136,19 @@ async def _query(
         known = {each.sequence for each in history.reports if each.sequence}
         while follow:
             sys.stdout.flush()
-            report = report_of(await anext(stream))
+            report = (await anext(stream)).report
             if report.sequence not in known and wanted.matches(report):
                 printer.list(report)
 
 
 async def _with_older(client: "MrsClient", history: RunHistory, since_utc_s: float) -> RunHistory:
     """Return a history with older reports from the rover, back to a UTC time."""
-    from adapters.mrs.spec import report_of
-
     reports = list(history.reports)
     while reports and reports[0].utc_s > since_utc_s and reports[0].sequence > 1:
         first = reports[0].sequence
         since = max(1, first - PAGE)
         page = await client.get_notifications(since, None, first - since)
-        older = [report_of(each) for each in page if each.sequence < first]
+        older = [each.report for each in page if each.report.sequence < first]
         if not older:
             break
         reports[:0] = older

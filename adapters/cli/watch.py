@@ -1,4 +1,4 @@
-"""`rover watch`: behaviour tree of a running executive, over ROS or MRS, or of a recorded run."""
+"""The command `rover watch`: an executive's behaviour tree, over ROS or MRS, or of a recording."""
 
 import sys
 from pathlib import Path
@@ -125,8 +125,7 @@ async def _watch_by_mrs(to: RoverTarget, once: bool) -> None:
 
 
 def _watch_file(recording: Path, at: str | None, page: Path | None) -> None:
-    from adapters.cli.watch_file import browse, show_moment
-    from adapters.cli.watch_page import write_page
+    from adapters.cli.watch_file import browse, show_moment, write_page
     from adapters.recording import RecordingError
 
     try:

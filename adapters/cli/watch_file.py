@@ -1,15 +1,18 @@
-"""Shows a recorded run in the terminal: one tick, or all by keys."""
+"""`rover watch FILE`: a recorded run as one tick, as all ticks by keys, or as an HTML page."""
 
+import json
+from importlib.resources import files
 from math import degrees
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import click
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from adapters.recording import Moment, RecordedMoments
-from trees import DisplayStatus
+from executive.values.reports import Report
+from trees import COLOURS, DisplayStatus, branches, display_statuses, line
 from trees.screen import STYLES, render
 
 KEYS: Final = "→ ← a tick   ↓ ↑ a report   > < a second   g G the ends   q ends"
@@ -19,6 +22,9 @@ _EVENTS: Final = {"\x1b[B": 1, "\x1b[A": -1, "j": 1, "k": -1}
 _SECONDS: Final = {">": 1.0, "<": -1.0}
 _MAX_COMMANDS_SHOWN: Final = 6
 """Maximum commands shown: the last ones."""
+Row = tuple[str, str, str, float | None]
+"""A row of a tree: branch, node, display style, start of its status in s."""
+_Value = TypeVar("_Value")
 
 
 def show_moment(path: Path, at: str) -> None:
@@ -95,3 +101,63 @@ def _shown(recorded: RecordedMoments, moment: Moment, height: int | None) -> Ren
     ]
     tree = render(recorded.asset, moment.snapshot, height, notes)
     return Group(*lines, Text(), tree, Text(_SIGNS, "dim"))
+
+
+def write_page(recording: Path, page: Path) -> None:
+    """Write the HTML page of a recording.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording.
+        OSError: the page cannot be written.
+    """
+    recorded = RecordedMoments(recording)
+    trees: list[list[Row]] = []
+    commands: list[list[tuple[str, ...]]] = []
+    moments = []
+    for moment in recorded.moments:
+        pose = moment.pose
+        moments.append(
+            {
+                "time_s": round(moment.time_s, 3),
+                "mode": moment.snapshot.mode,
+                "why": moment.snapshot.why,
+                "pose": pose and [round(x, 3) for x in (pose.x_m, pose.y_m, pose.heading_rad)],
+                "tree": _retained_rows(trees, _rows(moment)),
+                "commands": _retained_rows(
+                    commands, [_report_cells(each) for each in moment.commands]
+                ),
+                "reports": [_report_cells(each) for each in moment.reports],
+            }
+        )
+    run = {
+        "title": f"{recorded.asset}: {recording.absolute().parent.name}/{recording.name}",
+        "colours": {display.value: edge for display, (_, edge) in COLOURS.items()},
+        "trees": trees,
+        "commands": commands,
+        "moments": moments,
+    }
+    text = json.dumps(run, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    frame = files("adapters.cli").joinpath("watch_page.html").read_text(encoding="utf-8")
+    page.write_text(frame.replace("@RUN@", text), encoding="utf-8")
+
+
+def _retained_rows(known: list[_Value], value: _Value) -> int:
+    """Return the index of a value; successive equal values are stored once."""
+    if not known or known[-1] != value:
+        known.append(value)
+    return len(known) - 1
+
+
+def _rows(moment: Moment) -> list[Row]:
+    nodes = moment.snapshot.nodes
+    return [
+        (branch, line(node, display), display.value, moment.since_s.get(node.path))
+        for branch, node, display in zip(
+            branches(nodes), nodes, display_statuses(nodes), strict=True
+        )
+    ]
+
+
+def _report_cells(report: Report) -> tuple[str, ...]:
+    stage = report.stage.name if report.stage is not None else report.severity.name
+    return str(report.identity or ""), stage, report.text

@@ -1,4 +1,4 @@
-"""`rover why`: explains the result of a command, or the present standstill or motion."""
+"""The command `rover why`: explains a command's result, or the present standstill or motion."""
 
 from pathlib import Path
 
@@ -61,10 +61,10 @@ def why(
     elif at_s is not None:
         raise click.UsageError("--at needs --file RUN.mcap: a rover only explains the present")
     else:
-        run(_query(to, command, as_json))
+        run(_print_why(to, command, as_json))
 
 
-async def _query(to: RoverTarget, command: str | None, as_json: bool) -> None:
+async def _print_why(to: RoverTarget, command: str | None, as_json: bool) -> None:
     async with await connect(to) as client:
         history = await query_history(client, command)
     _print_explanation(_explained(history, command), date_and_time, as_json)

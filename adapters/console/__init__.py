@@ -1,4 +1,4 @@
-"""The operations console: operators monitor and command rovers in a browser."""
+"""The process `rover-console`: operators monitor and command rovers in a browser."""
 
 from typing import Final
 

@@ -1,40 +1,28 @@
-"""Life cycle of a command: state transitions by stages, and the merge of several consoles."""
+"""`apply_stage`: a command's state after a received stage; `merge` of what two consoles know."""
 
 from dataclasses import replace
 from typing import Final
 
 from adapters.console.messages import TERMINAL_STATES, CommandState, CommandStatus, StageEntry
+from executive.values.reports import Stage
 
 CONSOLE: Final = "console"
 ORBITER: Final = "orbiter"
 SENT: Final = "SENT"
-ACKNOWLEDGED: Final = "TAKEN"
-RECEIVED: Final = "RECEIVED"
-REJECTED: Final = "REJECTED"
+ACKNOWLEDGED: Final = "ACKNOWLEDGED"
+RECEIVED: Final = Stage.RECEIVED.name
+REJECTED: Final = Stage.REJECTED.name
 FORWARDED: Final = "FORWARDED"
-LOST: Final = "GIVEN_UP"
+LOST: Final = "LOST"
 UNKNOWN: Final = "UNKNOWN"
 PREDICTED: Final = "PREDICTED"
-_STATES: Final = {
-    RECEIVED: CommandState.RECEIVED,
-    "ACCEPTED": CommandState.ACCEPTED,
-    "STARTED": CommandState.STARTED,
-    "PROGRESS": CommandState.STARTED,
-    "EXECUTED": CommandState.EXECUTED,
-    REJECTED: CommandState.REJECTED,
-    "FAILED": CommandState.FAILED,
-    "CANCELLED": CommandState.CANCELLED,
-    "EXPIRED": CommandState.EXPIRED,
-    ACKNOWLEDGED: CommandState.ACKNOWLEDGED,
+_STATES: Final = {each.name: each for each in CommandState} | {
+    Stage.PROGRESS.name: CommandState.STARTED,
     FORWARDED: CommandState.ACKNOWLEDGED,
-    LOST: CommandState.LOST,
-    UNKNOWN: CommandState.UNKNOWN,
 }
 _ORDER: Final = list(CommandState)
-LIFECYCLE_STATES: Final = (
-    frozenset({CommandState.RECEIVED, CommandState.ACCEPTED, CommandState.STARTED})
-    | TERMINAL_STATES
-)
+LIFECYCLE_STATES: Final = frozenset(_STATES[stage.name] for stage in Stage)
+"""States that the rover itself reports."""
 
 
 def apply_stage(command: CommandStatus, reached: StageEntry) -> CommandStatus:
@@ -77,7 +65,7 @@ def merge(stored: CommandStatus, received: CommandStatus) -> CommandStatus:
         args=posted.args,
         by=posted.by,
         link=posted.link,
-        made=min(stored.made, received.made),
+        created=min(stored.created, received.created),
         state=CommandState.SENDING,
         ended=False,
         deadline=stored.deadline if received.deadline is None else received.deadline,

@@ -1,4 +1,4 @@
-"""Housekeeping of the console, as parameters of an asset that is no rover."""
+"""`ConsoleHousekeeping` publishes the console's own health figures as an asset that is no rover."""
 
 import asyncio
 from collections.abc import Callable
@@ -72,7 +72,7 @@ class ConsoleHousekeeping:
         return {
             "CONSOLE_PAGES": len(self._hub.pages),
             "CONSOLE_DROPPED": self._hub.dropped,
-            "CONSOLE_WAITING": self._archive.waiting,
+            "CONSOLE_QUEUED": self._archive.waiting,
             "CONSOLE_LOST": self._archive.lost,
             "CONSOLE_SAMPLES": (written - before) / passed_s if passed_s > 1.0 else None,
             **usage_figures(CONSOLE, self._usage.measure()),

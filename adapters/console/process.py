@@ -1,4 +1,4 @@
-"""`rover-console`: the ground process with which operators monitor and command rovers."""
+"""The process `rover-console`: its command line. `service` serves the pages."""
 
 import asyncio
 from pathlib import Path
@@ -82,14 +82,14 @@ def _addresses(
     " archive.sqlite in --data]",
 )
 @click.option(
-    "--keep-days",
+    "--max-days",
     type=click.FloatRange(min=0.0, min_open=True),
     default=30.0,
     show_default=True,
     help="Maximum age of archived data, in days.",
 )
 @click.option(
-    "--keep-mb",
+    "--max-mb",
     type=click.FloatRange(min=1.0),
     default=2000.0,
     show_default=True,
@@ -107,8 +107,8 @@ def main(
     recordings: tuple[Path, ...],
     data: Path | None,
     archive: str | None,
-    keep_days: float,
-    keep_mb: float,
+    max_days: float,
+    max_mb: float,
 ) -> None:
     """Serve the operations console until SIGINT or SIGTERM.
 
@@ -132,7 +132,7 @@ def main(
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
-    retention = RetentionPolicy(keep_days, keep_mb)
+    retention = RetentionPolicy(max_days, max_mb)
     folder = data or default_folder(FOLDER)
     options = ConsoleOptions(
         to, host, port, tokens, tls, folder, archive, retention, video, recordings

@@ -1,12 +1,13 @@
-"""Assembles the console and serves it until a signal."""
+"""`serve`, the body of `rover-console`: assembles archive, links and HTTP; runs until a signal."""
 
 import asyncio
 import shutil
 import ssl
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from http import HTTPStatus
 from itertools import chain
 from pathlib import Path
 from typing import Final
@@ -23,7 +24,7 @@ from adapters.console.archive import (
     run_retention,
 )
 from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
-from adapters.console.messages import Broadcast, LinkKind, Notified, Sample, TreeState
+from adapters.console.messages import Broadcast, LinkKind, NotificationMessage, Sample, TreeState
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
     AlarmRequests,
@@ -33,9 +34,9 @@ from adapters.console.requests import (
     ExportRequests,
     FileRequests,
     FileStore,
-    ObjectRequests,
     OperationRequests,
     PlanRequests,
+    SharedObjectRequests,
     Transfers,
     VideoRequests,
 )
@@ -47,9 +48,20 @@ from adapters.console.rovers import (
     OperatorAuthority,
     SharedCommands,
 )
-from adapters.console.server import Server
 from adapters.console.tasks import cancel_tasks, start_task
-from adapters.console.web import MAX_REPLAYED_COMMANDS, Access, Hub, SharedPresence, read_tokens
+from adapters.console.web import (
+    MAX_BODY_OCTETS,
+    MAX_REPLAYED_COMMANDS,
+    Access,
+    Handler,
+    Hub,
+    SharedPresence,
+    Sockets,
+    error_middleware,
+    json_response,
+    read_tokens,
+    refused,
+)
 from adapters.mal import CertificateError, address_to_listen, is_loopback
 from adapters.mrs.cli import RoverTarget
 from adapters.mrs.ground import CommandIdGenerator, parse_address
@@ -57,6 +69,9 @@ from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 from adapters.system import System
 
+STATIC: Final = Path(__file__).parent / "static"
+_PAGES: Final = {"/": "index.html", "/lite": "lite.html"}
+_CONDITIONS: Final = ("If-None-Match", "If-Modified-Since")
 READ_RETRY_S: Final = 1.0
 """Retry interval for reads of the archive that must succeed, s."""
 LOCK: Final = "console.lock"
@@ -64,6 +79,87 @@ FILES: Final = "files"
 """Subfolder of the data folder for files of assets."""
 OPENED: Final = "opened"
 """Subfolder for opened recordings; emptied at each start."""
+
+
+class Server:
+    """Serves pages and the HTTP interface.
+
+    Args:
+        hub: sends messages to the pages.
+        entries: returns the dictionary entry of each asset.
+        own: dictionary entry of this console.
+        access: authenticates requests.
+        routes: further routes.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        entries: Callable[[], Iterable[AssetEntry]],
+        own: AssetEntry,
+        access: Access,
+        routes: Sequence[web.RouteDef],
+    ) -> None:
+        self._hub, self._entries, self._own = hub, entries, own
+        self._access = access
+        self._routes = routes
+
+    def application(self) -> web.Application:
+        """Return the aiohttp application."""
+        application = web.Application(
+            middlewares=[error_middleware, self._access.middleware, _compressed],
+            client_max_size=MAX_BODY_OCTETS,
+        )
+        sockets = Sockets(self._hub, self._access)
+        application.on_shutdown.append(sockets.close)
+        application.add_routes(
+            [
+                web.get("/healthz", self._health),
+                web.post("/api/login", self._access.login),
+                web.get("/api/dictionary", self._dictionary),
+                *self._routes,
+                web.get("/ws", sockets.serve),
+                web.get("/api/{rest:.*}", _empty_response),
+                *(web.get(path, self._page) for path in _PAGES),
+                web.static("/", STATIC, append_version=False),
+            ]
+        )
+        return application
+
+    async def _health(self, _: web.Request) -> web.Response:
+        return json_response({"instance": self._hub.instance})
+
+    async def _dictionary(self, _: web.Request) -> web.Response:
+        assets = {each.asset: each for each in self._entries()}
+        return json_response({"assets": assets, "console": self._own})
+
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        response = web.FileResponse(STATIC / _PAGES[request.path])
+        if request.path == "/":
+            self._access.allow_templates(response)
+        return response
+
+
+@web.middleware
+async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Compress pages and JSON if the client accepts it; compressed files are sent unchanged.
+
+    Responses to conditional requests and to HEAD are not compressed: aiohttp would send the end of
+    a compressed body where there is none, and the browser would read that as the next response.
+    """
+    response = await handler(request)
+    is_conditional = any(name in request.headers for name in _CONDITIONS)
+    is_file = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
+    is_page = is_file and not is_conditional
+    is_json = isinstance(response, web.Response) and response.content_type == "application/json"
+    if not response.prepared and (is_page or is_json) and request.method != "HEAD":
+        response.enable_compression()
+    return response
+
+
+async def _empty_response(request: web.Request) -> web.Response:
+    text = f"there is no {request.path}: see docs/console.md"
+    raise refused(HTTPStatus.NOT_FOUND, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +237,7 @@ async def _serving(
     def publish(message: Broadcast) -> None:
         hub.publish(message)
         archive.put(message)
-        if isinstance(message, Notified):
+        if isinstance(message, NotificationMessage):
             alarms.on_report(message)
 
     def sample(value: Sample) -> None:
@@ -184,8 +280,8 @@ async def _serving(
     commanding = Commanding(fleet, tracker, commands, desk, CommandIdGenerator(system))
     store = FileStore(options.data / FILES)
     transfers = Transfers(commanding.file_client, store, hub.transfer, system)
-    recordings = Recordings(_emptied(options.data / OPENED), publish, system.utc_s)
-    objects = ObjectRequests(archive, publish)
+    recordings = Recordings(_empty_folder(options.data / OPENED), publish, system.utc_s)
+    objects = SharedObjectRequests(archive, publish)
     presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
     routes = [
         *OperationRequests(commanding, desk).routes(),
@@ -269,7 +365,7 @@ def _access(options: ConsoleOptions) -> tuple[Access, ssl.SSLContext | None]:
     return Access(tokens, context is not None, now_s), context
 
 
-def _emptied(folder: Path) -> Path:
+def _empty_folder(folder: Path) -> Path:
     """Return the folder, emptied of data from former runs."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)

@@ -1,7 +1,4 @@
-"""Tasks that run as long as the console.
-
-A task that ends with an exception is logged.
-"""
+"""`start_task` starts an asyncio task of the console; if it ends with an exception, logs it."""
 
 import asyncio
 import logging

@@ -1,4 +1,4 @@
-"""Explanations of events and commands as text, from recordings and over the MRS.
+"""Explanations of events and commands as text, computed from the `RunHistory` of a run.
 
 All functions are pure. The input is a `RunHistory`: of a recording, of a running executive, or
 from `MrsClient.get_history`. The output is an `Explanation` or the entries of a log.

@@ -1,4 +1,4 @@
-"""Causal chain of a command, and of the rover's state at the end of a history.
+"""`explain_command`, `explain_now`: causal chain of a command, or of the state at a history's end.
 
 Pure functions of a `RunHistory`, so that a recording and a rover on the MRS have the same
 explanations. Facts missing in the history are left out.
@@ -12,8 +12,8 @@ from adapters.explanation.log import matches_command, situation_at
 from executive.commands import Family, Mode, all_declarations
 from executive.faults import DECLARED
 from executive.history import CommandHistory, LeafRun, RunHistory, Situation
-from executive.state import Uncertainty
-from executive.values.reasons import PREDICTED, Figure, Reason
+from executive.state import RECOVERY, Uncertainty
+from executive.values.reasons import PREDICTED, Figure, Reason, UnknownReason
 from executive.values.reports import Identity, Report, ReportKind, Stage
 
 MIN_WAIT_S: Final = 0.1
@@ -27,12 +27,10 @@ _BRANCHES: Final = {
 }
 """Branch of the tree that executes the commands of a family."""
 _HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
-_BY_REASON: Final = {each.reason: each for each in DECLARED.values()}
+_NO_BEGIN: Final = {Reason.FAULT_CLEARED, Reason.POSE_UNCERTAIN}
+"""Reasons of events that name a fault and are not its begin."""
 _UNCERTAINTY: Final = {each.name for each in Uncertainty().figures}
-_RECOVERY: Final = (
-    "until then motions to positions and headings are refused: correct the pose by"
-    " setPositionCompensation, or confirm it by confirmPose"
-)
+_RECOVERY: Final = f"until then motions to positions and headings are refused: {RECOVERY}"
 _ENDED: Final = {
     Stage.EXECUTED: "was executed",
     Stage.FAILED: "failed",
@@ -70,7 +68,7 @@ class Explanation:
     """
 
     headline: str
-    reason: Reason | None
+    reason: Reason | UnknownReason | None
     steps: tuple[ExplanationStep, ...]
     evidence: tuple[Figure, ...] = ()
 
@@ -120,7 +118,7 @@ def explain_now(history: RunHistory) -> Explanation:
     now = history.situations[-1] if history.situations else None
     if now is None:
         return Explanation("the state of the rover is unknown", None, ())
-    headline = f"{now.mode.name}: {now.why}"
+    headline = _situation_text(now)
     if now.active is not None and now.active in histories and now.mode not in _HOLDING:
         explanation = _CommandExplainer(history, histories, histories[now.active]).explain()
         return Explanation(
@@ -128,14 +126,14 @@ def explain_now(history: RunHistory) -> Explanation:
         )
     cause = cause_of(history, now)
     steps: list[ExplanationStep] = []
-    reason: Reason | None = None
+    reason: Reason | UnknownReason | None = None
     evidence: tuple[Figure, ...] = ()
     if isinstance(cause, CommandHistory):
         reason = Reason.STOPPED
         steps += _received_text(cause)
     elif cause is not None:
         reason, evidence = cause.reason, cause.figures
-        steps.append(_event(cause))
+        steps.append(_event_step(cause))
         steps += [
             ExplanationStep(end.utc_s, _ending(each))
             for each in histories.values()
@@ -145,8 +143,7 @@ def explain_now(history: RunHistory) -> Explanation:
     elif (last := last_ended(histories.values())) is not None and last.end is not None:
         reason = last.end.reason
         steps.append(ExplanationStep(last.end.utc_s, f"the last command to end: {_ending(last)}"))
-    shown = {each.text for each in steps}
-    steps += [each for each in _conditions(history) if each.text not in shown]
+    steps += [each for each in _conditions(history) if each not in steps]
     return Explanation(headline, reason, tuple(steps), evidence)
 
 
@@ -169,10 +166,10 @@ class _CommandExplainer:
         entry, end = self._command, self._command.end
         steps = [
             *_received_text(entry),
-            *self._waited(),
+            *self._waiting_steps(),
             *self._ran(),
             *self._events_during(),
-            *self._limited(),
+            *self._speed_limits(),
         ]
         steps.sort(key=lambda each: self._end_s if each.utc_s is None else each.utc_s)
         if end is None:
@@ -185,19 +182,19 @@ class _CommandExplainer:
             _headline(entry, end), end.reason or _of_stage(end), tuple(steps), _shown(end.figures)
         )
 
-    def _in_progress(self) -> tuple[str, Reason | None]:
+    def _in_progress(self) -> tuple[str, Reason | UnknownReason | None]:
         entry = self._command
         title = f"{entry.identity} {entry.name}"
         if entry.report_at(Stage.ACCEPTED) is None:
             return f"{title} was received, and is not decided on yet", None
         if self._started_s is None:
-            waits = [each.text for each in self._waited()]
+            waits = [each.text for each in self._waiting_steps()]
             return f"{title} {waits[-1] if waits else 'waits for its turn'}", self._held()
         running = [each for each in self._leaves if each.ended_utc_s is None]
         doing = f" in leaf {running[-1].name}{_leaf_message(running[-1])}" if running else ""
         return f"{title} is under way{doing}", None
 
-    def _held(self) -> Reason | None:
+    def _held(self) -> Reason | UnknownReason | None:
         situations = self._history.situations
         if not situations or situations[-1].mode not in _HOLDING:
             return None
@@ -218,7 +215,7 @@ class _CommandExplainer:
             later = self._command.report_at(Stage.ACCEPTED)
         return None if later is None else later.utc_s
 
-    def _waited(self) -> Iterator[ExplanationStep]:
+    def _waiting_steps(self) -> Iterator[ExplanationStep]:
         accepted = self._command.report_at(Stage.ACCEPTED)
         if accepted is None:
             return
@@ -239,7 +236,7 @@ class _CommandExplainer:
         ]
         verb = "waited" if self._started_s is not None or self._command.end else "waits"
         for_what = [f"for {', '.join(blockers)}"] if blockers else []
-        whys = dict.fromkeys(f"as the rover was {each.mode.name}: {each.why}" for each in held)
+        whys = dict.fromkeys(f"as the rover was {_situation_text(each)}" for each in held)
         why = "; ".join([*for_what, *list(whys)[-1:]]) or "for its turn"
         yield ExplanationStep(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
 
@@ -287,17 +284,17 @@ class _CommandExplainer:
     def _events_during(self) -> Iterator[ExplanationStep]:
         """Yield the events during the command, except those that the end repeats."""
         end = self._command.end
-        text = "" if end is None else end.text
+        repeated = None if end is None else _begin(self._history, end.fault, end.utc_s)
         for report in self._history.reports:
             if (
                 report.kind is not ReportKind.COMMAND
-                and report.identity is None
+                and (report.identity is None or report.kind is ReportKind.LINK)
                 and self._command.utc_s <= report.utc_s <= self._end_s
-                and report.text != text
+                and report is not repeated
             ):
-                yield _event(report)
+                yield _event_step(report)
 
-    def _limited(self) -> Iterator[ExplanationStep]:
+    def _speed_limits(self) -> Iterator[ExplanationStep]:
         fastest = next(
             (each for each in self._history.fastest if each.identity == self._command.identity),
             None,
@@ -324,12 +321,11 @@ class _CommandExplainer:
 
     def _causes(self, end: Report) -> Iterator[ExplanationStep]:
         """Yield the cause of the end: the command that it names, or the mode of the rover."""
-        for other in self._histories.values():
-            if other is not self._command and mentions(end.text, other.identity):
-                yield from _received_text(other)
+        if end.cause is not None and end.cause in self._histories:
+            yield from _received_text(self._histories[end.cause])
         then = situation_at(self._history, end.utc_s)
         if end.reason is Reason.WRONG_MODE and then is not None:
-            yield ExplanationStep(then.utc_s, f"the rover was {then.mode.name}: {then.why}")
+            yield ExplanationStep(then.utc_s, f"the rover was {_situation_text(then)}")
         if end.reason is Reason.POSE_UNCERTAIN:
             yield from _uncertain_since(self._history, end.utc_s)
 
@@ -342,7 +338,7 @@ def last_speed_setting(
         each
         for each in histories
         if (end := each.end) is not None and end.stage is Stage.EXECUTED
-        if end.utc_s <= until_utc_s and each.name.startswith("setTravelSpeed")
+        if end.utc_s <= until_utc_s and each.request == "setTravelSpeed"
     ]
     return settings[-1] if settings else None
 
@@ -359,7 +355,7 @@ def end_s(entry: CommandHistory, history: RunHistory) -> float:
     return history.until_utc_s if entry.end is None else entry.end.utc_s
 
 
-def _of_stage(end: Report) -> Reason | None:
+def _of_stage(end: Report) -> Reason | UnknownReason | None:
     return Reason.EXPIRED if end.stage is Stage.EXPIRED else None
 
 
@@ -400,12 +396,12 @@ def _received_text(entry: CommandHistory) -> Iterator[ExplanationStep]:
         yield ExplanationStep(end.utc_s, f"{entry.identity} was refused: {end.text}{why}")
 
 
-def in_brackets(reason: Reason | None) -> str:
+def in_brackets(reason: Reason | UnknownReason | None) -> str:
     """Return name and number of a reason in brackets after a text; empty for None."""
     return "" if reason is None else f" ({reason.name} {reason.value})"
 
 
-def _event(report: Report) -> ExplanationStep:
+def _event_step(report: Report) -> ExplanationStep:
     text = f"{report.severity.name.lower()}: {report.text}{in_brackets(report.reason)}"
     return ExplanationStep(report.utc_s, text)
 
@@ -421,12 +417,6 @@ def _shown(figures: tuple[Figure, ...]) -> tuple[Figure, ...]:
     return tuple(each for each in figures if each.name not in hidden)
 
 
-def mentions(text: str, identity: Identity) -> bool:
-    """Return whether a text names a command, not as a part of a longer number."""
-    before, found, after = text.partition(str(identity))
-    return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
-
-
 def spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
     """Yield each situation with the start of the next one, or the end of the history."""
     following = (*(each.utc_s for each in history.situations[1:]), history.until_utc_s)
@@ -435,19 +425,26 @@ def spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
 
 def cause_of(history: RunHistory, now: Situation) -> Report | CommandHistory | None:
     """Return the cause of a situation that holds the rover; None without one."""
-    events = [
+    if now.cause is not None:
+        return history.command_histories().get(now.cause)
+    return _begin(history, now.fault, history.until_utc_s)
+
+
+def _begin(history: RunHistory, fault: str | None, until_utc_s: float) -> Report | None:
+    """Return the last report that a fault began; None without one."""
+    begins = (
         each
-        for each in history.reports
-        if each.kind is not ReportKind.COMMAND and each.text and each.text in now.why
-        if each.reason is not Reason.POSE_UNCERTAIN
-    ]
-    if events:
-        return events[-1]
-    histories = history.command_histories()
-    named = [each for identity, each in histories.items() if mentions(now.why, identity)]
-    if not named or now.mode is not Mode.STOPPED:
-        return None
-    return min(named, key=lambda each: now.why.find(str(each.identity)))
+        for each in reversed(history.reports)
+        if fault is not None and each.fault == fault and each.kind is ReportKind.EVENT
+        if each.reason not in _NO_BEGIN and each.utc_s <= until_utc_s
+    )
+    return next(begins, None)
+
+
+def _situation_text(situation: Situation) -> str:
+    """Return mode and text of a situation; the text of a holding fault names the mode."""
+    named = situation.fault is not None and situation.mode in _HOLDING
+    return situation.why if named else f"{situation.mode.name}: {situation.why}"
 
 
 def _active_faults(
@@ -458,13 +455,14 @@ def _active_faults(
     for report in history.reports:
         if report.utc_s > at_utc_s or report.kind is not ReportKind.EVENT or report.reason is None:
             continue
-        if report.reason is Reason.FAULT_OVER:
-            name = report.text.removesuffix(" is over")
-            reason = DECLARED[name].reason if name in DECLARED else None
-            if reason is not None and (since_utc_s is None or report.utc_s <= since_utc_s):
-                active.pop(reason.name, None)
-        elif report.reason in _BY_REASON:
-            active[report.reason.name] = report
+        if report.fault not in DECLARED:
+            continue
+        if report.reason not in _NO_BEGIN:
+            active[report.fault] = report
+        elif report.reason is Reason.FAULT_CLEARED and (
+            since_utc_s is None or report.utc_s <= since_utc_s
+        ):
+            active.pop(report.fault, None)
     return list(active.values())
 
 
@@ -479,13 +477,13 @@ def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[ExplanationSt
         if report.kind is not ReportKind.EVENT or report.utc_s > at_utc_s:
             continue
         if report.reason is Reason.POSE_UNCERTAIN:
-            named = [each for each in faults if _is_named(each, report.text)]
+            named = [each for each in faults if each.fault == report.fault]
             begun = [*begun[:1], [*named[-1:], report]]
-        elif report.reason is Reason.FAULT_OVER and _is_of_pose(report):
+        elif report.reason is Reason.FAULT_CLEARED and _is_of_pose(report):
             begun, faults = [], []
-        elif report.reason in _BY_REASON:
+        elif report.fault in DECLARED and report.reason is not Reason.FAULT_CLEARED:
             faults.append(report)
-    steps = dict.fromkeys(_event(report) for reports in begun for report in reports)
+    steps = dict.fromkeys(_event_step(report) for reports in begun for report in reports)
     return [*steps, ExplanationStep(None, _RECOVERY)] if steps else []
 
 
@@ -493,21 +491,11 @@ def _is_of_pose(report: Report) -> bool:
     return {each.name for each in report.figures} >= _UNCERTAINTY
 
 
-def _is_named(fault: Report, text: str) -> bool:
-    names = (each.name for each in DECLARED.values() if each.reason is fault.reason)
-    return any(text.endswith(f" {each}") for each in names)
-
-
-def is_foreign_motion_event(report: Report) -> bool:
-    """Return whether a report is on other velocity publishers, or on their absence."""
-    return "move the rover" in report.text or "nobody else moves" in report.text
-
-
 def _conditions(history: RunHistory) -> list[ExplanationStep]:
     """Return the active faults and other velocity publishers."""
-    steps = [_event(each) for each in _active_faults(history, history.until_utc_s)]
+    steps = [_event_step(each) for each in _active_faults(history, history.until_utc_s)]
     steps += _uncertain_since(history, history.until_utc_s)
-    foreign = [each for each in history.reports if is_foreign_motion_event(each)]
-    if foreign and foreign[-1].text.startswith("others"):
-        steps.append(_event(foreign[-1]))
+    foreign = [each for each in history.reports if each.publishers is not None]
+    if foreign and foreign[-1].publishers:
+        steps.append(_event_step(foreign[-1]))
     return steps

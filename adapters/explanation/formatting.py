@@ -1,4 +1,4 @@
-"""Explanations and the log as lines of text for display."""
+"""Formats explanations, and the commands and reports of a log, as lines of text."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ from adapters.explanation.explain import Explanation, in_brackets
 from adapters.explanation.log import Entry
 from executive.history import CommandHistory
 from executive.values.reasons import PREDICTED
-from executive.values.reports import Report, Stage, printable
+from executive.values.reports import Report, ReportKind, Stage, printable
 
 TimeFormatter = Callable[[float], str]
 """Formats an onboard time, seconds since 1970-01-01 UTC."""
@@ -51,7 +51,8 @@ def _command_line(entry: CommandHistory, when: TimeFormatter) -> str:
 
 def _report(report: Report) -> str:
     word = report.severity.name if report.stage is None else report.stage.name
-    prefix = "" if report.identity is None else f"{report.identity} "
+    unnamed = report.identity is None or report.kind is ReportKind.LINK  # its text has the name
+    prefix = "" if unnamed else f"{report.identity} "
     step = "" if report.step is None else f"{report.step}/{report.step_count} "
     shown = [str(each) for each in report.figures if not each.name.startswith(PREDICTED)]
     figures = f" [{', '.join(shown)}]" if shown else ""

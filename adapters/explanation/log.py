@@ -1,11 +1,11 @@
-"""Log of a rover: the life cycle of each command, and each event, with a filter."""
+"""`entries`: the log of a rover, with the life cycle of each command and each event, filtered."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from executive.commands import Mode
 from executive.history import CommandHistory, RunHistory, Situation
-from executive.values.reports import Identity, Report, Severity
+from executive.values.reports import Identity, Report, ReportKind, Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,7 @@ def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Ite
     """Yield the commands and events that pass a filter, in the order of their start.
 
     A command passes if one of its reports does; with `unfold`, its reports are yielded instead.
+    A report of the link is yielded by itself.
     """
     histories = history.command_histories()
     chosen = [
@@ -60,7 +61,8 @@ def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Ite
     ]
     listed: set[Identity | int | Report] = set()
     for report in sorted(chosen, key=lambda each: each.sequence):
-        entry = None if unfold or report.identity is None else histories.get(report.identity)
+        identity = None if unfold or report.kind is ReportKind.LINK else report.identity
+        entry = None if identity is None else histories.get(identity)
         key = (report.sequence or report) if entry is None else entry.identity
         if key not in listed:
             listed.add(key)

@@ -1,4 +1,4 @@
-"""Selection of the part of a history that an explanation needs; only that is sent."""
+"""`select_for`: the part of a history that an explanation needs; a rover sends only that."""
 
 from dataclasses import replace
 from typing import Final
@@ -6,10 +6,8 @@ from typing import Final
 from adapters.explanation.explain import (
     cause_of,
     end_s,
-    is_foreign_motion_event,
     last_ended,
     last_speed_setting,
-    mentions,
     spans,
 )
 from adapters.explanation.log import matches_command
@@ -39,13 +37,13 @@ def select_for(history: RunHistory, command: str | None = None) -> RunHistory:
     situations = [
         each for each, next_s in spans(history) if each.utc_s <= ended_s and next_s >= began_s
     ]
-    texts = [each.end.text for each in meant if each.end] + [each.why for each in situations]
+    causes = {each.end.cause for each in meant if each.end} | {each.cause for each in situations}
     retained = {
         each.identity
         for each in histories
         if each in meant
         or (each.utc_s <= ended_s and end_s(each, history) >= began_s)
-        or any(mentions(text, each.identity) for text in texts)
+        or each.identity in causes
     }
     setting = last_speed_setting(histories, ended_s)
     if setting is not None:
@@ -59,7 +57,7 @@ def select_for(history: RunHistory, command: str | None = None) -> RunHistory:
             or (
                 each.kind is not ReportKind.COMMAND
                 and each.utc_s <= ended_s
-                and (each.utc_s >= began_s or _lasts(each) or any(each.text in t for t in texts))
+                and (each.utc_s >= began_s or _lasts(each))
             )
         ),
         received=tuple(each for each in history.received if each.identity in retained),
@@ -96,4 +94,4 @@ def _since_of_now(history: RunHistory, histories: list[CommandHistory]) -> float
 
 def _lasts(report: Report) -> bool:
     """Return whether an event has a lasting effect: a fault starts or ends, a publisher appears."""
-    return report.reason is not None or is_foreign_motion_event(report)
+    return report.reason is not None or report.publishers is not None

@@ -36,7 +36,6 @@ from adapters.mal.tls import CertificateError as CertificateError
 from adapters.mal.tls import Certificates as Certificates
 from adapters.mal.tls import address_to_listen as address_to_listen
 from adapters.mal.tls import is_loopback as is_loopback
-from adapters.mal.transactions import Invocation as Invocation
 from adapters.mal.transactions import OnUpdate as OnUpdate
 from adapters.mal.transactions import ProgressStream as ProgressStream
 from adapters.mal.values import AttributeType as AttributeType

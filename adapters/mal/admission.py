@@ -1,9 +1,8 @@
-"""Admission of connections, and resource bounds of all connections of a provider together."""
+"""`Connections` of a provider: which it admits, and the bounds of their resources together."""
 
 import asyncio
 import ctypes
 import errno
-import resource
 import socket
 import ssl
 from collections import Counter
@@ -55,7 +54,7 @@ class PeerLimits:
 class Quota:
     """A bound on a resource of all connections together, with fair shares.
 
-    If it is exhausted, the connection with the largest part is aborted, unless that is the
+    If it is exhausted, the connection with the maximum part is aborted, unless that is the
     requester itself or has priority.
 
     Args:
@@ -95,11 +94,11 @@ class Quota:
 
     def _take_from_others(self, connection: Connection, wanted: int) -> None:
         others = [c for c in self._held if c is not connection and not self._is_priority(c)]
-        largest = max(others, key=self._held.__getitem__, default=None)
-        if largest is None or (self._held[largest] <= wanted and not self._is_priority(connection)):
+        holder = max(others, key=self._held.__getitem__, default=None)
+        if holder is None or (self._held[holder] <= wanted and not self._is_priority(connection)):
             raise too_many(f"at most {self._total} {self._what} over all connections together")
-        held = self._held.pop(largest)
-        largest.abort(f"it has {held} of {self._total} {self._what}, and others need some")
+        held = self._held.pop(holder)
+        holder.abort(f"it has {held} of {self._total} {self._what}, and others need some")
 
 
 class LimitedLog:
@@ -151,7 +150,7 @@ _TRIM_THRESHOLD_OCTETS: Final = 4 << 20
 class Connections(ConnectionGuard):
     """All connections and listening sockets of a provider.
 
-    At the limit, a connection of the peer with the most connections is aborted: first those with
+    At the limit, a connection of the peer with the maximum number is aborted: first those with
     no or few messages, then the one without a message for the longest time.
 
     `on_refused` is called with the header of a message that exceeds a bound, and the error.
@@ -187,6 +186,8 @@ class Connections(ConnectionGuard):
         self._tasks: list[asyncio.Task[None]] = []
         self._tls: ssl.SSLContext | None = None
         self._released = 0
+        import resource  # Windows has none, and the ground's clients import this package
+
         descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         unbounded = descriptors == resource.RLIM_INFINITY
         self._max_connections = (
@@ -221,7 +222,7 @@ class Connections(ConnectionGuard):
         if not self._listeners:
             raise OSError(errno.EADDRNOTAVAIL, f"{host} is no address of this host")
         self._tasks = [loop.create_task(self._accept(each)) for each in self._listeners]
-        self._tasks.append(loop.create_task(self._watch()))
+        self._tasks.append(loop.create_task(self._sweep()))
         return port
 
     async def stop(self) -> None:
@@ -237,7 +238,7 @@ class Connections(ConnectionGuard):
         """Close all connections."""
         await asyncio.gather(*(connection.close() for connection in self._open))
 
-    def opened(self, connection: Connection) -> None:
+    def on_opened(self, connection: Connection) -> None:
         """Called by a connection that is ready for use."""
         self._open[connection] = asyncio.get_running_loop().time()
         connection.lost.add_done_callback(lambda _: self._forget(connection))
@@ -247,7 +248,7 @@ class Connections(ConnectionGuard):
         self._unfinished.reserve(connection, octets)
         self._released += max(-octets, 0)
 
-    def refused(self, connection: Connection, header: Header, error: MalError) -> None:
+    def on_refused(self, connection: Connection, header: Header, error: MalError) -> None:
         """Called by a connection that receives a message beyond a bound."""
         self._on_refused(connection, header, error)
 
@@ -325,7 +326,7 @@ class Connections(ConnectionGuard):
         self._unfinished.release(connection)
         self._on_lost(connection)
 
-    async def _watch(self) -> None:
+    async def _sweep(self) -> None:
         """Abort stalled connections, and return freed memory to the system."""
         loop, limits = asyncio.get_running_loop(), self._limits
         while True:

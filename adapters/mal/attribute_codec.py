@@ -1,4 +1,4 @@
-"""Strict codec of attribute values in the three body encodings."""
+"""`Reader`, `Writer`: strict codec of attribute values in the three body encodings of the MAL."""
 
 import struct
 from collections.abc import Callable
@@ -280,7 +280,7 @@ def _write_integer(bits: int, *, signed: bool) -> "Callable[[Writer, int], None]
 
 def _write_float(bits: int) -> "Callable[[Writer, float], None]":
     def write(writer: "Writer", value: float) -> None:
-        writer.pieces.append(_packed(bits, value))
+        writer.pieces.append(_pack_bits(bits, value))
 
     return write
 
@@ -383,7 +383,7 @@ def _write_float_as_integer(bits: int) -> "Callable[[Writer, float], None]":
     write_signed = _write_signed(bits)
 
     def write(writer: "Writer", value: float) -> None:
-        write_signed(writer, int.from_bytes(_packed(bits, value), "big", signed=True))
+        write_signed(writer, int.from_bytes(_pack_bits(bits, value), "big", signed=True))
 
     return write
 
@@ -441,7 +441,7 @@ def _checked(value: bool) -> bool:
     return value
 
 
-def _packed(bits: int, value: float) -> bytes:
+def _pack_bits(bits: int, value: float) -> bytes:
     try:
         return _FLOATS[bits].pack(value)
     except struct.error as fault:

@@ -1,4 +1,4 @@
-"""Broker of a provider: subscriptions, matching, publishers in other processes."""
+"""`Broker` of a provider: subscriptions, matching, publishers in other processes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -329,7 +329,7 @@ class Broker:
         given = [AttributeType(kind.value) for kind in types]
         if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
             wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
-            raise _unknown(f"the keys of {operation.name} are {wanted}")
+            raise _unknown_error(f"the keys of {operation.name} are {wanted}")
         registration = _Registration(connection, header.from_uri, operation)
         if registration not in self._publishers:
             self._publications.reserve(connection)
@@ -422,13 +422,13 @@ class Publisher:
 def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:
     keys: dict[str, TypedAttribute | None] = {}
     if len(values or ()) != len(kinds):
-        raise _unknown(f"{len(kinds)} key values expected, {len(values or ())} given")
+        raise _unknown_error(f"{len(kinds)} key values expected, {len(values or ())} given")
     for (name, kind), given in zip(kinds.items(), values or (), strict=True):
         if given.value is not None and given.value.type is not kind:
-            raise _unknown(f"key {name} is a {kind.name}, not a {given.value.type.name}")
+            raise _unknown_error(f"key {name} is a {kind.name}, not a {given.value.type.name}")
         keys[name] = given.value
     return keys
 
 
-def _unknown(why: str) -> MalError:
+def _unknown_error(why: str) -> MalError:
     return MalError(StandardError.UNKNOWN, why)

@@ -38,7 +38,7 @@ _PEM: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
     "--droppable",
     multiple=True,
     metavar="SERVICE.OPERATION",
-    help="Updates that may be dropped for a slow subscriber, oldest first. May be repeated.",
+    help="Updates that may be dropped, by age, for a slow subscriber. May be repeated.",
 )
 def main(
     specification: Path,

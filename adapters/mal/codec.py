@@ -1,4 +1,4 @@
-"""Codec of messages: the header, always fixed binary, and bodies of any type."""
+"""`Codec` of MAL messages: the header, always fixed binary, and bodies of any type."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ _MIXED = 0
 """Type id of a list whose elements each have their own type."""
 
 
-class Codes(NamedTuple):
+class TypeFunctions(NamedTuple):
     """Functions that read a type from a Reader and write it to a Writer."""
 
     read: Read
@@ -80,34 +80,34 @@ class TypeCodec:
     def __init__(self, specification: Specification, encoding: Encoding) -> None:
         reader, writer = READERS[encoding], WRITERS[encoding]
         self._types = specification.types
-        self._attribute = Codes(reader.attribute, writer.attribute)
+        self._attribute = TypeFunctions(reader.attribute, writer.attribute)
         self._codes = {
-            ref: Codes(getattr(reader, METHODS[kind]), getattr(writer, METHODS[kind]))
+            ref: TypeFunctions(getattr(reader, METHODS[kind]), getattr(writer, METHODS[kind]))
             for ref, kind in ATTRIBUTES.items()
         }
         self._announced = {known.type_id: known for known in _announced(specification)}
         self._by_kind = {
             (known.kind, known.ref.is_list): known for known in self._announced.values()
         }
-        self._parts: dict[int, tuple[tuple[Field, ...], tuple[Codes, ...]]] = {}
+        self._parts: dict[int, tuple[tuple[Field, ...], tuple[TypeFunctions, ...]]] = {}
         for ref in self._types:
-            self._of(ref)
+            self._functions_of(ref)
 
-    def parts(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
+    def parts(self, parts: tuple[Field, ...]) -> tuple[TypeFunctions, ...]:
         """Return the codes of parts, cached by identity: hashing them is as slow as decoding."""
         known = self._parts.get(id(parts))
         if known is None:
             known = self._parts[id(parts)] = parts, tuple(map(self.part, parts))
         return known[1]
 
-    def part(self, part: Field) -> Codes:
+    def part(self, part: Field) -> TypeFunctions:
         """Return the codes of a message part."""
         mixed = part.type.is_list and self._is_abstract(part.type)
-        codes = self._of(part.type)
+        codes = self._functions_of(part.type)
         return _nullable(_mixed_part(codes) if mixed else codes, part.nullable)
 
-    def _field(self, field: Field) -> Codes:
-        codes = self._attribute if field.type == ATTRIBUTE else self._of(field.type)
+    def _field(self, field: Field) -> TypeFunctions:
+        codes = self._attribute if field.type == ATTRIBUTE else self._functions_of(field.type)
         return _nullable(codes, field.nullable)
 
     def _is_abstract(self, ref: TypeRef) -> bool:
@@ -115,14 +115,14 @@ class TypeCodec:
         bound = self._types.get(plain)
         return bound.type_id is None if bound else plain not in ATTRIBUTES
 
-    def _of(self, ref: TypeRef) -> Codes:
+    def _functions_of(self, ref: TypeRef) -> TypeFunctions:
         if ref not in self._codes:
-            self._codes[ref] = self._made(ref)
+            self._codes[ref] = self._make_functions(ref)
         return self._codes[ref]
 
-    def _made(self, ref: TypeRef) -> Codes:
+    def _make_functions(self, ref: TypeRef) -> TypeFunctions:
         if ref.is_list:
-            element = self._of(replace(ref, is_list=False))
+            element = self._functions_of(replace(ref, is_list=False))
             return _list(_nullable(element, self._is_abstract(ref)))
         if self._is_abstract(ref):
             return self._by_type_id(ref)
@@ -133,7 +133,7 @@ class TypeCodec:
             case CompositeType():
                 return self._composite(ref, bound)
 
-    def _enumeration(self, bound: BoundType) -> Codes:
+    def _enumeration(self, bound: BoundType) -> TypeFunctions:
         members: dict[int, Any] = {member.value: member for member in bound.cls}
         width = (
             "UOctet"
@@ -155,9 +155,9 @@ class TypeCodec:
                 raise EncodeError(f"expected a {bound.definition.name}, not {value!r}")
             write_number(writer, value.value)
 
-        return Codes(read, write)
+        return TypeFunctions(read, write)
 
-    def _composite(self, ref: TypeRef, bound: BoundType) -> Codes:
+    def _composite(self, ref: TypeRef, bound: BoundType) -> TypeFunctions:
         plan: list[tuple[str, Read, Write]] = []
 
         def read(reader: Reader) -> Any:
@@ -172,12 +172,12 @@ class TypeCodec:
             for name, _, write_field in plan:
                 write_named(name, write_field, writer, getattr(value, name))
 
-        self._codes[ref] = codes = Codes(read, write)
+        self._codes[ref] = codes = TypeFunctions(read, write)
         for field in bound.fields:
             plan.append((python_name(field.name), *self._field(field)))
         return codes
 
-    def _by_type_id(self, base: TypeRef) -> Codes:
+    def _by_type_id(self, base: TypeRef) -> TypeFunctions:
         """Return the codes of an element with its type id, of a subtype of `base`."""
 
         def read(reader: Reader) -> Any:
@@ -187,12 +187,12 @@ class TypeCodec:
             value: Any
             if number == _MIXED and base == ELEMENT:
                 value = TypedList(
-                    None, self._of(TypeRef("MAL", "Element", is_list=True)).read(reader)
+                    None, self._functions_of(TypeRef("MAL", "Element", is_list=True)).read(reader)
                 )
             elif known is None or base not in known.ancestors:
                 raise reader.fail(f"no {base.name} has type id {number}")
             else:
-                value = self._of(known.ref).read(reader)
+                value = self._functions_of(known.ref).read(reader)
                 if known.ref.is_list:
                     value = TypedList(known.kind, value)
                 elif isinstance(known.kind, AttributeType):
@@ -204,7 +204,9 @@ class TypeCodec:
             match value:
                 case TypedList(type=None) if base == ELEMENT:
                     writer.long(_MIXED)
-                    self._of(TypeRef("MAL", "Element", is_list=True)).write(writer, value.values)
+                    self._functions_of(TypeRef("MAL", "Element", is_list=True)).write(
+                        writer, value.values
+                    )
                     return
                 case TypedList():
                     known, content = self._by_kind.get((value.type, True)), value.values
@@ -215,9 +217,9 @@ class TypeCodec:
             if known is None or base not in known.ancestors:
                 raise EncodeError(f"expected a {base.name}, not {value!r}")
             writer.long(known.type_id)
-            self._of(known.ref).write(writer, content)
+            self._functions_of(known.ref).write(writer, content)
 
-        return Codes(read, write)
+        return TypeFunctions(read, write)
 
 
 def _announced(specification: Specification) -> list[_Announced]:
@@ -234,7 +236,7 @@ def _announced(specification: Specification) -> list[_Announced]:
     return found
 
 
-def _list(element: Codes) -> Codes:
+def _list(element: TypeFunctions) -> TypeFunctions:
     read_element, write_element = element
 
     def read(reader: Reader) -> tuple[Any, ...]:
@@ -247,10 +249,10 @@ def _list(element: Codes) -> Codes:
         for index, value in enumerate(values):
             write_named(f"[{index}]", write_element, writer, value)
 
-    return Codes(read, write)
+    return TypeFunctions(read, write)
 
 
-def _nullable(codes: Codes, nullable: bool) -> Codes:
+def _nullable(codes: TypeFunctions, nullable: bool) -> TypeFunctions:
     if not nullable:
         return codes
     read_value, write_value = codes
@@ -263,10 +265,10 @@ def _nullable(codes: Codes, nullable: bool) -> Codes:
         if value is not None:
             write_value(writer, value)
 
-    return Codes(read, write)
+    return TypeFunctions(read, write)
 
 
-def _mixed_part(codes: Codes) -> Codes:
+def _mixed_part(codes: TypeFunctions) -> TypeFunctions:
     """Return the codes of a list of an abstract type as a message part, after the mixed type id."""
 
     def read(reader: Reader) -> Any:
@@ -279,7 +281,7 @@ def _mixed_part(codes: Codes) -> Codes:
         writer.long(_MIXED)
         codes.write(writer, value)
 
-    return Codes(read, write)
+    return TypeFunctions(read, write)
 
 
 _type_codec = lru_cache(maxsize=8)(TypeCodec)

@@ -1,4 +1,4 @@
-"""One bidirectional TCP connection: framing, fair scheduling, notifications, URIs."""
+"""`Connection`: one TCP connection in both directions, with framing and fair scheduling; URIs."""
 
 import asyncio
 import logging
@@ -70,11 +70,11 @@ class Framer:
         """Return the free part of the buffer, at least one octet, for the next octets."""
         return self._buffer[self._end :]
 
-    def received(self, count: int) -> None:
+    def add_received(self, count: int) -> None:
         """Add `count` octets that were written to `buffer`."""
         self._end += count
 
-    def take(self) -> memoryview | None:
+    def next_message(self) -> memoryview | None:
         """Return the next message, valid until the next call; None if none is complete.
 
         Raises:
@@ -222,7 +222,7 @@ class ConnectionGuard:
         self.message_cap = message_cap
         self.buffer_octets = capacity
 
-    def opened(self, connection: "Connection") -> None:
+    def on_opened(self, connection: "Connection") -> None:
         """Called when a connection is ready for use."""
 
     def reserve(self, connection: "Connection", octets: int) -> None:
@@ -232,7 +232,7 @@ class ConnectionGuard:
             MalError: TOO_MANY.
         """
 
-    def refused(self, connection: "Connection", header: Header, error: MalError) -> None:
+    def on_refused(self, connection: "Connection", header: Header, error: MalError) -> None:
         """Answer a message that exceeds a bound and is skipped."""
         connection.refuse(f"{header.stage.name}: {error}")
 
@@ -298,7 +298,7 @@ class Connection(asyncio.BufferedProtocol):
 
         The answers to messages that arrived together are written together.
         """
-        self._keep(message)
+        self._add_gathered(message)
         if not self._serving:
             self._write_gathered()
 
@@ -359,9 +359,9 @@ class Connection(asyncio.BufferedProtocol):
     def _gather(self, message: bytes) -> None:
         if not self._gathered:
             self._loop.call_soon(self._write_gathered)
-        self._keep(message)
+        self._add_gathered(message)
 
-    def _keep(self, message: bytes) -> None:
+    def _add_gathered(self, message: bytes) -> None:
         self._gathered.append(message)
         self._gathered_octets += len(message)
         if self._gathered_octets > _GATHERED_CAP:
@@ -410,7 +410,7 @@ class Connection(asyncio.BufferedProtocol):
         self.peer, self.peer_host = f"{host}:{port}", host
         certificate = transport.get_extra_info("peercert")
         self.peer_name = (certificate_name(certificate) or "") if certificate else None
-        self._guard.opened(self)
+        self._guard.on_opened(self)
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """Return the buffer for received octets; called by asyncio."""
@@ -418,7 +418,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """Called by asyncio when octets were received into the buffer."""
-        self._framer.received(nbytes)
+        self._framer.add_received(nbytes)
         self.arrived_s = self._loop.time()
         self._drained = False
         self._serving = True
@@ -431,7 +431,7 @@ class Connection(asyncio.BufferedProtocol):
     def _receive_one(self) -> bool:
         """Process one received message; continue reading if there is none."""
         try:
-            message = self._framer.take()
+            message = self._framer.next_message()
             if message is not None:
                 header, body = decode_message(message)
                 self.messages_received, self.last_received_s = (
@@ -457,7 +457,7 @@ class Connection(asyncio.BufferedProtocol):
         except DecodeError:
             self.refuse(str(error))
             return False
-        self._guard.refused(self, header, error)
+        self._guard.on_refused(self, header, error)
         return self.is_open
 
     def pause_writing(self) -> None:

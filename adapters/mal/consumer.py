@@ -1,4 +1,4 @@
-"""Consumer: sends messages and waits for the replies; publishes at a broker."""
+"""`Consumer`, a client: sends messages and waits for the replies; publishes at a broker."""
 
 import asyncio
 import logging
@@ -49,7 +49,7 @@ class _Refusals(Transaction):
 
     newest: MalError | None = None
 
-    def take(self, _stage: InteractionStage, _parts: Parts, _octets: int) -> None:
+    def on_message(self, _stage: InteractionStage, _parts: Parts, _octets: int) -> None:
         """Ignore a PUBLISH: a publisher receives none."""
 
     def fail(self, error: MalError) -> None:
@@ -275,7 +275,7 @@ class Consumer:
 
         The provider removes it when the connection is lost.
         """
-        with self._subscriptions.added(service, operation, subscription, on_update):
+        with self._subscriptions.adding(service, operation, subscription, on_update):
             await self._single(service, operation, InteractionStage.REGISTER, (subscription,))
 
     async def unsubscribe(self, service: str, operation: str, subscription_id: str) -> None:
@@ -297,7 +297,7 @@ class Consumer:
         """Host and port of this end, while the connection is open."""
         return self._connection.local_address
 
-    async def lost(self) -> None:
+    async def wait_lost(self) -> None:
         """Wait until the connection is closed, by either end."""
         await asyncio.shield(self._connection.lost)
 
@@ -386,7 +386,7 @@ class Consumer:
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.stage is InteractionStage.NOTIFY:
-            self._subscriptions.notified(header, body)
+            self._subscriptions.on_update(header, body)
             return
         transaction = self._pending.get(header.transaction_id)
         if transaction is None or not transaction.expects(header.stage):
@@ -397,6 +397,6 @@ class Consumer:
                 transaction.fail(self._codec.decode_error(body))
             else:
                 parts = self._codec.decode(transaction.operation.parts[header.stage], body)
-                transaction.take(header.stage, parts, len(body))
+                transaction.on_message(header.stage, parts, len(body))
         except DecodeError as fault:
             transaction.fail(MalError(StandardError.BAD_ENCODING, f"reply: {fault}"))

@@ -1,4 +1,4 @@
-"""Errors of the MAL: error replies, and errors of the codec."""
+"""Errors of the MAL as exceptions: error replies, and errors of the codec."""
 
 from enum import Enum
 from typing import Any

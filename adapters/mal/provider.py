@@ -1,4 +1,4 @@
-"""Provider: receives messages, calls handlers, and sends their results."""
+"""`Provider`, a server: receives messages, calls handlers, and sends their results."""
 
 import asyncio
 import inspect
@@ -94,7 +94,7 @@ class ReplyPath:
         header = self.header.reply(stage, utc_ns(self.system), is_error=True)
         self.connection.send(encode_message(header, body))
 
-    def fault(self, stage: InteractionStage | None = None) -> None:
+    def fail_internally(self, stage: InteractionStage | None = None) -> None:
         """Log the exception being handled, and answer INTERNAL."""
         header = self.header
         _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
@@ -179,7 +179,7 @@ class Interaction:
         except MalError as error:
             self._refuse(error)
         except Exception:
-            self._back.fault(self._stages[self._acknowledged])
+            self._back.fail_internally(self._stages[self._acknowledged])
 
     def _refuse(self, error: MalError) -> None:
         self._warn(self._back, error)
@@ -377,13 +377,13 @@ class Provider:
         back = ReplyPath(connection, header, self._codec, self._system)
         try:
             operation = self._addressed(header)
-            result = self._act(back, operation, body)
+            result = self._execute(back, operation, body)
             if inspect.isawaitable(result):
                 answer: asyncio.Future[Parts | None] = asyncio.ensure_future(result)
                 if header.stage is InteractionStage.REQUEST:
                     self._hold(connection, answer)
                 self._running.add(answer)
-                answer.add_done_callback(partial(self._answered, back, operation))
+                answer.add_done_callback(partial(self._on_answer, back, operation))
                 return
             _reply(back, operation, result)
         except MalError as error:
@@ -394,7 +394,7 @@ class Provider:
             self._warn_of(back, bad_encoding)
             back.refuse(bad_encoding)
         except Exception:
-            back.fault()
+            back.fail_internally()
 
     def _warn_of(self, back: ReplyPath, error: MalError) -> None:
         """Log an undecodable or wrongly addressed message, limited separately for each error."""
@@ -419,7 +419,7 @@ class Provider:
             raise MalError(StandardError.DESTINATION_UNKNOWN, text)
         return header.addressed(self._specification)
 
-    def _act(
+    def _execute(
         self, back: ReplyPath, operation: Operation, body: bytes
     ) -> Awaitable[Parts | None] | Parts | None:
         name, header = operation.names, back.header
@@ -490,7 +490,7 @@ class Provider:
         connection.lost.add_done_callback(cancel)
         work.add_done_callback(end)
 
-    def _answered(
+    def _on_answer(
         self, back: ReplyPath, operation: Operation, answer: asyncio.Future[Parts | None]
     ) -> None:
         self._running.discard(answer)
@@ -502,7 +502,7 @@ class Provider:
         except asyncio.CancelledError:
             back.refuse(MalError(StandardError.SHUTDOWN))
         except Exception:
-            back.fault()
+            back.fail_internally()
 
 
 def _reply(back: ReplyPath, operation: Operation, parts: Parts | None) -> None:

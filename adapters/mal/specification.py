@@ -1,4 +1,4 @@
-"""Service specifications as frozen data, with types bound to Python classes and type ids."""
+"""MO service specifications as frozen data, bound to Python classes and type ids."""
 
 import dataclasses
 import keyword
@@ -457,20 +457,20 @@ class _Binder:
         names = [python_name(field.name) for field in fields]
         if len(set(names)) < len(names):
             raise SpecificationError(f"composite {ref.area}::{ref.name} has a duplicate field")
-        cls = self._given(ref) or _make_dataclass(definition, base)
+        cls = self._type_of(ref) or _make_dataclass(definition, base)
         if not dataclasses.is_dataclass(cls) or [f.name for f in dataclasses.fields(cls)] != names:
             raise SpecificationError(f"class {ref.name} must have the fields {', '.join(names)}")
         return self._bound(ref, definition, cls, fields, ancestors)
 
     def _enumeration(self, ref: TypeRef, definition: EnumerationType) -> type[Any]:
         items = {python_name(item.name): item.value for item in definition.items}
-        cls: Any = self._given(ref) or Enum(definition.name, items)
+        cls: Any = self._type_of(ref) or Enum(definition.name, items)
         members: Any = cls if isinstance(cls, EnumMeta) else ()
         if {member.name: member.value for member in members} != items:
             raise SpecificationError(f"class {ref.name} must have the items {', '.join(items)}")
         return cast(type[Any], cls)
 
-    def _given(self, ref: TypeRef) -> Any:
+    def _type_of(self, ref: TypeRef) -> Any:
         if ref.area == "MAL":
             return getattr(values, ref.name, None)
         return self._classes.get(ref.name)

@@ -1,4 +1,4 @@
-"""Reads MO service specifications: XML of ServiceSchema v003, as published by CCSDS."""
+"""`load_specification` reads the XML of MO services: ServiceSchema v003, as CCSDS publishes it."""
 
 from pathlib import Path
 from types import ModuleType

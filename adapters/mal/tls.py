@@ -1,4 +1,4 @@
-"""Mutual TLS: both ends authenticate by certificate."""
+"""`Certificates` for mutual TLS: both ends authenticate by certificate."""
 
 import ipaddress
 import socket

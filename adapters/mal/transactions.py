@@ -1,4 +1,4 @@
-"""Received messages of a consumer: replies, and updates of its subscriptions."""
+"""Messages that a consumer receives: replies of a `Transaction`, updates of its `Subscriptions`."""
 
 import asyncio
 import itertools
@@ -77,7 +77,7 @@ class Transaction:
         """Whether this message, or an error in its place, is expected now."""
         return stage in self._expected
 
-    def take(self, stage: InteractionStage, parts: Parts, octets: int) -> None:
+    def on_message(self, stage: InteractionStage, parts: Parts, octets: int) -> None:
         """Buffer a message; `octets` is the size of its body."""
         self._expect(_FOLLOWERS.get(stage, ()))
         self._octets += octets + _OVERHEAD
@@ -218,7 +218,7 @@ class Subscriptions:
         self._on_update: dict[tuple[str, str, str], OnUpdate] = {}
 
     @contextmanager
-    def added(
+    def adding(
         self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
     ) -> Iterator[None]:
         """Add a subscription during its registration; restored if the registration fails."""
@@ -245,7 +245,7 @@ class Subscriptions:
             found[service, operation] = (*ids, subscription_id)
         return found
 
-    def notified(self, header: Header, body: bytes) -> None:
+    def on_update(self, header: Header, body: bytes) -> None:
         """Pass an update to its callback; an invalid one is logged and dropped."""
         try:
             if header.is_error:

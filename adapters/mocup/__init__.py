@@ -1,4 +1,4 @@
-"""MOCUP: whole motions of the executive as MOPS commands, replies as facts (thesis 6.1)."""
+"""`MocupRover` behind the port `DelegatedMotionRover`: motions as MOPS messages (thesis 6.1)."""
 
 from adapters.mocup.plugin import ClaimAnnouncer as ClaimAnnouncer
 from adapters.mocup.plugin import MocupFact as MocupFact

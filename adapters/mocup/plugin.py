@@ -1,4 +1,4 @@
-"""MOCUP behind the port `DelegatedMotionRover`: the executive's commands as MOPS messages.
+"""`MocupRover`, behind the port `DelegatedMotionRover`: sends the executive's motions as MOPS.
 
 The brick executes one command at a time, so commands wait here for the reply to the one before; a
 stop does not wait. Messages of a command of mission control carry its source and number, with a
@@ -40,15 +40,15 @@ from executive.record import Grant
 from executive.settings import AuthoritySettings
 from executive.values.clock import Clock
 from executive.values.facts import (
-    AuthorityUsed,
-    CommandEnded,
-    CommandUnderWay,
+    ExternalAuthorityUse,
+    ExternalCommandEnded,
+    ExternalCommandRunning,
+    ExternalStop,
     MotionEnded,
     MotionStarted,
-    Stopped,
 )
 from executive.values.parameters import ParameterValue
-from executive.values.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, DriveBy, TurnBy, VelocityHold
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
 
 _LOG: Final = logging.getLogger(__name__)
@@ -61,7 +61,14 @@ MAX_PENDING: Final = 64
 """Maximum number of commands with a pending reply."""
 MAX_UNCONFIRMED: Final = 200
 """Maximum number of last reports that are published until `rover-nxt` acknowledges them."""
-MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
+MocupFact = (
+    MotionStarted
+    | MotionEnded
+    | ExternalCommandEnded
+    | ExternalCommandRunning
+    | ExternalStop
+    | ExternalAuthorityUse
+)
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 _ANNOUNCED_STAGES: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
@@ -71,7 +78,7 @@ _ANNOUNCED_STAGES: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, S
 class _BrickRequest:
     request: Request
     command: Identity | None = None
-    motion: WholeMotion | None = None
+    motion: DelegatedMotion | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +128,7 @@ class MocupRover:
         self._camera: CameraIntent | None = None
         self._camera_at_s = 0.0
 
-    def execute_motion(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: DelegatedMotion) -> None:
         """Queue a motion for the brick.
 
         Its speed is set first if it differs or belongs to another command: the other link may have
@@ -130,17 +137,17 @@ class MocupRover:
         if motion.command != self._speeds_of:
             self._speeds.clear()
             self._speeds_of = motion.command
-        match motion.what:
+        match motion.primitive:
             case TurnBy(angle_rad, speed_radps):
                 self._set(SetRotateSpeed(speed_radps), motion.command)
                 request: Request = RotateBy(angle_rad)
-            case Advance(distance_m, speed_mps):
+            case DriveBy(distance_m, speed_mps):
                 self._set(SetTravelSpeed(speed_mps), motion.command)
                 request = MoveForward(distance_m)
-            case Hold(velocity, duration_s):
+            case VelocityHold(velocity, duration_s):
                 request = DriveFor(velocity.travel_mps, velocity.rotate_radps, duration_s)
             case _:
-                assert_never(motion.what)
+                assert_never(motion.primitive)
         self._put(_BrickRequest(request, motion.command, motion))
 
     @property
@@ -180,7 +187,7 @@ class MocupRover:
         if self._unanswered is not None and self._clock.now_s() - self._sent_at_s >= RETRANSMIT_S:
             self._sent_at_s = self._clock.now_s()
             self._send(self._unanswered)
-        self._next()
+        self._send_next()
 
     def on_reply(self, reply: Message) -> None:
         """Process a reply of the brick; one that answers no command is ignored.
@@ -191,7 +198,7 @@ class MocupRover:
         if reply.code == self._dictionary.spelling.authority.code:
             epoch = authority_of(reply).epoch
             if epoch is not None:
-                self._observe(AuthorityUsed(epoch))
+                self._observe(ExternalAuthorityUse(epoch))
             return
         key = _key_of(reply)
         if self._is_anothers_stop(reply):
@@ -208,7 +215,7 @@ class MocupRover:
             self._unanswered = None
         if is_last(reply):
             self._end(key, reply)
-            self._next()
+            self._send_next()
         elif reply.outputs[:1] == (Stage.STARTED.name,):
             motion = self._pending[key].motion
             if motion is not None:
@@ -216,7 +223,8 @@ class MocupRover:
 
     def _on_external_stop(self, stop: Message) -> None:
         """End all commands sent to the brick, as the other link has stopped it."""
-        self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
+        number = stop.moe_inputs_id
+        self._observe(ExternalStop(None if number is None else Identity(stop.dest, number)))
         requests = (*self._pending.values(), *self._waiting)
         self._pending = {k: e for k, e in self._pending.items() if isinstance(e.request, Stop)}
         self._waiting.clear()
@@ -235,7 +243,7 @@ class MocupRover:
         if is_last(reply):
             self._on_external_result(command, reply)
         else:
-            self._observe(CommandUnderWay(command))
+            self._observe(ExternalCommandRunning(command))
 
     def _on_external_result(self, command: Identity, reply: Message) -> None:
         """End the requests of a command that the brick received over the other link."""
@@ -245,14 +253,14 @@ class MocupRover:
             self._end(key, reply)
         for pending in theirs:
             self._report_end(pending, reply)
-        self._observe(CommandEnded(command, reply.executed, _why(reply)))
-        self._next()
+        self._observe(ExternalCommandEnded(command, reply.executed, _reply_text(reply)))
+        self._send_next()
 
     def _end(self, key: _ReplyKey, reply: Message) -> None:
         pending = self._pending.pop(key)
         if not reply.executed:
             level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
-            _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
+            _LOG.log(level, "%s not executed: %s", reply.command, _reply_text(reply))
             self._speeds.pop(type(pending.request), None)
             self._drop_motion_after(pending, reply)
         self._report_end(pending, reply)
@@ -272,7 +280,7 @@ class MocupRover:
 
     def _report_end(self, pending: _BrickRequest, reply: Message) -> None:
         if pending.motion is not None:
-            self._observe(MotionEnded(pending.motion.number, reply.executed, _why(reply)))
+            self._observe(MotionEnded(pending.motion.number, reply.executed, _reply_text(reply)))
 
     def _set(self, speed: SetTravelSpeed | SetRotateSpeed, command: Identity) -> None:
         if self._speeds.get(type(speed)) != speed:
@@ -281,9 +289,9 @@ class MocupRover:
 
     def _put(self, pending: _BrickRequest) -> None:
         self._waiting.append(pending)
-        self._next()
+        self._send_next()
 
-    def _next(self) -> None:
+    def _send_next(self) -> None:
         if self._waiting and not self._busy:
             self._send_request(self._waiting.popleft())
 
@@ -327,7 +335,7 @@ def _key_of(reply: Message) -> _ReplyKey | None:
     return _ReplyKey(Identity(reply.dest, reply.moe_inputs_id), reply.moe_inputs_counter)
 
 
-def _why(reply: Message) -> str:
+def _reply_text(reply: Message) -> str:
     return " ".join(part for part in reply.outputs[:3] if part)
 
 
@@ -380,7 +388,7 @@ class ClaimAnnouncer:
         """Last string for each command, and for the authority (None)."""
         self._before: dict[Identity | None, str] = {}
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Publish new reports on commands, and the authority after a hand-over."""
         for report in reports:
             if report.identity is None:
@@ -397,7 +405,7 @@ class ClaimAnnouncer:
             if identity is not None:
                 self._announce(report, identity)
 
-    def taken(self, mark: int) -> None:
+    def on_acknowledged(self, mark: int) -> None:
         """Process the acknowledgement of the string with this fingerprint."""
         for key, text in self._unconfirmed.items():
             if fingerprint(text) == mark:
@@ -442,11 +450,11 @@ class ClaimAnnouncer:
             del self._unconfirmed[next(iter(self._unconfirmed))]
         self._publish(text)
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Ignore telemetry: the brick measures it."""
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Ignore file events."""
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Ignore plans: commands of a plan are reported."""

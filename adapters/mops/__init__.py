@@ -18,9 +18,6 @@ from adapters.mops.dictionary import Spelling as Spelling
 from adapters.mops.dictionary import conditions_of as conditions_of
 from adapters.mops.dictionary import load_dictionary as load_dictionary
 from adapters.mops.dictionary import mark_overtaken as mark_overtaken
-from adapters.mops.housekeeping import Housekeeping as Housekeeping
-from adapters.mops.housekeeping import housekeeping_message as housekeeping_message
-from adapters.mops.housekeeping import housekeeping_of as housekeeping_of
 from adapters.mops.reports import LINK as LINK
 from adapters.mops.reports import MAX_SEQUENCE as MAX_SEQUENCE
 from adapters.mops.reports import TO_ALL as TO_ALL
@@ -31,10 +28,13 @@ from adapters.mops.reports import ledger_of as ledger_of
 from adapters.mops.reports import refusal_of as refusal_of
 from adapters.mops.reports import reply_of as reply_of
 from adapters.mops.reports import report_of as report_of
+from adapters.mops.telemetry import Housekeeping as Housekeeping
 from adapters.mops.telemetry import LinkHealth as LinkHealth
 from adapters.mops.telemetry import facts_of as facts_of
 from adapters.mops.telemetry import health_message as health_message
 from adapters.mops.telemetry import health_of as health_of
+from adapters.mops.telemetry import housekeeping_message as housekeeping_message
+from adapters.mops.telemetry import housekeeping_of as housekeeping_of
 from adapters.mops.telemetry import mode_of as mode_of
 from adapters.mops.telemetry import parameters_of as parameters_of
 from adapters.mops.telemetry import telemetry_of as telemetry_of

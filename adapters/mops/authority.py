@@ -1,4 +1,4 @@
-"""The command authority as the executive sends it to `rover-nxt`, for the relay's commands.
+"""`RelayAuthority`: the authority for the relay's commands, as a message to `rover-nxt`.
 
 The executive grants the authority. `rover-nxt` also forwards relay commands to the brick while the
 executive is not running; it then applies the last received authority. The same message returns to
@@ -27,7 +27,7 @@ class RelayAuthority:
     epoch: int | None = None
     given_by: str | None = None
 
-    def fault(self, source: str, claimed: int | None) -> str:
+    def refusal_text(self, source: str, claimed: int | None) -> str:
         """Return the reason to refuse a command under a claimed epoch; empty if it is allowed."""
         if claimed is None and not self.needed:
             return ""
@@ -36,7 +36,7 @@ class RelayAuthority:
         elif claimed != self.epoch:
             wrong = f"the relay does not hold authority {claimed}"
         elif self.given_by not in {None, source}:
-            wrong = f"{source} is not {self.given_by}, who gave it"
+            wrong = f"{source} is not {self.given_by}, its grantor"
         else:
             return ""
         return f"{wrong}: {self.holder or 'no operator'} holds it"

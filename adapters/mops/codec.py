@@ -1,4 +1,4 @@
-"""MOPS messages as values, as octets and in a stream; dataclass fields as message values.
+"""`Message` of MOPS as value and octets; `MopsStream`; dataclass fields as values of a message.
 
 On the wire (thesis 6.1.1):
 `CODE|SOURCE|DEST|COMMAND|INPUTS|OUTPUTS|RECEIVED|EXECUTED|moeinputsid|moeinputscounter#`
@@ -112,8 +112,8 @@ def encode(message: Message) -> bytes:
     fields = [f"{message.code:03X}", *(_checked(_NAME, name, value) for name, value in names)]
     fields += [_joined("inputs", message.inputs), _joined("outputs", message.outputs)]
     fields += [str(message.received), str(message.executed)]
-    fields.append(_digits("moeinputsid", message.moe_inputs_id, MAX_ID))
-    fields.append(_digits("moeinputscounter", message.moe_inputs_counter, MAX_COUNTER))
+    fields.append(_encode_number("moeinputsid", message.moe_inputs_id, MAX_ID))
+    fields.append(_encode_number("moeinputscounter", message.moe_inputs_counter, MAX_COUNTER))
     octets = (SEPARATOR.join(fields) + END).encode("ascii")
     if len(octets) > MAX_MESSAGE_OCTETS:
         raise MopsError(f"{len(octets)} octets: a message has {MAX_MESSAGE_OCTETS} at most")
@@ -175,7 +175,7 @@ def _flag(name: str, text: str) -> bool:
     return _FLAGS[text]
 
 
-def _digits(name: str, value: int | None, maximum: int) -> str:
+def _encode_number(name: str, value: int | None, maximum: int) -> str:
     if value is not None and not 0 <= value <= maximum:
         raise MopsError(f"{name}: {value} is not within 0 and {maximum}")
     return "" if value is None else str(value)
@@ -219,7 +219,7 @@ class MopsStream:
         """Add octets, split at any position, and yield the messages completed by them."""
         *pieces, self._begun = (self._begun + octets).split(_END)
         for piece in pieces:
-            message = self._whole(piece + _END)
+            message = self._complete_message(piece + _END)
             if message is not None:
                 yield message
         if len(self._begun) >= MAX_MESSAGE_OCTETS:
@@ -233,7 +233,7 @@ class MopsStream:
         if skipped or begun.strip(_PADDING):
             self._drop(begun[:_SHOWN], skipped + len(begun), f"no {END} at the end")
 
-    def _whole(self, piece: bytes) -> Message | None:
+    def _complete_message(self, piece: bytes) -> Message | None:
         if self._skipped:
             self._drop(piece[-_SHOWN:], self._skipped + len(piece), "it does not end")
             self._skipped = 0
@@ -339,7 +339,7 @@ def from_values(kind: type, values: Sequence[str]) -> Any:
         MopsError: the number of values is wrong, or a value has the wrong type.
     """
     left = list(reversed(values))
-    made = _made(kind, left)
+    made = _build(kind, left)
     if left:
         raise MopsError(f"inputs: {len(left)} too many")
     return made
@@ -375,14 +375,14 @@ def _element(hint: Any) -> type | None:
     return element
 
 
-def _made(kind: type, left: list[str]) -> Any:
+def _build(kind: type, left: list[str]) -> Any:
     found: dict[str, Any] = {}
     for name, hint in _hints(kind):
         element = _element(hint)
         if element is not None:
             found[name] = tuple(_repeated(element, left))
         elif is_dataclass(hint) and isinstance(hint, type):
-            found[name] = _made(hint, left)
+            found[name] = _build(hint, left)
         elif left:
             found[name] = _read(name, hint, left.pop())
         else:
@@ -392,7 +392,7 @@ def _made(kind: type, left: list[str]) -> Any:
 
 def _repeated(element: type, left: list[str]) -> Iterator[Any]:
     while left:
-        yield _made(element, left)
+        yield _build(element, left)
 
 
 def _read(name: str, hint: Any, text: str) -> Any:

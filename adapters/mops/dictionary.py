@@ -1,4 +1,4 @@
-"""Conversion between requests of the core and MOPS messages, by `config/mops/dictionary.yaml`."""
+"""`Dictionary` converts requests to MOPS messages and back, by `config/mops/dictionary.yaml`."""
 
 import re
 from collections.abc import Iterator, Mapping

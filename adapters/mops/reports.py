@@ -1,4 +1,4 @@
-"""Conversion between reports of the core and MOPS replies and events."""
+"""Converts reports of the core to MOPS replies and events, and back."""
 
 import re
 from dataclasses import dataclass
@@ -58,6 +58,7 @@ class _Event:
     text: str
     sequence: int
     utc_s: float
+    fault: str = ""
     ledger: str = ""
 
 
@@ -152,6 +153,7 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
         _cut(report.text),
         report.sequence,
         report.utc_s,
+        report.fault or "",
         ledger,
     )
     return Message(
@@ -242,6 +244,7 @@ def _event(message: Message, entry: OtherEntry) -> Report:
         severity=_named(Severity, outputs.severity),
         text=outputs.text,
         reason=_named(Reason, outputs.reason) if outputs.reason else None,
+        fault=outputs.fault or None,
     )
 
 

@@ -1,5 +1,6 @@
-"""Conversion between telemetry or link health and MOPS messages."""
+"""Converts telemetry, link health and housekeeping to MOPS messages, and back."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -20,6 +21,9 @@ from executive.values.facts import Battery, CameraAngles, Odometry
 from executive.values.geometry import Pose, Velocity
 from executive.values.parameters import Parameter, ParameterValue
 
+_NAME: Final = re.compile(r"[A-Z][A-Z0-9_]{0,39}", re.ASCII)
+_MAX_FIGURES: Final = 64
+
 
 @dataclass(frozen=True, slots=True)
 class LinkHealth:
@@ -28,10 +32,10 @@ class LinkHealth:
     Attributes:
         utc_s: time of the values, seconds since 1970-01-01 UTC.
         queued: bundles queued for transmission.
-        oldest_s: age in the queue of the first of them, s.
+        oldest_age_s: age in the queue of the first of them, s.
         next_contact_utc_s: start of the next planned contact; None if none is planned.
-        last_heard_s: time since the last reception from the other end, s; None for never.
-        unread: bundles queued for publication.
+        last_received_s: time since the last reception from the other end, s; None for never.
+        undelivered: bundles queued for publication.
         refused: messages refused since the start.
         contact: whether it could send to the other end; None, like all below, if the end runs a
             version without these values.
@@ -43,10 +47,10 @@ class LinkHealth:
 
     utc_s: float
     queued: int
-    oldest_s: float
+    oldest_age_s: float
     next_contact_utc_s: float | None
-    last_heard_s: float | None
-    unread: int
+    last_received_s: float | None
+    undelivered: int
     refused: int
     contact: bool | None = None
     queued_octets: int | None = None
@@ -188,13 +192,62 @@ def _values(message: Message, spelling: TelemetryEntry) -> dict[Parameter, float
     if len(message.outputs) not in (count, count + 1):
         raise MopsError(f"outputs: {len(message.outputs)}, not {count} or {count + 1}")
     return {
-        parameter: _number(parameter, text) if text else None
+        parameter: _number(parameter.value, text) if text else None
         for parameter, text in zip(spelling.outputs, message.outputs[:count], strict=True)
     }
 
 
-def _number(parameter: Parameter, text: str) -> float:
+def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError as fault:
-        raise MopsError(f"{parameter.value}: {text[:40]!r} is no number") from fault
+        raise MopsError(f"{name}: {text[:40]!r} is no number") from fault
+
+
+@dataclass(frozen=True, slots=True)
+class Housekeeping:
+    """Health figures of a component.
+
+    Attributes:
+        utc_s: time of the figures, seconds since 1970-01-01 UTC.
+        figures: value of each parameter, by its name; None if unknown.
+    """
+
+    utc_s: float
+    figures: Mapping[str, float | None]
+
+
+def housekeeping_message(housekeeping: Housekeeping, entry: OtherEntry, source: str) -> Message:
+    """Return the message that carries housekeeping."""
+    outputs = [repr(housekeeping.utc_s)]
+    for name, figure in housekeeping.figures.items():
+        outputs += [name, "" if figure is None else repr(float(figure))]
+    return Message(entry.code, source, TO_ALL, entry.command, outputs=tuple(outputs), received=True)
+
+
+def housekeeping_of(message: Message, entry: OtherEntry) -> Housekeeping:
+    """Return the housekeeping that a message carries.
+
+    Raises:
+        MopsError: it is not housekeeping, or a value is invalid.
+    """
+    if (message.code, message.command) != (entry.code, entry.command) or message.inputs:
+        raise MopsError(f"{message.code:03X} {message.command} is no housekeeping")
+    time, *pairs = message.outputs or ("",)
+    utc_s = _figure("utc_s", time)
+    require_within("utc_s", utc_s, 0, MAX_UTC_S)
+    if len(pairs) % 2 or len(pairs) > 2 * _MAX_FIGURES:
+        raise MopsError(f"outputs: a time, and {_MAX_FIGURES} names at most with a value each")
+    figures: dict[str, float | None] = {}
+    for name, text in zip(pairs[::2], pairs[1::2], strict=True):
+        if not _NAME.fullmatch(name) or name in figures:
+            raise MopsError(f"outputs: {name[:40]!r} is no name, or is there twice")
+        figures[name] = _figure(name, text) if text else None
+    return Housekeeping(utc_s, figures)
+
+
+def _figure(name: str, text: str) -> float:
+    figure = _number(name, text)
+    if not isfinite(figure):
+        raise MopsError(f"{name}: {text[:40]!r} is not finite")
+    return figure

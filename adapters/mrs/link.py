@@ -1,4 +1,4 @@
-"""Onboard end of the direct link: serves the MRS over MAL on its own thread."""
+"""`MrsLink`: onboard end of the direct link; serves the MRS over MAL on its own thread."""
 
 import asyncio
 import logging
@@ -26,7 +26,7 @@ from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
 from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.core.runner import Executive
-from executive.history import HistoryBuilder
+from executive.history.history_builder import HistoryBuilder
 from executive.settings import Settings
 from executive.values.parameters import ParameterValue
 from executive.values.reports import FileEvent, PlanUpdate, Report
@@ -80,9 +80,9 @@ async def _publish_housekeeping(
 class MrsLink:
     """Passes commands and queries to an executive, and sends its reports and telemetry.
 
-    It implements `executive.values.ports.Downlink`: `report` and `telemetry` only pass their
-    argument to the link's thread. While the link does not run nothing is sent; clients catch up
-    by `getNotifications`.
+    It implements `executive.values.ports.Downlink`: `send_reports` and `send_telemetry` only pass
+    their argument to the link's thread. While the link does not run nothing is sent; clients catch
+    up by `getNotifications`.
 
     Args:
         settings: settings of the asset.
@@ -146,27 +146,27 @@ class MrsLink:
             self._thread.join()
             self._thread = None
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Send reports to their subscribers."""
         if self._serving is not None:
             self._serving.gateway.call_on_loop(self._serving.asset.report, reports)
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values to their subscribers."""
         if self._serving is not None:
-            self._serving.gateway.call_on_loop(self._serving.asset.telemetry, values)
+            self._serving.gateway.call_on_loop(self._serving.asset.publish_telemetry, values)
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Send a file event to its subscribers."""
         if self._serving is not None:
             files = self._serving.files
             found = files.inspect(event.path)
             self._serving.gateway.call_on_loop(files.watch.notify, event.kind, event.path, *found)
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Send the status of a plan to its subscribers."""
         if self._serving is not None:
-            self._serving.gateway.call_on_loop(self._serving.asset.plan, update)
+            self._serving.gateway.call_on_loop(self._serving.asset.publish_plan_update, update)
 
     def _run(self, executive: Executive, listening: "Future[MalUri]") -> None:
         try:

@@ -1,4 +1,4 @@
-"""Encoding and certificates of a link: agreed beforehand, since messages do not carry them."""
+"""`TransportSettings` of a link: encoding and certificates, agreed since messages lack them."""
 
 import os
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""The executive's process: assembles the core, its tree, ROS and the links."""
+"""The process `rover-executive`: assembles the core, its tree, ROS and the links."""

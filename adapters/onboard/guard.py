@@ -1,4 +1,4 @@
-"""A separate process that stops the rover when the executive has ended.
+"""`guarded`: a separate process that stops the rover when the executive has ended.
 
 A base stops by itself without velocities, the Jackal's after 0.25 s. A process cannot act after
 kill -9 on itself; but the kernel closes its end of a pipe at once, and the process at the other

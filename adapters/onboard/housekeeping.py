@@ -1,4 +1,4 @@
-"""Housekeeping parameters of the executive's process."""
+"""`ExecutiveHousekeeping`: measures the health figures of the process `rover-executive`."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -8,6 +8,7 @@ from adapters.mrs.spec import (
     EXECUTIVE,
     EXECUTIVE_HOUSEKEEPING,
     HousekeepingParameter,
+    map_figures,
     uncertainty_figures,
     usage_figures,
 )
@@ -61,10 +62,11 @@ class ExecutiveHousekeeping:
             "EXEC_TICK": max_tick_s,
             "EXEC_TICK_PERIOD": max((each.max_period_s for each in ticks), default=None),
             "EXEC_OVERRUNS": ticks[-1].overruns if ticks else None,
-            "EXEC_WAITING": executive.waiting,
+            "EXEC_QUEUED": executive.waiting,
             "EXEC_GOALS": executive.goal_count,
             "EXEC_LEDGER": self._ledger_octets(),
             "EXEC_REPORTS": executive.last_sequence,
+            **map_figures(executive.status.map_origin),
             **uncertainty_figures(executive.status.uncertainty.figures),
             **usage_figures(EXECUTIVE, self._usage.measure()),
         }

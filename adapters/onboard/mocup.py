@@ -1,4 +1,4 @@
-"""MOCUP on ROS: its MOPS messages on two topics, its camera like that of any rover."""
+"""`MocupOnRos`: MOCUP's MOPS messages on two ROS topics; its camera is that of any rover."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ from executive.record import AuthorityRecord, Ledger, LedgerError
 from executive.settings import Settings
 from executive.values.clock import Clock
 from executive.values.facts import Fact
-from executive.values.ports import CameraIntent, Downlink, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, Downlink
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
@@ -56,13 +56,13 @@ class MocupOnRos(RosFrames):
             executive.settings.SettingsError: the MOPS dictionary is invalid.
             adapters.ros.parameters.ParameterError: a topic is missing.
         """
-        super().__init__(node, topics.camera_compressed)
-        command = declare_topic(node, "mops_command", "std_msgs/String, MOPS commands to the brick")
+        super().__init__(node, topics.camera)
+        command = declare_topic(node, "mops_command", "MOPS commands to the brick", String)
         self._replies = declare_topic(
-            node, "mops_notification", "std_msgs/String, MOPS replies of the brick"
+            node, "mops_notification", "MOPS replies of the brick", String
         )
         self._taken = declare_topic(
-            node, "mops_taken", "std_msgs/UInt64, fingerprint of a string accepted by rover-nxt"
+            node, "mops_command_ack", "fingerprint of a string accepted by rover-nxt", UInt64
         )
         self._commands = node.create_publisher(String, command.name, command.qos)
         publish_heartbeat(node, command)
@@ -78,11 +78,11 @@ class MocupOnRos(RosFrames):
         self._listeners = 0
         node.create_timer(REMIND_S, self._poll)
 
-    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, add_subscription: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the brick's replies."""
         self._observe = observe
-        subscribe(String, self._replies, self._on_reply)
-        subscribe(UInt64, self._taken, self._on_taken)
+        add_subscription(self._replies, self._on_reply)
+        add_subscription(self._taken, self._on_taken)
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
         """Return the downlink that sends `rover-nxt` commands, their reports and the authority.
@@ -106,7 +106,7 @@ class MocupOnRos(RosFrames):
         self._claims, self._resend_claims = claims, again
         return (claims,)
 
-    def execute_motion(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: DelegatedMotion) -> None:
         """Have the brick execute a motion."""
         self._rover.execute_motion(motion)
 
@@ -157,7 +157,7 @@ class MocupOnRos(RosFrames):
 
     def _on_taken(self, mark: UInt64) -> None:
         if self._claims is not None:
-            self._claims.taken(mark.data)
+            self._claims.on_acknowledged(mark.data)
 
     def _observe_fact(self, fact: MocupFact) -> None:
         self._observe(fact)

@@ -1,4 +1,4 @@
-"""Trajectory planning on a separate thread, for model predictive control in real time."""
+"""`BackgroundSolver`: solves trajectories on a separate thread, for model predictive control."""
 
 import logging
 from collections.abc import Iterator

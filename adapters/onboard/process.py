@@ -1,4 +1,4 @@
-"""`rover-executive`: the onboard process that receives commands and moves the rover."""
+"""The process `rover-executive`, on the rover: its command line. `service` serves the asset."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -71,7 +71,7 @@ def _udp_address(_: click.Context, __: click.Parameter, text: str | None) -> Add
 @click.option(
     "--ros-params",
     type=EXISTING_FILE,
-    help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
+    help="ROS parameter file.  [default: ASSET.ros.yaml beside the asset, or in config/]",
 )
 @log_level_option
 @click.pass_obj
@@ -112,9 +112,9 @@ def main(
     """
     from adapters.mrs.ground import parse_address as parse_mrs_address
     from adapters.onboard.service import ExecutiveOptions, serve
-    from executive.settings import config_folder, load_settings
+    from executive.settings import asset_file, load_settings, ros_parameter_file
 
-    settings = _with_video(load_settings(asset), video_from, video_to).reached(
+    settings = _with_video(load_settings(asset), video_from, video_to).for_access(
         by_others=not is_loopback(host)
     )
     try:
@@ -127,7 +127,7 @@ def main(
             host,
             port,
             data or default_folder(settings.asset),
-            ros_params or config_folder() / f"{settings.asset}.ros.yaml",
+            ros_params or ros_parameter_file(settings.asset, asset_file(asset).parent),
             ros_arguments,
             clear_text,
             terms,

@@ -1,4 +1,4 @@
-"""Assembles an executive, serves it until a signal, and closes it in the right order."""
+"""`serve`, the body of `rover-executive`: assembles it, runs until a signal, closes it in order."""
 
 import gc
 import logging
@@ -14,6 +14,7 @@ from typing import Final, assert_never
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
+from sensor_msgs.msg import Image
 
 from adapters.mal import MalUri
 from adapters.mops import load_dictionary
@@ -24,7 +25,7 @@ from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, HousekeepingProvider
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
-from adapters.process import StartError, Termination, exclusive
+from adapters.process import StartError, Termination, exclusive, require
 from adapters.recording import BackgroundRecorder
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
@@ -43,10 +44,10 @@ from adapters.ros import (
 )
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
-from executive.core.recording import Tapes
+from executive.core.recording import RecordingTee
 from executive.core.runner import Executive
 from executive.goals import Context
-from executive.history import HistoryBuilder
+from executive.history.history_builder import HistoryBuilder
 from executive.motion import SharedSolver
 from executive.record import Ledger, LedgerError
 from executive.settings import LocomotionKind, Settings, SettingsError
@@ -198,6 +199,8 @@ def executive_on(
         housekeeping: receives the tick statistics; None without queries.
     """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
+    if topics.camera is not None and topics.camera.type is Image:
+        require("PIL")
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
     clock = clock_of(node)
     rover = rover_kind(settings)(node, topics, clock, settings)
@@ -221,7 +224,7 @@ def executive_on(
             build_tree=build_tree,
             video=video,
             solver=solver,
-            tape=Tapes(*tapes) if tapes else None,
+            tape=RecordingTee(*tapes) if tapes else None,
         )
         if tape is not None:
             tape.on_fault = partial(_report_recording_fault, executive)
@@ -231,7 +234,7 @@ def executive_on(
             housekeeping.rover = rover if isinstance(rover, HousekeepingProvider) else None
         if relay is not None:
             if housekeeping is not None:
-                housekeeping.publish = relay.housekeeping
+                housekeeping.publish = relay.publish_housekeeping
             relay.serve(executive.submit, lambda: executive.mode)
             relay_topics.serve(relay, served)
         try:
@@ -262,7 +265,7 @@ def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundReco
 
 
 def _report_recording_fault(executive: Executive, text: str) -> None:
-    executive.query(partial(executive.event, Severity.WARNING, text))
+    executive.query(partial(executive.report_event, Severity.WARNING, text))
 
 
 @contextmanager
@@ -281,17 +284,17 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
         stamp = node.get_clock().now().to_msg()
         diagnostics.publish(diagnostic_array(name, asset, level, text, values, stamp))
 
-    def tell(text: str) -> None:
+    def report(text: str) -> None:
         publish("watchdog", DiagnosticStatus.ERROR, text, {"bound [s]": f"{bound_s:g}"})
 
     def check_guard(guard: Guard) -> None:
         if text := guard.take_event():
             _LOG.error("%s", text)
-            executive.event(Severity.ALARM, text)
+            executive.report_event(Severity.ALARM, text)
         level = DiagnosticStatus.OK if guard.state == RUNS else DiagnosticStatus.WARN
         publish("guard", level, guard.state, {})
 
-    with Watchdog(executive, bound_s, tell) as watchdog:
+    with Watchdog(executive, bound_s, report) as watchdog:
         steady_timer(node, bound_s / BEATS_PER_TIMEOUT, watchdog.beat)
         if guard is not None:
             steady_timer(node, GUARD_CHECK_S, partial(check_guard, guard))
@@ -351,7 +354,7 @@ def _port(locomotion: LocomotionKind) -> type:
     match locomotion:
         case LocomotionKind.VELOCITY:
             return RosVelocityRover
-        case LocomotionKind.WHOLE_MOTION:
+        case LocomotionKind.DELEGATED:
             return RosMotionRover
         case _:
             assert_never(locomotion)
@@ -372,12 +375,12 @@ def _named(name: str, port: type) -> type:
         ) from error
     found = getattr(module, kind, None)
     if not isinstance(found, type):
-        there = ", ".join(_fitting(module, port)) or "none that fits"
+        there = ", ".join(_classes_with_port(module, port)) or "none that fits"
         raise SettingsError(f"rover {name}: {path} has no class {kind!r}; there are: {there}")
     return found
 
 
-def _fitting(module: ModuleType, port: type) -> list[str]:
+def _classes_with_port(module: ModuleType, port: type) -> list[str]:
     """Return the names of a module's own classes that have all methods of a port."""
     return sorted(
         name

@@ -1,4 +1,4 @@
-"""Watchdog over the core's thread: detects a tick that hangs, from a separate thread."""
+"""`Watchdog` stops the rover from a separate thread when a tick of the core's thread hangs."""
 
 import logging
 import threading
@@ -60,9 +60,9 @@ class Watchdog:
             if polls >= MISSED_POLLS:
                 self._silent_s = polls * self._poll_s
                 with suppress(Exception):  # no error may end the watchdog
-                    self._act(first=polls == MISSED_POLLS)
+                    self._on_hang(first=polls == MISSED_POLLS)
 
-    def _act(self, first: bool) -> None:
+    def _on_hang(self, first: bool) -> None:
         moving = self._executive.moving or self._executive.velocity != STANDING
         if moving:
             self._stopped = True
@@ -81,5 +81,5 @@ class Watchdog:
             text = f"{text}; the watchdog stopped the rover"
             self._executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, text, figures))
         else:
-            self._executive.event(Severity.WARNING, text, figures)
+            self._executive.report_event(Severity.WARNING, text, figures)
         self._stopped = False

@@ -1,22 +1,19 @@
-"""Common code of all server processes: command line, folder, log, signals, exit status.
-
-It depends on no link and no rover.
-"""
+"""Shared by all server processes: command line, folder, log, signals, exit status; no links."""
 
 from adapters.process.command import EXISTING_FILE as EXISTING_FILE
 from adapters.process.command import PORT_NUMBER as PORT_NUMBER
 from adapters.process.command import ROS_ARGS as ROS_ARGS
 from adapters.process.command import StartError as StartError
+from adapters.process.command import Termination as Termination
 from adapters.process.command import asset_option as asset_option
 from adapters.process.command import data_option as data_option
+from adapters.process.command import default_folder as default_folder
+from adapters.process.command import exclusive as exclusive
 from adapters.process.command import log_level_option as log_level_option
 from adapters.process.command import process as process
-from adapters.process.folder import default_folder as default_folder
-from adapters.process.folder import exclusive as exclusive
-from adapters.process.log import log_to_stderr as log_to_stderr
+from adapters.process.command import termination_event as termination_event
 from adapters.process.output import guard_output as guard_output
-from adapters.process.signals import Termination as Termination
-from adapters.process.signals import termination_event as termination_event
+from adapters.process.output import log_to_stderr as log_to_stderr
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import require as require
 from adapters.process.usage import ResourceMonitor as ResourceMonitor

@@ -1,28 +1,33 @@
-"""Common code of all server processes: command line, log, start errors and exit status.
+"""`process` decorates the `main` of a server process: options, data folder, signals, exit status.
 
 Exit status: 0 ended by a signal, 1 cannot start, continue or write its output, 2 invalid command
 line or settings file, 141 the output is closed.
 """
 
+import asyncio
+import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import Any, Final, TypeVar
 
 import click
 
-from adapters.process.log import log_to_stderr
-from adapters.process.output import guard_output
+from adapters.process.output import guard_output, log_to_stderr
 from adapters.process.start import missing_package
 
 SWITCH_S: Final = 0.001
 """Python's switch interval: the maximum wait of a thread for one that computes. A stop passes three
-threads; the usual 5 ms were most of its latency (p99 13.8 ms, 7.4 ms with 1 ms, nothing queued)."""
+threads; the usual 5 ms dominated its latency (p99 13.8 ms, 7.4 ms with 1 ms, nothing queued)."""
 ROS_ARGS: Final = "--ros-args"
 PORT_NUMBER: Final = click.IntRange(0, 65535)
 """A TCP or UDP port; 0 selects a free one."""
 EXISTING_FILE: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 _Decorated = TypeVar("_Decorated", bound=Callable[..., Any])
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 class StartError(Exception):
@@ -102,7 +107,8 @@ def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
     """Return the names of assets for shell completion."""
     from executive.settings import config_folder, names_in
 
-    return [name for name in names_in(config_folder()) if name.startswith(begun)]
+    robots = [f"robots/{name}" for name in names_in(config_folder() / "robots")]
+    return [name for name in names_in(config_folder()) + robots if name.startswith(begun)]
 
 
 def asset_option(
@@ -138,3 +144,77 @@ log_level_option = click.option(
     help="Lowest level that is logged, on standard error.",
 )
 """`--log-level`, which takes effect at once."""
+
+
+class Termination:
+    """Whether the termination of this process is requested.
+
+    After the first signal all further ones are ignored to the end of the process: a second one
+    must not interrupt the stop of the rover. Only for the main thread, which must poll it.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in _SIGNALS:
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self.requested = True
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def termination_event() -> asyncio.Event:
+    """Return an event that SIGINT and SIGTERM set from now on, on the running loop."""
+    requested, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in _SIGNALS:
+        loop.add_signal_handler(number, requested.set)
+    return requested
+
+
+def default_folder(name: str) -> Path:
+    """Return the default folder of a process's files."""
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(base) / "rover" / name
+
+
+@contextmanager
+def exclusive(folder: Path, lock: str) -> Iterator[None]:
+    """Create a folder and lock it; the kernel releases the lock however this process ends.
+
+    The file `lock` in it has this process's id while it runs, and is empty after it (unless
+    killed).
+
+    Raises:
+        StartError: another process holds the lock, or the folder cannot be created.
+    """
+    import fcntl  # Windows has none, and the ground's commands import this package
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = (folder / lock).open("a+", encoding="utf-8")
+    except OSError as error:
+        why = f"{folder} cannot be used: {error.strerror}"
+        raise StartError(f"{why}; --data names another folder") from error
+    with held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            held.seek(0)
+            raise StartError(
+                f"another process ({held.read().strip() or 'unknown'}) uses {folder}: stop it,"
+                " or give this one a folder of its own with --data"
+            ) from error
+        try:
+            os.ftruncate(held.fileno(), 0)
+            os.write(held.fileno(), f"{os.getpid()}\n".encode())
+        except OSError as error:
+            raise StartError(
+                f"{folder} cannot be written: {error.strerror}; free some space, or name another"
+                " folder with --data"
+            ) from error
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                os.ftruncate(held.fileno(), 0)

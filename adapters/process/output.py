@@ -1,4 +1,8 @@
-"""Standard output of a program: closed pipe, full disk, terminal without UTF-8."""
+"""`guard_output`, `log_to_stderr`: standard output of a program, its log on standard error.
+
+Standard output may be a closed pipe, a full disk or a terminal without UTF-8. The log has one line
+per event, regardless of the texts' content.
+"""
 
 import codecs
 import errno
@@ -6,6 +10,7 @@ import io
 import logging
 import os
 import sys
+import time
 from threading import current_thread, main_thread
 from typing import Any, Final
 
@@ -61,3 +66,39 @@ def _spell(error: UnicodeError) -> tuple[str, int]:
 
 
 codecs.register_error(_PLAIN, _spell)
+
+
+class OneLineFormatter(logging.Formatter):
+    """UTC, level and text on one line; control characters and line ends are escaped.
+
+    Texts also contain input of peers: none may imitate a line of the log, or control a terminal.
+    The lines of a traceback follow, each indented.
+    """
+
+    converter = staticmethod(time.gmtime)
+    default_time_format = "%Y-%m-%dT%H:%M:%S"
+    default_msec_format = "%s.%03dZ"
+
+    def __init__(self) -> None:
+        from executive.values.reports import printable  # `rover --help` imports no package
+
+        self._printable = printable
+        super().__init__("%(asctime)s %(levelname)-7s %(message)s")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
+        """Return the line of a record."""
+        record.message = self._printable(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: object) -> str:  # noqa: N802 - logging's name
+        """Return the lines of a traceback."""
+        text = super().formatException(ei)  # type: ignore[arg-type]
+        return "\n".join(f"  {self._printable(line)}" for line in text.split("\n"))
+
+
+def log_to_stderr(level: str) -> None:
+    """Log to standard error from a level upwards."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(OneLineFormatter())
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    logging.getLogger("transitions").setLevel(logging.WARNING)  # logs every stage of a life cycle

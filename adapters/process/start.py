@@ -1,4 +1,4 @@
-"""The console scripts of the processes: dependencies are checked before the import.
+"""Start of every process: checks the dependencies before their import, and names a missing package.
 
 Other projects on PyPI use our package names. A process ends with an error at start if Python finds
 one of our packages at another path. It warns if another distribution has files in one of them.
@@ -22,7 +22,7 @@ EXTRAS: Final = {
     "mujoco": "sim",
     "matplotlib": "sim",
     "numpy": "sim",
-    "PIL": "sim",
+    "PIL": "camera",
     "usb": "nxt",
     "OpenGL": "gl",
     "distributed": "campaign",
@@ -38,7 +38,7 @@ EXTRAS: Final = {
 """Optional packages, and the extra of this distribution that installs each."""
 _NO_ROS: Final = (
     "ROS 2 is not installed here. On Linux x86_64 `./rover` includes it; on other systems install"
-    " ROS 2 Jazzy and source its setup.sh first."
+    " ROS 2 Jazzy or newer and source its setup.sh first."
 )
 
 
@@ -83,8 +83,8 @@ def check_own_packages() -> Iterator[str]:
         if where != ROOT / package:
             raise ForeignPackageError(
                 f"Python finds package {package} at {where}, and not at {ROOT / package}: uninstall"
-                f" its distribution, or remove it from PYTHONPATH; {DISTRIBUTION} needs an"
-                " environment of its own"
+                " the pip package that contains it, or remove it from PYTHONPATH;"
+                f" {DISTRIBUTION} needs an environment of its own"
             )
     files = re.compile(rf"^({'|'.join(OWN_PACKAGES)})/", re.MULTILINE)
     for distribution in distributions(path=[str(ROOT)]):
@@ -97,7 +97,7 @@ def check_own_packages() -> Iterator[str]:
             )
 
 
-def _run(module: str) -> None:
+def _run_module(module: str) -> None:
     try:
         for warning in check_own_packages():
             print(f"Warning: {warning}", file=sys.stderr)
@@ -110,9 +110,9 @@ def _run(module: str) -> None:
     process.main()
 
 
-console = partial(_run, "adapters.console.process")
-executive = partial(_run, "adapters.onboard.process")
-simulation = partial(_run, "sim.ros.process")
-orbiter = partial(_run, "adapters.relay.orbiter.process")
-relay = partial(_run, "adapters.relay.rover.process")
-brick = partial(_run, "adapters.mocup.brick.process")
+console = partial(_run_module, "adapters.console.process")
+executive = partial(_run_module, "adapters.onboard.process")
+simulation = partial(_run_module, "sim.ros.process")
+orbiter = partial(_run_module, "adapters.relay.orbiter.process")
+relay = partial(_run_module, "adapters.relay.rover.process")
+brick = partial(_run_module, "adapters.mocup.brick.process")

@@ -1,4 +1,4 @@
-"""Resource usage of a process."""
+"""`ResourceMonitor`: processor, memory, disk and other resources that this process uses."""
 
 from contextlib import suppress
 from dataclasses import dataclass

@@ -6,6 +6,7 @@ from adapters.recording.container import RecordingError as RecordingError
 from adapters.recording.messages import decode as decode
 from adapters.recording.moments import Moment as Moment
 from adapters.recording.moments import RecordedMoments as RecordedMoments
+from adapters.recording.moments import RecordedTree as RecordedTree
 from adapters.recording.run_file import PROFILE as PROFILE
 from adapters.recording.run_file import SUFFIX as SUFFIX
 from adapters.recording.run_file import RunFile as RunFile
@@ -14,4 +15,3 @@ from adapters.recording.tables import frames as frames
 from adapters.recording.timed_items import TimedItem as TimedItem
 from adapters.recording.timed_items import read_history as read_history
 from adapters.recording.timed_items import read_timed as read_timed
-from adapters.recording.tree import RecordedTree as RecordedTree

@@ -1,7 +1,7 @@
-"""Recordings of a process that runs in real time: written by a separate thread, bounded.
+"""`BackgroundRecorder` writes the recordings of a real-time process by a thread, with bounds.
 
 The core's thread only passes references. Each recording is a file in a folder, continued in a
-second file, a third and so on; the oldest files are deleted. Items older than `FLUSH_S` were handed
+second file, a third and so on; older files are deleted. Items older than `FLUSH_S` were handed
 to the operating system, and survive any end of the process.
 """
 
@@ -102,7 +102,7 @@ class BackgroundRecorder:
 
     def _rotate(self) -> None:
         """Continue in another file if this one is full."""
-        if self._file.size_octets < self._bounds.most_mb * MEGA / PARTS:
+        if self._file.size_octets < self._bounds.max_mb * MEGA / PARTS:
             return
         self._part += 1
         self._file = self._file.continued(part_of(self._first, self._part))
@@ -139,8 +139,8 @@ class BackgroundRecorder:
                 found.append((status.st_mtime, status.st_size, path))
         found.sort()
         left = sum(size for _, size, _ in found)
-        limit = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
-        max_age_s = time.time() - self._bounds.most_days * DAY_S
+        limit = self._bounds.max_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
+        max_age_s = time.time() - self._bounds.max_days * DAY_S
         own = {self._first, part_of(self._first, self._part)}
         for changed_s, size, path in found:
             if path not in own and (left > limit or changed_s < max_age_s):

@@ -1,4 +1,4 @@
-"""Command `rover replay`: checks that the core decides as it did in a recorded run."""
+"""The command `rover replay`: checks that the core decides as it did in a recorded run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final

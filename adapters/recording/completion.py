@@ -1,4 +1,4 @@
-"""Completion of truncated recordings: adds the index at the end, which viewers need.
+"""`complete` adds to a truncated recording the index at its end, which viewers need.
 
 An incomplete end is removed; readable content stays unchanged. A metadata record marks the
 recording as truncated, for readers.
@@ -12,6 +12,7 @@ from typing import IO, Any
 from adapters.recording.container import (
     CHANNEL,
     CHUNK,
+    HEADER,
     MAGIC,
     SCHEMA,
     DamageError,
@@ -53,7 +54,7 @@ def _copy(torn: IO[bytes], file: IO[bytes]) -> bool:
     from mcap.writer import Writer
 
     writer, unpacker, is_damaged = Writer(file), Unpacker(), False
-    writer.start(PROFILE, LIBRARY)
+    writer.start(_profile_of(torn), LIBRARY)
     schemas, channels = {0: 0}, dict[int, int]()
     with suppress(DamageError):  # the end behind the last complete record
         for chunk in read_records(torn):
@@ -72,6 +73,19 @@ def _copy(torn: IO[bytes], file: IO[bytes]) -> bool:
     writer.add_metadata(TRUNCATED, {})
     writer.finish()
     return True
+
+
+def _profile_of(torn: IO[bytes]) -> str:
+    """Return the profile, which may be of another version; ours if the header is incomplete."""
+    from mcap.records import Header
+
+    profile = PROFILE
+    with suppress(DamageError):
+        first = next(read_records(torn), None)
+        if first is not None and first.opcode == HEADER:
+            profile = first.parsed(Header).profile
+    torn.seek(0)
+    return profile
 
 
 def _write(record: Record, writer: Any, schemas: dict[int, int], channels: dict[int, int]) -> None:

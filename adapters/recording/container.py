@@ -1,4 +1,4 @@
-"""Records of an MCAP file, read within bounds up to the first damage.
+"""`read_records`: the records of an MCAP file, read within bounds up to the first damage.
 
 The package `mcap` decodes the content of records. This module limits the size of records and the
 unpacked size of chunks: lengths in a file are not trusted.
@@ -15,7 +15,7 @@ from typing import IO, Any, Final
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MAX_RECORD_OCTETS: Final = 1 << 28
-"""Ten times the longest message, the image of a ledger of 100,000 reports (21 MB)."""
+"""Ten times the maximum size of a message, the image of a ledger of 100,000 reports (21 MB)."""
 MAX_SMALL_OCTETS: Final = 1 << 20
 """Maximum size of a record that is not a chunk."""
 MIN_BUDGET_OCTETS: Final = 1 << 22

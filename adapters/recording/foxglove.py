@@ -1,4 +1,4 @@
-"""Messages of Foxglove's well-known JSON schemas, which viewers of recordings render natively.
+"""Makes messages of Foxglove's well-known JSON schemas, which viewers of recordings display.
 
 https://docs.foxglove.dev/docs/visualization/message-schemas
 """
@@ -140,12 +140,12 @@ def _vector(x_m: float, y_m: float, z_m: float = 0.0) -> Plain:
     return {"x": fine(x_m), "y": fine(y_m), "z": fine(z_m)}
 
 
-def _rotation(pose: Pose) -> Plain:
+def _quaternion(pose: Pose) -> Plain:
     return {name: fine(part) for name, part in zip("xyzw", pose.quaternion, strict=True)}
 
 
 def _pose(pose: Pose) -> Plain:
-    return {"position": _vector(pose.x_m, pose.y_m, pose.z_m), "orientation": _rotation(pose)}
+    return {"position": _vector(pose.x_m, pose.y_m, pose.z_m), "orientation": _quaternion(pose)}
 
 
 def frame_transform(utc_s: float, parent: str, child: str, pose: Pose) -> Plain:
@@ -155,7 +155,7 @@ def frame_transform(utc_s: float, parent: str, child: str, pose: Pose) -> Plain:
         "parent_frame_id": parent,
         "child_frame_id": child,
         "translation": _vector(pose.x_m, pose.y_m, pose.z_m),
-        "rotation": _rotation(pose),
+        "rotation": _quaternion(pose),
     }
 
 

@@ -1,4 +1,4 @@
-"""Items of a recording as messages: a topic and a JSON text each.
+"""`encode`, `decode`: each item of a recording as a message, a topic and a JSON text.
 
 Numbers are preserved to the last bit; values that are not finite are texts ("inf", "-inf", "nan").
 Enums are stored by name. For camera pictures only the length is stored, and the end, which the core
@@ -22,25 +22,26 @@ from cattrs.strategies import configure_tagged_union
 from adapters.recording.rows import text_of
 from executive.commands import Request
 from executive.core.recording import (
-    Call,
-    Called,
+    CoreCall,
+    CoreCalled,
     Decision,
     Entry,
+    EventReported,
+    FactObserved,
     Input,
     Item,
-    Life,
-    MadeSafe,
-    Noticed,
-    Observed,
+    ProcessStart,
+    SafeModeEntered,
     TreeChanged,
     Truth,
 )
 from executive.safety import END_WITHIN
 from executive.settings import Settings, structure, unstructure
 from executive.values.facts import Fact, Frame
+from executive.values.reasons import Reason, UnknownReason
 from trees import NodeStatus
 
-START: Final = "/life"
+START: Final = "/start"
 DECISIONS: Final = "/out/"
 TRUTH: Final = "/truth/pose"
 KIND: Final = "kind"
@@ -56,7 +57,7 @@ class RecordingTopic:
     """A topic, and the type of its messages.
 
     Attributes:
-        kind: type of the items; for an `Observed` the type of its fact.
+        kind: type of the items; for a `FactObserved` the type of its fact.
     """
 
     name: str
@@ -67,12 +68,12 @@ def _snake(kind: type) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()
 
 
-_ENTRIES: Final = tuple(kind for kind in get_args(Entry) if kind not in {Called, Observed})
+_ENTRIES: Final = tuple(kind for kind in get_args(Entry) if kind not in {CoreCalled, FactObserved})
 TOPICS: Final[Mapping[str, RecordingTopic]] = {
     topic.name: topic
     for topic in (
-        RecordingTopic(START, Life),
-        *(RecordingTopic(f"/in/{call.value}", Called) for call in Call),
+        RecordingTopic(START, ProcessStart),
+        *(RecordingTopic(f"/in/{call.value}", CoreCalled) for call in CoreCall),
         *(RecordingTopic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
         *(RecordingTopic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
         *(RecordingTopic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
@@ -85,9 +86,9 @@ _OF_KIND: Final = {topic.kind: topic for topic in TOPICS.values()}
 
 def topic_of(item: Item) -> RecordingTopic:
     """Return the topic of an item."""
-    if isinstance(item, Called):
+    if isinstance(item, CoreCalled):
         return TOPICS[f"/in/{item.call.value}"]
-    return _OF_KIND[type(item.fact) if isinstance(item, Observed) else type(item)]
+    return _OF_KIND[type(item.fact) if isinstance(item, FactObserved) else type(item)]
 
 
 def plain_of(item: Item) -> dict[str, Any]:
@@ -107,10 +108,10 @@ def decode(topic: RecordingTopic, data: bytes) -> Any:
     Raises:
         Exception: the data are no such item, or one that no executive records.
     """
-    kind = Observed if topic.kind in get_args(Fact) else topic.kind
+    kind = FactObserved if topic.kind in get_args(Fact) else topic.kind
     item: Item = _converter().structure(json.loads(data), kind)
     match item:
-        case Called() | Observed() | Noticed() | MadeSafe():
+        case CoreCalled() | FactObserved() | EventReported() | SafeModeEntered():
             _require(abs(item.now_s) < MAX_TIME_S and 0.0 <= item.utc_s < MAX_TIME_S, "time")
         case TreeChanged(nodes=nodes):
             _require({each.status for each in nodes} <= set(NodeStatus.__members__), "status")
@@ -142,6 +143,10 @@ def _converter() -> Converter:
     converter.register_unstructure_hook(Settings, unstructure)
     converter.register_structure_hook(
         Settings, lambda raw, _: structure(raw, Settings, "settings of the recording")
+    )
+    converter.register_structure_hook_func(
+        lambda kind: kind == (Reason | UnknownReason | None),
+        lambda value, _: None if value is None else Reason[value],  # onboard all are known
     )
     for union in (Fact, Request):
         configure_tagged_union(union, converter, tag_name=KIND)

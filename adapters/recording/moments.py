@@ -1,26 +1,89 @@
-"""A recording as moments: tree, mode, position and commands at any time of a run."""
+"""`RecordedMoments`: tree, mode, position and commands at any time of a recorded run."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from adapters.recording.container import RecordingError
 from adapters.recording.run_file import RunReader
 from adapters.recording.timed_items import read_timed
-from adapters.recording.tree import RecordedTree
+from executive.commands.intake import SOURCE_PREFIX
 from executive.core.recording import (
-    Call,
-    Called,
-    Life,
+    CoreCall,
+    CoreCalled,
+    FactObserved,
     ModeChanged,
-    Observed,
-    Reported,
+    ProcessStart,
+    ReportSent,
     TreeChanged,
+    TreeNodeState,
 )
+from executive.settings import Settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose
 from executive.values.reports import Report, ReportKind
-from trees import TreeSnapshot
+from trees import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot, preview
+
+_GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
+"""Nodes whose message only names the command of their branch."""
+
+
+class RecordedTree:
+    """Behaviour tree of one start of an executive, updated by its recorded changes."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._static = preview(settings)
+        self._paths = {node.path for node in self._static}
+        self._guards = {node.path for node in self._static if node.kind in _GUARDS}
+        self._states: dict[str, TreeNodeState] = {}
+        self._nodes: tuple[TreeNodeSnapshot, ...] | None = None
+
+    def put(self, change: TreeChanged) -> tuple[str, ...]:
+        """Apply a change; return the paths of nodes that differ in more than their message.
+
+        These are new nodes, nodes with another status, and nodes that name another command: guards,
+        and the leaves of a plan.
+        """
+        self._nodes = None
+        others = []
+        for each in change.nodes:
+            before = self._states.get(each.path)
+            names_command = each.path in self._guards or each.message.startswith(SOURCE_PREFIX)
+            if before is None or before.status != each.status or names_command:
+                others.append(each.path)
+            self._states[each.path] = each
+        for lost in change.removed:
+            self._states.pop(lost, None)
+        return tuple(others)
+
+    def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
+        """Return the present nodes; those of a plan are first below the root."""
+        if self._nodes is None:
+            self._nodes = self._drawn()
+        return self._nodes
+
+    def _drawn(self) -> tuple[TreeNodeSnapshot, ...]:
+        planned = tuple(
+            TreeNodeSnapshot(
+                state.path,
+                state.path.rpartition("/")[2],
+                1 + state.path.count("/"),
+                NodeKind.PLANNED,
+                NodeStatus[state.status],
+                state.message,
+            )
+            for state in self._states.values()
+            if state.path not in self._paths
+        )
+        others = tuple(_with(node, self._states.get(node.path)) for node in self._static)
+        return (*others[:1], *planned, *others[1:])
+
+
+def _with(node: TreeNodeSnapshot, state: TreeNodeState | None) -> TreeNodeSnapshot:
+    if state is None:
+        return node
+    return replace(node, status=NodeStatus[state.status], message=state.message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,17 +165,17 @@ class RecordedMoments:
                 new = []
             current = None
 
-        for timed in read_timed(RunReader(path), {Odometry, ModeChanged, TreeChanged, Reported}):
-            if isinstance(timed.item, Life | Called | Observed):
+        for timed in read_timed(RunReader(path), {Odometry, ModeChanged, TreeChanged, ReportSent}):
+            if isinstance(timed.item, ProcessStart | CoreCalled | FactObserved):
                 end()
             match timed.item:
-                case Life(settings=settings):
+                case ProcessStart(settings=settings):
                     self.asset, tree = settings.asset, RecordedTree(settings)
                     ticks = 0
-                case Called(call=Call.TICK):
+                case CoreCalled(call=CoreCall.TICK):
                     current = timed.time_s, timed.utc_s
                     ticks += 1
-                case Observed(fact=Odometry() as odometry):
+                case FactObserved(fact=Odometry() as odometry):
                     pose = odometry.pose
                 case TreeChanged() if tree is not None:
                     changed = dict.fromkeys(tree.put(timed.item), timed.time_s)
@@ -120,7 +183,7 @@ class RecordedMoments:
                 case ModeChanged():
                     mode = timed.item.mode.name
                     why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
-                case Reported(report=report):
+                case ReportSent(report=report):
                     new.append(report)
                     if report.kind is ReportKind.COMMAND:
                         commands[str(report.identity)] = report

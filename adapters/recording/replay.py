@@ -1,4 +1,4 @@
-"""Replay of a recording: runs the core on the same inputs, and compares its decisions."""
+"""`replay` runs the core on the inputs of a recording, and compares its decisions."""
 
 import json
 import tempfile
@@ -23,18 +23,18 @@ from adapters.recording.replay_ports import (
 )
 from adapters.recording.run_file import RecordedMessage, RunReader
 from executive.core.recording import (
-    Call,
-    Called,
+    CoreCall,
+    CoreCalled,
     Entry,
-    GroundHeard,
+    EventReported,
+    FactObserved,
+    GroundContact,
     Input,
-    Life,
-    MadeSafe,
-    NodeState,
-    Noticed,
-    Observed,
-    Reported,
+    ProcessStart,
+    ReportSent,
+    SafeModeEntered,
     TreeChanged,
+    TreeNodeState,
     is_within,
 )
 from executive.core.runner import Executive
@@ -172,7 +172,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in _entries(reader):
-            if isinstance(each, Life):
+            if isinstance(each, ProcessStart):
                 histories += 1
                 try:
                     core = _ReplayedCore(
@@ -186,7 +186,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
             began_s = each.entry.utc_s if entries == 0 else began_s
             time_s = each.entry.utc_s - began_s
             entries += 1
-            ticks += isinstance(each.entry, Called) and each.entry.call is Call.TICK
+            ticks += isinstance(each.entry, CoreCalled) and each.entry.call is CoreCall.TICK
             decisions += len(each.decisions)
             core.enter(each)
             if settings is not None:
@@ -204,7 +204,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     )
 
 
-def _with(lifecycle: Life, settings: Settings | None, path: Path) -> Life:
+def _with(lifecycle: ProcessStart, settings: Settings | None, path: Path) -> ProcessStart:
     if settings is None:
         return lifecycle
     if settings.asset != lifecycle.settings.asset:
@@ -227,12 +227,12 @@ def _reports(
     reader: RunReader, decisions: Sequence[RecordedMessage]
 ) -> dict[tuple[object, ...], Report]:
     """Return the reports by identity, stage, reason and text, ignoring numbers and figures."""
-    found = (reader.decoded(each) for each in decisions if each.topic.kind is Reported)
+    found = (reader.decoded(each) for each in decisions if each.topic.kind is ReportSent)
     reports = (each.report for each in found)
     return {(each.identity, each.stage, each.reason, each.text): each for each in reports}
 
 
-def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
+def _entries(reader: RunReader) -> Iterator[ProcessStart | RecordedEntry]:
     """Yield starts and entries; omit a truncated file's last entry, which may lack items."""
     current: RecordedEntry | None = None
     for message in reader.messages():
@@ -242,14 +242,14 @@ def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
             if current is not None:
                 current.decisions.append(message)
             continue
-        item: Life | Entry | Input = reader.decoded(message)
+        item: ProcessStart | Entry | Input = reader.decoded(message)
         if isinstance(item, Input) or is_within(item):
             if current is not None:
                 current.inputs.append(item)
             continue
         if current is not None:
             yield current
-        if isinstance(item, Life):
+        if isinstance(item, ProcessStart):
             current = None
             yield item
         else:
@@ -266,7 +266,7 @@ class _ReplayedCore:
         raised: exception of the last entry as text; empty if there was none.
     """
 
-    def __init__(self, lifecycle: Life, folder: Path, reader: RunReader) -> None:
+    def __init__(self, lifecycle: ProcessStart, folder: Path, reader: RunReader) -> None:
         self.raised = ""
         self._reader = reader
         self._start_item = lifecycle
@@ -278,7 +278,7 @@ class _ReplayedCore:
         self._solver = None if lead_ticks is None else ReplaySolver(lead_ticks)
         self._ledger: ReplayLedger | None = None
         self._executive: Executive | None = None
-        self._states: dict[str, NodeState] = {}
+        self._states: dict[str, TreeNodeState] = {}
         (folder / "files").mkdir(parents=True)
         (folder / "ledger.sqlite").write_bytes(lifecycle.ledger)
         if lifecycle.latch:
@@ -313,7 +313,7 @@ class _ReplayedCore:
             if message.topic.kind is TreeChanged:
                 changed: TreeChanged = self._reader.decoded(message)
                 self._states |= {each.path: each for each in changed.nodes}
-                for path in changed.gone:
+                for path in changed.removed:
                     self._states.pop(path, None)
 
     def difference(self, recorded: RecordedEntry, number: int, time_s: float) -> Difference | None:
@@ -346,24 +346,24 @@ class _ReplayedCore:
 
     def _enter(self, recorded: RecordedEntry) -> None:
         entry = recorded.entry
-        if isinstance(entry, Called) and entry.call is Call.START:
+        if isinstance(entry, CoreCalled) and entry.call is CoreCall.START:
             self._executive = self._start()
             return
         executive = self._executive
         if executive is None:
             raise RecordingError(f"{topic_of(entry).name} precedes /in/start")
-        if any(isinstance(each, GroundHeard) for each in recorded.inputs):
+        if any(isinstance(each, GroundContact) for each in recorded.inputs):
             executive.ground.record_contact()
         match entry:
-            case Observed(fact=fact):
+            case FactObserved(fact=fact):
                 executive.observe(fact)
-            case Noticed() | MadeSafe():
+            case EventReported() | SafeModeEntered():
                 notice(executive, entry)
-            case Called(call=Call.TURN):
+            case CoreCalled(call=CoreCall.SERVE):
                 executive.serve_inbox()
-            case Called(call=Call.TICK):
+            case CoreCalled(call=CoreCall.TICK):
                 executive.tick()
-            case Called():
+            case CoreCalled():
                 executive.close()
                 self._executive = None
 

@@ -1,4 +1,4 @@
-"""Ports of a replayed core, driven by the recording: inbox, ledger, solver, clock, and rover."""
+"""Ports of a core that `replay` runs: inbox, ledger, solver, clock, rover from the recording."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -12,31 +12,31 @@ from executive.commands import Stop
 from executive.core.authority import AuthorityRequest
 from executive.core.inbox import Inbox, Query, Submission
 from executive.core.recording import (
-    Call,
-    Called,
+    CommandDequeued,
     CommitFailed,
+    CoreCall,
+    CoreCalled,
     Entry,
+    EventReported,
     Input,
     Item,
-    MadeSafe,
-    Noticed,
-    Served,
-    SolverAnswered,
+    SafeModeEntered,
     SolverBusy,
-    StopWaited,
+    SolverResult,
+    StopPending,
 )
 from executive.core.runner import Executive
 from executive.motion import Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous
 from executive.values.geometry import Velocity
-from executive.values.ports import CameraIntent, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion
 
 
 class RecordedClock:
     """Clock that returns the times of the recording."""
 
     def __init__(self) -> None:
-        self.entry: Entry = Called(0.0, 0.0, Call.START)
+        self.entry: Entry = CoreCalled(0.0, 0.0, CoreCall.START)
 
     def now_s(self) -> float:
         """Return the monotonic time of the present entry."""
@@ -60,7 +60,7 @@ class Decisions:
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
-ReplayedItem = Served | AuthorityRequest | Noticed | MadeSafe
+ReplayedItem = CommandDequeued | AuthorityRequest | EventReported | SafeModeEntered
 """Items that the inbox replays: commands, and effects of queries by other threads."""
 
 
@@ -82,7 +82,7 @@ class ReplayInbox(Inbox):
     def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Load the inputs of the next entry."""
         self._script = [each for each in inputs if isinstance(each, ReplayedItem)]
-        checks = (each.looks for each in inputs if isinstance(each, StopWaited))
+        checks = (each.checks for each in inputs if isinstance(each, StopPending))
         self._checks, self._stop_arrived = 0, next(checks, inf)
 
     @property
@@ -95,7 +95,8 @@ class ReplayInbox(Inbox):
     def pending_stops(self) -> int:
         """Number of stops at the head of the script."""
         flags = [
-            isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
+            isinstance(e, CommandDequeued) and isinstance(e.command.request, Stop)
+            for e in self._script
         ]
         return flags.index(False) if False in flags else len(flags)
 
@@ -112,12 +113,14 @@ class ReplayInbox(Inbox):
         """Return the next command, or a function with the effect of a query."""
         item = self._script.pop(0)
         return (
-            self._submission(item) if isinstance(item, Served) else partial(self._run_query, item)
+            self._submission(item)
+            if isinstance(item, CommandDequeued)
+            else partial(self._run_query, item)
         )
 
     def superseded_by_stop(self, submission: Submission) -> bool:
         """Return whether a stop had overtaken the submission."""
-        return submission.arrival in self._overtaken
+        return submission.order in self._overtaken
 
     def _run_query(self, item: ReplayedItem) -> None:
         core = self.core
@@ -125,27 +128,27 @@ class ReplayInbox(Inbox):
         match item:
             case AuthorityRequest():
                 core.request_authority(item)
-            case Noticed() | MadeSafe():
+            case EventReported() | SafeModeEntered():
                 notice(core, item)
-            case Served():
+            case CommandDequeued():
                 raise AssertionError(item)
             case _:
                 assert_never(item)
 
     def _submission(self, served: ReplayedItem) -> Submission:
-        assert isinstance(served, Served)
+        assert isinstance(served, CommandDequeued)
         self._taken += 1
         if served.overtaken:
             self._overtaken.add(self._taken)
         return Submission(self._taken, served.command, lambda _: None, lambda: None)
 
 
-def notice(core: Executive, item: Noticed | MadeSafe) -> None:
+def notice(core: Executive, item: EventReported | SafeModeEntered) -> None:
     """Apply to the core what another thread requested."""
-    if isinstance(item, Noticed):
-        core.event(item.severity, item.text, item.figures, item.kind)
+    if isinstance(item, EventReported):
+        core.report_event(item.severity, item.text, item.figures, item.kind)
     else:
-        core.enter_safe_mode(item.danger)
+        core.enter_safe_mode(item.cause)
 
 
 class ReplayLedger(Ledger):
@@ -183,7 +186,7 @@ class ReplaySolver:
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Load the results of the next entry."""
-        self._plans = [each.plan for each in inputs if isinstance(each, SolverAnswered)]
+        self._plans = [each.trajectory for each in inputs if isinstance(each, SolverResult)]
         self._busy = [each.busy for each in inputs if isinstance(each, SolverBusy)]
 
     @property
@@ -220,7 +223,7 @@ class NullRover:
     def drive(self, velocity: Velocity) -> None:
         """Ignored."""
 
-    def execute_motion(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: DelegatedMotion) -> None:
         """Ignored."""
 
     def halt(self) -> None:

@@ -1,4 +1,4 @@
-"""Items of a recording as rows: field names are stored once in a file, then only values.
+"""Messages of a recording as rows: field names are stored once in a file, then only values.
 
 A batch is a JSON object. `shapes` lists the shapes first used by its rows: a topic, and the field
 names of its messages, nested as they are. Each of `rows` is a shape index, counted through the

@@ -1,4 +1,4 @@
-"""A recording as an MCAP file: zstd chunks with batches of items, and with their view."""
+"""`RunFile` writes and `RunReader` reads a recording: an MCAP file of batches and their view."""
 
 import logging
 import re
@@ -29,10 +29,11 @@ from executive.core.recording import Entry, Item, is_within
 
 _LOG = logging.getLogger(__name__)
 
-PROFILE: Final = "rover-run-2"
+_FAMILY: Final = "rover-run-"
+PROFILE: Final = f"{_FAMILY}4"
 """MCAP profile of the files written and read here; names the version of their messages."""
 LIBRARY: Final = "rover-executive"
-TRUNCATED: Final = "broke off"
+TRUNCATED: Final = "truncated"
 """Name of the metadata record in a file that was completed later."""
 RUN: Final = "/run"
 """Topic of the batches."""
@@ -53,6 +54,12 @@ def first_parts(folder: Path) -> list[Path]:
     """Return the recordings in a folder and below, each by its first file."""
     found = sorted(folder.rglob(f"*{SUFFIX}"))
     return [path for path in found if not re.search(rf"\.\d+\{SUFFIX}$", path.name)]
+
+
+def _mismatch(profile: str) -> str:
+    if profile.startswith(_FAMILY):
+        return f"is a recording of another version ({profile}, not {PROFILE}): record the run again"
+    return f"is no recording of this version ({PROFILE}), but MCAP of profile {profile!r}"
 
 
 class RunFile:
@@ -83,7 +90,7 @@ class RunFile:
 
     def put(self, item: Item) -> None:
         """Write the next item."""
-        self._or_end(lambda: self._write(item))
+        self._run_or_end(lambda: self._write(item))
 
     @property
     def size_octets(self) -> int:
@@ -92,7 +99,7 @@ class RunFile:
 
     def flush(self) -> None:
         """Pass buffered items to the operating system; they then survive the end of the process."""
-        self._or_end(self._flush)
+        self._run_or_end(self._flush)
 
     def continued(self, path: Path) -> "RunFile":
         """Close it, and return the file that continues the recording.
@@ -113,11 +120,11 @@ class RunFile:
 
     def close(self) -> None:
         """Write the remaining items and the index."""
-        self._or_end(self._finish)
+        self._run_or_end(self._finish)
         with suppress(OSError):  # for octets in its buffer after the recording has ended
             self._file.close()
 
-    def _or_end(self, step: Callable[[], object]) -> None:
+    def _run_or_end(self, step: Callable[[], object]) -> None:
         """Run a step unless the recording has ended; end it if the file cannot be written."""
         if self.ended:
             return
@@ -251,18 +258,15 @@ class RunReader:
     def _rows(self, file: IO[bytes]) -> Iterator[RecordedRow]:
         from mcap.records import Channel, Header, Message, Metadata
 
-        unpacker, reader, runs, broke_off, rows = Unpacker(), RowReader(), set[int](), False, 0
+        unpacker, reader, runs, truncated, rows = Unpacker(), RowReader(), set[int](), False, 0
         for record in read_records(file):
             if not self._is_wanted():
                 raise RecordingError(f"{self.path}: reading was cancelled")
             if record.opcode == HEADER and (profile := record.parsed(Header).profile) != PROFILE:
-                raise RecordingError(
-                    f"{self.path}: is no recording of this version ({PROFILE}), but"
-                    f" MCAP of profile {profile!r}"
-                )
+                raise RecordingError(f"{self.path}: {_mismatch(profile)}")
             if record.opcode == METADATA:
-                broke_off |= record.parsed(Metadata).name == TRUNCATED
-            self.whole = record.opcode == DATA_END and not broke_off
+                truncated |= record.parsed(Metadata).name == TRUNCATED
+            self.whole = record.opcode == DATA_END and not truncated
             for each in unpacker.records(record) if record.opcode == CHUNK else ():
                 if each.opcode == CHANNEL and (channel := each.parsed(Channel)).topic == RUN:
                     runs.add(channel.id)

@@ -1,4 +1,4 @@
-"""A recording as pandas tables."""
+"""`frames`: a recording as pandas tables, one for each topic."""
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ _TIMES: Final = ("now_s", "utc_s", "time_s")
 
 
 def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, DataFrame]":
-    """Return a table for each topic that has messages, except `/life`.
+    """Return a table for each topic that has messages, except `/start`.
 
     The index is the time in seconds since the first call of the core. The columns are the fields of
     the messages, such as `pose.x_m`; lists of numbers have a column each, such as `left_radps.0`.

@@ -1,4 +1,4 @@
-"""Items of a recording with their time since its beginning, and its run history."""
+"""`read_timed`: a recording's items with their times; `read_history`: its `RunHistory`."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -7,11 +7,12 @@ from typing import Final, get_args
 
 from adapters.recording.container import RecordingError
 from adapters.recording.run_file import RunReader
-from executive.core.recording import Entry, Item, Life, Truth
-from executive.history import KINDS, HistoryBuilder, RunHistory
+from executive.core.recording import Entry, Item, ProcessStart, Truth
+from executive.history import RunHistory
+from executive.history.history_builder import KINDS, HistoryBuilder
 from trees import leaf_paths
 
-_ALWAYS: Final = frozenset({Life, *get_args(Entry)})
+_ALWAYS: Final = frozenset({ProcessStart, *get_args(Entry)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +40,10 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
     wanted = _ALWAYS | frozenset(kinds)
     began_s: float | None = None
     utc_s = apart_s = 0.0
-    start: Life | None = None
+    start: ProcessStart | None = None
     for message in reader.messages(wanted):
         item: Item = reader.decoded(message)
-        if isinstance(item, Life):
+        if isinstance(item, ProcessStart):
             start = item
             continue  # it gets the time of the following entry
         at_s = utc_s

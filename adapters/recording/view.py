@@ -1,7 +1,7 @@
-"""View of a recording for viewers such as Foxglove: derived from its items, thinned, never read.
+"""`ViewBuilder` adds to a recording what viewers such as Foxglove show; nothing here reads it.
 
 Topics use Foxglove's well-known schemas if there is one; numbers to plot, the mode and the
-tree have plain ones. Figures are rounded, and most topics have at most ten messages a second.
+tree have plain ones. Figures are rounded; most topics are limited to ten messages a second.
 """
 
 import io
@@ -37,21 +37,22 @@ from adapters.recording.foxglove import (
     pose_in_frame,
     scene,
 )
-from executive.commands import Line, Motion
+from executive.commands import FollowPath, Line, Motion, MoveTo
+from executive.commands.intake import in_map
 from executive.core.recording import (
-    Call,
-    Called,
-    Drove,
+    CommandDequeued,
+    CoreCall,
+    CoreCalled,
+    FactObserved,
     Item,
-    Life,
     ModeChanged,
-    NodeState,
-    Observed,
-    Reported,
-    Served,
-    ToldParameters,
+    ProcessStart,
+    ReportSent,
+    TelemetrySent,
     TreeChanged,
+    TreeNodeState,
     Truth,
+    VelocityCommanded,
 )
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock
 from executive.settings import Settings
@@ -63,6 +64,7 @@ from executive.values.facts import (
     Imu,
     Joints,
     LaserScan,
+    MapToOdom,
     Odometry,
     SecondOdometry,
 )
@@ -155,9 +157,9 @@ class ViewBuilder:
         self._settings = settings
         self._still_shown = False
         self._motion: Plain = {}
-        self._pose = Pose()
+        self._pose = self._map_origin = Pose()
         self._track = _Track()
-        self._nodes: dict[str, NodeState] = {}
+        self._nodes: dict[str, TreeNodeState] = {}
         self._tree_changed = False
         self._mode: Plain = {}
         self._requests: dict[Identity, Motion] = {}
@@ -171,29 +173,29 @@ class ViewBuilder:
     def of(self, item: Item) -> Iterator[ViewMessage]:
         """Yield the messages that an item causes."""
         match item:
-            case Life(settings=settings):
+            case ProcessStart(settings=settings):
                 self._begin(settings)
-            case Called(utc_s=utc_s, call=call):
+            case CoreCalled(utc_s=utc_s, call=call):
                 self._utc_s = utc_s
                 yield from self._at_call(call)
-            case Observed(utc_s=utc_s, fact=fact):
+            case FactObserved(utc_s=utc_s, fact=fact):
                 self._utc_s = utc_s
                 yield from self._of_fact(fact)
-            case Drove(velocity=velocity):
+            case VelocityCommanded(velocity=velocity):
                 self._motion["commanded"] = _velocity(velocity.travel_mps, velocity.rotate_radps)
-            case Served(command=command):
+            case CommandDequeued(command=command):
                 if isinstance(command.request, Motion):
                     self._requests[command.identity] = command.request
-            case Reported(report=report):
+            case ReportSent(report=report):
                 yield from self._of_report(report)
-            case ToldParameters(values=values):
+            case TelemetrySent(values=values):
                 known = ((each.parameter.name, each.value) for each in values)
                 yield ViewMessage("/parameters", _known(known))
             case ModeChanged(mode=mode, active=active, why=why):
                 prefix = "" if active is None else str(active)
                 self._mode = {"mode": mode.name, "command": prefix, "why": why}
                 yield ViewMessage("/mode", self._mode)
-            case TreeChanged(nodes=nodes, gone=removed):
+            case TreeChanged(nodes=nodes, removed=removed):
                 self._nodes |= {each.path: each for each in nodes}
                 for path in removed:
                     self._nodes.pop(path, None)
@@ -211,13 +213,13 @@ class ViewBuilder:
         self._due_s[topic] = self._utc_s + period_s - 1e-3
         return True
 
-    def _at_call(self, call: Call) -> Iterator[ViewMessage]:
+    def _at_call(self, call: CoreCall) -> Iterator[ViewMessage]:
         if not self._still_shown and self._settings is not None:
             self._still_shown = True
             yield from _still(self._settings, self._utc_s)
             if self._mode:
                 yield ViewMessage("/mode", self._mode)
-        if call is not Call.TICK:
+        if call is not CoreCall.TICK:
             return
         if self._motion and self._due("/motion", FAST_PERIOD_S):
             yield ViewMessage("/motion", dict(self._motion))
@@ -245,12 +247,15 @@ class ViewBuilder:
                     track = entity(now_s, ODOM, "track", lines=[drawn])
                     yield ViewMessage("/scene/track", scene(now_s, track))
             case Imu():
+                felt = (
+                    ("forward_mps2", fact.acceleration_x_mps2),
+                    ("left_mps2", fact.acceleration_y_mps2),
+                    ("up_mps2", fact.acceleration_z_mps2),
+                )
                 self._motion["imu"] = {
                     **_known((("roll_rad", fact.roll_rad), ("pitch_rad", fact.pitch_rad))),
                     "rotate_radps": fine(fact.gyro_z_radps),
-                    "forward_mps2": round(fact.acceleration_x_mps2, 3),
-                    "left_mps2": round(fact.acceleration_y_mps2, 3),
-                    "up_mps2": round(fact.acceleration_z_mps2, 3),
+                    **{name: round(value, 3) for name, value in felt if isfinite(value)},
                 }
             case Joints():
                 self._motion["wheels"] = {
@@ -274,6 +279,8 @@ class ViewBuilder:
                 thumbnail = _thumbnail(data)
                 if thumbnail is not None:
                     yield ViewMessage("/camera", compressed_image(now_s, CAMERA, thumbnail))
+            case MapToOdom(pose):
+                self._map_origin = pose.inverse
             case _:
                 pass
 
@@ -298,6 +305,9 @@ class ViewBuilder:
 
     def _track_points(self, request: Motion) -> list[Point]:
         """Return the line ends of a motion that starts at the present pose."""
+        if self._settings is not None and in_map(request, self._settings):
+            assert isinstance(request, MoveTo | FollowPath)
+            request = request.moved(self._map_origin)
         segments = request.segments(self._pose)
         return [each.end.point for each in segments if isinstance(each, Line)]
 

@@ -1,4 +1,4 @@
-"""`rover mops`: a line-by-line console of a rover for operators without mission control."""
+"""The command `rover mops`: an operator without mission control commands a rover line by line."""
 
 import asyncio
 import sys

@@ -1,16 +1,17 @@
-"""Export of a recording as a rosbag2 folder, with the ROS topics of such a rover."""
+"""`write_bag` exports a recording as a rosbag2 folder, with the ROS topics of such a rover."""
 
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
-from geometry_msgs.msg import TransformStamped, Twist
+from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64, String
 
 from adapters.recording import RecordedMoments, RecordingError, RunReader, read_timed
@@ -20,6 +21,7 @@ from adapters.ros.conversions import (
     battery_message,
     odometry_message,
     time_message,
+    velocity_message,
 )
 from adapters.ros.parameters import Topic, declare_topics
 from adapters.ros.robot_model import (
@@ -31,25 +33,24 @@ from adapters.ros.robot_model import (
     static_transforms,
     urdf,
 )
-from adapters.ros.sensor_messages import (
-    imu_message,
-    joints_message,
-    laser_message,
-    second_odometry_message,
-)
+from adapters.ros.sensor_messages import sensor_message
 from adapters.ros.sensors import declare_sensor_topics
 from adapters.ros.tree_topic import TREE_TOPIC, to_json
-from executive.core.recording import Drove, Item, Life, Observed, Reported, Truth
-from executive.settings import Sensor, Settings, config_folder
+from executive.core.recording import (
+    FactObserved,
+    Item,
+    ProcessStart,
+    ReportSent,
+    Truth,
+    VelocityCommanded,
+)
+from executive.settings import Settings, ros_parameter_file
 from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
-    Imu,
-    Joints,
-    LaserScan,
     Odometry,
-    SecondOdometry,
+    SensorFact,
 )
 from executive.values.geometry import Velocity
 from executive.values.reports import Report, Severity
@@ -69,7 +70,7 @@ LEVELS: Final = {
     Severity.SEVERE: Log.ERROR,
     Severity.CRITICAL: Log.FATAL,
 }
-_FACTS: Final = {Battery, CameraAngles, Imu, Joints, LaserScan, Odometry, SecondOdometry}
+_FACTS: Final = {Battery, CameraAngles, Odometry, *get_args(SensorFact)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     recorded = RecordedMoments(recording)
     settings = _settings_of(recording)
     store = get_typestore(Stores.ROS2_JAZZY)
-    parameters = config_folder() / f"{settings.asset}.ros.yaml"
+    parameters = ros_parameter_file(settings.asset)
     with ros_node(NODE_NAME, settings.asset, parameters=parameters) as node:
         converter = _Converter(node, settings, store)
     latched = _latched_qos()
@@ -171,9 +172,9 @@ def _latched_qos() -> Any:
 
 def _settings_of(recording: Path) -> Settings:
     for timed in read_timed(RunReader(recording), ()):
-        if isinstance(timed.item, Life):
+        if isinstance(timed.item, ProcessStart):
             return timed.item.settings
-    raise RecordingError(f"{recording}: the start is missing: no record on /life")
+    raise RecordingError(f"{recording}: the start is missing: no record on /start")
 
 
 class _Converter:
@@ -189,15 +190,17 @@ class _Converter:
     """
 
     def __init__(self, node: Node, settings: Settings, store: Any) -> None:
-        def full(topic: Topic) -> str:
-            return str(node.resolve_topic_name(topic.name))
+        def full(topic: Topic | None) -> str:
+            return "" if topic is None else str(node.resolve_topic_name(topic.name))
 
         topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
-        self._joints = sensors.joints
+        self._joints, self._mounting = sensors.joints, sensors.mounting
         self._sensors = {sensor: full(topic) for sensor, topic in sensors.topics.items()}
         self._odometry, self._battery = full(topics.odometry), full(topics.battery)
         self._pan, self._tilt = full(topics.camera_pan_state), full(topics.camera_tilt_state)
         self._cmd_vel, self._truth = full(topics.cmd_vel), full(topics.ground_truth)
+        self._cmd_vel_type = topics.cmd_vel.type
+        self._battery_type = topics.battery.type if topics.battery else BatteryState
         self._description = str(node.resolve_topic_name(ROBOT_DESCRIPTION))
         self._urdf = urdf(settings)
         self._tree = str(node.resolve_topic_name(TREE_TOPIC))
@@ -211,17 +214,20 @@ class _Converter:
         Camera angles have no stamp: their frames get that of the last odometry.
         """
         stamp_s: float | None = None
-        for timed in read_timed(RunReader(recording), {*_FACTS, Drove, Reported, Truth}):
+        for timed in read_timed(
+            RunReader(recording), {*_FACTS, VelocityCommanded, ReportSent, Truth}
+        ):
             for topic, message in self._messages(timed.item, timed.utc_s):
-                yield _stamped(timed.utc_s, topic, message)
+                if topic:
+                    yield _stamped(timed.utc_s, topic, message)
             match timed.item:
-                case Life():
+                case ProcessStart():
                     yield _stamped(timed.utc_s, self._description, String(data=self._urdf))
                     yield self._frames(timed.utc_s, TF_STATIC, static_transforms(0.0))
-                case Observed(fact=Odometry() as fact):
+                case FactObserved(fact=Odometry() as fact):
                     stamp_s = fact.stamp_s
                     yield self._frames(timed.utc_s, TF, [base_transform(fact)])
-                case Observed(fact=CameraAngles() as fact) if stamp_s is not None:
+                case FactObserved(fact=CameraAngles() as fact) if stamp_s is not None:
                     yield self._frames(timed.utc_s, TF, camera_transforms(fact, stamp_s))
                 case _:
                     pass
@@ -237,14 +243,12 @@ class _Converter:
 
     def _messages(self, item: Item, utc_s: float) -> Iterator[tuple[str, object]]:
         match item:
-            case Observed(fact=fact):
+            case FactObserved(fact=fact):
                 yield from self._of_fact(fact, utc_s)
-            case Drove(velocity=velocity):
-                message = Twist()
-                message.linear.x = velocity.travel_mps
-                message.angular.z = velocity.rotate_radps
+            case VelocityCommanded(velocity=velocity):
+                message = velocity_message(velocity, self._cmd_vel_type, time_message(utc_s))
                 yield self._cmd_vel, message
-            case Reported(report=report):
+            case ReportSent(report=report):
                 yield ROSOUT, _log(report, self._name)
             case Truth(pose=pose):
                 yield self._truth, odometry_message(Odometry(utc_s, pose, Velocity()))
@@ -256,19 +260,13 @@ class _Converter:
             case Odometry():
                 yield self._odometry, odometry_message(fact)
             case Battery():
-                yield self._battery, battery_message(fact, utc_s)
+                yield self._battery, battery_message(fact, utc_s, self._battery_type)
             case CameraAngles(pan_rad, tilt_rad):
                 yield self._pan, Float64(data=pan_rad)
                 yield self._tilt, Float64(data=tilt_rad)
-            case Imu():
-                yield self._sensors[Sensor.IMU], imu_message(fact)
-            case Joints():
-                yield self._sensors[Sensor.JOINTS], joints_message(fact, self._joints)
-            case SecondOdometry():
-                topic = self._sensors[Sensor.SECOND_ODOMETRY]
-                yield topic, second_odometry_message(fact, ODOM)
-            case LaserScan():
-                yield self._sensors[Sensor.LASER], laser_message(fact)
+            case _ if isinstance(fact, SensorFact):
+                sensor, message = sensor_message(fact, self._joints, ODOM, self._mounting)
+                yield self._sensors[sensor], message
             case _:
                 pass
 

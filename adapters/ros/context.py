@@ -1,4 +1,4 @@
-"""Context managers for a ROS node: set-up, settings and a clean end.
+"""`ros_node` and other context managers: a ROS node with its settings, and a clean end.
 
 The process keeps its signal handlers: those of rclpy would shut ROS down before a last zero
 velocity could be published.
@@ -24,8 +24,10 @@ from adapters.process import ROS_ARGS
 from adapters.ros.parameters import ParameterError
 from executive.settings import config_folder
 
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Fast DDS 2 (Jazzy) reads the first name alone; with Fast DDS 3 it is deprecated."""
 _TRANSPORT_CHOICES = (
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    *_PROFILES,
     "FASTDDS_BUILTIN_TRANSPORTS",
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
     "ROS_DISCOVERY_SERVER",
@@ -145,4 +147,4 @@ def _stay_on_loopback() -> None:
     """Use the transports of the `rover` launcher, unless the environment configures others."""
     profile = config_folder() / "fastdds.xml"
     if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
-        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
+        os.environ.update(dict.fromkeys(_PROFILES, str(profile)))

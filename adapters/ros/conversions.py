@@ -1,15 +1,19 @@
-"""Conversion between ROS messages and facts. Non-finite numbers are rejected here."""
+"""Converts ROS messages to facts and back. Messages with non-finite numbers are rejected here."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from io import BytesIO
 from math import asin, atan2, isfinite, sqrt
 from typing import Final
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import Quaternion
+from geometry_msgs.msg import Quaternion, Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
-from sensor_msgs.msg import BatteryState, CompressedImage
+from rclpy.duration import Duration
+from sensor_msgs.msg import BatteryState, CompressedImage, Image, JointState
+from std_msgs.msg import Float32, Float64, Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from executive.values.facts import Battery, Frame, Odometry
 from executive.values.geometry import Pose, Velocity
@@ -19,6 +23,10 @@ PERCENT: Final = 100.0
 OVERFULL: Final = 1.1
 """Maximum reading of a battery gauge that reports ratios: it may err by 0.1."""
 _FORMATS: Final = {"JPG": b"\xff\xd8\xff", "PNG": b"\x89PNG\r\n\x1a\n"}
+_ENCODINGS: Final = {"rgb8": ("RGB", "RGB"), "bgr8": ("RGB", "BGR"), "mono8": ("L", "L")}
+"""Encodings of raw images (sensor_msgs/image_encodings.hpp): Pillow's mode and raw mode."""
+JPEG_QUALITY: Final = 85
+"""Quality of raw images that are compressed here. Chosen, not measured."""
 
 
 class MessageError(ValueError):
@@ -127,6 +135,20 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
     return fact
 
 
+def twist_of(message: Twist | TwistStamped) -> Twist:
+    """Return the twist of a velocity command, stamped or not."""
+    return message.twist if isinstance(message, TwistStamped) else message
+
+
+def velocity_message(velocity: Velocity, kind: type, stamp: Time) -> Twist | TwistStamped:
+    """Return a velocity of base_link as a message of the kind."""
+    twist = Twist()
+    twist.linear.x, twist.angular.z = velocity.travel_mps, velocity.rotate_radps
+    if kind is Twist:
+        return twist
+    return TwistStamped(header=Header(stamp=stamp, frame_id=BASE_LINK), twist=twist)
+
+
 def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
     """Return standard deviations of position (m, maximum of x and y) and heading (rad).
 
@@ -155,12 +177,14 @@ class BatteryReader:
         self.percent = self._known = False
         self._on_percent = on_percent
 
-    def fact(self, message: BatteryState) -> Battery:
+    def fact(self, message: BatteryState | Float32) -> Battery:
         """Return the voltage in V, NaN if not measured, and the charge ratio, if known.
 
         A charge of 0 means an empty battery if a charge was reported before, or if the battery is
         present with a voltage: drivers that measure no charge set neither.
         """
+        if isinstance(message, Float32):
+            return Battery(round_measurement(message.data, Precision.VOLTAGE), None)
         charge, voltage_v = (
             message.percentage,
             round_measurement(message.voltage, Precision.VOLTAGE),
@@ -177,17 +201,94 @@ class BatteryReader:
         return Battery(voltage_v, round_measurement(charge, Precision.RATIO) if usable else None)
 
 
-def frame_fact(message: CompressedImage) -> Frame:
-    """Return the picture.
+def joint_angle(message: Float64 | JointState | JointTrajectory, joint: str) -> float | None:
+    """Return the angle of a joint, measured or commanded, rad; None without this joint.
 
     Raises:
-        MessageError: the octets are not a picture in a known format.
+        MessageError: it is not finite, or missing.
     """
+    if isinstance(message, Float64):
+        return finite(message.data, "camera angle")
+    if isinstance(message, JointTrajectory):
+        names = list(message.joint_names)
+        positions = message.points[-1].positions if message.points else []
+    else:
+        names, positions = list(message.name), message.position
+    if joint not in names:
+        return None
+    index = names.index(joint)
+    if index >= len(positions):
+        raise MessageError(f"joint {joint} has no position")
+    return finite(positions[index], f"joint {joint}")
+
+
+def joint_state(kind: type, joint: str, angle_rad: float, time_s: float) -> Float64 | JointState:
+    """Return the measured angle of a joint, in the message type of its topic."""
+    if kind is Float64:
+        return Float64(data=angle_rad)
+    message = JointState(name=[joint], position=[angle_rad])
+    message.header.stamp = time_message(time_s)
+    return message
+
+
+def joint_command(
+    kind: type, joint: str, angle_rad: float, speed_radps: float, turn_rad: float
+) -> Float64 | JointState | JointTrajectory:
+    """Return the command that turns a joint to an angle.
+
+    Args:
+        kind: type of the message.
+        joint: name of the joint.
+        angle_rad: set point.
+        speed_radps: maximum speed; gives a trajectory its duration.
+        turn_rad: angle between the present set point and this one.
+    """
+    if kind is JointState:
+        return JointState(name=[joint], position=[angle_rad], velocity=[speed_radps])
+    if kind is JointTrajectory:
+        duration = Duration(seconds=abs(turn_rad) / speed_radps).to_msg()
+        point = JointTrajectoryPoint(positions=[angle_rad], time_from_start=duration)
+        return JointTrajectory(joint_names=[joint], points=[point])
+    return Float64(data=angle_rad)
+
+
+def frame_fact(message: CompressedImage | Image) -> Frame:
+    """Return the picture; a raw one is compressed as JPEG.
+
+    Raises:
+        MessageError: the octets are not a picture in a known format, or the encoding of a raw
+            image is not supported.
+    """
+    if isinstance(message, Image):
+        return Frame(stamp_s(message.header.stamp), "JPG", _as_jpeg(message))
     data = bytes(message.data)
     for name, magic in _FORMATS.items():
         if data.startswith(magic):
             return Frame(stamp_s(message.header.stamp), name, data)
     raise MessageError(f"camera frame of format {message.format!r} is neither JPEG nor PNG")
+
+
+def _as_jpeg(message: Image) -> bytes:
+    from PIL import Image as Pillow
+
+    if message.encoding not in _ENCODINGS:
+        known = ", ".join(_ENCODINGS)
+        raise MessageError(
+            f"camera image of encoding {message.encoding[:40]!r}: {known}; convert others, e.g. by"
+            " image_proc"
+        )
+    mode, raw = _ENCODINGS[message.encoding]
+    size = (message.width, message.height)
+    try:
+        picture = Pillow.frombuffer(mode, size, bytes(message.data), "raw", raw, message.step, 1)
+        picture.save(buffer := BytesIO(), "JPEG", quality=JPEG_QUALITY)
+    except (ValueError, SystemError) as error:
+        octets, step = len(message.data), message.step
+        raise MessageError(
+            f"camera image {size[0]} x {size[1]} {message.encoding}, step {step}, {octets} octets:"
+            f" {error}"
+        ) from error
+    return buffer.getvalue()
 
 
 ODOM: Final = "odom"
@@ -236,8 +337,12 @@ def pose_covariance(position_sd_m: float, heading_sd_rad: float) -> list[float]:
     return covariance
 
 
-def battery_message(fact: Battery, time_s: float) -> BatteryState:
-    """Return voltage and charge; unmeasured fields are NaN, as the message type requires."""
+def battery_message(
+    fact: Battery, time_s: float, kind: type = BatteryState
+) -> BatteryState | Float32:
+    """Return voltage and charge, or as Float32 the voltage alone; unmeasured fields are NaN."""
+    if kind is Float32:
+        return Float32(data=fact.voltage_v)
     unknown = float("nan")
     message = BatteryState(
         voltage=fact.voltage_v,

@@ -1,4 +1,4 @@
-"""Health as a DiagnosticArray: of any node, and of the executive with its tick statistics."""
+"""`diagnostic_array`: the health of a node or executive, with tick statistics, for /diagnostics."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,7 +10,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from executive.commands import Mode
-from executive.safety import summary, unmonitored
+from executive.faults import summary
+from executive.safety import unmonitored
 from trees import NodeStatus, TreeSnapshot
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class TickMonitor:
         period_s: nominal period in real time.
 
     Attributes:
-        statistics: statistics since the last call of `take`.
+        statistics: statistics since the last call of `pop_statistics`.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -73,7 +74,7 @@ class TickMonitor:
             now.max_tick_s = max(now.max_tick_s, took_s)
             now.overruns += late or took_s > self._period_s
 
-    def take(self) -> TickStatistics:
+    def pop_statistics(self) -> TickStatistics:
         """Return the statistics since the last call."""
         taken, self.statistics = self.statistics, TickStatistics(overruns=self.statistics.overruns)
         return taken

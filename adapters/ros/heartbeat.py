@@ -1,4 +1,4 @@
-"""Heartbeats on ROS: a commander publishes them, and the receiver of commands supervises them.
+"""Heartbeats on ROS: a commander publishes them, and its receiver detects their timeout.
 
 A commander publishes on a topic next to that of its commands, from the thread that does its work.
 A process that is killed, stopped or hangs then becomes silent in the same manner. The message is a
@@ -69,20 +69,20 @@ class HeartbeatMonitor:
 def watch(node: Node, commands: Topic, monitor: HeartbeatMonitor) -> None:
     """Subscribe a monitor to the heartbeats of a commander, and poll it every `HEARTBEAT_S`."""
 
-    def hear(heartbeat: UInt64) -> None:
+    def on_heartbeat(heartbeat: UInt64) -> None:
         monitor.heartbeat(heartbeat.data)
 
-    subscription = node.create_subscription(UInt64, _topic(commands), hear, _qos())
+    subscription = node.create_subscription(UInt64, _topic(commands), on_heartbeat, _qos())
 
-    def look() -> None:
+    def poll() -> None:
         # rclpy serves timers first: a queued heartbeat must not count as silence.
         waiting = subscription.handle
         with waiting:
             while (taken := waiting.take_message(UInt64, False)) is not None:
-                hear(taken[0])
+                on_heartbeat(taken[0])
         monitor.update()
 
-    steady_timer(node, HEARTBEAT_S, look)
+    steady_timer(node, HEARTBEAT_S, poll)
 
 
 def _topic(commands: Topic) -> str:

@@ -1,4 +1,4 @@
-"""Connects an executive to ROS: messages become facts, timers become ticks, all on one thread."""
+"""`ExecutiveNode`: messages become facts, timers ticks, on one thread; serves `~/e_stop`, too."""
 
 import logging
 import time
@@ -8,12 +8,10 @@ from itertools import count
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from sensor_msgs.msg import BatteryState, CompressedImage
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -23,22 +21,32 @@ from adapters.ros.conversions import (
     IgnoredMessageError,
     MessageError,
     Precision,
-    finite,
     frame_fact,
+    joint_angle,
     odometry_fact,
     round_measurement,
 )
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
-from adapters.ros.parameters import Topic, Topics, declare_flag, declare_rate
+from adapters.ros.emergency_stop import RobotEmergencyStop
+from adapters.ros.parameters import TF_MESSAGE, Topic, Topics, declare_flag, declare_rate
 from adapters.ros.received_data import ReceivedData
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
 from adapters.ros.rover import RosAsset, foreign_publishers
-from adapters.ros.sensors import MESSAGES, PolledSensors, SensorTopics
+from adapters.ros.sensors import PolledSensors, SensorTopics
+from adapters.ros.subscription import TopicSubscription
+from adapters.ros.transforms import Transforms
 from adapters.ros.tree_topic import TreePublisher
 from executive.commands import Command, Mode, Stop
 from executive.core.runner import Executive
 from executive.values.clock import Clock, SystemClock, round_for_recording_s
-from executive.values.facts import CameraAngles, Fact, ForeignPublishers, Frame, Source
+from executive.values.facts import (
+    CameraAngles,
+    EmergencyStop,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    Source,
+)
 from executive.values.facts import Odometry as OdometryFact
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Severity
@@ -85,12 +93,14 @@ class ExecutiveNode:
         self._rover = rover
         self._executive = executive
         self.on_ticks: Callable[[TickStatistics], None] = lambda _: None
-        self._diagnosed = self._situation
+        self._diagnosed = self._mode_and_command
         self._pan_rad: float | None = None
         self._tilt_rad: float | None = None
         self._rejected = 0
         self._last_fault = ""
         self._apart: list[SpunNode] = []
+        self._followed: list[TopicSubscription] = []
+        self._mismatches: dict[TopicSubscription, str | None] = {}
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
         self._ticks = TickMonitor(tick_s)
@@ -101,30 +111,48 @@ class ExecutiveNode:
         if declare_flag(node, "robot_model", "whether robot_description and frames are published"):
             self._model = RobotModelPublisher(node, executive.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        name, qos = topics.odometry.name, topics.odometry.qos
-        used: dict[Source, tuple[type, Topic]] = {
-            Source.ODOMETRY: (Odometry, topics.odometry),
-            Source.BATTERY: (BatteryState, topics.battery),
-            Source.CAMERA: (CompressedImage, topics.camera_compressed),
-            Source.VELOCITY: (Twist, topics.cmd_vel),
-            **{Source[each.name]: (MESSAGES[each], at) for each, at in sensors.topics.items()},
+        used: dict[Source, Topic | None] = {
+            Source.ODOMETRY: topics.odometry,
+            Source.BATTERY: topics.battery,
+            Source.CAMERA: topics.camera,
+            Source.VELOCITY: topics.cmd_vel,
+            **{Source[each.name]: topic for each, topic in sensors.topics.items()},
         }
-        self._data = ReceivedData(node, used, executive.observe)
-        taken = self._receiving(Source.ODOMETRY, odometry_fact, self._on_odometry)
-        self._odometry = node.create_subscription(Odometry, name, taken, qos)
+        present = {source: topic for source, topic in used.items() if topic is not None}
+        self._data = ReceivedData(node, present, executive.observe)
+        self._transforms = transforms = Transforms(node, self._observe, self.contained)
+        if topics.odometry.type is TF_MESSAGE:
+            receive = self._receiving(Source.ODOMETRY, transforms.odometry, self._on_odometry)
+            taken = transforms.of_base(receive)
+        else:
+            taken = self._receiving(Source.ODOMETRY, odometry_fact, self._on_odometry)
+        self._odometry = self._subscription(topics.odometry, taken)
         self._sensors = PolledSensors(node, sensors, self._receiving)
-        reader = BatteryReader(partial(executive.event, Severity.WARNING))
-        battery = self._receiving(Source.BATTERY, reader.fact)
-        node.create_subscription(BatteryState, topics.battery.name, battery, topics.battery.qos)
-        self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
-        self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
-        rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
+        self._followed += [*self._sensors.subscriptions, *transforms.subscriptions]
+        if topics.battery is not None:
+            reader = BatteryReader(partial(executive.report_event, Severity.WARNING))
+            self._subscription(topics.battery, self._receiving(Source.BATTERY, reader.fact))
+        for topic, on_angle in (
+            (topics.camera_pan_state, self._on_pan),
+            (topics.camera_tilt_state, self._on_tilt),
+        ):
+            if topic is not None:
+                self.subscribe(topic, partial(on_angle, topic.joint))
+        self._emergency_stop = RobotEmergencyStop(
+            *(node, topics.emergency_stop, self._clock),
+            lambda active: self._observe(EmergencyStop(active)),
+            partial(executive.report_event, Severity.ALARM),
+        )
+        if topics.emergency_stop is not None:
+            self.subscribe(topics.emergency_stop, self._emergency_stop.on_state)
+        if topics.camera is not None:
+            rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
         rover.subscribe(self.subscribe, self._observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
         node.create_timer(HEALTH_S, self.contained(self._publish_health), clock=steady)
-        woken = node.create_guard_condition(self.contained(executive.serve_inbox))
+        woken = node.create_guard_condition(self.contained(self._serve_inbox))
         executive.wake = woken.trigger
         self._serve_stop()
 
@@ -134,11 +162,32 @@ class ExecutiveNode:
             spun.close()
         self._executive.wake = lambda: None
 
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe a callback to a topic; exceptions are contained."""
-        self._node.create_subscription(kind, topic.name, self.contained(callback), topic.qos)
+        self._mismatches[self._subscription(topic, self.contained(callback))] = None
 
-    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def _subscription(self, topic: Topic, callback: Callable[[Any], None]) -> TopicSubscription:
+        added = TopicSubscription(self._node, topic, callback)
+        self._followed.append(added)
+        return added
+
+    def _follow_publishers(self) -> None:
+        """Match the publishers' quality of service; report topics without a matching publisher.
+
+        Not while the rover moves: a new subscription may miss messages.
+        """
+        if self._executive.moving:
+            return
+        for each in self._followed:
+            found = each.follow()
+            if found != self._mismatches.get(each, found):
+                self._mismatches[each] = found
+                if found:
+                    self._executive.report_event(
+                        Severity.WARNING, f"nothing is received on {found}"
+                    )
+
+    def subscribe_apart(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe a callback on a thread of its own, independent of the core's load.
 
         Its exceptions are contained on the core's thread.
@@ -151,7 +200,7 @@ class ExecutiveNode:
                 self._executive.query(partial(self._handle, error))
 
         name = self._node.resolve_topic_name(topic.name)
-        self._node_apart(name).create_subscription(kind, name, call, topic.qos)
+        self._node_apart(name).create_subscription(topic.type, name, call, topic.qos)
 
     def _node_apart(self, served: str) -> Node:
         """Return a node spun by its own thread, independent of the core's load, for a topic."""
@@ -195,7 +244,7 @@ class ExecutiveNode:
 
     def _on_odometry(self, fact: OdometryFact) -> None:
         if self._model is not None:
-            self._model.moved([base_transform(fact)])
+            self._model.publish_transforms([base_transform(fact)])
         self._observe(fact)
 
     def _observe(self, fact: Fact) -> None:
@@ -204,61 +253,67 @@ class ExecutiveNode:
             raise IgnoredMessageError("simulated time is 0: no publisher of /clock")
         self._executive.observe(fact)
 
-    def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = round_measurement(finite(message.data, "camera pan"), Precision.LEAN)
-        self._observe_camera()
+    def _on_pan(self, joint: str, message: Float64 | JointState) -> None:
+        if (angle_rad := joint_angle(message, joint)) is not None:
+            self._pan_rad = round_measurement(angle_rad, Precision.LEAN)
+            self._observe_camera()
 
-    def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = round_measurement(finite(message.data, "camera tilt"), Precision.LEAN)
-        self._observe_camera()
+    def _on_tilt(self, joint: str, message: Float64 | JointState) -> None:
+        if (angle_rad := joint_angle(message, joint)) is not None:
+            self._tilt_rad = round_measurement(angle_rad, Precision.LEAN)
+            self._observe_camera()
 
     def _observe_camera(self) -> None:
         if self._pan_rad is not None and self._tilt_rad is not None:
             angles = CameraAngles(self._pan_rad, self._tilt_rad)
             if self._model is not None:
                 now_s = self._node.get_clock().now().nanoseconds * 1e-9
-                self._model.moved(camera_transforms(angles, now_s))
+                self._model.publish_transforms(camera_transforms(angles, now_s))
             self._observe(angles)
 
     def _on_frame(self, frame: Frame) -> None:
-        self._rover.frame_taken()
+        self._rover.on_frame_taken()
         self._observe(frame)
+
+    def _serve_inbox(self) -> None:
+        self._executive.serve_inbox()
+        self._emergency_stop.update(self._executive.held_until_resume)
 
     def _catch_up(self) -> None:
         """Process queued odometry, since rclpy serves timers first; then poll the sensors."""
-        waiting = self._odometry.handle
-        with waiting:
-            while (taken := waiting.take_message(Odometry, False)) is not None:
-                self._odometry.callback(taken[0])
+        self._odometry.poll()
         self._sensors.poll()
+        self._transforms.poll()
 
     def _tick(self) -> None:
         with self._ticks.tick():
             self._catch_up()
             self._executive.tick()
+            self._emergency_stop.update(self._executive.held_until_resume)
             self._tree_in -= 1
             if self._tree_in <= 0:
                 self._tree_in = self._tree_every
                 self._trees.update(self._clock.utc_s())
-                if self._diagnosed != self._situation:
+                if self._diagnosed != self._mode_and_command:
                     self._diagnose(self._ticks.statistics)
 
     def _publish_health(self) -> None:
         names = foreign_publishers(self._node, self._topics.cmd_vel.name)
         if names != self._executive.status.foreign_publishers:
             self._executive.observe(ForeignPublishers(names))
-        ticks = self._ticks.take()
+        ticks = self._ticks.pop_statistics()
         self.on_ticks(ticks)
         self._diagnose(ticks)
         self._data.report()
+        self._follow_publishers()
         self._rejected = 0
 
     @property
-    def _situation(self) -> tuple[Mode, Identity | None]:
+    def _mode_and_command(self) -> tuple[Mode, Identity | None]:
         return self._executive.mode, self._executive.active_command
 
     def _diagnose(self, ticks: TickStatistics) -> None:
-        self._diagnosed = self._situation
+        self._diagnosed = self._mode_and_command
         self._diagnostics.publish(
             diagnose(
                 self._executive,

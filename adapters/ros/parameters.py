@@ -1,20 +1,41 @@
-"""Topic names, quality of service and rates, as ROS parameters of the node."""
+"""`declare_topics` and others: topics, quality of service and rates as ROS parameters of a node."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Final, get_type_hints
 
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import BatteryState, CompressedImage, Image, JointState
+from std_msgs.msg import Bool, Float32, Float64
+from trajectory_msgs.msg import JointTrajectory
 
 from executive.settings import SettingsError
+
+try:
+    from tf2_msgs import msg as _tf2
+except ImportError:  # the wheels of PyPI have none
+    _tf2 = None
+TF_MESSAGE: Final[Any] = getattr(_tf2, "TFMessage", None)
 
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
 }
+
+
+_DURABILITY = {
+    "volatile": DurabilityPolicy.VOLATILE,
+    "transient_local": DurabilityPolicy.TRANSIENT_LOCAL,
+}
+
+
+TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
+NO_TF2_MSGS: Final = "this ROS has no tf2_msgs (an apt installation has: ros-jazzy-tf2-msgs)"
 
 
 class ParameterError(SettingsError):
@@ -23,27 +44,45 @@ class ParameterError(SettingsError):
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic with its quality of service."""
+    """A topic with its message type and quality of service.
+
+    Attributes:
+        joint: name of the joint in messages with several joints; empty for other types.
+        follows: whether a subscription has the reliability of its publishers, because the file
+            states none; a publisher is reliable then.
+    """
 
     name: str
+    type: type
     qos: QoSProfile
+    joint: str = ""
+    follows: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Topics:
-    """All topics of an asset (thesis fig. 22 and 23), named as in the parameter file."""
+    """All topics of an asset (thesis fig. 22 and 23), named as in the parameter file.
 
-    odometry: Annotated[Topic, "nav_msgs/Odometry of the rover"]
-    battery: Annotated[Topic, "sensor_msgs/BatteryState of the rover"]
-    camera_pan_state: Annotated[Topic, "std_msgs/Float64, measured pan, rad"]
-    camera_tilt_state: Annotated[Topic, "std_msgs/Float64, measured tilt, rad"]
-    camera_compressed: Annotated[Topic, "sensor_msgs/CompressedImage of the camera"]
-    camera_image: Annotated[Topic, "sensor_msgs/Image of the camera"]
-    cmd_vel: Annotated[Topic, "geometry_msgs/Twist that moves the rover"]
-    camera_pan: Annotated[Topic, "std_msgs/Float64, commanded pan, rad"]
-    camera_tilt: Annotated[Topic, "std_msgs/Float64, commanded tilt, rad"]
-    camera_speed: Annotated[Topic, "std_msgs/Float64, maximum speed of pan and tilt, rad/s"]
-    ground_truth: Annotated[Topic, "nav_msgs/Odometry, true pose of a simulated rover"]
+    Each is annotated with its meaning and the accepted message types, the default first. Optional
+    ones are None if the file omits them or gives an empty name.
+    """
+
+    odometry: Annotated[Topic, "pose and velocity of the rover", Odometry, TF_MESSAGE]
+    battery: Annotated[
+        Topic | None, "state of the battery, or its voltage, V", BatteryState, Float32
+    ]
+    camera_pan_state: Annotated[Topic | None, "measured pan, rad", Float64, JointState]
+    camera_tilt_state: Annotated[Topic | None, "measured tilt, rad", Float64, JointState]
+    camera: Annotated[Topic | None, "pictures of the camera", CompressedImage, Image]
+    cmd_vel: Annotated[Topic, "velocity of the rover", Twist, TwistStamped]
+    camera_pan: Annotated[Topic | None, "commanded pan, rad", Float64, JointTrajectory, JointState]
+    camera_tilt: Annotated[
+        Topic | None, "commanded tilt, rad", Float64, JointTrajectory, JointState
+    ]
+    camera_speed: Annotated[Topic | None, "maximum speed of pan and tilt, rad/s", Float64]
+    emergency_stop: Annotated[Topic | None, "state of the robot's emergency stop", Bool]
+    ground_truth: Annotated[Topic | None, "true pose of a simulated rover", Odometry]
+    camera_raw: Annotated[Topic | None, "raw pictures of a simulated rover", Image]
 
 
 def declare_topics(node: Node) -> Topics:
@@ -52,10 +91,11 @@ def declare_topics(node: Node) -> Topics:
     Raises:
         ParameterError: one is missing or invalid.
     """
-    hints = get_type_hints(Topics, include_extras=True)
-    return Topics(
-        **{name: declare_topic(node, name, hint.__metadata__[0]) for name, hint in hints.items()}
-    )
+    declared: dict[str, Any] = {}
+    for name, hint in get_type_hints(Topics, include_extras=True).items():
+        declare = declare_topic if hint.__origin__ is Topic else declare_optional_topic
+        declared[name] = declare(node, name, *hint.__metadata__)
+    return Topics(**declared)
 
 
 def declare_rate(node: Node, name: str, meaning: str) -> float:
@@ -70,47 +110,96 @@ def declare_rate(node: Node, name: str, meaning: str) -> float:
     return rate_hz
 
 
-def declare_flag(node: Node, name: str, meaning: str) -> bool:
-    """Declare and read a flag; a missing parameter means False.
+def declare_flag(node: Node, name: str, meaning: str, *, default: bool = False) -> bool:
+    """Declare and read a flag; a missing parameter means the default.
 
     Raises:
         ParameterError: it is not a Boolean.
     """
-    return bool(_declared(node, name, Parameter.Type.BOOL, meaning))
+    flag = _declared(node, name, Parameter.Type.BOOL, meaning)
+    return default if flag is None else bool(flag)
 
 
-def declare_topic(node: Node, key: str, meaning: str) -> Topic:
+def declare_optional_text(node: Node, name: str, meaning: str) -> str:
+    """Declare and read a text; a missing parameter means an empty one.
+
+    Raises:
+        ParameterError: it is not a text.
+    """
+    return _declared(node, name, Parameter.Type.STRING, meaning) or ""
+
+
+def declare_topic(node: Node, key: str, meaning: str, *types: type) -> Topic:
     """Declare and read the parameters of one topic.
+
+    Args:
+        node: declares them.
+        key: name of the topic in the parameter file.
+        meaning: description of its messages.
+        types: accepted message types; the first is the default of the parameter `type`.
 
     Raises:
         ParameterError: one is missing or invalid.
     """
     name = declare_value(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
-    return Topic(name, _declare_qos(node, key, meaning))
+    return _declared_topic(node, key, meaning, name, types)
 
 
-def declare_optional_topic(node: Node, key: str, meaning: str) -> Topic | None:
+def declare_optional_topic(node: Node, key: str, meaning: str, *types: type) -> Topic | None:
     """Declare and read the parameters of an optional topic; return None if its name is empty.
 
     Raises:
         ParameterError: it has a name, and another parameter is missing or invalid.
     """
     name = _declared(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
-    return Topic(name, _declare_qos(node, key, meaning)) if name else None
+    return _declared_topic(node, key, meaning, name, types) if name else None
 
 
-def _declare_qos(node: Node, key: str, meaning: str) -> QoSProfile:
-    reliability = declare_value(
-        node, f"{key}.reliability", Parameter.Type.STRING, f"reliable or best_effort: {meaning}"
+def type_name(kind: type) -> str:
+    """Return the name of a message type as `ros2 topic info` prints it."""
+    return f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+
+
+def _declared_topic(
+    node: Node, key: str, meaning: str, name: str, types: tuple[type | None, ...]
+) -> Topic:
+    known = {type_name(each): each for each in types if each is not None}
+    text = f"{' or '.join(known)}: {meaning}"
+    kind = _declared(node, f"{key}.type", Parameter.Type.STRING, text) or next(iter(known))
+    if kind == TF_TYPE and TF_MESSAGE is None:
+        raise ParameterError(f"parameter {key}.type is {kind!r}: {NO_TF2_MSGS}")
+    if kind not in known:
+        raise ParameterError(f"parameter {key}.type is {kind!r}: {' or '.join(known)}")
+    joint = ""
+    if known[kind] in (JointTrajectory, JointState) and Float64 in types:
+        joint = declare_value(node, f"{key}.joint", Parameter.Type.STRING, "name of its joint")
+    reliability = declare_optional_text(
+        node, f"{key}.reliability", f"reliable or best_effort: {meaning}"
     )
+    qos = _declare_qos(node, key, meaning, reliability or "reliable")
+    return Topic(name, known[kind], qos, joint, follows=not reliability)
+
+
+def _declare_qos(node: Node, key: str, meaning: str, reliability: str) -> QoSProfile:
     depth = declare_value(node, f"{key}.depth", Parameter.Type.INTEGER, f"history: {meaning}")
     if reliability not in _RELIABILITY:
         raise ParameterError(
             f"parameter {key}.reliability is {reliability!r}: reliable or best_effort"
         )
+    durability = _declared(
+        node, f"{key}.durability", Parameter.Type.STRING, f"volatile or transient_local: {meaning}"
+    )
+    if (durability or "volatile") not in _DURABILITY:
+        raise ParameterError(
+            f"parameter {key}.durability is {durability!r}: volatile or transient_local"
+        )
     if depth < 1:
         raise ParameterError(f"parameter {key}.depth is {depth}: at least 1")
-    return QoSProfile(depth=depth, reliability=_RELIABILITY[reliability])  # type: ignore[no-untyped-call]
+    return QoSProfile(  # type: ignore[no-untyped-call]
+        depth=depth,
+        reliability=_RELIABILITY[reliability],
+        durability=_DURABILITY[durability or "volatile"],
+    )
 
 
 def declare_value(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:

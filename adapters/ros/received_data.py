@@ -1,4 +1,4 @@
-"""Statistics of the messages of each source, and the reasons for their rejection."""
+"""`ReceivedData` counts the messages of each source, and reports why messages are rejected."""
 
 import logging
 import time
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from adapters.ros.conversions import IgnoredMessageError, MessageError
-from adapters.ros.parameters import Topic
+from adapters.ros.parameters import Topic, type_name
+from adapters.ros.subscription import matching_qos, mismatch
 from executive.values.facts import RejectedData, Source
 from executive.values.reports import printable, without_figures
 
@@ -43,14 +43,14 @@ class ReceivedData:
 
     Args:
         node: gives access to the ROS graph.
-        topics: message type and topic of each source; `Source.VELOCITY` is published.
+        topics: topic of each source; `Source.VELOCITY` is published.
         report: called with the rejections.
     """
 
     def __init__(
         self,
         node: Node,
-        topics: Mapping[Source, tuple[type, Topic]],
+        topics: Mapping[Source, Topic],
         report: Callable[[RejectedData], None],
     ) -> None:
         self._node, self._topics, self._report = node, topics, report
@@ -111,26 +111,20 @@ class ReceivedData:
 
     def _mismatch(self, source: Source) -> str | None:
         """Return why no peer of a topic matches this node; None if one does or there is no peer."""
-        (kind, topic), node = self._topics[source], self._node
+        topic, node = self._topics[source], self._node
         name, sent = node.resolve_topic_name(topic.name), source is Source.VELOCITY
         if sent and all(each.topic_name != name for each in node.publishers):
             return None  # a rover that executes whole motions
         find = node.get_subscriptions_info_by_topic if sent else node.get_publishers_info_by_topic
         others = [each for each in find(name) if each.node_name != node.get_name()]
-        wanted = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
-        fitting = [each.qos_profile for each in others if each.topic_type == wanted]
+        fitting = [each.qos_profile for each in others if each.topic_type == type_name(topic.type)]
         if others and not fitting:
+            own = topic.type.__name__
             types = ", ".join(sorted({each.topic_type.rpartition("/")[2] for each in others}))
             if sent:
-                mismatch = f"no subscriber to {topic.name} as {kind.__name__}"
-                return f"{mismatch}, the base subscribes as {types}"
-            return f"{topic.name} is published as {types}, and subscribed to as {kind.__name__}"
-        ends = [(topic.qos, each) if sent else (each, topic.qos) for each in fitting]
-        if ends and all(_misses(*each) for each in ends):
-            return "publisher is best effort, subscription reliable"
-        return None
-
-
-def _misses(offered: QoSProfile, wanted: QoSProfile) -> bool:
-    best_effort = offered.reliability is ReliabilityPolicy.BEST_EFFORT
-    return best_effort and wanted.reliability is ReliabilityPolicy.RELIABLE
+                return f"no subscriber to {topic.name} as {own}, the base subscribes as {types}"
+            return f"{topic.name} is published as {types}, and subscribed to as {own}"
+        wanted = topic.qos if sent else matching_qos(node, topic)
+        return mismatch(
+            topic.name, ((wanted, each) if sent else (each, wanted) for each in fitting)
+        )

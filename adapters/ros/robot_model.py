@@ -11,7 +11,7 @@ The settings do not have the camera's position on the rover: its frames are at b
 import logging
 from collections.abc import Sequence
 from math import pi
-from typing import Any, Final
+from typing import Final
 from xml.etree import ElementTree as Xml
 
 from geometry_msgs.msg import TransformStamped
@@ -20,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from adapters.ros.conversions import BASE_LINK, ODOM, quaternion, time_message
+from adapters.ros.parameters import NO_TF2_MSGS, TF_MESSAGE
 from executive.settings import Settings
 from executive.values.facts import CameraAngles, Odometry
 from executive.values.geometry import Pose
@@ -92,9 +93,9 @@ def urdf(settings: Settings) -> str:
     _box(Xml.SubElement(robot, "link", name=CAMERA_LINK), (_CAMERA_M,) * 3)
     Xml.SubElement(robot, "link", name=CAMERA_OPTICAL)
     pan = _joint(robot, "camera_pan", "revolute", BASE_LINK, CAMERA_PAN)
-    _turning(pan, "0 0 1", camera.pan_min_rad, camera.pan_max_rad, camera.rotate_speed_radps)
+    _add_axis(pan, "0 0 1", camera.pan_min_rad, camera.pan_max_rad, camera.rotate_speed_radps)
     tilt = _joint(robot, "camera_tilt", "revolute", CAMERA_PAN, CAMERA_LINK)
-    _turning(tilt, "0 -1 0", camera.tilt_min_rad, camera.tilt_max_rad, camera.rotate_speed_radps)
+    _add_axis(tilt, "0 -1 0", camera.tilt_min_rad, camera.tilt_max_rad, camera.rotate_speed_radps)
     optical = _joint(robot, "camera_optical", "fixed", CAMERA_LINK, CAMERA_OPTICAL)
     Xml.SubElement(optical, "origin", rpy=f"{_OPTICAL.roll_rad} 0 {_OPTICAL.heading_rad}")
     Xml.indent(robot)
@@ -122,7 +123,7 @@ def _joint(robot: Xml.Element, name: str, kind: str, parent: str, child: str) ->
     return joint
 
 
-def _turning(
+def _add_axis(
     joint: Xml.Element, axis: str, least_rad: float, max_rad: float, speed_radps: float
 ) -> None:
     Xml.SubElement(joint, "axis", xyz=axis)
@@ -139,18 +140,14 @@ class RobotModelPublisher:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._urdf_publisher = node.create_publisher(String, ROBOT_DESCRIPTION, latched_qos())
         self._urdf_publisher.publish(String(data=urdf(settings)))
-        self._message: Any = None
-        try:
-            from tf2_msgs.msg import TFMessage
-        except ImportError:
-            _LOG.info("no /tf and /tf_static: this ROS has no tf2_msgs (an apt installation has)")
+        if TF_MESSAGE is None:
+            _LOG.info("no /tf and /tf_static: %s", NO_TF2_MSGS)
             return
-        self._message = TFMessage
-        self._frames = node.create_publisher(TFMessage, TF, 100)
-        self._still = node.create_publisher(TFMessage, TF_STATIC, latched_qos())
-        self._still.publish(TFMessage(transforms=static_transforms(0.0)))
+        self._frames = node.create_publisher(TF_MESSAGE, TF, 100)
+        self._still = node.create_publisher(TF_MESSAGE, TF_STATIC, latched_qos())
+        self._still.publish(TF_MESSAGE(transforms=static_transforms(0.0)))
 
-    def moved(self, transforms: list[TransformStamped]) -> None:
+    def publish_transforms(self, transforms: list[TransformStamped]) -> None:
         """Publish frames that moved."""
-        if self._message is not None:
-            self._frames.publish(self._message(transforms=transforms))
+        if TF_MESSAGE is not None:
+            self._frames.publish(TF_MESSAGE(transforms=transforms))

@@ -1,26 +1,30 @@
-"""The node's interface to a rover, and the rover that receives velocities on `cmd_vel`.
+"""`RosRover`, which receives velocities on `cmd_vel`; `RosAsset`, the interface of other rovers.
 
-The latter includes the lock and the other inputs of its mux. docs/add-a-rover.md shows others.
+The latter includes the lock and other inputs of its mux (twist_mux). docs/add-a-rover.md: others.
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import Any, Final, Protocol
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Bool, Float64
+from trajectory_msgs.msg import JointTrajectory
 
+from adapters.ros.conversions import joint_command, twist_of, velocity_message
 from adapters.ros.parameters import ParameterError, Topic, Topics
+from adapters.ros.subscription import matching_qos
 from executive.record import Ledger
 from executive.settings import MuxSettings, Settings
 from executive.values.clock import Clock
-from executive.values.facts import VELOCITY_TOPIC, Fact, OtherInput
+from executive.values.facts import VELOCITY_TOPIC, Fact, ForeignMuxInput
 from executive.values.geometry import STANDING, Velocity
 from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
 
@@ -34,8 +38,8 @@ NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
 """Node name that ROS gives for a publisher before its discovery is complete."""
 GRAPH_REFRESH_S: Final = 1.0
 """Silence of a topic after which its publishers are queried again."""
-Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
-"""Subscribes a callback: message type, topic, callback for the messages."""
+Subscribe = Callable[[Topic, Callable[[Any], None]], None]
+"""Subscribes a callback for the messages of a topic."""
 
 
 class RosAsset(Protocol):
@@ -45,15 +49,15 @@ class RosAsset(Protocol):
         on_frame: called with each image while a frame is requested; set before the first request.
     """
 
-    on_frame: Callable[[CompressedImage], None]
+    on_frame: Callable[[CompressedImage | Image], None]
 
-    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, add_subscription: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the topics that only this kind of rover has."""
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
         """Return the downlinks of this kind of rover that receive reports."""
 
-    def frame_taken(self) -> None:
+    def on_frame_taken(self) -> None:
         """Unsubscribe from the camera."""
 
     def stop(self) -> None:
@@ -80,9 +84,9 @@ class RosFrames:
         on_frame: called with each image while a frame is requested; set before the first request.
     """
 
-    on_frame: Callable[[CompressedImage], None]
+    on_frame: Callable[[CompressedImage | Image], None]
 
-    def __init__(self, node: Node, image: Topic) -> None:
+    def __init__(self, node: Node, image: Topic | None) -> None:
         self._node = node
         self._image = image
         self._frames: Subscription | None = None
@@ -92,16 +96,19 @@ class RosFrames:
         return ()
 
     def request_frame(self) -> None:
-        """Subscribe to the camera until `frame_taken`."""
-        if self._frames is None:
+        """Subscribe to the camera, if there is one, until `on_frame_taken`."""
+        if self._frames is None and self._image is not None:
             self._frames = self._node.create_subscription(
-                CompressedImage, self._image.name, self.on_frame, self._image.qos
+                self._image.type,
+                self._image.name,
+                self.on_frame,
+                matching_qos(self._node, self._image),
             )
 
     def lock(self, held: bool) -> None:
         """Ignore the lock: this rover has no mux."""
 
-    def frame_taken(self) -> None:
+    def on_frame_taken(self) -> None:
         """Unsubscribe from the camera."""
         if self._frames is not None:
             self._node.destroy_subscription(self._frames)
@@ -112,17 +119,63 @@ class RosCamera(RosFrames):
     """Publishes the camera's set point, and receives frames on request."""
 
     def __init__(self, node: Node, topics: Topics) -> None:
-        super().__init__(node, topics.camera_compressed)
-        pan, tilt, speed = topics.camera_pan, topics.camera_tilt, topics.camera_speed
-        self._pan = node.create_publisher(Float64, pan.name, pan.qos)
-        self._tilt = node.create_publisher(Float64, tilt.name, tilt.qos)
-        self._speed = node.create_publisher(Float64, speed.name, speed.qos)
+        super().__init__(node, topics.camera)
+        self._pan, self._tilt = (
+            None if topic is None else _JointPublisher(node, topic)
+            for topic in (topics.camera_pan, topics.camera_tilt)
+        )
+        speed = topics.camera_speed
+        self._speed = (
+            None if speed is None else node.create_publisher(speed.type, speed.name, speed.qos)
+        )
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Publish the camera's maximum speed and its angles."""
-        self._speed.publish(Float64(data=wanted.speed_radps))
-        self._pan.publish(Float64(data=wanted.pan_rad))
-        self._tilt.publish(Float64(data=wanted.tilt_rad))
+        """Publish the camera's maximum speed and its angles, each if it has a topic."""
+        if self._speed is not None:
+            self._speed.publish(Float64(data=wanted.speed_radps))
+        for joint, angle_rad in ((self._pan, wanted.pan_rad), (self._tilt, wanted.tilt_rad)):
+            if joint is not None:
+                joint.publish(angle_rad, wanted.speed_radps)
+
+
+class _JointPublisher:
+    """Publishes set points of a joint; a trajectory once per set point, as each one restarts it."""
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._topic = topic
+        self._last_rad = 0.0
+        self._published = False
+
+    def publish(self, angle_rad: float, speed_radps: float) -> None:
+        if self._published and angle_rad == self._last_rad and self._topic.type is JointTrajectory:
+            return
+        turn_rad, self._last_rad = angle_rad - self._last_rad, angle_rad
+        self._published = True
+        topic = self._topic
+        command = joint_command(topic.type, topic.joint, angle_rad, speed_radps, turn_rad)
+        self._publisher.publish(command)
+
+
+class VelocityPublisher:
+    """Publishes velocities of base_link in the message type of their topic.
+
+    A stamp is the time of the node's clock at which the velocity is published.
+    """
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._type = topic.type
+        self._clock = node.get_clock()
+
+    def publish(self, velocity: Velocity) -> None:
+        """Publish a velocity, from any thread: publishers of rclpy may be shared."""
+        stamp = self._clock.now().to_msg()
+        self._publisher.publish(velocity_message(velocity, self._type, stamp))
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until the last velocity has been received; return whether it was."""
+        return bool(self._publisher.wait_for_all_acked(Duration(seconds=timeout_s)))
 
 
 class RosMux:
@@ -150,10 +203,16 @@ class RosMux:
                 " section mux out of the asset's settings if there is no mux"
             )
         self._node, self._settings, self._clock = node, settings, clock
-        self._qos = velocity.qos
+        self._velocity = velocity
         self._lock = node.create_publisher(Bool, settings.locks[settings.lock].topic, LOCK_QOS)
-        stop = None if settings.stop is None else settings.topics[settings.stop].topic
-        self._stop = None if stop is None else node.create_publisher(Twist, stop, velocity.qos)
+        self._stop = None
+        if settings.stop is not None:
+            stop = self._input(settings.topics[settings.stop].topic)
+            self._stop = VelocityPublisher(node, stop)
+
+    def _input(self, name: str) -> Topic:
+        """Return an input; all have one type, by the parameter use_stamped of twist_mux."""
+        return replace(self._velocity, name=name)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Report velocities on other inputs to the core."""
@@ -164,22 +223,22 @@ class RosMux:
                 on_velocity = partial(
                     _mux_input_observer, observe, name, entry.priority > above, publishers
                 )
-                subscribe(Twist, Topic(entry.topic, self._qos), on_velocity)
+                subscribe(self._input(entry.topic), on_velocity)
 
     def hold(self, held: bool) -> None:
         """Publish the lock, held or not: the guard of an earlier executive may have locked it."""
         self._lock.publish(Bool(data=held))
         if held:
-            self._zero()
+            self._publish_zero()
 
     def lock(self) -> None:
         """Lock the mux, from any thread; changes no state here."""
-        self._zero()
+        self._publish_zero()
         self._lock.publish(Bool(data=True))
 
-    def _zero(self) -> None:
+    def _publish_zero(self) -> None:
         if self._stop is not None:
-            self._stop.publish(Twist())
+            self._stop.publish(STANDING)
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last lock has been received; return whether it was."""
@@ -203,9 +262,9 @@ class _Publishers:
 
 
 def _mux_input_observer(
-    observe: Callable[[Fact], None], name: str, above: bool, publishers: _Publishers, _: Twist
+    observe: Callable[[Fact], None], name: str, above: bool, publishers: _Publishers, _: object
 ) -> None:
-    observe(OtherInput(name, above, publishers.now()))
+    observe(ForeignMuxInput(name, above, publishers.now()))
 
 
 def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
@@ -241,38 +300,38 @@ class RosRover(RosCamera):
         velocity = topics.cmd_vel
         mux = settings.mux
         self._mux = None if mux is None else RosMux(node, velocity, mux, clock)
-        self._velocity = node.create_publisher(Twist, velocity.name, velocity.qos)
+        self._velocity = VelocityPublisher(node, velocity)
         self._topic = velocity
-        self._twist = Twist()
         self._sent: deque[tuple[float, float]] = deque(maxlen=SENT)
         self._others = _Publishers(node, clock, velocity.name)
 
-    def subscribe(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+    def subscribe(self, add_subscription: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Detect other publishers of velocities, also on this topic; ignores zero."""
 
-        def hear(twist: Twist) -> None:
+        def on_velocity(message: Twist | TwistStamped) -> None:
+            twist = twist_of(message)
             received = (twist.linear.x, twist.angular.z)
             if any(received) and received not in self._sent:
-                observe(OtherInput(VELOCITY_TOPIC, above=True, by=self._others.now()))
+                observe(
+                    ForeignMuxInput(VELOCITY_TOPIC, overrides=True, publisher=self._others.now())
+                )
 
-        subscribe(Twist, self._topic, hear)
+        add_subscription(self._topic, on_velocity)
         if self._mux is not None:
-            self._mux.listen(subscribe, observe)
+            self._mux.listen(add_subscription, observe)
 
     def drive(self, velocity: Velocity) -> None:
         """Publish a velocity."""
-        self._twist.linear.x = velocity.travel_mps
-        self._twist.angular.z = velocity.rotate_radps
         self._sent.append((velocity.travel_mps, velocity.rotate_radps))
-        self._velocity.publish(self._twist)
+        self._velocity.publish(velocity)
 
     def stop(self) -> None:
         """Publish zero."""
         self.drive(STANDING)
 
     def emergency_stop(self) -> None:
-        """Publish zero and lock the mux, from any thread: publishers of rclpy may be shared."""
-        self._velocity.publish(Twist())
+        """Publish zero and lock the mux, from any thread."""
+        self._velocity.publish(STANDING)
         if self._mux is not None:
             self._mux.lock()
 
@@ -283,5 +342,5 @@ class RosRover(RosCamera):
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last velocity and lock have been received; return whether they were."""
-        acknowledged = self._velocity.wait_for_all_acked(Duration(seconds=timeout_s))
+        acknowledged = self._velocity.flush(timeout_s)
         return acknowledged and (self._mux is None or self._mux.flush(timeout_s))

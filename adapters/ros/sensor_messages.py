@@ -1,13 +1,15 @@
-"""Conversion between facts and messages of the sensors other than odometry.
+"""Converts sensors' messages to facts and back: IMU, wheels, second odometry, laser.
 
-Axes are those of REP 103. IMU and laser frames are assumed parallel to base_link's, and poses of
-a second odometry to be those of base_link (REP 105).
+Axes are those of REP 103. Measurements of the IMU are turned into base_link by its mounting. The
+laser's frame is assumed parallel to base_link's, and poses of a second odometry to be those of
+base_link (REP 105).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite, nan
-from typing import Final
+from typing import Any, Final
 
 from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import Imu as ImuMessage
@@ -28,12 +30,18 @@ from adapters.ros.conversions import (
     stamp_s,
     time_message,
 )
-from executive.values.facts import Imu, Joints, LaserScan, SecondOdometry
-from executive.values.geometry import Pose
+from executive.settings import Sensor
+from executive.values.facts import Imu, Joints, LaserScan, SecondOdometry, SensorFact
+from executive.values.geometry import Pose, Rotation, Vector, inclination, up_of
 
 MAX_RAYS: Final = 20_000
+IMU_LINK: Final = "imu_link"
 UNKNOWN: Final = -1.0
 """First element of the covariance of an unmeasured quantity (sensor_msgs/Imu)."""
+RATES: Final = 3
+"""Number of rates, before the accelerations."""
+LEAN_VARIANCE_RAD2: Final = 1e-6
+"""Variance of a measured orientation: all zero with a level one means that there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,33 +52,51 @@ class WheelJoints:
     right: tuple[str, ...]
 
 
-def imu_fact(message: ImuMessage) -> Imu:
-    """Return orientation, rates and accelerations; roll and pitch are NaN if not measured.
+def imu_fact(message: ImuMessage, mounting: Rotation | None = None) -> Imu:
+    """Return orientation, rates and accelerations in the axes of base_link.
+
+    Roll, pitch and accelerations are NaN if not measured. An orientation that is exactly level and
+    without any covariance is the default of a driver that measures none.
+
+    Args:
+        message: in the axes of the IMU.
+        mounting: those axes in base_link; None if they are parallel.
 
     Raises:
-        MessageError: rates or accelerations are not measured, not finite or, which gravity
-            excludes, all zero; or the orientation is no rotation.
+        MessageError: rates are not measured; rates or accelerations are not finite or, which
+            gravity excludes, all zero; or the orientation is no rotation.
     """
-    for name, covariance in (
-        ("rates", message.angular_velocity_covariance),
-        ("accelerations", message.linear_acceleration_covariance),
-    ):
-        if covariance[0] == UNKNOWN:
-            raise MessageError(f"the IMU reports its {name} as not measured (covariance -1)")
+    if message.angular_velocity_covariance[0] == UNKNOWN:
+        raise MessageError("the IMU reports its rates as not measured (covariance -1)")
     roll_rad = pitch_rad = nan
-    turned = message.orientation
+    turned, covariance = message.orientation, message.orientation_covariance
     filled = any((turned.x, turned.y, turned.z, turned.w))  # some drivers leave it zero
-    if filled and message.orientation_covariance[0] != UNKNOWN:
-        roll_rad, pitch_rad, _ = angles(turned, Precision.LEAN)
+    if filled and covariance[0] != UNKNOWN:
+        lean = angles(turned, Precision.LEAN)
+        if any((turned.x, turned.y, *covariance)):
+            roll_rad, pitch_rad, _ = lean
     rate, force = message.angular_velocity, message.linear_acceleration
-    figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
+    figures: tuple[float, ...] = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
+    if message.linear_acceleration_covariance[0] == UNKNOWN:
+        figures = figures[:RATES]
     if not all(map(isfinite, figures)):
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
-    if not any(figures):
+    if len(figures) > RATES and not any(figures):
         raise MessageError("the IMU's rates and accelerations are all zero")
-    rates = (round_measurement(each, Precision.SPEED) for each in figures[:3])
-    forces = (round_measurement(each, Precision.ACCELERATION) for each in figures[3:])
-    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
+    rates = _rounded(figures[:RATES], Precision.SPEED)
+    forces = _rounded(figures[RATES:], Precision.ACCELERATION)
+    fact = Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *(forces or (nan,) * 3))
+    return fact if mounting is None else rotate_imu(fact, mounting.apply)
+
+
+def rotate_imu(fact: Imu, rotate: Callable[[Vector], Vector]) -> Imu:
+    """Return the measurement in other axes, given the rotation of a vector."""
+    return Imu(
+        fact.stamp_s,
+        *_rounded(inclination(rotate(up_of(fact.roll_rad, fact.pitch_rad))), Precision.LEAN),
+        *_rounded(rotate(fact.rates), Precision.SPEED),
+        *_rounded(rotate(fact.acceleration), Precision.ACCELERATION),
+    )
 
 
 def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
@@ -104,7 +130,11 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
 
 
 def _at(values: Sequence[float], digits: Sequence[int], precision: Precision) -> tuple[float, ...]:
-    return tuple(round_measurement(values[index], precision) for index in digits)
+    return tuple(_rounded([values[index] for index in digits], precision))
+
+
+def _rounded(values: Sequence[float], precision: Precision) -> list[float]:
+    return [round_measurement(each, precision) for each in values]
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
@@ -157,17 +187,23 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
     )
 
 
-def imu_message(fact: Imu) -> ImuMessage:
-    """Return orientation if known, rates and accelerations; the heading is 0."""
+def imu_message(fact: Imu, mounting: Rotation | None = None) -> ImuMessage:
+    """Return the known measurements in the axes of the IMU; the heading is 0."""
     message = ImuMessage()
     message.header.stamp = time_message(fact.stamp_s)
-    message.header.frame_id = BASE_LINK
+    message.header.frame_id = BASE_LINK if mounting is None else IMU_LINK
+    fact = fact if mounting is None else rotate_imu(fact, mounting.reverse)
     if isfinite(fact.roll_rad):
         message.orientation = quaternion(Pose(roll_rad=fact.roll_rad, pitch_rad=fact.pitch_rad))
+        for at in (0, 4, 8):
+            message.orientation_covariance[at] = LEAN_VARIANCE_RAD2
     else:
         message.orientation_covariance[0] = UNKNOWN
     rate, force = message.angular_velocity, message.linear_acceleration
     rate.x, rate.y, rate.z = fact.gyro_x_radps, fact.gyro_y_radps, fact.gyro_z_radps
+    if not isfinite(fact.acceleration_x_mps2):
+        message.linear_acceleration_covariance[0] = UNKNOWN
+        return message
     force.x, force.y = fact.acceleration_x_mps2, fact.acceleration_y_mps2
     force.z = fact.acceleration_z_mps2
     return message
@@ -210,3 +246,38 @@ def laser_message(fact: LaserScan) -> LaserScanMessage:
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = BASE_LINK
     return message
+
+
+SENSOR_MESSAGES: Final[Mapping[Sensor, type]] = {
+    Sensor.IMU: ImuMessage,
+    Sensor.JOINTS: JointState,
+    Sensor.SECOND_ODOMETRY: OdometryMessage,
+    Sensor.LASER: LaserScanMessage,
+}
+
+
+def sensor_message(
+    fact: SensorFact, joints: WheelJoints, frame: str, mounting: Rotation | None
+) -> tuple[Sensor, object]:
+    """Return the sensor and its message; frame: of the second odometry, mounting: of the IMU."""
+    match fact:
+        case Imu():
+            return Sensor.IMU, imu_message(fact, mounting)
+        case Joints():
+            return Sensor.JOINTS, joints_message(fact, joints)
+        case SecondOdometry():
+            return Sensor.SECOND_ODOMETRY, second_odometry_message(fact, frame)
+        case LaserScan():
+            return Sensor.LASER, laser_message(fact)
+
+
+def sensor_facts(
+    joints: WheelJoints, zero_is_free: bool, mounting: Rotation | None
+) -> Mapping[Sensor, Callable[[Any], SensorFact]]:
+    """Return the conversion of each sensor's message; the figures are those of its settings."""
+    return {
+        Sensor.IMU: partial(imu_fact, mounting=mounting),
+        Sensor.JOINTS: partial(joints_fact, joints=joints),
+        Sensor.SECOND_ODOMETRY: second_odometry_fact,
+        Sensor.LASER: partial(laser_fact, zero_is_free=zero_is_free),
+    }

@@ -1,17 +1,11 @@
-"""Topics and subscriptions of an asset's sensors other than its odometry."""
+"""`PolledSensors`: topics and subscriptions of an asset's sensors other than its odometry."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, Final
+from typing import Any
 
-from nav_msgs.msg import Odometry
-from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.subscription import Subscription
-from sensor_msgs.msg import Imu, JointState, LaserScan
 
 from adapters.ros.parameters import (
     ParameterError,
@@ -19,22 +13,11 @@ from adapters.ros.parameters import (
     declare_optional_topic,
     declare_value,
 )
-from adapters.ros.sensor_messages import (
-    WheelJoints,
-    imu_fact,
-    joints_fact,
-    laser_fact,
-    second_odometry_fact,
-)
+from adapters.ros.sensor_messages import SENSOR_MESSAGES, WheelJoints, sensor_facts
+from adapters.ros.subscription import TopicSubscription
 from executive.settings import Sensor, Sensors
-from executive.values.facts import Fact, Source
-
-MESSAGES: Final[Mapping[Sensor, type]] = {
-    Sensor.IMU: Imu,
-    Sensor.JOINTS: JointState,
-    Sensor.SECOND_ODOMETRY: Odometry,
-    Sensor.LASER: LaserScan,
-}
+from executive.values.facts import Source
+from executive.values.geometry import Rotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +28,13 @@ class SensorTopics:
         topics: topic of each sensor; sensors without one are absent.
         joints: names of the wheels' joints; empty if the asset has no such sensor.
         zero_is_free: as in the settings of the laser.
+        mounting: as in the settings of the IMU.
     """
 
     topics: Mapping[Sensor, Topic]
     joints: WheelJoints
     zero_is_free: bool = False
+    mounting: Rotation | None = None
 
     def without_topicless(self, sensors: Sensors) -> Sensors:
         """Return settings without the sensors that have no topic."""
@@ -66,15 +51,17 @@ def declare_sensor_topics(node: Node, sensors: Sensors) -> SensorTopics:
     """
     topics: dict[Sensor, Topic] = {}
     for sensor in sorted(sensors.present, key=list(Sensor).index):
-        kind = MESSAGES[sensor]
-        meaning = f"{kind.__module__.partition('.')[0]}/{kind.__name__} of sensors.{sensor.value}"
-        topic = declare_optional_topic(node, sensor.value, meaning)
+        topic = declare_optional_topic(
+            node, sensor.value, f"sensors.{sensor.value}", SENSOR_MESSAGES[sensor]
+        )
         if topic is not None:
             topics[sensor] = topic
     joints = WheelJoints((), ())
     if Sensor.JOINTS in topics:
         joints = WheelJoints(_names(node, "left"), _names(node, "right"))
-    return SensorTopics(topics, joints, sensors.laser is not None and sensors.laser.zero_is_free)
+    zero_is_free = sensors.laser is not None and sensors.laser.zero_is_free
+    mounting = None if sensors.imu is None else sensors.imu.mounting
+    return SensorTopics(topics, joints, zero_is_free, mounting)
 
 
 def _names(node: Node, side: str) -> tuple[str, ...]:
@@ -101,52 +88,18 @@ class PolledSensors:
         sensors: SensorTopics,
         receiving: Callable[..., Callable[[Any], None]],
     ) -> None:
-        facts: Mapping[Sensor, Callable[[Any], Fact]] = {
-            Sensor.IMU: imu_fact,
-            Sensor.JOINTS: partial(joints_fact, joints=sensors.joints),
-            Sensor.SECOND_ODOMETRY: second_odometry_fact,
-            Sensor.LASER: partial(laser_fact, zero_is_free=sensors.zero_is_free),
-        }
-        unwaited = _Unwaited()
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
-        self._polled: list[tuple[type, int, Subscription]] = [
-            (
-                MESSAGES[sensor],
-                topic.qos.depth,
-                node.create_subscription(
-                    MESSAGES[sensor],
-                    topic.name,
-                    receiving(Source[sensor.name], facts[sensor]),
-                    topic.qos,
-                    callback_group=unwaited,
-                    event_callbacks=quiet,
-                ),
+        facts = sensor_facts(sensors.joints, sensors.zero_is_free, sensors.mounting)
+        self.subscriptions = [
+            TopicSubscription(
+                node,
+                topic,
+                receiving(Source[sensor.name], facts[sensor]),
+                polled=True,
             )
             for sensor, topic in sensors.topics.items()
         ]
 
     def poll(self) -> None:
         """Observe the messages received since the last call."""
-        for kind, depth, subscription in self._polled:
-            waiting = subscription.handle
-            with waiting:
-                for _ in range(depth):
-                    taken = waiting.take_message(kind, False)
-                    if taken is None:
-                        break
-                    subscription.callback(taken[0])
-
-
-class _Unwaited(CallbackGroup):
-    """Callback group of subscriptions that no executor waits for."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return False."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Return False."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Ignore the call: no execution begins."""
+        for each in self.subscriptions:
+            each.poll()

@@ -1,4 +1,4 @@
-"""The behaviour tree on a topic: snapshots as JSON, published only if there are subscribers."""
+"""`TreePublisher`: the behaviour tree on a ROS topic as JSON, only while there are subscribers."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Subscribes to the snapshots of an executive's tree and displays them."""
+"""`TreeSubscriber` receives an executive's tree from its ROS topic; `show_live` displays it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""The camera's video stream over UDP, from the rover to the ground."""
+"""The camera's video over UDP: forwarded aboard unchanged, reassembled from RTP on the ground."""
 
 from adapters.video.forwarder import VideoForwarder as VideoForwarder
 from adapters.video.forwarder import parse_address as parse_address

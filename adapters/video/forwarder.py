@@ -1,4 +1,4 @@
-"""Forwards the camera's stream: datagrams received on a UDP port are sent to the ground.
+"""`VideoForwarder` aboard: sends datagrams of a UDP port (the camera's stream) to the ground.
 
 While it is on (VIDEO ON), a separate thread forwards each datagram of up to 64 KiB at once,
 unchanged and in order (thesis 5.1.3). A datagram that the destination refuses, or that has

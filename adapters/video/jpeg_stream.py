@@ -1,4 +1,4 @@
-"""Reassembly of JPEG pictures from RTP packets (RFC 3550, RFC 2435) in any order.
+"""`JpegStream` reassembles JPEG pictures from RTP packets (RFC 3550, RFC 2435) in any order.
 
 The Huffman tables, which RTP leaves out, are those of ITU-T T.81, annex K.3.
 """

@@ -1,4 +1,4 @@
-"""`rover video`: check whether pictures arrive on the ground, without a player."""
+"""The command `rover video`, on the ground: checks whether pictures arrive, without a player."""
 
 from pathlib import Path
 from typing import Final

@@ -1,4 +1,4 @@
-"""Checks before acceptance and start of a motion or plan that the battery suffices for the return.
+"""`check_battery`: refuses a motion or plan if the battery lacks energy for it and the return.
 
 The energy of a motion is estimated from its turns and lines, each from rest to rest, which takes
 negligible time; a preview would delay the command too long. Without battery figures in the
@@ -12,6 +12,7 @@ from typing import Final, assert_never
 from executive.checks.path_check import detoured_segments
 from executive.commands import (
     Arc,
+    Curve,
     Line,
     Motion,
     MoveForward,
@@ -22,6 +23,7 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
+from executive.commands.intake import localized
 from executive.motion import Bounds, duration_s
 from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, PlanStep, nominal_steps
@@ -61,7 +63,7 @@ class _EnergyEstimator:
             match segment:
                 case Turn(by_rad=by_rad):
                     took_s = duration_s(by_rad, rotate)
-                case Line(by_m=by_m):
+                case Line(by_m=by_m) | Curve(by_m=by_m):
                     took_s = duration_s(by_m, travel)
                 case Arc(duration_s=took_s) | Rest(duration_s=took_s):
                     pass
@@ -109,7 +111,10 @@ def check_battery(
         course, zones = nominal_steps(what), Zones()
         requests = (each.request for each in course if isinstance(each, PlanStep))
     estimator = _EnergyEstimator(pose, speeds, settings, zones)
-    for request in _motions(requests, estimator):
+    for each in _motions(requests, estimator):
+        request = localized(each, status, settings)
+        if isinstance(request, Refusal):
+            return request
         estimator.add(request)
         if estimator.energy_j > battery.capacity_j:
             break
@@ -129,7 +134,7 @@ def check_battery(
             return None
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(
-        Reason.BATTERY_SHORT,
+        Reason.BATTERY_INSUFFICIENT,
         f"battery too low: motion {estimator.energy_j:.0f} J + return {back_j:.0f} J, available"
         f" {left_j:.0f} J above the {battery.reserve_ratio:.0%} reserve",
         (

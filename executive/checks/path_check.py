@@ -1,9 +1,9 @@
-"""Checks, before acceptance and start of a motion, its clearance to zones and known rocks.
+"""Refuses motions with too little clearance to zones or rocks; `best_detour` finds a path past.
 
 For a single target a detour is searched. Scanned obstacles are avoided by detours to targets, and
 left to the monitors in other motions. The check covers the path of base_link: straight lines of
 drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
-sweeps.
+sweeps. A base that cannot turn on the spot turns by arcs, forward first if both are free.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,26 +14,33 @@ from typing import Final, assert_never
 
 from executive.commands import (
     Arc,
+    Curve,
+    DriveFor,
     FollowPath,
     Line,
     Motion,
     MoveTo,
     Reference,
     Rest,
+    RotateBy,
+    RotateTo,
     Segment,
     Turn,
     Waypoint,
+    curves_of,
+    requested_controller,
 )
 from executive.goals import Goal
 from executive.obstacles.detour import Detour, shortest_detour
 from executive.obstacles.zones import ClearanceViolation, Obstacle, ScannedObstacle, Zones
-from executive.settings import LocomotionKind, Settings, TurnDriveSettings
+from executive.settings import Controller, LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
-from executive.values.geometry import Point, Pose, arc
+from executive.values.geometry import Point, Pose, Velocity, arc
 from executive.values.reasons import Figure, Reason, Refusal
 
 DETOUR_CLEARANCE_M: Final = 0.02
 """Extra clearance of a detour beyond the margin, for the accuracy of its corners; chosen."""
+ROUNDING: Final = 1e-6
 LOOKAHEAD_M: Final = 2.0
 """Lookahead distance within which a scanned obstacle stops a motion; chosen, not measured."""
 
@@ -71,7 +78,9 @@ def _position_figures(obstacle: Obstacle) -> tuple[Figure, ...]:
 
 
 def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
-    """Return a refusal if a motion from a start pose violates the clearance, or None."""
+    """Return a refusal if a motion turns too tightly, or violates the clearance, or None."""
+    if refusal := check_turns(request, pose, settings, zones):
+        return refusal
     if not zones.not_empty:
         return None
     zones = avoided_obstacles(settings, zones)
@@ -79,10 +88,41 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
         detour = detour_to(request.target, pose, settings, zones)
         return detour if isinstance(detour, Refusal) else None
     known, law = zones.known, settings.turn_drive
-    refusal = check_path(path_of(request.segments(pose, law.reverse), law), settings, known)
+    segments = detoured_segments(request, pose, settings, known)
+    refusal = check_path(path_of(segments, law), settings, known)
     if refusal is None and isinstance(request, FollowPath):
         return _blocked_waypoint(request.waypoints, settings, zones)
     return refusal
+
+
+def check_turns(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
+    """Return a refusal if a motion needs tighter turns than the base can drive, or None.
+
+    Turn-then-drive corrects a heading within its tolerance while it drives.
+    """
+    radius_m = settings.drive.min_turning_radius_m
+    if radius_m is None or isinstance(request, RotateBy | RotateTo):
+        return None
+    needed_m, text = 0.0, ""
+    if isinstance(request, DriveFor):
+        travel_mps, rotate_radps = abs(request.travel_mps), abs(request.rotate_radps)
+        if rotate_radps * radius_m > travel_mps * (1.0 + ROUNDING):
+            needed_m = travel_mps / rotate_radps
+            text = f"turns at a radius of {needed_m:.2f} m: turn more slowly, or drive faster"
+    elif requested_controller(request, settings.controller) is not Controller.MPC:
+        tolerance_rad = settings.turn_drive.heading_tolerance_rad
+        turns_rad = [each.by_rad for each in detoured_segments(request, pose, settings, zones)]
+        first_rad = next((each for each in turns_rad if abs(each) > tolerance_rad), None)
+        if first_rad is not None:
+            text = f"turns by {first_rad:.2f} rad on the spot: controller mpc drives curves"
+    if not text:
+        return None
+    figures = Figure("radius", needed_m, "m"), Figure("bound", radius_m, "m")
+    return Refusal(
+        Reason.TURN_TOO_TIGHT,
+        f"{settings.asset} cannot turn at less than {radius_m:g} m; the motion {text}",
+        figures,
+    )
 
 
 def avoided_obstacles(settings: Settings, zones: Zones) -> Zones:
@@ -215,11 +255,27 @@ def _no_detour_text(target: Waypoint, settings: Settings, zones: Zones) -> str:
 def detoured_segments(
     request: Motion, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Segment, ...]:
-    """Return the segments of a motion from a pose, including its detour if it has one."""
+    """Return the segments of a motion from a pose, with its detour, and with curves for turns."""
+    law, radius_m = settings.turn_drive, settings.drive.min_turning_radius_m
     if isinstance(request, MoveTo):
         path = best_detour(request.target, pose, settings, avoided_obstacles(settings, zones))
         request = FollowPath((*path, request.target))
-    return request.segments(pose, settings.turn_drive.reverse)
+    segments = request.segments(pose, law.reverse)
+    match segments:
+        case (Turn() as turn,) if radius_m is not None and turn.by_rad:
+            options = [curves_of(turn, radius_m, backward) for backward in (False, True)]
+            free = (each for each in options if not check_path(path_of(each, law), settings, zones))
+            return next(free, options[0])
+        case _:
+            return segments
+
+
+def turning_curves(step: object, pose: Pose, settings: Settings, zones: Zones) -> tuple[Curve, ...]:
+    """Return the curves of a rotation by a base that cannot turn on the spot; else none."""
+    if not isinstance(step, RotateBy | RotateTo):
+        return ()
+    segments = detoured_segments(step, pose, settings, zones)
+    return tuple(each for each in segments if isinstance(each, Curve))
 
 
 def expected_pose(
@@ -227,8 +283,11 @@ def expected_pose(
 ) -> Pose:
     """Return the end pose of motion goals in sequence; the first may be active."""
     for goal in goals:
-        request = goal.command.request
+        request = goal.request
         assert isinstance(request, Motion)
+        if goal.leg.curves and goal.leg.heading_rad is not None:
+            pose = replace(goal.start_pose, heading_rad=goal.leg.heading_rad)
+            continue
         for segment in detoured_segments(request, pose, settings, zones):
             pose = _left_of(segment, goal, clock, settings).end
     return pose
@@ -264,6 +323,8 @@ def path_of(segments: Sequence[Segment], law: TurnDriveSettings) -> list[Point]:
                 path.append(end.point)
             case Arc(start, velocity, duration_s):
                 path += arc(start, velocity, duration_s)[0][1:]
+            case Curve(start, by_m, by_rad):
+                path += arc(start, Velocity(by_m, by_rad), 1.0)[0][1:]
             case Turn() | Rest():
                 pass
             case _:

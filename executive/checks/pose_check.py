@@ -1,4 +1,4 @@
-"""Checks whether the pose is certain enough for a motion to an absolute target.
+"""`check_pose`: refuses a motion to an absolute target while the pose is too uncertain for it.
 
 EXECUTED guarantees 15 cm plus 5 % of the distance to the target, and 0.1 rad of its heading. The
 motion's own deviation, the tolerances of its settings, adds to the uncertainty.
@@ -6,7 +6,7 @@ motion's own deviation, the tolerances of its settings, adds to the uncertainty.
 
 from executive.commands import Line, Motion, Reference, Request
 from executive.settings import Settings
-from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Uncertainty
+from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, RECOVERY, Uncertainty
 from executive.values.geometry import Pose
 from executive.values.reasons import Figure, Reason, Refusal
 
@@ -67,9 +67,9 @@ def check_target(
 
 
 def _uncertain(uncertainty: Uncertainty, text: str, bound: Figure) -> Refusal:
-    recovery = "correct the pose by setPositionCompensation, or confirm it by confirmPose"
     return Refusal(
         Reason.POSE_UNCERTAIN,
-        f"{text}, since {uncertainty.cause}: {recovery}",
+        f"{text}, since {uncertainty.cause}: {RECOVERY}",
         (*uncertainty.figures, bound),
+        cause=uncertainty.confirmed_by,
     )

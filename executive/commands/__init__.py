@@ -1,4 +1,4 @@
-"""The catalogue of requests and their declarations.
+"""The requests of the catalogue (`MoveTo`, `Stop`, ...) and their declarations.
 
 The modules `intake`, `lifecycle` and `actions` need the settings: they are not exported here but
 imported by their own names.
@@ -25,8 +25,10 @@ from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import record as record
 from executive.commands.formatting import request_text as request_text
 from executive.commands.segments import Arc as Arc
+from executive.commands.segments import Curve as Curve
 from executive.commands.segments import Line as Line
 from executive.commands.segments import Reference as Reference
 from executive.commands.segments import Rest as Rest
 from executive.commands.segments import Segment as Segment
 from executive.commands.segments import Turn as Turn
+from executive.commands.segments import curves_of as curves_of

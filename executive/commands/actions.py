@@ -1,4 +1,4 @@
-"""Actions: commands as one line of text (thesis 5.1.3), and their execution."""
+"""Text commands such as `VIDEO ON` (actions, thesis 5.1.3): `parse_action` and `perform`."""
 
 from enum import Enum, unique
 from typing import Final

@@ -1,4 +1,4 @@
-"""The catalogue of requests, each declared once, and the command that carries one.
+"""The catalogue: a class for each request (`MoveTo`, `Stop`, ...); `Command` carries one of them.
 
 Intake, limits, the operations of the MRS, `rover command`, the leaves of plans, the operations of
 scenarios and the reference page follow from these declarations. SI units and radians.
@@ -26,7 +26,7 @@ from executive.commands.declaration import (
     record,
 )
 from executive.commands.segments import Arc, Line, Reference, Segment, Turn
-from executive.settings import Controller
+from executive.settings import Controller, TargetFrame
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
 from executive.values.reports import Identity
 
@@ -35,11 +35,11 @@ MIN_SPEED = 0.01
 
 @record
 class Waypoint:
-    """A target in the odometry frame; without a heading, that of the drive is kept."""
+    """A target in the frame of its command; without a heading, that of the drive is kept."""
 
-    x_m: float = argument(help="odometry frame")
-    y_m: float = argument(help="odometry frame")
-    heading_rad: float | None = argument(ANGLE, "to take at the end", default=None)
+    x_m: float = argument(help="in the odometry frame, or in the map")
+    y_m: float = argument(help="in the odometry frame, or in the map")
+    heading_rad: float | None = argument(ANGLE, "heading at the end", default=None)
     tolerance_m: float | None = argument(
         bounded(MIN_SPEED, 1.0), "position tolerance", default=None
     )
@@ -48,6 +48,12 @@ class Waypoint:
     def point(self) -> Point:
         """The position."""
         return Point(self.x_m, self.y_m)
+
+    def moved(self, origin: Pose) -> "Waypoint":
+        """Return the waypoint in another frame, given the origin of its own frame there."""
+        pose = origin.compose(Pose(self.x_m, self.y_m, heading_rad=self.heading_rad or 0.0))
+        heading_rad = None if self.heading_rad is None else pose.heading_rad
+        return replace(self, x_m=pose.x_m, y_m=pose.y_m, heading_rad=heading_rad)
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
         """Return a turn towards the position, the line to it, and the turn to the heading."""
@@ -71,19 +77,25 @@ def _turn_to(heading_rad: float, start: Pose, reference: Reference) -> Turn:
     return Turn(start, replace(start, heading_rad=heading_rad), by_rad, reference)
 
 
-_CONTROLLER: Final = "motion controller, by default the asset's own"
+_CONTROLLER: Final = "controller of the motion; default: the asset's own"
+_FRAME: Final = "frame of the waypoints; default: the asset's own"
 
 
 @command(
     Family.MOTION,
     "MotionControl.moveTo",
-    examples=("3 2 --heading 90deg", "3 2 --controller mpc", "-1 0.5 --replace"),
+    examples=("3 2 --heading 90deg", "3 2 --controller mpc", "3 2 --frame map", "-1 0.5 --replace"),
 )
 class MoveTo:
     """Turn towards a target, drive there, turn to its heading."""
 
     target: Waypoint
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
+    frame: TargetFrame | None = argument(help=_FRAME, relayed=False, default=None)
+
+    def moved(self, origin: Pose) -> "MoveTo":
+        """Return the motion in the odometry frame, given the origin of its own frame there."""
+        return replace(self, target=self.target.moved(origin), frame=TargetFrame.ODOM)
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
         """See the module."""
@@ -128,7 +140,7 @@ class RotateBy:
 
 @command(Family.MOTION, "MotionControl.drive", name="drive", examples=("0.2 0 5", "0 -0.3 4"))
 class DriveFor:
-    """Hold a velocity for a time, then stand."""
+    """Hold a velocity for a time, then stop."""
 
     travel_mps: float = argument(bounded("drive.travel_speed_mps"))
     rotate_radps: float = argument(bounded("drive.rotate_speed_radps"))
@@ -149,6 +161,12 @@ class FollowPath:
 
     waypoints: tuple[Waypoint, ...] = argument(bounded(1, "drive.path_waypoints"))
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
+    frame: TargetFrame | None = argument(help=_FRAME, relayed=False, default=None)
+
+    def moved(self, origin: Pose) -> "FollowPath":
+        """Return the motion in the odometry frame, given the origin of its own frame there."""
+        waypoints = tuple(each.moved(origin) for each in self.waypoints)
+        return replace(self, waypoints=waypoints, frame=TargetFrame.ODOM)
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
         """See the module."""
@@ -195,7 +213,7 @@ class SetPositionCompensation:
 
 @command(Family.CONFIRMATION, "MotionControl.confirmPose", examples=("0.1 3deg", "0 0"))
 class ConfirmPose:
-    """Confirm the reported pose, as an operator who has checked it; a resume does not."""
+    """Confirm the reported pose, after checking it; a resume does not confirm it."""
 
     position_m: float = argument(bounded(0.0, 100.0), "remaining uncertainty")
     heading_rad: float = argument(bounded(0.0, pi), "remaining uncertainty")
@@ -261,7 +279,9 @@ class TakePicture:
 class SetStatusInterval:
     """Set the interval of telemetry."""
 
-    interval_s: float = argument(bounded(0.05, 3600.0, or_zero=True), "0 sends it on change only")
+    interval_s: float = argument(
+        bounded(0.05, 3600.0, or_zero=True), "0: telemetry is sent on change only"
+    )
 
 
 @command(Family.INSTANT, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
@@ -283,7 +303,7 @@ class MoveFile:
 class ExecuteAction:
     """Execute an action given as one line of text."""
 
-    action: str = argument(help="one line of text, as VIDEO ON")
+    action: str = argument(help="one line of text, such as VIDEO ON")
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,8 +372,8 @@ class RemovePlan:
     plan_id: str
 
 
-Place = MoveTo | MoveForward | RotateTo | RotateBy | FollowPath
-Motion = Place | DriveFor
+TargetCommand = MoveTo | MoveForward | RotateTo | RotateBy | FollowPath
+Motion = TargetCommand | DriveFor
 CameraPointing = SetCameraAngles | MoveCameraAngles
 CameraWork = CameraPointing | TakePicture
 InstantCommand = DeleteFile | MoveFile | ExecuteAction
@@ -366,6 +386,13 @@ Setting = (
 )
 PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
 Request = Motion | CameraWork | InstantCommand | Setting | ConfirmPose | PlanRequest | Stop | Resume
+
+
+def is_absolute(request: Request) -> bool:
+    """Whether a request is a motion to a target in the odometry frame."""
+    return isinstance(request, Motion) and any(
+        each.reference is Reference.FRAME for each in request.segments(Pose())
+    )
 
 
 def requested_controller(request: Request, default: Controller) -> Controller | None:
@@ -411,7 +438,7 @@ class Command:
         created_utc_s: creation time by its source, seconds since 1970-01-01 UTC.
         lifetime_s: seconds from `created_utc_s` (from arrival, if that is None) after which
             it must not start.
-        arrival: its effect on running motion.
+        preemption: its effect on running motion.
         authority: the epoch of the authority that its sender claims; None for no claim.
         peer: name of the sender as authenticated by the link; None without authentication.
         overtaken: whether the link knows that a stop created after it has arrived.
@@ -425,7 +452,7 @@ class Command:
     counter: int | None = None
     report_started: bool = True
     report_progress: bool = True
-    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
+    preemption: PreemptionPolicy = PreemptionPolicy.APPEND
     authority: int | None = None
     peer: str | None = None
     overtaken: bool = False

@@ -1,4 +1,4 @@
-"""Declaration of requests: once, with all that intake, links and user interfaces need.
+"""`@command` declares a class as a request: arguments, bounds, units, modes, and texts for users.
 
 `@command(...)` turns a class into a frozen dataclass and stores its declaration; its fields are
 `= argument(...)`. Bounds that an asset sets are given as paths in its settings, as text, so
@@ -231,7 +231,10 @@ class CommandDeclaration:
         return (*arguments_of(self.composite), *self.arguments[1:])
 
     def build_request(self, *values: Any) -> Any:
-        """Build the request from the values that the user typed."""
+        """Build the request from the values that the user typed; omitted figures are 0."""
+        if self.at_least_one:
+            given = zip(self.user_arguments, values, strict=True)
+            values = tuple(0.0 if v is None and not each.optional else v for each, v in given)
         if self.composite is None:
             return self.kind(*values)
         parts = len(arguments_of(self.composite))

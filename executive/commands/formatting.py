@@ -1,4 +1,4 @@
-"""Formats a request as one human-readable line."""
+"""`request_text` formats a request with its arguments as one human-readable line."""
 
 from enum import Enum
 from math import degrees

@@ -1,4 +1,4 @@
-"""Acceptance checks of a command: identity, arguments, time, mode, queue. They change no state.
+"""`validate` checks a received command: id, arguments, time, mode, queue. It changes no state.
 
 The bounds of arguments are defined in the declarations of the requests. Their checks are built once
 on import, so that a path that does not exist in the settings raises then.
@@ -14,8 +14,13 @@ from executive.commands.catalogue import (
     OWN_LINKS,
     Command,
     FollowPath,
+    Motion,
+    MoveCameraAngles,
     MoveTo,
     Request,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    TakePicture,
     Waypoint,
 )
 from executive.commands.declaration import (
@@ -32,7 +37,7 @@ from executive.commands.declaration import (
     arguments_of,
     declaration_of,
 )
-from executive.settings import Controller, LocomotionKind, Settings
+from executive.settings import Controller, LocomotionKind, Settings, TargetFrame
 from executive.state import Status, check_path
 from executive.values.facts import Source
 from executive.values.geometry import Point
@@ -45,15 +50,23 @@ _Check = Callable[[Any, Settings], Refusal | None]
 def check_arguments(request: Request, settings: Settings, here: Point) -> Refusal | None:
     """Return a refusal if the arguments are invalid for a rover at this position, or None."""
     match request:
-        case MoveTo(target, controller):
+        case MoveTo(target, controller=controller):
             return _waypoint(target, here, settings) or _controller(controller, settings)
-        case FollowPath(waypoints, controller):
+        case FollowPath(waypoints, controller=controller):
             return _path(waypoints, here, settings) or _controller(controller, settings)
+        case SetCameraAngles() | MoveCameraAngles() | SetCameraRotateSpeed() if (
+            settings.camera.fixed
+        ):
+            text = f"the camera of {settings.asset} does not turn: its settings have no pan or tilt"
+            return Refusal(Reason.NOT_SUPPORTED, text)
+        case TakePicture() if not settings.camera.formats:
+            text = f"{settings.asset} has no camera: its settings have no camera.formats"
+            return Refusal(Reason.NOT_SUPPORTED, text)
         case _:
-            return _first(_CHECKS[type(request)], request, settings)
+            return _first_refusal(_CHECKS[type(request)], request, settings)
 
 
-def _first(checks: tuple[_Check, ...], item: object, settings: Settings) -> Refusal | None:
+def _first_refusal(checks: tuple[_Check, ...], item: object, settings: Settings) -> Refusal | None:
     for each in checks:
         if refusal := each(item, settings):
             return refusal
@@ -61,10 +74,10 @@ def _first(checks: tuple[_Check, ...], item: object, settings: Settings) -> Refu
 
 
 def _waypoint(target: Waypoint, here: Point, settings: Settings) -> Refusal | None:
-    if refusal := _first(_FINITE, target, settings):
+    if refusal := _first_refusal(_FINITE, target, settings):
         return refusal
     distance_m = here.distance_m(Point(target.x_m, target.y_m))
-    return _range("distance", distance_m, 0.0, settings.drive.distance_m, "m") or _first(
+    return _range("distance", distance_m, 0.0, settings.drive.distance_m, "m") or _first_refusal(
         _WAYPOINT, target, settings
     )
 
@@ -86,8 +99,8 @@ def _controller(chosen: Controller | None, settings: Settings) -> Refusal | None
         text = f"controller {chosen.value}: {settings.asset} drives by itself; leave it out"
     elif chosen is Controller.MPC and not settings.offers_mpc:
         text = (
-            f"controller mpc: {settings.asset} does not offer it; leave it out, or set mpc.offered"
-            " to true in the settings of the asset, which needs the extra mpc"
+            f"controller mpc: {settings.asset} does not offer it; leave it out, or set"
+            " mpc.selectable to true in the settings of the asset, which needs the extra mpc"
         )
     else:
         return None
@@ -142,25 +155,26 @@ def _setting(limit: Limit) -> Callable[[Settings], Any]:
 
 def _check_of(argument: Argument) -> _Check:
     """Return a function that checks one argument of a request or composite."""
-    value_of, judge = attrgetter(argument.field), _judge(argument)
+    value_of, bound_check = attrgetter(argument.field), _bound_check_of(argument)
     parts = tuple(map(_check_of, arguments_of(argument.kind)))
 
     def check_argument(item: Any, settings: Settings) -> Refusal | None:
         value = value_of(item)
         if value is None and argument.optional:
             return None
-        refusal = judge(len(value) if argument.repeated else value, settings)
+        refusal = bound_check(len(value) if argument.repeated else value, settings)
         if refusal is not None or not parts:
             return refusal
         for composite in value if argument.repeated else (value,):
-            if refusal := _first(parts, composite, settings):
+            if refusal := _first_refusal(parts, composite, settings):
                 return replace(refusal, argument=argument.position)
         return None
 
     return check_argument
 
 
-def _judge(argument: Argument) -> _Check:
+def _bound_check_of(argument: Argument) -> _Check:
+    """Return a function that checks a value against the bound of an argument."""
     name, unit, position = argument.name, argument.unit, argument.position
     match argument.bound:
         case ValueRange(low, high, or_zero):
@@ -199,7 +213,7 @@ def _judge(argument: Argument) -> _Check:
 
 _CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in all_declarations()}
 _FAMILIES: Final = {each.kind: each.family for each in all_declarations()}
-_COUNT: Final = _judge(declaration_of(FollowPath).arguments[0])
+_COUNT: Final = _bound_check_of(declaration_of(FollowPath).arguments[0])
 _CONTROLLER: Final = declaration_of(FollowPath).arguments[1]
 _WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
 _FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in arguments_of(Waypoint))
@@ -236,6 +250,26 @@ class Expirable(Protocol):
     @property
     def lifetime_s(self) -> float | None:
         """Lifetime in seconds; None for no limit."""
+
+
+def in_map(request: Request, settings: Settings) -> bool:
+    """Return whether the waypoints of a request are in the map."""
+    return (
+        isinstance(request, MoveTo | FollowPath)
+        and (request.frame or settings.frame) is TargetFrame.MAP
+    )
+
+
+def localized(request: Motion, status: Status, settings: Settings) -> Motion | Refusal:
+    """Return a motion with its waypoints in the frame of the pose, by the newest transform.
+
+    A refusal if they are in the map, and its transform is missing or old.
+    """
+    if not in_map(request, settings):
+        return request
+    assert isinstance(request, MoveTo | FollowPath)
+    origin = status.map_origin
+    return origin if isinstance(origin, Refusal) else request.moved(origin)
 
 
 def check_lifetime(
@@ -293,7 +327,7 @@ def check_identity(command: Command) -> Refusal | None:
     else:
         return None
     named = f"{source[:MAX_SOURCE_LENGTH]}:{number}"
-    return Refusal(Reason.BAD_IDENTITY, printable(f"{named}: {why}"), argument=0)
+    return Refusal(Reason.BAD_IDENTIFIER, printable(f"{named}: {why}"), argument=0)
 
 
 def check_creation_time(command: Expirable, utc_s: float, tolerance_s: float) -> Refusal | None:
@@ -302,9 +336,9 @@ def check_creation_time(command: Expirable, utc_s: float, tolerance_s: float) ->
         return None
     ahead_s = command.created_utc_s - utc_s
     return Refusal(
-        Reason.MADE_IN_FUTURE,
+        Reason.CREATED_IN_FUTURE,
         f"creation time is {ahead_s:.3g} s ahead of the onboard clock, {tolerance_s:g} s allowed:"
-        " synchronize the clocks",
+        " synchronise the clocks",
         (Figure("ahead", ahead_s, "s"), Figure("bound", tolerance_s, "s")),
     )
 
@@ -341,6 +375,9 @@ def validate(
     if refusal:
         return refusal
     if mode not in ACCEPTED[family]:
+        if status.emergency_stop:
+            text = "emergency stop of the robot is active: release it there, then send resume"
+            return Refusal(Reason.EMERGENCY_STOP, text)
         accepted = ", ".join(sorted(each.name for each in ACCEPTED[family]))
         text = f"not accepted in mode {mode.name} (needs {accepted}){_RECOVERY_HINT.get(mode, '')}"
         return Refusal(Reason.WRONG_MODE, text)

@@ -1,4 +1,4 @@
-"""The command life cycle as one table of edges, driven by `transitions`, and the submit results.
+"""`CommandLifecycle`: the stages of a command as a table of edges; the results of `submit`.
 
 RECEIVED, ACCEPTED and EXECUTED are the thesis's three (5.1.2); the others are refusals, failures
 and external endings. Every life cycle ends in exactly one terminal stage.
@@ -161,21 +161,21 @@ def terminal_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Admitted:
+class Accepted:
     """The command was accepted and committed; its life cycle reports follow."""
 
     lifecycle: CommandLifecycle
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class Rejected:
     """The command will not be executed."""
 
     refusal: Refusal
 
 
 @dataclass(frozen=True, slots=True)
-class Repeated:
+class Duplicate:
     """The same command was submitted before; its last report is sent again.
 
     It is not executed again, except a stop, which always acts.
@@ -184,4 +184,4 @@ class Repeated:
     last_report: Report
 
 
-SubmitResult = Admitted | Refused | Repeated
+SubmitResult = Accepted | Rejected | Duplicate

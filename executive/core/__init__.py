@@ -1,1 +1,1 @@
-"""The executive: commands in, goals for the tree, reports out."""
+"""The core's loop: receives commands, gives goals to the tree, sends reports. See `runner`."""

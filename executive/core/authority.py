@@ -1,6 +1,6 @@
-"""Command authority: one operator at a time holds it over the asset (thesis 3.1).
+"""`Authority` lets one operator at a time command the asset (thesis 3.1).
 
-The holder requests it and keeps a lease, renewed by each contact of the holder. It passes on by
+The holder has a lease, which each of its contacts renews. The authority passes on by
 hand-over, release, expiry of the lease, or takeover by a source that the settings permit. Each
 grant has an epoch: a strictly increasing number that is committed to the ledger before any reply.
 Commands carry it as a fencing token, so that commands of a former holder are refused.
@@ -147,7 +147,7 @@ class Authority:
     def take(self, source: str) -> AuthorityState | Refusal:
         """Take it from any holder, if the source is permitted to; otherwise as `request`."""
         holder = self._holder
-        if holder is None or holder == source or source not in self._settings.may_take:
+        if holder is None or holder == source or source not in self._settings.takeover_sources:
             return self.request(source)
         return self._transfer(source, f"{source} took the authority from {holder}")
 
@@ -164,7 +164,7 @@ class Authority:
         """
         if (self._holder, self._grant.epoch) != (source, epoch):
             return self._refusal(f"{source} does not hold authority {epoch}", ACQUIRE_HINT)
-        max_s = self._settings.longest_lease_s
+        max_s = self._settings.max_lease_s
         if lease_s is not None and not 0.0 < lease_s <= max_s:
             figures = (Figure("lease", lease_s, "s"), Figure("bound", max_s, "s"))
             text = f"a lease of {lease_s:g} s is not above 0 and at most {max_s:g} s"
@@ -263,4 +263,4 @@ class Authority:
 
 def _invalid_source(source: str, argument: int = 0) -> Refusal:
     text = f"{source[:40]!r} is not a valid source name"
-    return Refusal(Reason.BAD_IDENTITY, text, argument=argument)
+    return Refusal(Reason.BAD_IDENTIFIER, text, argument=argument)

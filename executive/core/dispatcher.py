@@ -1,4 +1,4 @@
-"""Executes each command at most once: validates it; makes it a goal, a latch or a setting."""
+"""`Dispatcher` accepts or rejects each command once; it becomes a goal, a latch or a setting."""
 
 from dataclasses import replace
 from typing import Final, assert_never
@@ -28,8 +28,14 @@ from executive.commands import (
     Stop,
 )
 from executive.commands.actions import parse_action
-from executive.commands.intake import check_arguments, check_identity, validate
-from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, Repeated, SubmitResult
+from executive.commands.intake import check_arguments, check_identity, localized, validate
+from executive.commands.lifecycle import (
+    Accepted,
+    CommandLifecycle,
+    Duplicate,
+    Rejected,
+    SubmitResult,
+)
 from executive.core.authority import Authority
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
@@ -93,13 +99,15 @@ class Dispatcher:
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
         except LedgerError:
-            return Refused(ledger_refusal(command))
+            return Rejected(ledger_refusal(command))
         if last is not None and known == digest(command):
             self._notifications.resend(last)
             if isinstance(command.request, Stop):
                 text = f"duplicate of {command.identity}: the rover was stopped again"
-                self._notifications.event(Severity.WARNING, text, Reason.DUPLICATE, foreign=True)
-            return Repeated(last)
+                self._notifications.report_event(
+                    Severity.WARNING, text, Reason.DUPLICATE, foreign=True
+                )
+            return Duplicate(last)
         if known is not None:
             return self._reject_unrecorded(command, _duplicate_refusal(command.identity, known))
         lifecycle = CommandLifecycle(command, self._notifications.command)
@@ -107,23 +115,23 @@ class Dispatcher:
         if refusal is not None:
             refusal = _with_stop_note(refusal, command)
             lifecycle.reject(refusal)
-            return Refused(refusal)
+            return Rejected(refusal)
         lifecycle.accept()
         self._accept(lifecycle)
-        return Admitted(lifecycle)
+        return Accepted(lifecycle)
 
     def restore_settings(self) -> None:
         """Apply the settings again that the ledger holds."""
         for setting in self._ledger.last_settings():
             self._restore(setting)
 
-    def _reject_unrecorded(self, command: Command, refusal: Refusal) -> Refused:
+    def _reject_unrecorded(self, command: Command, refusal: Refusal) -> Rejected:
         """Reject a command under the id of another: it has no life cycle reports."""
         refusal = _with_stop_note(refusal, command)
-        self._notifications.event(
+        self._notifications.report_event(
             Severity.WARNING, refusal.text, refusal.reason, refusal.figures, foreign=True
         )
-        return Refused(refusal)
+        return Rejected(refusal)
 
     def _check(self, command: Command, overtaken: bool) -> Refusal | None:
         if not isinstance(command.request, Stop):
@@ -135,7 +143,12 @@ class Dispatcher:
         context = self._context
         if overtaken and isinstance(command.request, Resume):
             text = f"a later stop holds the rover: stopped by {context.latches.stopped_by}"
-            return Refusal(Reason.CAUSE_PERSISTS, text)
+            return Refusal(Reason.CAUSE_PERSISTS, text, cause=context.latches.stop)
+        if isinstance(command.request, Motion):
+            found = localized(command.request, context.status, context.settings)
+            if isinstance(found, Refusal):
+                return found
+            command = replace(command, request=found)
         refusal = validate(
             command,
             settings=context.settings,
@@ -185,7 +198,7 @@ class Dispatcher:
         """Return the expected pose of the rover when a motion begins."""
         context, status = self._context, self._context.status
         pose, goals = status.pose, context.goals.motion
-        if command.arrival is PreemptionPolicy.REPLACE:
+        if command.preemption is PreemptionPolicy.REPLACE:
             return pose
         return expected_pose(goals, pose, context.clock, context.settings, status.obstacles)
 
@@ -227,24 +240,30 @@ class Dispatcher:
         if isinstance(request, Motion | CameraWork | InstantCommand):
             if (
                 isinstance(request, Motion)
-                and lifecycle.command.arrival is PreemptionPolicy.REPLACE
+                and lifecycle.command.preemption is PreemptionPolicy.REPLACE
             ):
+                cause = lifecycle.command.identity
                 context.goals.motion.cancel_all(
-                    Refusal(Reason.REPLACED, f"replaced by {lifecycle.command.identity}")
+                    Refusal(Reason.REPLACED, f"replaced by {cause}", cause=cause)
                 )
             start = self._expected_start_pose(lifecycle.command)
             goal = context.goals.add(request, lifecycle)
+            goal.localize(context.status, context.settings)
             if isinstance(request, Motion):
                 self._predictions.predict_motion(goal, request, start)
         elif isinstance(request, Setting):
             lifecycle.start()
             self._apply_setting(request)
             if isinstance(request, SetPositionCompensation):
-                self._pose.confirm(Uncertainty(cause=named))
+                self._pose.confirm(
+                    Uncertainty(cause=named, confirmed_by=lifecycle.command.identity)
+                )
             lifecycle.execute()
         elif isinstance(request, ConfirmPose):
             lifecycle.start()
-            left = Uncertainty(request.position_m, request.heading_rad, named)
+            left = Uncertainty(
+                request.position_m, request.heading_rad, named, lifecycle.command.identity
+            )
             self._pose.confirm(left)
             lifecycle.execute()
         elif isinstance(request, Stop):
@@ -280,7 +299,7 @@ class Dispatcher:
         if refusal is None:
             self._apply_setting(setting)
         else:
-            self._notifications.event(
+            self._notifications.report_event(
                 Severity.WARNING, f"stored setting is out of range and was dropped: {refusal.text}"
             )
 

@@ -1,4 +1,4 @@
-"""Queue of commands and queries from other threads to the core; stops overtake the others."""
+"""`Inbox`: queue of commands and queries from other threads to the core; stops overtake others."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ class Submission:
     """A command with its reply callback.
 
     Attributes:
-        arrival: number of the command in the order of submission.
+        order: number of the command in the order of submission.
         prepare: called before the command is examined; its writes are committed with it.
     """
 
-    arrival: int
+    order: int
     command: Command
     reply: Callable[[SubmitResult], None]
     prepare: Callable[[], None]
@@ -38,7 +38,7 @@ class Inbox:
     def __init__(self) -> None:
         self._items: SimpleQueue[Submission | Query] = SimpleQueue()
         self._stops: SimpleQueue[Submission] = SimpleQueue()
-        self._arrivals = count(1)
+        self._order = count(1)
         self._stopped_at = 0
 
     def put(
@@ -48,7 +48,7 @@ class Inbox:
         prepare: Callable[[], None],
     ) -> None:
         """Add a command, from any thread."""
-        submission = Submission(next(self._arrivals), command, reply, prepare)
+        submission = Submission(next(self._order), command, reply, prepare)
         stops = isinstance(command.request, Stop)
         (self._stops if stops else self._items).put(submission)
 
@@ -84,7 +84,7 @@ class Inbox:
     def take_stop(self) -> Submission:
         """Remove and return the next stop."""
         stop = self._stops.get_nowait()
-        self._stopped_at = stop.arrival
+        self._stopped_at = stop.order
         return stop
 
     def take(self) -> Submission | Query:
@@ -93,4 +93,4 @@ class Inbox:
 
     def superseded_by_stop(self, submission: Submission) -> bool:
         """Whether a stop that was submitted after the command has been served."""
-        return submission.arrival < self._stopped_at
+        return submission.order < self._stopped_at

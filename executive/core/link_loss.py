@@ -1,4 +1,4 @@
-"""Reactions to the loss of the ground link, in stages that depend on the mode.
+"""Loss of the ground link: its timeouts in stages of each mode, and the `ReturnPath` to drive back.
 
 Any message of the ground on either link counts as contact; queries and commands from aboard do
 not. By default the rover continues. Once a stage is reached, the further stages of its mode follow,

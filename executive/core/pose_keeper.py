@@ -1,8 +1,9 @@
-"""Stores the pose uncertainty in the ledger, across restarts, and reports its changes."""
+"""`PoseKeeper` saves the pose uncertainty in the ledger for a restart, and reports its changes."""
 
 from collections.abc import Sequence
 from typing import Final
 
+from executive.faults import DECLARED
 from executive.record import Ledger, Notifications, PoseRecord
 from executive.safety import Fault, FaultMonitor, PoseMonitor, StoredPose
 from executive.settings import Settings
@@ -47,13 +48,14 @@ class PoseKeeper:
         if not changed or (last and now_s - self._reported_s < EVENT_S):
             return
         self._reported, self._reported_s = now, now_s
-        event = self._notifications.event
+        event = self._notifications.report_event
         if now:
             text = f"the pose is uncertain by {now}, since {now.cause}"
-            event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures)
+            fault = now.cause if now.cause in DECLARED else None
+            event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures, fault=fault)
         else:
             text = f"the pose is certain again, by {now.cause}"
-            event(Severity.INFORMATIONAL, text, Reason.FAULT_OVER, now.figures)
+            event(Severity.INFORMATIONAL, text, Reason.FAULT_CLEARED, now.figures)
 
     def confirm(self, uncertainty: Uncertainty) -> None:
         """Set the uncertainty of the present pose to a bound that an operator confirmed."""
@@ -69,4 +71,4 @@ class PoseKeeper:
             still: whether the rover is commanded to be stationary.
         """
         if self._notifications.pending or self._monitor.unstored:
-            self._record.write(self._monitor.stored(still))
+            self._record.write(self._monitor.state_to_store(still))

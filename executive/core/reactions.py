@@ -1,13 +1,13 @@
-"""Reactions to stops, faults, a lost link, and commands that another link executes."""
+"""`Reactions` stops, pauses or releases the rover after stops, faults and link loss; ends goals."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf
 from typing import Final
 
-from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, MoveTo, RotateTo
+from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, is_absolute
 from executive.commands.intake import ABOARD_PREFIX, MAX_SOURCE_LENGTH
-from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, SubmitResult
+from executive.commands.lifecycle import Accepted, CommandLifecycle, Rejected, SubmitResult
 from executive.core.link_loss import GroundMonitor
 from executive.core.pose_keeper import PoseKeeper
 from executive.faults import ClearPolicy, Reaction
@@ -23,8 +23,8 @@ from executive.record import (
     StopLatch,
 )
 from executive.safety import HOLDING_REACTIONS, Fault, OdometryWindow
-from executive.settings import LinkLossAction, LocomotionKind
-from executive.values.facts import CommandEnded, Stopped
+from executive.settings import LinkLossAction, LocomotionKind, TargetFrame
+from executive.values.facts import ExternalCommandEnded, ExternalStop
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity, Stage, printable
 
@@ -35,9 +35,9 @@ RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
 HARD_STOP_FAULTS: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
 """Faults that brake as a stop does: with normal deceleration the rover ran into the obstacle."""
 _MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})
-_ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
+_LINK_LOST: Final = Reason.LINK_LOST.name.lower()
 _LINK_LOSS_TEXT: Final = {
-    LinkLossAction.GO_ON: "the rover continues",
+    LinkLossAction.CONTINUE: "the rover continues",
     LinkLossAction.HOLD: "the rover holds at the end of the step",
     LinkLossAction.STOP: "the rover is stopped",
     LinkLossAction.RETURN: "the rover returns to the position of the last contact",
@@ -104,7 +104,8 @@ class Reactions:
 
     def stop(self, by: Identity) -> None:
         """Stop the rover until resumed, for any command; `Dispatcher.submit` validates it."""
-        stopped_by = printable(f"{by.source[:MAX_SOURCE_LENGTH]}:{by.command_id}")
+        cause = Identity(by.source[:MAX_SOURCE_LENGTH], by.command_id)
+        stopped_by = printable(str(cause))
         if not self._context.latches.stopping:
             self._context.latches.stopped_from = self._arbiter.velocity
         self._arbiter.stop()
@@ -113,8 +114,8 @@ class Reactions:
             self._latch.set(stopped_by)
         except OSError as error:
             text = f"the stop is not stored, a restart will release it: {error}"
-            self._notifications.event(Severity.ALARM, text, Reason.LEDGER_FAILED)
-        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}"))
+            self._notifications.report_event(Severity.ALARM, text, Reason.LEDGER_FAILED)
+        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}", cause=cause))
 
     def enter_safe_mode(self, danger: Refusal) -> None:
         """Enter SAFE until resumed; without effect if the same reason is already active."""
@@ -140,7 +141,9 @@ class Reactions:
         if context.mode in _MOVING:
             self._begin_fault(safety.hold(why, Reaction.PAUSE))
         elif not before:
-            self._notifications.event(Severity.WARNING, text, why.reason, why.figures, foreign=True)
+            self._notifications.report_event(
+                Severity.WARNING, text, why.reason, why.figures, foreign=True
+            )
 
     def check_ground_link(self, submit: Callable[[Command], SubmitResult]) -> None:
         """Take the action of a newly reached stage of link loss, and end it on recovery.
@@ -156,7 +159,8 @@ class Reactions:
             action, silent_s = reached.stage.then, reached.silent_s
             done = _LINK_LOSS_TEXT[action]
             text = f"no contact with the ground for {silent_s:.1f} s: {done}"
-            why = Refusal(Reason.LINK_LOST, text, (Figure("silent", silent_s, "s"),))
+            figures = (Figure("silent", silent_s, "s"),)
+            why = Refusal(Reason.LINK_LOST, text, figures, fault=_LINK_LOST)
             self._on_link_lost(action, why, submit)
             motion.blocked_by = why if action is LinkLossAction.HOLD else None
         elif lost is not None and ground.stage is None:
@@ -171,7 +175,9 @@ class Reactions:
         if action is LinkLossAction.STOP:
             self._begin_fault(safety.hold(why, Reaction.STOP))
             return
-        self._notifications.event(Severity.WARNING, why.text, why.reason, why.figures)
+        self._notifications.report_event(
+            Severity.WARNING, why.text, why.reason, why.figures, fault=why.fault
+        )
         if action is LinkLossAction.RETURN:
             refusal = self._start_return(why, submit)
             if refusal is not None:
@@ -181,7 +187,7 @@ class Reactions:
 
     def _on_link_recovered(self) -> None:
         """Report that the ground link has recovered, and end a return."""
-        self._notifications.event(Severity.INFORMATIONAL, "ground link recovered")
+        self._notifications.report_event(Severity.INFORMATIONAL, "ground link recovered")
         if self._return is not None:
             refusal = Refusal(Reason.STOPPED, "stopped because the ground link recovered")
             self._context.goals.motion.cancel(self._return, refusal)
@@ -195,10 +201,10 @@ class Reactions:
         self._return = None
         if lifecycle.refusal is None:
             text = "the rover is back at the position of the last ground contact"
-            self._notifications.event(Severity.INFORMATIONAL, text)
+            self._notifications.report_event(Severity.INFORMATIONAL, text)
         else:
             text = f"the rover did not return: {lifecycle.refusal.text}"
-            self._notifications.event(Severity.ALARM, text, lifecycle.refusal.reason)
+            self._notifications.report_event(Severity.ALARM, text, lifecycle.refusal.reason)
         return False
 
     def _start_return(
@@ -207,39 +213,42 @@ class Reactions:
         """End all motion and submit the command to return; return its refusal, if any."""
         self._planner.suspend(why)
         self._context.goals.motion.fail_all(why)
-        stage_before = why.reason.name.lower()
-        self._context.safety.drop(stage_before)
-        self._ledger.unlatch(stage_before)
+        self._context.safety.drop(_LINK_LOST)
+        self._ledger.unlatch(_LINK_LOST)
         self._obey_faults()
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
-        answer = submit(Command(identity, FollowPath(self._ground.trail.path_back), ABOARD_LINK))
-        if isinstance(answer, Admitted):
+        path_back = FollowPath(self._ground.trail.path_back, frame=TargetFrame.ODOM)
+        answer = submit(Command(identity, path_back, ABOARD_LINK))
+        if isinstance(answer, Accepted):
             self._return = answer.lifecycle
-        return answer.refusal if isinstance(answer, Refused) else None
+        return answer.refusal if isinstance(answer, Rejected) else None
 
     def _begin_fault(self, fault: Fault) -> None:
         """Report a fault, and take the reaction of its row."""
         why, row = fault.refusal, fault.row
-        if row.then in {Reaction.STOP, Reaction.SAFE}:
+        if row.reaction in {Reaction.STOP, Reaction.SAFE}:
             self._arbiter.stop()
-        if row.then is Reaction.PAUSE and fault.name in HARD_STOP_FAULTS:
+        if row.reaction is Reaction.PAUSE and fault.name in HARD_STOP_FAULTS:
             self._arbiter.zero_velocity()
-        self._notifications.event(fault.severity, why.text, why.reason, why.figures)
+        self._notifications.report_event(
+            fault.severity, why.text, why.reason, why.figures, fault=fault.name
+        )
         if row.clears is ClearPolicy.ON_RESUME:
-            self._ledger.latch(LatchedFault(fault.name, row.then, why, fault.begun_utc_s))
+            self._ledger.latch(LatchedFault(fault.name, row.reaction, why, fault.begun_utc_s))
         self._obey_faults()
-        if row.then in HOLDING_REACTIONS:
+        if row.reaction in HOLDING_REACTIONS:
             self._planner.suspend(why)
             motion = self._context.goals.motion
-            if row.then is not Reaction.PAUSE:
+            if row.reaction is not Reaction.PAUSE:
                 motion.fail_all(why)
-            elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
+            elif motion.active and not is_absolute(motion.active.command.request):
                 motion.fail_active(why)  # a motion relative to its start cannot continue
 
     def _end_fault(self, fault: Fault) -> None:
         """Report the end of a fault, and release what no other fault requires."""
-        self._notifications.event(
-            Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
+        text = f"{fault.name} cleared"
+        self._notifications.report_event(
+            Severity.INFORMATIONAL, text, Reason.FAULT_CLEARED, fault=fault.name
         )
         if fault.row.clears is ClearPolicy.ON_RESUME:
             self._ledger.unlatch(fault.name)
@@ -262,7 +271,7 @@ class Reactions:
         for lifecycle in self._context.latches.take_stopping():
             lifecycle.fail(refusal)
 
-    def on_external_result(self, ended: CommandEnded) -> None:
+    def on_external_result(self, ended: ExternalCommandEnded) -> None:
         """End the goal of a command that the rover received over another link first."""
         for queue in (self._context.goals.motion, self._context.goals.camera):
             goal = queue.active
@@ -274,9 +283,10 @@ class Reactions:
             else:
                 queue.fail_active(Refusal(Reason.MOTION_NOT_EXECUTED, text))
 
-    def on_external_stop(self, stopped: Stopped) -> None:
+    def on_external_stop(self, stopped: ExternalStop) -> None:
         """Cancel goals after a stop over another link; later commands may move the rover."""
-        refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, over another link")
+        text = f"stopped by {stopped.identity or 'a stop'}, over another link"
+        refusal = Refusal(Reason.STOPPED, text, cause=stopped.identity)
         self._planner.suspend(refusal)
         self._context.goals.motion.cancel_all(refusal)
         self._context.goals.camera.cancel_all(refusal)
@@ -309,7 +319,7 @@ class Reactions:
         for severity, text, figures in history.other_drivers.update(
             history.drivers, moved.pose_path_m, moved.turned_rad, history.commanding
         ):
-            self._notifications.event(severity, text, figures=figures, foreign=True)
+            self._notifications.report_event(severity, text, figures=figures, foreign=True)
 
     def run_monitors(self) -> None:
         """Run the monitors, and take the reactions of faults that begin or end."""
@@ -330,13 +340,14 @@ class Reactions:
 
     def on_ledger_failure(self, error: LedgerError) -> None:
         """Enter SAFE, also after a restart, and fail camera and instant goals."""
-        danger = Refusal(Reason.LEDGER_FAILED, str(error))
+        reason = Reason.LEDGER_FAILED
+        danger = Refusal(reason, str(error), fault=reason.name.lower())
         self.enter_safe_mode(danger)
-        with suppress(OSError):  # a file of one sector may accept what the ledger does not
+        with suppress(OSError):  # a file of one sector may fit where the ledger does not
             self._latch.set(UNWRITTEN_LEDGER)
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)
 
 
 def _first(faults: Sequence[Fault], then: Reaction) -> Refusal | None:
-    return next((fault.refusal for fault in faults if fault.row.then is then), None)
+    return next((fault.refusal for fault in faults if fault.row.reaction is then), None)

@@ -1,37 +1,38 @@
-"""Recorder of an executive: its calls, the inputs during each call, and its decisions."""
+"""`Recorder` passes the calls, inputs and decisions of an executive to a `RecordingSink`."""
 
 import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Concatenate, Final, Generic, ParamSpec, TypeVar
 
-from executive.commands.lifecycle import Refused, SubmitResult
+from executive.commands.lifecycle import Rejected, SubmitResult
 from executive.core.recording import (
-    Answered,
-    AskedSolver,
-    CarriedOut,
+    CameraCommanded,
     CommitFailed,
-    Drove,
     Entry,
-    Halted,
+    FileEventSent,
+    FrameRequested,
+    HaltCommanded,
     Item,
-    KeptFile,
-    Life,
-    Locked,
     ModeChanged,
-    NodeState,
-    PointedCamera,
-    Reported,
-    RequestedFrame,
-    SolverAnswered,
+    MotionCommanded,
+    MuxLockChanged,
+    PlanUpdateSent,
+    ProcessStart,
+    RecordingSink,
+    ReportSent,
     SolverBusy,
-    StopWaited,
-    SwitchedVideo,
-    Tape,
-    ToldFile,
-    ToldParameters,
-    ToldPlan,
+    SolverRequested,
+    SolverResult,
+    StopPending,
+    StoredFile,
+    SubmitAnswered,
+    TelemetrySent,
     TreeChanged,
+    TreeNodeState,
+    VelocityCommanded,
+    VideoSwitched,
     is_within,
 )
 from executive.core.tree import TreeNodeView
@@ -44,12 +45,12 @@ from executive.values.geometry import Velocity
 from executive.values.parameters import ParameterValue
 from executive.values.ports import (
     CameraIntent,
+    DelegatedMotion,
     DelegatedMotionRover,
     Downlink,
     Rover,
     VelocityRover,
     Video,
-    WholeMotion,
 )
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, without_figures
 
@@ -68,7 +69,7 @@ class Recorder:
         tape: receives the recording, or None.
     """
 
-    def __init__(self, tape: Tape | None, clock: Clock) -> None:
+    def __init__(self, tape: RecordingSink | None, clock: Clock) -> None:
         self.tape: Final = tape
         self._clock = clock
         self._stop_checks = 0
@@ -98,7 +99,7 @@ class Recorder:
     def on_stop_check(self, waits: bool) -> None:
         """Record a stop that was received during the call; called at each check for one."""
         if waits:
-            self.put(StopWaited(self._stop_checks))
+            self.put(StopPending(self._stop_checks))
         self._stop_checks += 1
 
     def on_commit(self, error: LedgerError | None) -> None:
@@ -109,15 +110,15 @@ class Recorder:
 
     def on_answer(self, identity: Identity, result: SubmitResult) -> None:
         """Record the reply to a command."""
-        refusal = result.refusal if isinstance(result, Refused) else None
-        self.put(Answered(identity, type(result).__name__, refusal))
+        refusal = result.refusal if isinstance(result, Rejected) else None
+        self.put(SubmitAnswered(identity, type(result).__name__, refusal))
 
     def on_state(self, tree: Sequence[TreeNodeView], mode: ModeChanged) -> None:
         """Record the changes of the tree and of the mode since the last call."""
         before, nodes = self._nodes, {each.path: each for each in tree}
         self._nodes = nodes
         changed = tuple(
-            NodeState(path, each.status.name, each.message)
+            TreeNodeState(path, each.status.name, each.message)
             for path, each in nodes.items()
             if not _same(before.get(path), each)
         )
@@ -133,8 +134,9 @@ def _same(before: TreeNodeView | None, now: TreeNodeView) -> bool:
     return before is not None and before.status is now.status and before.message == now.message
 
 
-def _without_figures(mode: ModeChanged) -> tuple[object, ...]:
-    return mode.mode, mode.active, without_figures(mode.why)
+def _without_figures(mode: ModeChanged) -> ModeChanged:
+    """Return a mode, its text without figures; no decision depends on the recorded text."""
+    return replace(mode, why=without_figures(mode.why))
 
 
 def process_start(
@@ -143,21 +145,21 @@ def process_start(
     files: FileFolder,
     solver: SharedSolver | None,
     video: Video | None,
-) -> Life:
+) -> ProcessStart:
     """Return the initial state of an executive, before its first change."""
     latch = Path(ledger.path).with_suffix(".stop")
-    return Life(
+    return ProcessStart(
         settings,
         ledger.image(),
         latch.read_bytes() if latch.exists() else b"",
-        tuple(KeptFile(path, stamp.size_octets) for path, stamp in sorted(files.entries())),
+        tuple(StoredFile(path, stamp.size_octets) for path, stamp in sorted(files.entries())),
         None if solver is None else solver.lead_ticks,
         video is not None,
     )
 
 
 def recorded_ports(
-    tape: Tape,
+    tape: RecordingSink,
     settings: Settings,
     rover: VelocityRover | DelegatedMotionRover,
     downlinks: Sequence[Downlink],
@@ -169,7 +171,7 @@ def recorded_ports(
     """Return the ports of an executive, recorded; not a rover that mismatches the settings."""
     if settings.locomotion is LocomotionKind.VELOCITY and isinstance(rover, VelocityRover):
         rover = _RecordedVelocityRover(rover, tape)
-    elif settings.locomotion is LocomotionKind.WHOLE_MOTION and isinstance(
+    elif settings.locomotion is LocomotionKind.DELEGATED and isinstance(
         rover, DelegatedMotionRover
     ):
         rover = _RecordedMotionRover(rover, tape)
@@ -182,17 +184,17 @@ def recorded_ports(
 
 
 class _RecordedRover(Generic[R]):
-    def __init__(self, rover: R, tape: Tape) -> None:
+    def __init__(self, rover: R, tape: RecordingSink) -> None:
         self._rover = rover
         self._tape = tape
         self._held: bool | None = None
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        self._tape.put(PointedCamera(wanted))
+        self._tape.put(CameraCommanded(wanted))
         self._rover.point_camera(wanted)
 
     def request_frame(self) -> None:
-        self._tape.put(RequestedFrame())
+        self._tape.put(FrameRequested())
         self._rover.request_frame()
 
     def emergency_stop(self) -> None:
@@ -201,28 +203,28 @@ class _RecordedRover(Generic[R]):
     def lock(self, held: bool) -> None:
         if held is not self._held:
             self._held = held
-            self._tape.put(Locked(held))
+            self._tape.put(MuxLockChanged(held))
         self._rover.lock(held)
 
 
 class _RecordedVelocityRover(_RecordedRover[VelocityRover]):
     def drive(self, velocity: Velocity) -> None:
-        self._tape.put(Drove(velocity))
+        self._tape.put(VelocityCommanded(velocity))
         self._rover.drive(velocity)
 
 
 class _RecordedMotionRover(_RecordedRover[DelegatedMotionRover]):
-    def execute_motion(self, motion: WholeMotion) -> None:
-        self._tape.put(CarriedOut(motion))
+    def execute_motion(self, motion: DelegatedMotion) -> None:
+        self._tape.put(MotionCommanded(motion))
         self._rover.execute_motion(motion)
 
     def halt(self) -> None:
-        self._tape.put(Halted())
+        self._tape.put(HaltCommanded())
         self._rover.halt()
 
 
 class _RecordedVideo:
-    def __init__(self, video: Video, tape: Tape) -> None:
+    def __init__(self, video: Video, tape: RecordingSink) -> None:
         self._video = video
         self._tape = tape
 
@@ -231,30 +233,30 @@ class _RecordedVideo:
         return self._video.enabled
 
     def set_enabled(self, on: bool) -> None:
-        self._tape.put(SwitchedVideo(on))
+        self._tape.put(VideoSwitched(on))
         self._video.set_enabled(on)
 
 
 class _RecordedDownlink:
-    def __init__(self, tape: Tape) -> None:
+    def __init__(self, tape: RecordingSink) -> None:
         self._tape = tape
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         for report in reports:
-            self._tape.put(Reported(report))
+            self._tape.put(ReportSent(report))
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        self._tape.put(ToldParameters(tuple(values)))
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
+        self._tape.put(TelemetrySent(tuple(values)))
 
-    def file(self, event: FileEvent) -> None:
-        self._tape.put(ToldFile(event))
+    def send_file_event(self, event: FileEvent) -> None:
+        self._tape.put(FileEventSent(event))
 
-    def plan(self, update: PlanUpdate) -> None:
-        self._tape.put(ToldPlan(update))
+    def send_plan_update(self, update: PlanUpdate) -> None:
+        self._tape.put(PlanUpdateSent(update))
 
 
 class _RecordedSolver:
-    def __init__(self, solver: SharedSolver, tape: Tape) -> None:
+    def __init__(self, solver: SharedSolver, tape: RecordingSink) -> None:
         self._solver = solver
         self._tape = tape
         self.lead_ticks = solver.lead_ticks
@@ -267,12 +269,12 @@ class _RecordedSolver:
 
     def request(self, problem: TrajectoryProblem) -> None:
         digest = hashlib.sha256(repr(problem).encode()).hexdigest()
-        self._tape.put(AskedSolver(problem.start, problem.target, digest))
+        self._tape.put(SolverRequested(problem.start, problem.target, digest))
         self._solver.request(problem)
 
     def take_result(self) -> Trajectory | None:
         plan = self._solver.take_result()
-        self._tape.put(SolverAnswered(plan))
+        self._tape.put(SolverResult(plan))
         return plan
 
     def fork(self, apart: bool = False) -> SharedSolver:

@@ -1,8 +1,8 @@
-"""Items of a recording: all inputs of the core in order, and its decisions.
+"""Dataclasses of the items of a recording: the core's inputs in order, and its decisions.
 
 With the same inputs, the core makes the same decisions. A recording is a sequence of items: a
-`Life` for each start of the executive, then its entries. Each entry is followed by the further
-inputs and the decisions during it. Within an entry the clock is latched.
+`ProcessStart` for each start of the executive, then its entries. Each entry is followed by the
+further inputs and the decisions during it. Within an entry the clock is latched.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from executive.settings import Settings
 from executive.values.facts import Fact
 from executive.values.geometry import Pose, Velocity
 from executive.values.parameters import ParameterValue
-from executive.values.ports import CameraIntent, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion
 from executive.values.reasons import Figure, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Severity
 
 
 @dataclass(frozen=True, slots=True)
-class KeptFile:
+class StoredFile:
     """A file in the rover's folder; its content affects no decision."""
 
     path: str
@@ -30,7 +30,7 @@ class KeptFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Life:
+class ProcessStart:
     """Initial state of one start of the executive's process.
 
     Attributes:
@@ -44,23 +44,23 @@ class Life:
     settings: Settings
     ledger: bytes
     latch: bytes
-    files: tuple[KeptFile, ...]
+    files: tuple[StoredFile, ...]
     solver_lead_ticks: int | None
     video: bool
 
 
 @unique
-class Call(Enum):
+class CoreCall(Enum):
     """A call of the core with the time as its only input."""
 
     START = "start"
-    TURN = "turn"
+    SERVE = "serve"
     TICK = "tick"
     CLOSE = "close"
 
 
 @dataclass(frozen=True, slots=True)
-class Called:
+class CoreCalled:
     """An entry with the time as its input; `START` is the first of a process start.
 
     Attributes:
@@ -70,11 +70,11 @@ class Called:
 
     now_s: float
     utc_s: float
-    call: Call
+    call: CoreCall
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class FactObserved:
     """An entry with a fact as its input."""
 
     now_s: float
@@ -83,7 +83,7 @@ class Observed:
 
 
 @dataclass(frozen=True, slots=True)
-class Noticed:
+class EventReported:
     """An entry that reports an event of another component.
 
     Attributes:
@@ -100,29 +100,29 @@ class Noticed:
 
 
 @dataclass(frozen=True, slots=True)
-class MadeSafe:
+class SafeModeEntered:
     """An entry that stops the rover until resumed.
 
     Attributes:
-        within: as in `Noticed`.
+        within: as in `EventReported`.
     """
 
     now_s: float
     utc_s: float
-    danger: Refusal
+    cause: Refusal
     within: bool = False
 
 
-Entry = Called | Observed | Noticed | MadeSafe
+Entry = CoreCalled | FactObserved | EventReported | SafeModeEntered
 
 
-def is_within(item: object) -> TypeGuard[Noticed | MadeSafe]:
+def is_within(item: object) -> TypeGuard[EventReported | SafeModeEntered]:
     """Whether an item is part of the call before, although others of its kind are calls."""
-    return isinstance(item, Noticed | MadeSafe) and item.within
+    return isinstance(item, EventReported | SafeModeEntered) and item.within
 
 
 @dataclass(frozen=True, slots=True)
-class Served:
+class CommandDequeued:
     """A command that was removed from the inbox.
 
     Attributes:
@@ -134,15 +134,15 @@ class Served:
 
 
 @dataclass(frozen=True, slots=True)
-class GroundHeard:
-    """The ground was in contact since the last entry that checked for it."""
+class GroundContact:
+    """The ground link was in contact since the last entry that checked for it."""
 
 
 @dataclass(frozen=True, slots=True)
-class SolverAnswered:
+class SolverResult:
     """The result that the trajectory solver returned when polled."""
 
-    plan: Trajectory | None
+    trajectory: Trajectory | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,14 +153,14 @@ class SolverBusy:
 
 
 @dataclass(frozen=True, slots=True)
-class StopWaited:
+class StopPending:
     """A stop was received while the core was working.
 
     Attributes:
-        looks: number of earlier checks for a stop in this entry.
+        checks: number of earlier checks for a stop in this entry.
     """
 
-    looks: int
+    checks: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,11 +177,11 @@ class CommitFailed:
 
 
 Input = (
-    Served
-    | GroundHeard
-    | SolverAnswered
+    CommandDequeued
+    | GroundContact
+    | SolverResult
     | SolverBusy
-    | StopWaited
+    | StopPending
     | AuthorityRequest
     | CommitFailed
 )
@@ -189,52 +189,52 @@ Input = (
 
 
 @dataclass(frozen=True, slots=True)
-class Drove:
+class VelocityCommanded:
     """The velocity that was commanded."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
-class CarriedOut:
+class MotionCommanded:
     """The whole motion that was commanded."""
 
-    motion: WholeMotion
+    motion: DelegatedMotion
 
 
 @dataclass(frozen=True, slots=True)
-class Halted:
+class HaltCommanded:
     """The rover was commanded to halt."""
 
 
 @dataclass(frozen=True, slots=True)
-class Locked:
+class MuxLockChanged:
     """The mux lock was held or released; recorded on change."""
 
     held: bool
 
 
 @dataclass(frozen=True, slots=True)
-class PointedCamera:
+class CameraCommanded:
     """The camera was commanded to point."""
 
-    wanted: CameraIntent
+    intent: CameraIntent
 
 
 @dataclass(frozen=True, slots=True)
-class RequestedFrame:
+class FrameRequested:
     """A picture was requested."""
 
 
 @dataclass(frozen=True, slots=True)
-class SwitchedVideo:
+class VideoSwitched:
     """The video stream was switched on or off."""
 
-    on: bool
+    enabled: bool
 
 
 @dataclass(frozen=True, slots=True)
-class AskedSolver:
+class SolverRequested:
     """A trajectory was requested; the digest covers the whole problem."""
 
     start: MotionState
@@ -243,39 +243,39 @@ class AskedSolver:
 
 
 @dataclass(frozen=True, slots=True)
-class Reported:
+class ReportSent:
     """A report was sent after its commit."""
 
     report: Report
 
 
 @dataclass(frozen=True, slots=True)
-class ToldParameters:
+class TelemetrySent:
     """Parameters were sent."""
 
     values: tuple[ParameterValue, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class ToldFile:
+class FileEventSent:
     """A file event was sent."""
 
     event: FileEvent
 
 
 @dataclass(frozen=True, slots=True)
-class ToldPlan:
+class PlanUpdateSent:
     """The status of a plan was sent."""
 
     update: PlanUpdate
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class SubmitAnswered:
     """The reply to the sender of a command.
 
     Attributes:
-        result: Admitted, Refused or Repeated.
+        result: Accepted, Rejected or Duplicate.
     """
 
     identity: Identity
@@ -284,7 +284,7 @@ class Answered:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeState:
+class TreeNodeState:
     """Status and feedback message of a tree node in the last tick."""
 
     path: str
@@ -296,8 +296,8 @@ class NodeState:
 class TreeChanged:
     """Nodes that changed, including new ones, and nodes that were removed."""
 
-    nodes: tuple[NodeState, ...]
-    gone: tuple[str, ...]
+    nodes: tuple[TreeNodeState, ...]
+    removed: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,27 +306,31 @@ class ModeChanged:
 
     Attributes:
         why: one line on the rover's present motion and its reason.
+        fault: name of the fault that holds the rover, if any.
+        cause: the stop that holds the rover, if any.
     """
 
     mode: Mode
     active: Identity | None
     why: str
+    fault: str | None = None
+    cause: Identity | None = None
 
 
 Decision = (
-    Drove
-    | CarriedOut
-    | Halted
-    | Locked
-    | PointedCamera
-    | RequestedFrame
-    | SwitchedVideo
-    | AskedSolver
-    | Reported
-    | ToldParameters
-    | ToldFile
-    | ToldPlan
-    | Answered
+    VelocityCommanded
+    | MotionCommanded
+    | HaltCommanded
+    | MuxLockChanged
+    | CameraCommanded
+    | FrameRequested
+    | VideoSwitched
+    | SolverRequested
+    | ReportSent
+    | TelemetrySent
+    | FileEventSent
+    | PlanUpdateSent
+    | SubmitAnswered
     | TreeChanged
     | ModeChanged
 )
@@ -344,24 +348,24 @@ class Truth:
     pose: Pose
 
 
-Item = Life | Entry | Input | Decision | Truth
+Item = ProcessStart | Entry | Input | Decision | Truth
 
 
-class Tape(Protocol):
+class RecordingSink(Protocol):
     """Receives a recording. Called on the core's thread: must neither block nor raise."""
 
     def put(self, item: Item) -> None:
         """Record an item."""
 
 
-class Tapes:
+class RecordingTee:
     """Several tapes as one.
 
     Args:
         tapes: each receives every item, in this order.
     """
 
-    def __init__(self, *tapes: Tape) -> None:
+    def __init__(self, *tapes: RecordingSink) -> None:
         self._tapes = tapes
 
     def put(self, item: Item) -> None:

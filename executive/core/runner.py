@@ -1,6 +1,6 @@
-"""The executive: receives commands and facts, ticks the tree, commands the rover, reports.
+"""`Executive`, the facade of the core: receives commands and facts, ticks the tree, sends reports.
 
-One thread calls it; others use `submit` and `ask`. A turn serves received commands; a tick also
+One thread calls it; others use `submit` and `query`. A turn serves received commands; a tick also
 runs the tree once. A leaf that raises is contained here: the tree and the rover stop, its commands
 fail, and the executive continues.
 """
@@ -13,7 +13,7 @@ from typing import Final
 from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import check_localized
-from executive.commands.lifecycle import Admitted, Refused, SubmitResult
+from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
 from executive.core.authority import Authority, AuthorityRequest, AuthorityState
 from executive.core.dispatcher import Dispatcher, ledger_refusal
 from executive.core.inbox import MAX_ITEMS_PER_TURN, Inbox, Query, Submission
@@ -22,17 +22,18 @@ from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
 from executive.core.recorder import Recorder, process_start, recorded_ports
 from executive.core.recording import (
-    Call,
-    Called,
-    GroundHeard,
-    MadeSafe,
+    CommandDequeued,
+    CoreCall,
+    CoreCalled,
+    EventReported,
+    FactObserved,
+    GroundContact,
     ModeChanged,
-    Noticed,
-    Observed,
-    Served,
-    Tape,
+    RecordingSink,
+    SafeModeEntered,
 )
 from executive.core.tree import LeafError, Tree
+from executive.faults import ClearPolicy, Reaction
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.plans import Planner, check_plan
@@ -51,12 +52,12 @@ from executive.settings import Settings
 from executive.state import FileFolder, Status, Telemetry
 from executive.values.clock import Clock, LatchedClock
 from executive.values.facts import (
-    AuthorityUsed,
-    CommandEnded,
+    ExternalAuthorityUse,
+    ExternalCommandEnded,
+    ExternalStop,
     Fact,
     ForeignPublishers,
     LaserScan,
-    Stopped,
 )
 from executive.values.geometry import STANDING, Velocity
 from executive.values.parameters import ParameterValue
@@ -75,14 +76,14 @@ from executive.values.reports import (
 _LOG = logging.getLogger(__name__)
 
 MAX_EVENT_LENGTH: Final = 4096
-"""Maximum length in characters of a text reported by `Executive.event`; the rest is cut."""
+"""Maximum length in characters of a text reported by `Executive.report_event`; the rest is cut."""
 
 
 class Executive:
     """One asset's executive.
 
-    Within each call of `observe`, `serve_inbox`, `tick`, `event`, `enter_safe_mode` and `close`,
-    and during construction, the clock is latched: every decision sees the same time.
+    Within each call of `observe`, `serve_inbox`, `tick`, `report_event`, `enter_safe_mode` and
+    `close`, and during construction, the clock is latched: every decision sees the same time.
 
     The core's thread calls `observe`, `serve_inbox` and `tick`, and owns all attributes; other
     threads call `submit` and `query`. A stop overtakes all pending commands, and stops the rover
@@ -116,7 +117,7 @@ class Executive:
         video: Video | None = None,
         solver: SharedSolver | None = None,
         inbox: Inbox | None = None,
-        tape: Tape | None = None,
+        tape: RecordingSink | None = None,
     ) -> None:
         self.settings = settings
         self._clock = clock = LatchedClock(clock)
@@ -128,11 +129,12 @@ class Executive:
             rover, downlinks, video, solver = recorded_ports(
                 tape, settings, rover, downlinks, video, solver
             )
-        self._recorder.enter(Called, Call.START)
+        self._recorder.enter(CoreCalled, CoreCall.START)
         self.status = Status(clock, settings)
         self.safety = FaultMonitor(clock, settings)
+        self.status.correct = self.safety.history.corrected
         self.wake: Callable[[], None] = lambda: None
-        self.retention = LedgerRetention(ledger, settings.kept_reports)
+        self.retention = LedgerRetention(ledger, settings.retained_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status, solver)
         self._context = Context(
             clock, settings, self.status, self.safety, Goals(clock), locomotion, self.files, video
@@ -164,7 +166,9 @@ class Executive:
             clock,
             settings.authority,
             AuthorityRecord(ledger),
-            lambda text: self._notifications.event(Severity.INFORMATIONAL, text, foreign=True),
+            lambda text: self._notifications.report_event(
+                Severity.INFORMATIONAL, text, foreign=True
+            ),
         )
         self._pose = PoseKeeper(
             clock, settings, self.safety, self.status, ledger, self._notifications
@@ -238,6 +242,19 @@ class Executive:
     def mode(self) -> Mode:
         """The mode of the asset."""
         return self._context.mode
+
+    @property
+    def held_until_resume(self) -> bool:
+        """Whether a stop, or a fault of the executive, holds the rover until it is resumed.
+
+        The robot's own emergency stop is released at the robot first, and does not count here.
+        """
+        return self._context.latches.stopped_by is not None or any(
+            each.row.reaction in {Reaction.STOP, Reaction.SAFE}
+            and each.row.clears is ClearPolicy.ON_RESUME
+            and each.refusal.reason is not Reason.EMERGENCY_STOP
+            for each in self.safety.active
+        )
 
     @property
     def velocity(self) -> Velocity:
@@ -342,37 +359,33 @@ class Executive:
     def observe(self, fact: Fact) -> None:
         """Process a fact."""
         with self._clock:
-            self._recorder.enter(Observed, fact)
+            self._recorder.enter(FactObserved, fact)
             if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign_publishers:
                 others = ", ".join(fact.names)
-                self._notifications.event(
-                    Severity.WARNING,
-                    f"others may move the rover: {others}"
-                    if others
-                    else "nobody else moves the rover",
-                )
-            self.status.observe(fact)
+                text = f"other velocity publishers: {others or 'none'}"
+                self._notifications.report_event(Severity.WARNING, text, publishers=fact.names)
             jump = self.safety.history.jump
             self.safety.observe(fact)
+            self.status.observe(fact)
             if self.safety.history.jump is not jump:
                 self.status.clear_local_map()
-            if isinstance(fact, CommandEnded):
+            if isinstance(fact, ExternalCommandEnded):
                 self._reactions.on_external_result(fact)
-            if isinstance(fact, Stopped):
+            if isinstance(fact, ExternalStop):
                 self._reactions.on_external_stop(fact)
-            if isinstance(fact, AuthorityUsed):
+            if isinstance(fact, ExternalAuthorityUse):
                 self.ground.record_contact()
                 self.authority.renew_lease(fact.epoch)
             if isinstance(fact, LaserScan):
                 self._reactions.run_monitors()  # immediately, without waiting for the tick
-            self._arbiter.guard()
+            self._arbiter.stop_if_stale()
 
     def request_authority(self, request: AuthorityRequest) -> AuthorityState | Refusal:
         """Request, take, hand over or release the authority; on the executive's thread."""
         self._recorder.put(request)
         return self.authority.perform(request)
 
-    def event(
+    def report_event(
         self,
         severity: Severity,
         text: str,
@@ -382,27 +395,29 @@ class Executive:
         """Report an event of another component or of a link."""
         within = self._clock.latched
         with self._clock:
-            self._recorder.enter(Noticed, severity, text, figures, kind, within)
+            self._recorder.enter(EventReported, severity, text, figures, kind, within)
             text = text[:MAX_EVENT_LENGTH]
             figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
-            self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
+            self._notifications.report_event(
+                severity, text, figures=figures, kind=kind, foreign=True
+            )
 
     def enter_safe_mode(self, danger: Refusal) -> None:
         """Enter SAFE until resumed; without effect if the same reason is already active."""
         within = self._clock.latched
         with self._clock:
-            self._recorder.enter(MadeSafe, danger, within)
+            self._recorder.enter(SafeModeEntered, danger, within)
             self._reactions.enter_safe_mode(danger)
 
     def serve_inbox(self) -> None:
-        """Serve pending commands and queries; an accepted command is ticked immediately.
+        """Serve pending commands and queries; if a command is accepted, the tree runs at once.
 
         Items that arrive during the turn, or exceed `MAX_ITEMS_PER_TURN`, wait for the next one;
         stops are served before each other item. Then predictions advance by a slice; if more work
         remains, the executive wakes itself.
         """
         with self._clock:
-            self._recorder.enter(Called, Call.TURN)
+            self._recorder.enter(CoreCalled, CoreCall.SERVE)
             self._serve()
             self._predict()
             self._record_state()
@@ -412,27 +427,27 @@ class Executive:
         self._serve_stops()
         self._reactions.check_ground_link(self._dispatcher.submit)
         if self.ground.in_contact:
-            self._recorder.put(GroundHeard())
+            self._recorder.put(GroundContact())
         for _ in range(self._inbox.pending_items):
             if len(self._answers) >= MAX_ITEMS_PER_TURN:
                 break
             item = self._inbox.take()
             if isinstance(item, Submission):
                 overtaken = self._inbox.superseded_by_stop(item)
-                self._recorder.put(Served(item.command, overtaken))
+                self._recorder.put(CommandDequeued(item.command, overtaken))
                 item.prepare()
                 self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
             else:
                 item()
             self._serve_stops()
         answers, self._answers = self._answers, []
-        if any(isinstance(admission, Admitted) for _, admission in answers):
+        if any(isinstance(admission, Accepted) for _, admission in answers):
             stops = any(isinstance(item.command.request, Stop) for item, _ in answers)
             if stops or self._flush():
                 self._run_tree()
         written = self._flush()
         for submission, admission in answers:
-            answer = admission if written else Refused(ledger_refusal(submission.command))
+            answer = admission if written else Rejected(ledger_refusal(submission.command))
             self._recorder.on_answer(submission.command.identity, answer)
             submission.reply(answer)
         if not self._inbox.empty:
@@ -441,7 +456,7 @@ class Executive:
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         with self._clock:
-            self._recorder.enter(Called, Call.TICK)
+            self._recorder.enter(CoreCalled, CoreCall.TICK)
             self._serve()
             self._reactions.check_lateness()
             self._reactions.run_monitors()
@@ -465,7 +480,7 @@ class Executive:
         Data that a failing ledger did not commit are lost, as when the process is killed.
         """
         with self._clock:
-            self._recorder.enter(Called, Call.CLOSE)
+            self._recorder.enter(CoreCalled, CoreCall.CLOSE)
             if self.velocity != STANDING or self.moving:
                 self._arbiter.stop()
             self.tree.stop()
@@ -487,7 +502,7 @@ class Executive:
         """Stop the rover for pending stops, and process their records and replies."""
         for _ in range(self._inbox.pending_stops):
             stop = self._inbox.take_stop()
-            self._recorder.put(Served(stop.command, overtaken=False))
+            self._recorder.put(CommandDequeued(stop.command, overtaken=False))
             self._reactions.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
@@ -499,16 +514,17 @@ class Executive:
 
     def _record_state(self) -> None:
         if self._recorder.tape is not None:
-            mode = ModeChanged(self.mode, self.active_command, self.why)
+            fault, stop = self._context.holding_fault, self._context.holding_stop
+            mode = ModeChanged(self.mode, self.active_command, self.why, fault, stop)
             self._recorder.on_state(self.tree.nodes(), mode)
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:
-            downlink.telemetry(values)
+            downlink.send_telemetry(values)
 
     def _send_file_event(self, event: FileEvent) -> None:
         for downlink in self._downlinks:
-            downlink.file(event)
+            downlink.send_file_event(event)
 
     def _run_plan(self) -> None:
         """Tick the executing plan, which submits its commands; they start once committed."""

@@ -1,4 +1,4 @@
-"""The behaviour tree's interface for the core; `trees` has the tree itself."""
+"""`Tree`: the interface through which the core ticks the behaviour tree of the package `trees`."""
 
 from collections.abc import Sequence
 from enum import Enum

@@ -1,5 +1,6 @@
-"""Declaration of a fault, and the row with an asset's reaction to it."""
+"""`FaultDeclaration` of a fault; `FaultResponse`: an asset's bounds and reaction for it."""
 
+from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum, unique
 from math import radians
@@ -32,7 +33,7 @@ class Reaction(Enum):
 class ClearPolicy(Enum):
     """How a fault clears: with its cause, or by a resume after its cause has ended."""
 
-    ITSELF = "itself"
+    AUTO = "auto"
     ON_RESUME = "on_resume"
 
 
@@ -80,31 +81,31 @@ class Window:
     Attributes:
         name: name of one of several windows, in files; the only window of a fault has none.
         for_s: debounce time: how long the evidence must last before the fault begins.
-        beyond, below: the bound of the compared figure.
-        ratio: ratio of the path, the turn or the speed in the window, added to `beyond`.
-        within_s: the interval over which the figure is computed.
+        above, below: the bound of the compared figure.
+        ratio: ratio of the path, the turn or the speed in the window, added to `above`.
+        window_s: the interval over which the figure is computed.
     """
 
     name: str = ""
     _: KW_ONLY
     for_s: float = 0.0
-    beyond: float | None = field(default=None, metadata={"angle": True})
+    above: float | None = field(default=None, metadata={"angle": True})
     below: float | None = None
     ratio: float | None = None
-    within_s: float | None = None
+    window_s: float | None = None
 
     @property
     def bound(self) -> float:
         """The bound of a window that has one."""
-        found = self.beyond if self.below is None else self.below
+        found = self.above if self.below is None else self.below
         assert found is not None
         return found
 
     @property
     def length_s(self) -> float:
         """The interval of a window that has one."""
-        assert self.within_s is not None
-        return self.within_s
+        assert self.window_s is not None
+        return self.window_s
 
     def allowed(self, amount: float) -> float:
         """Return the bound for this distance, turn or command in the window."""
@@ -116,7 +117,7 @@ class FaultResponse:
     """Response of an asset to one fault, which begins if one of its windows shows it."""
 
     when: MonitoredWhen
-    then: Reaction
+    reaction: Reaction
     clears: ClearPolicy
     windows: tuple[Window, ...] = (Window(),)
 
@@ -142,7 +143,7 @@ class FaultDeclaration:
         row: the response unless an asset sets another.
         source: measurement behind the figures of the row, or a statement that there is none.
         disproves: sources of the remaining pose uncertainty; None if the pose stays valid.
-        beyond, below, ratio, within: descriptions of these figures; None if unused.
+        above, below, ratio, window: descriptions of these figures; None if unused.
     """
 
     name: str
@@ -151,10 +152,10 @@ class FaultDeclaration:
     row: FaultResponse
     source: str
     disproves: Disproves | None = None
-    beyond: FaultParameter | None = None
+    above: FaultParameter | None = None
     below: FaultParameter | None = None
     ratio: FaultParameter | None = None
-    within: FaultParameter | None = None
+    window: FaultParameter | None = None
 
     def check(self, row: FaultResponse) -> None:
         """Raise ValueError unless a row fits this fault.
@@ -167,8 +168,8 @@ class FaultDeclaration:
 
     def _check(self, window: Window) -> None:
         path = ".".join(filter(None, (self.name, window.name)))
-        meant = (self.beyond, self.below, self.ratio, self.within, _FOR)
-        given = (window.beyond, window.below, window.ratio, window.within_s, window.for_s)
+        meant = (self.above, self.below, self.ratio, self.window, _FOR)
+        given = (window.above, window.below, window.ratio, window.window_s, window.for_s)
         for key, bound, value in zip(FIGURES, meant, given, strict=True):
             if (bound is None) != (value is None):
                 had = [each for each, its in zip(FIGURES, meant, strict=True) if its is not None]
@@ -180,5 +181,32 @@ class FaultDeclaration:
                 raise ValueError(f"{path}.{key}: {wrong} ({bound.description})")
 
 
-FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
+FIGURES: Final = ("above", "below", "ratio", "window", "for")
 _FOR: Final = FaultParameter("duration of the evidence before the fault begins", "s", 0.0, 60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Unmonitored:
+    """A quantity that is not monitored.
+
+    Attributes:
+        quantity: its name, for display, without a verb.
+        cause: the missing sensor or the setting.
+        faults: the faults of the table that cannot begin.
+    """
+
+    quantity: str
+    cause: str
+    faults: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"not monitored: {self.quantity}: {self.cause}"
+
+
+def summary(gaps: Iterable[Unmonitored]) -> str:
+    """Return the unmonitored quantities in one line, grouped by cause."""
+    by_cause: dict[str, list[str]] = {}
+    for each in gaps:
+        by_cause.setdefault(each.cause, []).append(each.quantity)
+    parts = (f"{', '.join(names)} ({cause})" for cause, names in by_cause.items())
+    return "; ".join(parts) or "nothing"

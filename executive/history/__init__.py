@@ -1,16 +1,10 @@
-"""The history of a run, read by all that displays or explains it.
+"""`RunHistory`: the history of a run, the input of logs, explanations and displays.
 
-`HistoryBuilder` folds recorded items into a `RunHistory`: from a file, or while the executive runs.
-`MotionTracks` stores the rover's poses and velocities.
+`history_builder` folds recorded items into a `RunHistory`: from a file, or while the executive
+runs. `motion_tracks` stores the rover's poses and velocities. Both import much of the core, so they
+are imported by name, where they are used.
 """
 
-from executive.history.history_builder import KINDS as KINDS
-from executive.history.history_builder import HistoryBuilder as HistoryBuilder
-from executive.history.motion_tracks import TRACK_KINDS as TRACK_KINDS
-from executive.history.motion_tracks import MotionTracks as MotionTracks
-from executive.history.motion_tracks import PoseAt as PoseAt
-from executive.history.motion_tracks import TrackSource as TrackSource
-from executive.history.motion_tracks import VelocityAt as VelocityAt
 from executive.history.run_history import CommandHistory as CommandHistory
 from executive.history.run_history import LeafRun as LeafRun
 from executive.history.run_history import PeakSpeed as PeakSpeed

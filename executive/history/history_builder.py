@@ -1,4 +1,4 @@
-"""Folds the items of a recording into the history of its run, from a file or live."""
+"""`HistoryBuilder` makes the `RunHistory` from the items of a recording, from a file or live."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -7,18 +7,18 @@ from typing import Any, Final
 from executive.commands import Command, request_text
 from executive.commands.intake import MAX_SOURCE_LENGTH
 from executive.core.recording import (
-    Answered,
-    Call,
-    Called,
-    Drove,
+    CommandDequeued,
+    CoreCall,
+    CoreCalled,
     Entry,
     Item,
-    Life,
     ModeChanged,
-    NodeState,
-    Reported,
-    Served,
+    ProcessStart,
+    ReportSent,
+    SubmitAnswered,
     TreeChanged,
+    TreeNodeState,
+    VelocityCommanded,
 )
 from executive.faults import Reaction
 from executive.history.run_history import (
@@ -33,7 +33,14 @@ from executive.settings import Settings
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Report
 
-KINDS: Final = (Served, Answered, Reported, ModeChanged, TreeChanged, Drove)
+KINDS: Final = (
+    CommandDequeued,
+    SubmitAnswered,
+    ReportSent,
+    ModeChanged,
+    TreeChanged,
+    VelocityCommanded,
+)
 """Kinds of items that are used, besides process starts and entries."""
 _RUNNING: Final = "RUNNING"
 
@@ -78,27 +85,29 @@ class HistoryBuilder:
                 self._ended_utc_s = None
             self._utc_s = item.utc_s
         match item:
-            case Drove(velocity=velocity):
+            case VelocityCommanded(velocity=velocity):
                 self._note_speed(abs(velocity.travel_mps))
-            case TreeChanged(nodes=nodes, gone=removed):
+            case TreeChanged(nodes=nodes, removed=removed):
                 for node in nodes:
                     if node.path in self._leaf_paths:
                         self._follow(node)
                 for path in removed:
                     self._end_leaf(path)
-            case ModeChanged(mode=mode, active=active, why=why):
-                self._active = active
-                self._situations.append(Situation(self._utc_s, mode, active, why))
-            case Reported(report=report):
+            case ModeChanged() as now:
+                self._active = now.active
+                self._situations.append(
+                    Situation(self._utc_s, now.mode, now.active, now.why, now.fault, now.cause)
+                )
+            case ReportSent(report=report):
                 self._add_report(report)
-            case Served(command=command):
+            case CommandDequeued(command=command):
                 self._received.append(_received(command, self._utc_s))
-            case Answered(identity=identity, refusal=Refusal() as refusal):
+            case SubmitAnswered(identity=identity, refusal=Refusal() as refusal):
                 self._declined.append(RejectedSubmission(_bounded(identity), self._utc_s, refusal))
-            case Called(call=Call.START):
+            case CoreCalled(call=CoreCall.START):
                 for path in list(self._running):
                     self._end_leaf(path)
-            case Life(settings=settings):
+            case ProcessStart(settings=settings):
                 self._ended_utc_s = self._utc_s or None
                 self._begin(settings)
             case _:
@@ -108,7 +117,7 @@ class HistoryBuilder:
         """Return the history up to now."""
         reports = tuple(self._reports[each] for each in sorted(self._reports))
         identities = {each.identity for each in reports}
-        known = {(each.identity, each.text) for each in reports}
+        known = {(each.identity, each.reason) for each in reports}
         return RunHistory(
             until_utc_s=self._utc_s,
             reports=reports,
@@ -117,7 +126,7 @@ class HistoryBuilder:
                 each
                 for each in self._declined
                 if each.identity not in identities
-                or (each.identity, each.refusal.text) not in known
+                or (each.identity, each.refusal.reason) not in known
             ),
             situations=tuple(self._situations),
             leaves=tuple(
@@ -134,7 +143,9 @@ class HistoryBuilder:
     def _begin(self, settings: Settings) -> None:
         self._allowed_mps = settings.drive.travel_speed_mps
         self._slowing = frozenset(
-            declared.reason for declared, row in settings.faults if row.then is Reaction.SLOW_DOWN
+            declared.reason
+            for declared, row in settings.faults
+            if row.reaction is Reaction.SLOW_DOWN
         )
         self._leaf_paths = self._paths_of(settings)
 
@@ -151,7 +162,7 @@ class HistoryBuilder:
         if self._max_items is not None and len(retained) > self._max_items:
             del retained[next(iter(retained))]
 
-    def _follow(self, node: NodeState) -> None:
+    def _follow(self, node: TreeNodeState) -> None:
         if node.status != _RUNNING:
             self._end_leaf(node.path)
             return
@@ -177,7 +188,7 @@ def _received(command: Command, utc_s: float) -> ReceivedCommand:
         command.name,
         command.link,
         utc_s,
-        command.arrival,
+        command.preemption,
         command.created_utc_s,
         command.lifetime_s,
     )

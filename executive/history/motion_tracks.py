@@ -1,11 +1,19 @@
-"""Poses and velocities of a rover over a run, by each source that reports them."""
+"""`MotionTracks`: poses and velocities of a rover over a run, by each source that reports them."""
 
 from dataclasses import dataclass
 from enum import Enum
 from statistics import mean
 from typing import Final
 
-from executive.core.recording import Drove, Entry, Halted, Item, Life, Observed, Truth
+from executive.core.recording import (
+    Entry,
+    FactObserved,
+    HaltCommanded,
+    Item,
+    ProcessStart,
+    Truth,
+    VelocityCommanded,
+)
 from executive.settings import Settings
 from executive.values.facts import Joints, Odometry, SecondOdometry
 from executive.values.geometry import Pose, Velocity
@@ -37,7 +45,7 @@ class VelocityAt:
     velocity: Velocity
 
 
-TRACK_KINDS: Final = (Odometry, SecondOdometry, Joints, Drove, Halted, Truth)
+TRACK_KINDS: Final = (Odometry, SecondOdometry, Joints, VelocityCommanded, HaltCommanded, Truth)
 """Kinds of items and facts that are used, besides process starts and entries."""
 
 
@@ -66,35 +74,35 @@ class MotionTracks:
         if isinstance(item, Entry):
             self._utc_s, self._apart_s = item.utc_s, item.utc_s - item.now_s
         match item:
-            case Life(settings=settings):
+            case ProcessStart(settings=settings):
                 self.settings = settings
-            case Observed(fact=Odometry(pose=pose, velocity=velocity)):
-                self._was(TrackSource.ODOMETRY, pose)
-                self._went(TrackSource.ODOMETRY, velocity)
-            case Observed(fact=SecondOdometry(pose=pose)):
-                self._was(TrackSource.SECOND, pose)
-            case Observed(fact=Joints() as joints):
-                self._rolled(joints)
+            case FactObserved(fact=Odometry(pose=pose, velocity=velocity)):
+                self._add_pose(TrackSource.ODOMETRY, pose)
+                self._add_velocity(TrackSource.ODOMETRY, velocity)
+            case FactObserved(fact=SecondOdometry(pose=pose)):
+                self._add_pose(TrackSource.SECOND, pose)
+            case FactObserved(fact=Joints() as joints):
+                self._add_wheel_velocity(joints)
             case Truth(time_s=time_s, pose=pose):
                 self.poses[TrackSource.TRUTH].append(PoseAt(time_s + self._apart_s, pose))
-            case Drove(velocity=velocity):
-                self._went(TrackSource.COMMANDED, velocity)
-            case Halted():
-                self._went(TrackSource.COMMANDED, Velocity())
+            case VelocityCommanded(velocity=velocity):
+                self._add_velocity(TrackSource.COMMANDED, velocity)
+            case HaltCommanded():
+                self._add_velocity(TrackSource.COMMANDED, Velocity())
             case _:
                 pass
 
-    def _was(self, source: TrackSource, pose: Pose) -> None:
+    def _add_pose(self, source: TrackSource, pose: Pose) -> None:
         self.poses[source].append(PoseAt(self._utc_s, pose))
 
-    def _went(self, source: TrackSource, velocity: Velocity) -> None:
+    def _add_velocity(self, source: TrackSource, velocity: Velocity) -> None:
         self.velocities[source].append(VelocityAt(self._utc_s, velocity))
 
-    def _rolled(self, joints: Joints) -> None:
+    def _add_wheel_velocity(self, joints: Joints) -> None:
         wheels = None if self.settings is None else self.settings.sensors.joints
         if wheels is None or not joints.left_radps or not joints.right_radps:
             return
         left_mps = wheels.wheel_radius_m * mean(joints.left_radps)
         right_mps = wheels.wheel_radius_m * mean(joints.right_radps)
         rotate_radps = (right_mps - left_mps) / wheels.track_m
-        self._went(TrackSource.WHEELS, Velocity((left_mps + right_mps) / 2, rotate_radps))
+        self._add_velocity(TrackSource.WHEELS, Velocity((left_mps + right_mps) / 2, rotate_radps))

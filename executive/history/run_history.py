@@ -1,4 +1,4 @@
-"""The history of a run: commands and their results, modes, executed leaves, reports.
+"""`RunHistory`: commands and their results, modes, executed leaves and reports of a run.
 
 A recording contains all of it; over the MRS only the reports and the present tree are known.
 Times are seconds since 1970-01-01 UTC, by the onboard clock.
@@ -13,7 +13,7 @@ from executive.values.reasons import Reason, Refusal
 from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Stage
 
 SLOWING: Final = frozenset(
-    each.reason for each in DECLARED.values() if each.row.then is Reaction.SLOW_DOWN
+    each.reason for each in DECLARED.values() if each.row.reaction is Reaction.SLOW_DOWN
 )
 """Reasons of the faults with the reaction SLOW_DOWN, unless an asset's settings differ."""
 
@@ -34,7 +34,7 @@ class ReceivedCommand:
     name: str
     link: str
     utc_s: float
-    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
+    preemption: PreemptionPolicy = PreemptionPolicy.APPEND
     created_utc_s: float | None = None
     lifetime_s: float | None = None
 
@@ -54,7 +54,7 @@ class CommandHistory:
 
     @property
     def name(self) -> str:
-        """The request with its arguments if known, otherwise its name."""
+        """The request with its arguments if known, otherwise its name as reported."""
         if self.received is not None:
             return self.received.text
         first = self.report_at(Stage.RECEIVED) or self.report_at(Stage.ACCEPTED)
@@ -63,7 +63,7 @@ class CommandHistory:
     @property
     def request(self) -> str:
         """The name of the request alone."""
-        return self.name.partition(" ")[0]
+        return self.name if self.received is None else self.received.name
 
     @property
     def link(self) -> str | None:
@@ -113,12 +113,16 @@ class Situation:
 
     Attributes:
         why: one line on the rover's motion and its reason.
+        fault: name of the fault that holds the rover, if any.
+        cause: the stop that holds the rover, if any.
     """
 
     utc_s: float
     mode: Mode
     active: Identity | None
     why: str
+    fault: str | None = None
+    cause: Identity | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,18 +8,16 @@
 the rover with it.
 
 With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
-(`plan`) as a non-linear `programme`, from the initial guesses of `initial_guesses`. `motion_model`
-and `motion_observer` model the rover and estimate its state. `obstacles` gives the constraints that
-hold each point of a trajectory off rocks and zones.
+(`trajectory`) as non-linear programmes (`optimal_control`), from initial guesses. `motion_model`
+and `motion_observer` model the rover and estimate its state. `obstacle_constraints` hold each point
+of a trajectory off rocks and zones.
 """
 
 from executive.motion.arbiter import Arbiter as Arbiter
 from executive.motion.arbiter import Intents as Intents
 from executive.motion.arbiter import Latches as Latches
 from executive.motion.arbiter import make_locomotion as make_locomotion
-from executive.motion.delegated_motion import MotionProfile as MotionProfile
 from executive.motion.delegated_motion import profile_of as profile_of
-from executive.motion.leg_progress import LegProgress as LegProgress
 from executive.motion.locomotion import Bounds as Bounds
 from executive.motion.locomotion import Leg as Leg
 from executive.motion.locomotion import Locomotion as Locomotion

@@ -1,4 +1,4 @@
-"""The only writer of the actuators: once a tick, after the tick, and immediately on a stop.
+"""`Arbiter`, the only writer of the actuators: after each tick, and at once on a stop (e-stop).
 
 Only a stop does not wait for the core's thread: `emergency_stop` commands zero velocity from the
 thread that received it. No lock is needed. The stop is queued first, and the core checks the queue
@@ -23,6 +23,7 @@ from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
 from executive.values.clock import Clock
 from executive.values.geometry import STANDING, Velocity
+from executive.values.identity import Identity
 from executive.values.ports import (
     CameraIntent,
     DelegatedMotionRover,
@@ -125,7 +126,7 @@ class Arbiter:
         if intents.frame:
             self._rover.request_frame()
 
-    def guard(self) -> None:
+    def stop_if_stale(self) -> None:
         """Dead-man: stop if intents are stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
@@ -151,6 +152,11 @@ class Latches:
         self.paused: Refusal | None = None
         self.stopping: list[CommandLifecycle] = []
         self.stopped_from = STANDING
+
+    @property
+    def stop(self) -> Identity | None:
+        """The id of the command that stopped the rover; None if not stopped, or if it is lost."""
+        return None if self.stopped_by is None else Identity.parse(self.stopped_by)
 
     @property
     def held(self) -> bool:
@@ -193,11 +199,11 @@ def make_locomotion(
                     raise SettingsError(NO_SOLVER)
                 return PredictiveLocomotion(clock, settings, status, mover, solver), mover
             return VelocityLocomotion(clock, settings, status), mover
-        case LocomotionKind.WHOLE_MOTION if isinstance(rover, DelegatedMotionRover):
+        case LocomotionKind.DELEGATED if isinstance(rover, DelegatedMotionRover):
             return DelegatedLocomotion(settings, status), DelegatedDriver(
                 clock, settings, status, rover
             )
-        case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
+        case LocomotionKind.VELOCITY | LocomotionKind.DELEGATED:
             raise TypeError(f"{rover} does not support locomotion {settings.locomotion.value}")
         case _:
             assert_never(settings.locomotion)

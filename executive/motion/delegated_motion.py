@@ -1,24 +1,24 @@
-"""Motion of a rover that executes whole motions itself, as MOCUP's brick (thesis 6.1)."""
+"""`DelegatedLocomotion`: for a rover that executes whole motions itself, as MOCUP (thesis 6.1)."""
 
 from dataclasses import dataclass, replace
 from itertools import count
 from math import copysign
 from typing import Final, assert_never
 
-from executive.commands import Command, DriveFor, Waypoint
-from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
+from executive.commands import Command, DriveFor
+from executive.motion.locomotion import Bounds, Leg, Locomotion, Motion, duration_s
 from executive.settings import DriveLimits, Settings
 from executive.state import Status, is_slow
 from executive.values.clock import Clock
 from executive.values.facts import MotionEnded
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import (
-    Advance,
+    DelegatedMotion,
     DelegatedMotionRover,
-    Hold,
+    DriveBy,
     MotionIntent,
     TurnBy,
-    WholeMotion,
+    VelocityHold,
 )
 from executive.values.reasons import Reason, Refusal
 
@@ -33,8 +33,8 @@ REPEAT_HALT_S: Final = 1.0
 SETTLE_S: Final = 2.0
 
 
-class DelegatedLocomotion:
-    """Makes motions that command one whole motion and wait for the rover's reply."""
+class DelegatedLocomotion(Locomotion):
+    """Makes straight motions that command one whole motion and wait for the rover's reply."""
 
     excludes_camera = True
 
@@ -42,14 +42,6 @@ class DelegatedLocomotion:
         self._settings = settings
         self._status = status
         self._numbers = count(1)
-
-    def supports_curve(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it drives straight lines only."""
-        return False
-
-    def can_pass_through(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it stops at each waypoint."""
-        return False
 
     def make_turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
         """Return the turn of a leg, or None if it is at most half the tolerance."""
@@ -72,29 +64,29 @@ class DelegatedLocomotion:
         start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
         length_m, speed_mps = start.distance_m(leg.target), self._status.travel_limit_mps
         distance_m = -length_m if leg.reverse else length_m
-        return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
+        return self._awaited(command, DriveBy(distance_m, speed_mps), length_m / speed_mps)
 
     def make_velocity_hold(self, command: Command, request: DriveFor) -> "PendingMotion":
         """Return a velocity hold, longer by the time of its deceleration.
 
         Its distance is then velocity times duration, as with a rover that accepts velocities.
         """
-        what = Hold(Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
+        what = VelocityHold(Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
         gain_s = profile_of(what, self._settings.drive).gain_s
         what = replace(what, duration_s=request.duration_s + gain_s)
         return self._awaited(command, what, what.duration_s)
 
     def _awaited(
-        self, command: Command, what: TurnBy | Advance | Hold, expected_s: float
+        self, command: Command, what: TurnBy | DriveBy | VelocityHold, expected_s: float
     ) -> "PendingMotion":
-        motion = WholeMotion(next(self._numbers), what, command.identity)
+        motion = DelegatedMotion(next(self._numbers), what, command.identity)
         return PendingMotion(motion, expected_s + SETTLE_S, self._status)
 
 
 class PendingMotion(Motion):
     """A whole motion in execution, until the rover reports its end."""
 
-    def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
+    def __init__(self, motion: DelegatedMotion, expected_s: float, status: Status) -> None:
         self.expected_s = expected_s
         self._motion = motion
         self._status = status
@@ -106,7 +98,7 @@ class PendingMotion(Motion):
         return ended is not None and ended.executed and self._status.stationary_since_motion
 
     @property
-    def fault(self) -> Refusal | None:
+    def failure(self) -> Refusal | None:
         """Why the rover did not execute it; None if it did or has not ended."""
         ended = self._ended
         if ended is None or ended.executed:
@@ -121,15 +113,15 @@ class PendingMotion(Motion):
     @property
     def remaining_text(self) -> str:
         """The motion in execution, for display."""
-        match self._motion.what:
+        match self._motion.primitive:
             case TurnBy(angle_rad):
                 return f"rover turns by {angle_rad:+.3f} rad"
-            case Advance(distance_m):
+            case DriveBy(distance_m):
                 return f"rover drives {distance_m:+.3f} m"
-            case Hold(_, duration_s):
+            case VelocityHold(_, duration_s):
                 return f"rover holds a velocity for {duration_s:g} s"
 
-    def intent(self, _: float) -> WholeMotion:
+    def intent(self, _: float) -> DelegatedMotion:
         """Return the motion as the intent of this tick."""
         return self._motion
 
@@ -144,7 +136,7 @@ class DelegatedDriver:
         self._settings = settings
         self._status = status
         self._rover = rover
-        self._motion: WholeMotion | None = None
+        self._motion: DelegatedMotion | None = None
         self._begun = 0
         self._sent_at_s = 0.0
         self._from = Pose()
@@ -168,10 +160,10 @@ class DelegatedDriver:
         if motion is None or not own or self._status.executed_by_relay == motion.command:
             fastest = Velocity(drive.travel_speed_mps, drive.rotate_speed_radps)
             return Velocity(-fastest.travel_mps, -fastest.rotate_radps), fastest
-        full = profile_of(motion.what, drive).velocity
+        full = profile_of(motion.primitive, drive).velocity
         return full if self._steady(motion) else STANDING, full
 
-    def _steady(self, motion: WholeMotion) -> bool:
+    def _steady(self, motion: DelegatedMotion) -> bool:
         """Return whether the rover should be at full speed now, for any possible start time."""
         started, earliest_s, latest_s = (
             self._status.motion_started,
@@ -181,13 +173,15 @@ class DelegatedDriver:
         if started is not None and started.number == motion.number:
             earliest_s, latest_s = self._status.motion_started_at_s, 0.0
         since_s = self._clock.now_s() - earliest_s
-        profile = profile_of(motion.what, self._settings.drive)
+        profile = profile_of(motion.primitive, self._settings.drive)
         margin_s = profile.gain_s + RAMP_TOLERANCE_S
         in_time = latest_s + margin_s <= since_s <= profile.duration_s - margin_s
         before_s = profile.gain_s / 2 + MAX_ODOMETRY_PERIOD_S
-        return in_time and not self._near_end(motion.what, since_s, before_s)
+        return in_time and not self._near_end(motion.primitive, since_s, before_s)
 
-    def _near_end(self, what: TurnBy | Advance | Hold, since_s: float, before_s: float) -> bool:
+    def _near_end(
+        self, what: TurnBy | DriveBy | VelocityHold, since_s: float, before_s: float
+    ) -> bool:
         """Return whether odometry shows less remaining than full speed covers in `before_s`.
 
         The report that the rover started may have been delayed.
@@ -198,10 +192,10 @@ class DelegatedDriver:
                 expected_rad = copysign(speed_radps * since_s, angle_rad)
                 beyond_rad = wrap_rad(pose.heading_rad - self._from.heading_rad - expected_rad)
                 return abs(angle_rad) - abs(expected_rad + beyond_rad) <= speed_radps * before_s
-            case Advance(distance_m, speed_mps):
+            case DriveBy(distance_m, speed_mps):
                 travelled_m = self._from.point.distance_m(pose.point)
                 return abs(distance_m) - travelled_m <= speed_mps * before_s
-            case Hold():
+            case VelocityHold():
                 return False
             case _:
                 assert_never(what)
@@ -229,7 +223,7 @@ class DelegatedDriver:
         del step_s
         if isinstance(wanted, Velocity) and wanted != STANDING:
             raise TypeError(f"{wanted} is no whole motion, as this rover requires")
-        if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
+        if isinstance(wanted, DelegatedMotion) and self._status.odometry_fresh:
             if wanted.number > self._begun:
                 self._motion, self._begun, self._sent_at_s = wanted, wanted.number, now_s
                 self._from = self._status.pose
@@ -277,18 +271,18 @@ class MotionProfile:
         return full * (even_s + (gained_s**2 + ramp_s**2 - left_s**2) / (2 * ramp_s))
 
 
-def profile_of(what: TurnBy | Advance | Hold, drive: DriveLimits) -> MotionProfile:
+def profile_of(what: TurnBy | DriveBy | VelocityHold, drive: DriveLimits) -> MotionProfile:
     """Return the profile of a whole motion with these accelerations."""
     match what:
         case TurnBy(angle_rad, speed_radps):
             bounds = Bounds(speed_radps, drive.rotate_acceleration_radps2)
             velocity = Velocity(0.0, copysign(speed_radps, angle_rad))
             return _profile(velocity, bounds, angle_rad)
-        case Advance(distance_m, speed_mps):
+        case DriveBy(distance_m, speed_mps):
             bounds = Bounds(speed_mps, drive.travel_acceleration_mps2)
             velocity = Velocity(copysign(speed_mps, distance_m), 0.0)
             return _profile(velocity, bounds, distance_m)
-        case Hold(velocity, held_s):
+        case VelocityHold(velocity, held_s):
             gain_s = abs(velocity.travel_mps) / drive.travel_acceleration_mps2
             gain_s += abs(velocity.rotate_radps) / drive.rotate_acceleration_radps2
             return MotionProfile(velocity, gain_s, held_s)

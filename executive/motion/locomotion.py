@@ -1,4 +1,4 @@
-"""Locomotion of an asset: legs, speed profiles, and the port between leaves and rovers.
+"""`Locomotion`: the port through which leaves make motions; `plan_leg`; profiles of the speed.
 
 Leaves plan a `Leg`, request a `Motion` of a `Locomotion` and write its intent. The arbiter passes
 that to a `BaseDriver`, which alone commands the rover. `velocity_control` is for rovers that accept
@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from math import copysign, pi, sqrt
 from typing import Final, Protocol, assert_never
 
-from executive.commands import Command, DriveFor, MoveForward, RotateBy, RotateTo, Waypoint
+from executive.commands import Command, Curve, DriveFor, MoveForward, RotateBy, RotateTo, Waypoint
 from executive.settings import Settings, SpeedProfileKind
 from executive.state import Status
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
@@ -136,6 +136,7 @@ class Leg:
         via_points: waypoints to pass without stopping.
         detour_points: corners of a detour around obstacles, if it is driven as a curve.
         force_turn_then_drive: whether turns and lines drive it, for any controller.
+        curves: arcs of its turn, for a base that cannot turn on the spot.
     """
 
     toward_rad: float | None
@@ -148,11 +149,23 @@ class Leg:
     via_points: tuple[Waypoint, ...] = ()
     detour_points: tuple[Point, ...] = ()
     force_turn_then_drive: bool = False
+    curves: tuple[Curve, ...] = ()
+
+    def moved(self, origin: Pose) -> "Leg":
+        """Return the end of the leg after its frame has moved, to be compared with the pose."""
+        if self.target is None:
+            return replace(self, heading_rad=_turned(self.heading_rad, origin))
+        end = origin.compose(Pose(self.target.x_m, self.target.y_m))
+        return replace(self, target=end.point, heading_rad=_turned(self.heading_rad, origin))
 
     @property
     def free(self) -> bool:
         """Whether base_link ends at the target, at any heading."""
         return bool(self.via_points or self.detour_points) and self.heading_rad is None
+
+
+def _turned(heading_rad: float | None, origin: Pose) -> float | None:
+    return None if heading_rad is None else wrap_rad(heading_rad + origin.heading_rad)
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -223,10 +236,12 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     end = replace(pose, x_m=point.x_m, y_m=point.y_m)
     if waypoint.heading_rad is not None:
         end = replace(end, heading_rad=waypoint.heading_rad)
+    turn_rad = abs(wrap_rad(end.heading_rad - pose.heading_rad))
+    on_spot = settings.drive.min_turning_radius_m is None
     if (
         start.distance_m(end.ahead(law.control_point_m))
         <= effective_tolerance_m(near_m, settings) / 2
-    ):
+    ) and (on_spot or turn_rad <= law.heading_tolerance_rad):
         return Leg(None, None, False, waypoint.heading_rad, near_m)
     forward = _towards(pose, point, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
@@ -317,7 +332,7 @@ class Motion(ABC):
         return self.done
 
     @property
-    def fault(self) -> Refusal | None:
+    def failure(self) -> Refusal | None:
         """Why the motion failed, or None."""
         return None
 
@@ -361,9 +376,11 @@ class Locomotion(Protocol):
 
     def supports_curve(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it drives to a waypoint in one curve, around obstacles between."""
+        return False
 
     def can_pass_through(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it passes an intermediate waypoint of a path without stopping."""
+        return False
 
     def make_turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading; None without one."""

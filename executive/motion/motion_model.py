@@ -1,4 +1,4 @@
-"""Motion model of a rover that accepts velocities, for numbers or for symbolic expressions."""
+"""`MotionModel` of a rover that accepts velocities, for numbers or for symbolic expressions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -96,7 +96,7 @@ class MotionModel:
         end = travel + travel_mps2 * step, rotate + rotate_radps2 * step
         return [x, y, heading + step * turning, *end, late + (lag - late) * decay]
 
-    def moved(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
+    def state_after(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
         """Return the state after a step that ends with another command in effect."""
         controls = (
             (command.travel_mps - state.travel_mps) / step_s,

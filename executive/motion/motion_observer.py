@@ -1,4 +1,4 @@
-"""Estimates the motion of the rover, with delays of commands and of odometry."""
+"""`MotionObserver` estimates the present state of motion, with delays of commands and odometry."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -84,7 +84,7 @@ class MotionObserver:
         return self._knots[-1].time_s
 
     def _arrived_s(self, now_s: float) -> float:
-        """Return when odometry would have arrived with the minimum delay so far."""
+        """Return the arrival time of the odometry, less its delay beyond the minimum."""
         arrived_s = now_s - self._status.odometry_age_s
         if self._status.odometry is None:
             return arrived_s
@@ -113,7 +113,7 @@ class MotionObserver:
         times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
         for before_s, after_s in pairwise([from_s, *times_s, to_s]):
             if after_s - before_s > TIME_RESOLUTION_S:
-                state = self._model.moved(state, self._commanded(after_s), after_s - before_s)
+                state = self._model.state_after(state, self._commanded(after_s), after_s - before_s)
         return state
 
     def _learn(self, measured_s: float, odometry: Odometry | None) -> None:

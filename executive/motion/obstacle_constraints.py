@@ -1,4 +1,4 @@
-"""Obstacle constraints of a trajectory: rows of its problem, for obstacles near the guess."""
+"""`ObstacleConstraints` hold the points of an optimized trajectory off rocks and zones."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -116,10 +116,10 @@ class ObstacleConstraints:
         if self.is_free((start, end)):
             return ()
         clearance_m = self.needed_m + TRACKING_MARGIN_M
-        way = shortest_detour(
+        detour = shortest_detour(
             start, end, self.zones, clearance_m, lambda point: self.is_free((start, point))
         )
-        return way.corners if way.reaches_goal else ()
+        return detour.corners if detour.reaches_goal else ()
 
     def rows(self, path: Sequence[Point]) -> list[float]:
         """Return the rows of each point of a path except the first, concatenated."""
@@ -127,15 +127,15 @@ class ObstacleConstraints:
         low = Point(min(each.x_m for each in path), min(each.y_m for each in path))
         high = Point(max(each.x_m for each in path), max(each.y_m for each in path))
 
-        def heeded(edges: Sequence[_Edge]) -> list[_Edge]:
+        def in_range(edges: Sequence[_Edge]) -> list[_Edge]:
             return [
                 each
                 for each in edges
                 if not each.is_outside(low, high, clearance_m + CONSTRAINT_RANGE_M)
             ]
 
-        rocks = heeded(self._rocks)
-        areas = [(area, heeded(edges)) for area, edges in self._areas]
+        rocks = in_range(self._rocks)
+        areas = [(area, in_range(edges)) for area, edges in self._areas]
         within_m = clearance_m + CONSTRAINT_RANGE_M
         begun_m = {near.edge: near.gap_m for near in _all_near(path[0], rocks, areas, within_m)}
         figures: list[float] = []

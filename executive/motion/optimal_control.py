@@ -1,12 +1,16 @@
-"""The minimum-time motion as a non-linear programme, built and solved by casadi.
+"""`OptimalControlProblem`: the minimum-time motion as non-linear programme, solved by casadi.
 
 Direct multiple shooting with free durations, to each via point and to the end. Each interval is one
 step of the rover's model; the controls are the accelerations of the commanded velocity. Fatrop
 solves it stage by stage, or ipopt if casadi has no fatrop. casadi is the extra `mpc`, imported when
 a programme is built.
+
+For a base with a minimum turning radius a state has the curvature of the path in place of the
+rotation: its bounds then hold forward, backward and where the direction changes.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from itertools import accumulate, islice, pairwise
 from math import inf, isfinite
@@ -20,6 +24,8 @@ from executive.values.geometry import Point
 
 MISS_COST: Final = 30.0
 """Cost of the miss (soft constraint), s per metre and radian. Chosen, not measured."""
+MANOEUVRE_MISS_COST: Final = 300.0
+"""The same of a base that corrects a miss by a manoeuvre of seconds."""
 EFFORT_COST: Final = 2e-3
 """Cost of full acceleration throughout, s: smooths plans. Chosen, not measured."""
 FASTER_RADPS: Final = 0.05
@@ -28,6 +34,12 @@ MAX_DURATION_S: Final = 600.0
 ITERATIONS: Final = 40
 MIN_INTERVALS: Final = 10
 """Minimum number of intervals to each via point."""
+STEER_S: Final = 1.0
+"""Time to steer from one end to the other. Chosen, not measured."""
+MIN_STEERED_MPS: Final = 0.05
+"""Speed above which a plan starts at the curvature of the rover."""
+STEERED: Final = 0.02
+"""Tolerance of that curvature, rad/m."""
 _STATE: Final = 6
 _PASS: Final = 4
 """Parameters of a via point: x, y, tolerance, and its distance behind the control point."""
@@ -47,6 +59,7 @@ class OptimalControlProblem:
         steps: intervals of a plan without via points.
         passes: number of via points.
         obstacles: whether it has obstacle constraints.
+        radius_m: minimum turning radius; None for a rover that turns on the spot.
 
     Raises:
         SettingsError: casadi is not installed.
@@ -59,14 +72,20 @@ class OptimalControlProblem:
         steps: int,
         passes: int,
         obstacles: bool,
+        radius_m: float | None = None,
     ) -> None:
         self._model = model
         self._limits = limits
         self._passes = passes
         self._obstacles = obstacles
+        self._curvature = None if radius_m is None else 1.0 / radius_m
         self._count = steps if not passes else max(steps // 2, MIN_INTERVALS)
         self._durations = slice(_STATE, _STATE + passes + 1)
         self._miss = _STATE + passes + 1
+        steering = limits[1] if radius_m is None else 2.0 / radius_m / STEER_S
+        self._controls = limits[0], steering
+        given = range(_STATE) if radius_m is None else (0, 1, 2, 3, 5)  # not the curvature
+        self._given = list(given)
         self._lowest: list[float] = []  # lower bounds of its constraints; all upper bounds are 0
         self._solver = self._build(_casadi())
 
@@ -83,22 +102,29 @@ class OptimalControlProblem:
         start, target = problem.start, problem.target
         present_radps = abs(self._model.true_rotation(start.rotate_radps, start.lag_radps))
         fastest_radps = max(problem.rotate_radps, present_radps + FASTER_RADPS)
-        end = [target.x_m, target.y_m, guess.heading_rad, target.aim_m, target.aim_rad]
+        end = [
+            target.x_m,
+            target.y_m,
+            guess.heading_rad,
+            target.position_tolerance_m,
+            target.heading_tolerance_rad,
+        ]
         passed = [
             figure
             for each in problem.via_points
-            for figure in (each.x_m, each.y_m, each.aim_m, each.behind_m)
+            for figure in (each.x_m, each.y_m, each.position_tolerance_m, each.base_offset_m)
         ]
+        figures = self._figures(start, guess.states)
         rows: list[float] = []
         if problem.obstacles is not None:
-            halves = resample(guess.at, guess.passes_s, guess.duration_s, 2 * self._count).states
+            halves = resample(guess.at, guess.via_times_s, guess.duration_s, 2 * self._count).states
             rows = problem.obstacles.rows(
                 [each.point_behind(self._model.ahead_m) for each in halves]
             )
-        low, high = self._bounds(problem, least_s)
+        low, high = self._bounds(problem, least_s, figures)
         found = self._solver(
             x0=self._vector(guess),
-            p=[*start.figures, *end, target.behind_m, fastest_radps, *passed, *rows],
+            p=[*figures, *end, target.base_offset_m, fastest_radps, *passed, *rows],
             lbx=low,
             ubx=high,
             lbg=self._lowest,
@@ -140,7 +166,7 @@ class OptimalControlProblem:
             off_y_m = node[1] - behind_m * ca.sin(node[2]) - y_m
             return off_x_m**2 + off_y_m**2 - (aim_m + node[self._miss]) ** 2
 
-        def keep_away(at: tuple[Any, Any], miss: Any) -> None:
+        def avoid(at: tuple[Any, Any], miss: Any) -> None:
             for row in islice(away_rows, SLOTS):
                 x_m, y_m, curvature, away_x, away_y, clearance_m = ca.vertsplit(row)
                 off_x_m, off_y_m = at[0] - x_m, at[1] - y_m
@@ -152,17 +178,21 @@ class OptimalControlProblem:
             if index < steps:
                 pair = tuple(ca.vertsplit(controls[index]))
                 step_s = durations[index // count] / count
-                moved = self._model.advance(ca.vertsplit(state), pair, step_s, ca)
+                moved, rotate_radps2 = self._advance(ca, ca.vertsplit(state), pair, step_s)
                 require(True, nodes[index + 1] - ca.vertcat(*moved, durations, miss))
+                if self._curvature is not None:
+                    limit = self._limits[1]
+                    require(False, rotate_radps2 - limit, -rotate_radps2 - limit)
             if index == 0:
-                require(True, state - parameters[:_STATE])
+                require(True, *(state[each] - parameters[each] for each in self._given))
             else:
-                turning = self._model.true_rotation(state[4], state[5], ca)
+                rotate = state[4] if self._curvature is None else state[3] * state[4]
+                turning = self._model.true_rotation(rotate, state[5], ca)
                 require(False, turning - fastest_radps, -turning - fastest_radps)
-                keep_away(self._base(ca, ca.vertsplit(state)), miss)
+                avoid(self._base(ca, ca.vertsplit(state)), miss)
             if index < steps:
                 midway = self._midway(ca, ca.vertsplit(state), moved, step_s)
-                keep_away(midway, miss)
+                avoid(midway, miss)
             if 0 < index < steps and index % count == 0:
                 at = _FIXED + _PASS * (index // count - 1)
                 position_x_m, position_y_m, near_m, back_m = ca.vertsplit(
@@ -171,16 +201,17 @@ class OptimalControlProblem:
                 require(False, beyond(node, position_x_m, position_y_m, back_m, near_m))
         end, miss = nodes[-1], nodes[-1][self._miss]
         off_rad = end[2] - heading_rad
-        require(True, end[3], end[4])
+        require(True, *(end[each] for each in self._given if each in (3, 4)))
         require(
             False,
             beyond(end, x_m, y_m, behind_m, aim_m),
             off_rad - aim_rad - miss,
             -off_rad - aim_rad - miss,
         )
-        effort = sum(ca.sumsqr(each / ca.DM(self._limits)) for each in controls) / steps
+        effort = sum(ca.sumsqr(each / ca.DM(self._controls)) for each in controls) / steps
         takes_s = ca.sum1(nodes[0][self._durations])
-        cost = takes_s + MISS_COST * nodes[0][self._miss] + EFFORT_COST * effort
+        miss_cost = MISS_COST if self._curvature is None else MANOEUVRE_MISS_COST
+        cost = takes_s + miss_cost * nodes[0][self._miss] + EFFORT_COST * effort
         pairs = zip(nodes, [*controls, ca.SX(0, 1)], strict=True)
         problem = {
             "x": ca.vertcat(*(part for pair in pairs for part in pair)),
@@ -190,6 +221,31 @@ class OptimalControlProblem:
         }
         self._lowest = [0.0 if each else -inf for each in equal]
         return _nlpsol(ca, problem, equal)
+
+    def _advance(
+        self, ca: Any, state: Sequence[Any], pair: tuple[Any, Any], step_s: Any
+    ) -> tuple[list[Any], Any]:
+        """Return the state after a step, and the acceleration of the rotation."""
+        if self._curvature is None:
+            return self._model.advance(state, pair, step_s, ca), pair[1]
+        x_m, y_m, heading_rad, travel, curvature, lag = state
+        travel_mps2, steering = pair
+        rotate_radps2 = steering * (travel + travel_mps2 * step_s) + curvature * travel_mps2
+        rotating = x_m, y_m, heading_rad, travel, travel * curvature, lag
+        moved = self._model.advance(rotating, (travel_mps2, rotate_radps2), step_s, ca)
+        return [*moved[:4], curvature + steering * step_s, moved[5]], rotate_radps2
+
+    def _figures(self, state: MotionState, following: Sequence[MotionState]) -> list[float]:
+        """Return the figures of a state; its curvature at rest is that of the states after it."""
+        figures = list(state.figures)
+        if self._curvature is not None:
+            moving = (
+                each for each in (state, *following) if abs(each.travel_mps) > MIN_STEERED_MPS
+            )
+            steered = next(moving, MotionState(0.0, 0.0, 0.0, 1.0))
+            curvature = steered.rotate_radps / steered.travel_mps
+            figures[4] = max(-self._curvature, min(self._curvature, curvature))
+        return figures
 
     def _base(self, ca: Any, state: Sequence[Any]) -> tuple[Any, Any]:
         """Return the position of base_link in a state."""
@@ -210,7 +266,7 @@ class OptimalControlProblem:
 
     def _path(self, plan: Trajectory) -> list[Point]:
         """Return the positions of base_link at each node and midway between them, by the model."""
-        edges_s = (0.0, *plan.passes_s, plan.duration_s)
+        edges_s = (0.0, *plan.via_times_s, plan.duration_s)
         ahead_m = self._model.ahead_m
         path = [plan.states[0].point_behind(ahead_m)]
         for index, (state, after) in enumerate(pairwise(plan.states)):
@@ -225,7 +281,7 @@ class OptimalControlProblem:
         return path
 
     def _bounds(
-        self, problem: TrajectoryProblem, least_s: Sequence[float]
+        self, problem: TrajectoryProblem, least_s: Sequence[float], figures: Sequence[float]
     ) -> tuple[list[float], list[float]]:
         """Return bounds of the variables; speeds above their limit now may only decrease."""
         start, shared = problem.start, self._passes + 2
@@ -233,7 +289,12 @@ class OptimalControlProblem:
         rotate = max(problem.rotate_radps, abs(start.rotate_radps))
         first_low = [*[-inf] * _STATE, *least_s, 0.0]
         first_high = [*[inf] * _STATE, *[MAX_DURATION_S] * len(least_s), inf]
-        limits = list(self._limits)
+        limits = list(self._controls)
+        if self._curvature is not None:
+            rotate = self._curvature
+            steered = abs(start.travel_mps) > MIN_STEERED_MPS
+            first_low[4] = figures[4] - STEERED if steered else -rotate
+            first_high[4] = figures[4] + STEERED if steered else rotate
         high = [*limits, inf, inf, inf, travel, rotate, inf, *[inf] * shared]
         low = [-each for each in high]
         steps = self._count * (self._passes + 1)
@@ -241,17 +302,17 @@ class OptimalControlProblem:
 
     def _vector(self, guess: Trajectory) -> list[float]:
         """Return the variables of a plan."""
-        edges_s = (0.0, *guess.passes_s, guess.duration_s)
+        edges_s = (0.0, *guess.via_times_s, guess.duration_s)
         durations_s = [end_s - begin_s for begin_s, end_s in pairwise(edges_s)]
-        states = resample(guess.at, guess.passes_s, guess.duration_s, self._count).states
+        states = resample(guess.at, guess.via_times_s, guess.duration_s, self._count).states
+        figures = [self._figures(each, states[at + 1 :]) for at, each in enumerate(states)]
         vector: list[float] = []
-        for index, state in enumerate(states):
-            vector += [*state.figures, *durations_s, guess.miss]
+        for index in range(len(states)):
+            vector += [*figures[index], *durations_s, guess.terminal_error]
             if index < len(states) - 1:
                 step_s = durations_s[index // self._count] / self._count
-                pair = (state.travel_mps, state.rotate_radps)
-                after = (states[index + 1].travel_mps, states[index + 1].rotate_radps)
-                for low, high, maximum in zip(pair, after, self._limits, strict=True):
+                pair, after = figures[index][3:5], figures[index + 1][3:5]
+                for low, high, maximum in zip(pair, after, self._controls, strict=True):
                     vector.append(max(-maximum, min(maximum, (high - low) / step_s)))
         return vector
 
@@ -260,8 +321,12 @@ class OptimalControlProblem:
         states = tuple(
             MotionState(*figures[at : at + _STATE]) for at in range(0, len(figures), stage)
         )
-        *passes_s, duration_s = accumulate(figures[self._durations])
-        return Trajectory(duration_s, states, heading_rad, figures[self._miss], tuple(passes_s))
+        if self._curvature is not None:
+            states = tuple(
+                replace(each, rotate_radps=each.travel_mps * each.rotate_radps) for each in states
+            )
+        *via_times_s, duration_s = accumulate(figures[self._durations])
+        return Trajectory(duration_s, states, heading_rad, figures[self._miss], tuple(via_times_s))
 
 
 def _casadi() -> Any:

@@ -6,6 +6,7 @@ and the motion is aborted. The model and its calibration are in docs/controllers
 
 from enum import Enum, unique
 from itertools import pairwise
+from math import pi
 from typing import Final
 
 from executive.commands import Command, Waypoint, requested_controller
@@ -165,7 +166,7 @@ class PredictiveLaw(Motion):
                 command = course.plan.velocity(takes_effect_s - course.from_s)
         if self._lead_ticks:
             step_s = max(takes_effect_s - effect_s, TIME_RESOLUTION_S)
-            planned = self._model.moved(state, command, step_s)
+            planned = self._model.state_after(state, command, step_s)
             self._request_plan(planned, takes_effect_s, now_s)
         return command
 
@@ -200,6 +201,8 @@ class PredictiveLaw(Motion):
             takes_s += duration_s(wrap_rad(toward_rad - heading_rad), rotate)
             takes_s += duration_s(point.distance_m(after), travel)
             point, heading_rad = after, toward_rad
+        if (radius_m := self._settings.drive.min_turning_radius_m) is not None:
+            takes_s += (len(through) + 1) * duration_s(2 * pi * radius_m, travel)
         return takes_s + duration_s(wrap_rad(self._heading_rad - heading_rad), rotate)
 
     def _target_error(self, control: Point, heading_rad: float) -> tuple[float, float]:
@@ -219,7 +222,7 @@ class PredictiveLaw(Motion):
     def _stops_within_tolerance(self, course: ActiveTrajectory, state: MotionState) -> bool:
         """Return whether braking from now on stops the rover within the tolerances."""
         plan, last = course.plan, course.request.end == self._route.end
-        if plan.passes_s or not last or plan.duration_s > BRAKING_HORIZON_S:
+        if plan.via_times_s or not last or plan.duration_s > BRAKING_HORIZON_S:
             return False
         drive, tick_s = self._settings.drive, self._settings.tick_s
         while state.travel_mps or state.rotate_radps:
@@ -227,9 +230,9 @@ class PredictiveLaw(Motion):
                 _toward_zero(state.travel_mps, drive.travel_acceleration_mps2 * tick_s),
                 _toward_zero(state.rotate_radps, drive.rotate_acceleration_radps2 * tick_s),
             )
-            state = self._model.moved(state, velocity, tick_s)
+            state = self._model.state_after(state, velocity, tick_s)
         for _ in range(2):
-            state = self._model.moved(state, STANDING, tick_s)
+            state = self._model.state_after(state, STANDING, tick_s)
         off_m, off_rad = self._target_error(Point(state.x_m, state.y_m), state.heading_rad)
         share = BRAKING_HYSTERESIS_RATIO if self._phase is Phase.BRAKING else BRAKE_TOLERANCE_RATIO
         return self._within(off_m, off_rad, share)
@@ -238,6 +241,8 @@ class PredictiveLaw(Motion):
         continuation = "turn-then-drive takes over"
         if self._leg.via_points:
             continuation = "the rover stops, then drives to the next waypoint alone"
+        elif self._settings.drive.min_turning_radius_m is not None:
+            continuation = "the rover stops, then plans again"
         elif self.retry_as_curve:
             continuation = "the rover stops and searches for a detour"
         self.progress_note = f"mpc: {reason}; {continuation}"
@@ -252,7 +257,8 @@ class PredictiveLocomotion(VelocityLocomotion):
     """Drives to targets by `PredictiveLaw` if the command, or else the asset, selects it.
 
     Turn-then-drive executes all other motions, and targets with a finer tolerance than the asset's:
-    odometry measures turns on the spot and straight lines better than fast curves.
+    odometry measures turns on the spot and straight lines better than fast curves. A base that
+    cannot turn on the spot drives curves to these, too.
     """
 
     def __init__(
@@ -307,7 +313,9 @@ class PredictiveLocomotion(VelocityLocomotion):
         return leads and usual and self._drives(command)
 
     def _fine(self, tolerance_m: float | None) -> bool:
-        """Return whether a tolerance is finer than the asset's."""
+        """Return whether a tolerance is finer than the asset's, for turns and lines."""
+        if self._settings.drive.min_turning_radius_m is not None:
+            return False
         usual_m = self._settings.turn_drive.position_tolerance_m
         return (tolerance_m or usual_m) < usual_m
 
@@ -331,4 +339,5 @@ def make_solver(settings: Settings) -> MinimumTimeSolver:
         drive.rotate_acceleration_radps2,
         settings.mpc.steps,
         settings.zones.not_empty or settings.sensors.laser is not None,
+        drive.min_turning_radius_m,
     )

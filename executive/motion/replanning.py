@@ -1,4 +1,4 @@
-"""Replans each tick: makes the requests to the solver, and judges whether its plans are usable."""
+"""`Replanning` requests a new trajectory each tick, and judges whether the result is usable."""
 
 from dataclasses import dataclass, replace
 from math import hypot
@@ -114,7 +114,7 @@ class Replanning:
             self._starts += 1
             first = route.passed
         else:
-            first = course.request.end - len(guess.passes_s)
+            first = course.request.end - len(guess.via_times_s)
         *through, target = route.plan_from(first, now_s)
         waits = guess is None and at_rest
         limits = self._status.travel_limit_mps, self._status.rotate_limit_radps
@@ -141,7 +141,7 @@ class Replanning:
         if self._solver.busy or self._request is None:
             return
         plan = self._solver.take_result()
-        if plan is None or plan.miss > TERMINAL_ERROR_LIMIT:
+        if plan is None or plan.terminal_error > TERMINAL_ERROR_LIMIT:
             self._misses += 1
             return
         self._misses = 0

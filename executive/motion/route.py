@@ -1,4 +1,4 @@
-"""The waypoints that a leg passes before it ends, and the progress of the rover along them."""
+"""`Route`: the waypoints that a leg passes before it ends, and the rover's progress along them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

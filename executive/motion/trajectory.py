@@ -1,4 +1,4 @@
-"""A trajectory from a state to rest at a target, and the problem that it solves."""
+"""`Trajectory` from a state to rest at a target; `TrajectoryProblem` and its solver's interface."""
 
 from bisect import bisect_right
 from collections.abc import Callable
@@ -24,18 +24,18 @@ class TrajectoryTarget:
 
     Attributes:
         heading_rad: of the rover; with a guess, not wrapped.
-        aim_m, aim_rad: tolerances of the trajectory's end. They are narrower than those of the
-            motion: stopping at their edge takes less time. `ANY_HEADING_TOLERANCE_RAD`: the heading
-                is free.
-        behind_m: distance of the point to be placed there, behind the control point.
+        position_tolerance_m, heading_tolerance_rad: tolerances of the trajectory's end. They are
+            narrower than those of the motion: stopping at their edge takes less time.
+            `ANY_HEADING_TOLERANCE_RAD`: the heading is free.
+        base_offset_m: distance of the point to be placed there, behind the control point.
     """
 
     x_m: float
     y_m: float
     heading_rad: float
-    aim_m: float = 0.012
-    aim_rad: float = pi / 180
-    behind_m: float = 0.0
+    position_tolerance_m: float = 0.012
+    heading_tolerance_rad: float = pi / 180
+    base_offset_m: float = 0.0
 
     @property
     def point(self) -> Point:
@@ -45,12 +45,12 @@ class TrajectoryTarget:
     def base(self, ahead_m: float) -> Point:
         """Return the position of base_link at the target, `ahead_m` behind the control point."""
         pose = Pose(self.x_m, self.y_m, heading_rad=self.heading_rad)
-        return pose.ahead(self.behind_m - ahead_m)
+        return pose.ahead(self.base_offset_m - ahead_m)
 
     @property
     def polyline_rad(self) -> float | None:
         """The heading at the end of a polyline; None where it is free."""
-        return self.heading_rad if self.aim_rad < ANY_HEADING_TOLERANCE_RAD else None
+        return self.heading_rad if self.heading_tolerance_rad < ANY_HEADING_TOLERANCE_RAD else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,20 +59,20 @@ class Trajectory:
 
     Attributes:
         heading_rad: of the target, continued beyond pi as the headings are.
-        miss: error beyond the tolerance at the end or at a via point, in metres and radians.
-        passes_s: times of the via points; each has the same number of intervals.
+        terminal_error: error beyond the tolerance at the end or a via point, metres and radians.
+        via_times_s: times of the via points; each has the same number of intervals.
     """
 
     duration_s: float
     states: tuple[MotionState, ...]
     heading_rad: float
-    miss: float = 0.0
-    passes_s: tuple[float, ...] = ()
+    terminal_error: float = 0.0
+    via_times_s: tuple[float, ...] = ()
 
     def at(self, time_s: float) -> MotionState:
         """Return the state at a time after the start; the last one beyond the end."""
-        edges_s = (0.0, *self.passes_s, self.duration_s)
-        segment = min(max(bisect_right(edges_s, time_s) - 1, 0), len(self.passes_s))
+        edges_s = (0.0, *self.via_times_s, self.duration_s)
+        segment = min(max(bisect_right(edges_s, time_s) - 1, 0), len(self.via_times_s))
         begin_s, end_s = edges_s[segment : segment + 2]
         count = (len(self.states) - 1) // len(edges_s[1:])
         coordinate = min(max((time_s - begin_s) / (end_s - begin_s), 0.0), 1.0) * count
@@ -96,11 +96,11 @@ class Trajectory:
             maximum: maximum number of via points; the first ones are left out.
         """
         left_s = max(self.duration_s - time_s, MIN_DURATION_S)
-        retained_s = self.passes_s[max(len(self.passes_s) - maximum, 0) :]
-        passes_s = tuple(each - time_s for each in retained_s if each - time_s > MIN_DURATION_S)
-        count = (len(self.states) - 1) // (len(self.passes_s) + 1)
-        rest = resample(lambda at_s: self.at(time_s + at_s), passes_s, left_s, count)
-        return replace(rest, heading_rad=self.heading_rad, miss=self.miss)
+        retained_s = self.via_times_s[max(len(self.via_times_s) - maximum, 0) :]
+        via_times_s = tuple(each - time_s for each in retained_s if each - time_s > MIN_DURATION_S)
+        count = (len(self.states) - 1) // (len(self.via_times_s) + 1)
+        rest = resample(lambda at_s: self.at(time_s + at_s), via_times_s, left_s, count)
+        return replace(rest, heading_rad=self.heading_rad, terminal_error=self.terminal_error)
 
     def joined_with(self, onward: "Trajectory") -> "Trajectory":
         """Return it joined with the next trajectory, which starts where this one ends."""
@@ -109,25 +109,28 @@ class Trajectory:
             left_s = time_s - self.duration_s
             return self.at(time_s) if left_s < 0.0 else onward.at(left_s)
 
-        passes_s = (*self.passes_s, self.duration_s)
-        passes_s += tuple(self.duration_s + each for each in onward.passes_s)
+        via_times_s = (*self.via_times_s, self.duration_s)
+        via_times_s += tuple(self.duration_s + each for each in onward.via_times_s)
         count = len(onward.states) - 1
-        whole = resample(at, passes_s, self.duration_s + onward.duration_s, count)
-        return replace(whole, heading_rad=onward.heading_rad, miss=self.miss)
+        whole = resample(at, via_times_s, self.duration_s + onward.duration_s, count)
+        return replace(whole, heading_rad=onward.heading_rad, terminal_error=self.terminal_error)
 
 
 def resample(
-    at: Callable[[float], MotionState], passes_s: tuple[float, ...], duration_s: float, count: int
+    at: Callable[[float], MotionState],
+    via_times_s: tuple[float, ...],
+    duration_s: float,
+    count: int,
 ) -> Trajectory:
     """Return a trajectory with `count` equal intervals to each via point, and to the end."""
-    edges_s = (0.0, *passes_s, duration_s)
+    edges_s = (0.0, *via_times_s, duration_s)
     times_s = [
         begin_s + (end_s - begin_s) * index / count
         for begin_s, end_s in pairwise(edges_s)
         for index in range(count)
     ]
     states = tuple(at(time_s) for time_s in (*times_s, duration_s))
-    return Trajectory(duration_s, states, states[-1].heading_rad, passes_s=passes_s)
+    return Trajectory(duration_s, states, states[-1].heading_rad, via_times_s=via_times_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Motion of a rover that accepts velocities: turn-then-drive laws, and ramps of the sent velocity.
+"""`VelocityLocomotion` turns, drives, turns; `VelocityDriver` limits and ramps the velocities.
 
 Turn on the spot towards the target, drive a straight line, turn to the heading. The steered point
 is the control point of `executive.motion.locomotion`.
@@ -9,10 +9,12 @@ from dataclasses import replace
 from math import copysign, cos, pi, sin
 from typing import Final
 
-from executive.commands import Command, DriveFor, Waypoint
+from executive.commands import Command, Curve, DriveFor
+from executive.motion.curves import CurvesLaw
 from executive.motion.locomotion import (
     Bounds,
     Leg,
+    Locomotion,
     Motion,
     SpeedProfile,
     duration_s,
@@ -119,10 +121,12 @@ class _Law(Motion):
 
 
 class TurnLaw(_Law):
-    """Turns on the spot to a heading, without reversing the direction of the turn.
+    """Turns to a heading, without reversing the direction of the turn.
 
     Args:
         turn_rad: the signed angle of the turn; None for the shorter direction.
+        along_m_per_rad: path for each radian to the left; 0 on the spot, negative if this arc is
+            driven backward to the left.
     """
 
     unit = "rad"
@@ -134,7 +138,9 @@ class TurnLaw(_Law):
         status: Status,
         now_s: float,
         turn_rad: float | None = None,
+        along_m_per_rad: float = 0.0,
     ) -> None:
+        self._along_m_per_rad = along_m_per_rad
         self._heading_rad = heading_rad
         self._left_rad = 0.0 if turn_rad is None else turn_rad
         tolerance_rad = near_rad = settings.turn_drive.heading_tolerance_rad
@@ -154,11 +160,18 @@ class TurnLaw(_Law):
         return self._status.velocity.rotate_radps
 
     def _present_bounds(self) -> Bounds:
-        return turn_bounds(self._settings, self._status)
+        bounds = turn_bounds(self._settings, self._status)
+        if not (along := abs(self._along_m_per_rad)):
+            return bounds
+        return Bounds(
+            min(bounds.speed, self._status.travel_limit_mps / along),
+            min(bounds.acceleration, self._settings.drive.travel_acceleration_mps2 / along),
+        )
 
     def intent(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        return Velocity(0.0, self._speed(self.remaining, now_s))
+        rotate_radps = self._speed(self.remaining, now_s)
+        return Velocity(self._along_m_per_rad * rotate_radps, rotate_radps)
 
 
 class DriveLaw(_Law):
@@ -229,8 +242,8 @@ MAX_FINAL_TURN_RAD: Final = 0.5
 """Maximum turn on the spot after a velocity hold; a larger one is a fault."""
 
 
-class VelocityLocomotion:
-    """Makes motions that command a velocity in each tick."""
+class VelocityLocomotion(Locomotion):
+    """Makes motions that command a velocity in each tick: straight lines from stop to stop."""
 
     excludes_camera = False
 
@@ -239,18 +252,12 @@ class VelocityLocomotion:
         self._settings = settings
         self._status = status
 
-    def supports_curve(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it drives straight lines only."""
-        return False
-
-    def can_pass_through(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it stops at each waypoint."""
-        return False
-
     def make_turn(self, _: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, or None if it has none."""
+        if leg.curves:
+            return CurvesLaw(leg.curves, self._make_arc) if final else None
         heading_rad = leg.heading_rad if final else leg.toward_rad
-        if heading_rad is None:
+        if heading_rad is None or self._settings.drive.min_turning_radius_m is not None:
             return None
         return TurnLaw(
             heading_rad,
@@ -258,6 +265,16 @@ class VelocityLocomotion:
             self._status,
             self._clock.now_s(),
             leg.turn_rad if final else None,
+        )
+
+    def _make_arc(self, curve: Curve) -> Motion:
+        return TurnLaw(
+            curve.end.heading_rad,
+            self._settings,
+            self._status,
+            self._clock.now_s(),
+            curve.by_rad,
+            curve.by_m / curve.by_rad,
         )
 
     def make_line(self, _: Command, leg: Leg) -> Motion | None:
@@ -297,6 +314,8 @@ class HoldLaw(Motion):
         self._from = self._last = status.pose
         self._distance_m = self._turned_rad = 0.0
         self._turn: TurnLaw | None = None
+        on_spot = settings.drive.min_turning_radius_m is None
+        self._max_turn_rad = MAX_FINAL_TURN_RAD if on_spot else 0.0
 
     @property
     def done(self) -> bool:
@@ -306,7 +325,7 @@ class HoldLaw(Motion):
         if self._turn is not None:
             return self._turn.done
         tolerance_rad = self._settings.turn_drive.heading_tolerance_rad
-        return not tolerance_rad < abs(self._turn_left_rad) <= MAX_FINAL_TURN_RAD
+        return not tolerance_rad < abs(self._turn_left_rad) <= self._max_turn_rad
 
     @property
     def remaining_text(self) -> str:
@@ -443,18 +462,19 @@ class VelocityDriver:
 
     def _toward(self, wanted: Velocity, step_s: float) -> Velocity:
         limits, status = self._settings.drive, self._status
-        return Velocity(
-            _approach(
-                self.velocity.travel_mps,
-                _clamp(wanted.travel_mps, status.travel_limit_mps),
-                limits.travel_acceleration_mps2 * step_s,
-            ),
-            _approach(
-                self.velocity.rotate_radps,
-                _clamp(wanted.rotate_radps, status.rotate_limit_radps),
-                limits.rotate_acceleration_radps2 * step_s,
-            ),
+        travel_mps = _approach(
+            self.velocity.travel_mps,
+            _clamp(wanted.travel_mps, status.travel_limit_mps),
+            limits.travel_acceleration_mps2 * step_s,
         )
+        rotate_radps = _approach(
+            self.velocity.rotate_radps,
+            _clamp(wanted.rotate_radps, status.rotate_limit_radps),
+            limits.rotate_acceleration_radps2 * step_s,
+        )
+        if limits.min_turning_radius_m is not None:
+            rotate_radps = _clamp(rotate_radps, abs(travel_mps) / limits.min_turning_radius_m)
+        return Velocity(travel_mps, rotate_radps)
 
     def _send(self, velocity: Velocity) -> None:
         self.velocity = velocity

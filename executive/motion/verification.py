@@ -1,4 +1,4 @@
-"""Verifies a whole motion with a second odometry, by a frame taken at standstill after it.
+"""`MotionVerification` compares a whole motion with a second odometry, at standstill after it.
 
 Wheel odometry does not see sliding: on 10° slopes drives were up to 0.40 m off while pose, twist
 and wheels agreed.

@@ -1,1 +1,1 @@
-"""Obstacles of a motion, zones and scanned ones, and the detours around them."""
+"""The obstacles that motions avoid (zones, rocks, scanned obstacles), and detours around them."""

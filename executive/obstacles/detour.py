@@ -1,4 +1,4 @@
-"""The shortest detour past zones and known rocks: a visibility graph, searched by A*.
+"""`shortest_detour` past zones and rocks: a visibility graph, searched by A*.
 
 Its nodes lie on a ring around each corner and rock. The radius of the ring is such that a straight
 line between neighbours keeps the clearance. Lines are checked only when the search reaches them.

@@ -1,4 +1,4 @@
-"""Recent laser scans of the surroundings as circles, in the frame of the rover's pose.
+"""`LocalMap`: obstacles in recent laser scans, as circles in the frame of the rover's pose.
 
 Returns are collected in the cells of a grid, merged with those of earlier scans, and removed once
 their position is scanned as free. Circles cover each group of adjacent cells.
@@ -35,9 +35,9 @@ FREE_PER_M: Final = 0.03
 ASSOCIATION_M: Final = 0.15
 """Distance within which a return belongs to a known rock or a keep-out zone (data association)."""
 MAX_CIRCLE_RADIUS_M: Final = 0.2
-"""Half of the maximum length of a face that one circle covers."""
+"""Half of the maximum length of a surface that one circle covers."""
 FLAT_SURFACE_FACTOR: Final = 1.75
-"""Maximum ratio of a circle's radius to the smallest one, for a flat face: it protrudes less."""
+"""Maximum ratio of a circle's radius to the minimum radius, for a flat one: it protrudes less."""
 CIRCLE_MARGIN_M: Final = 0.02
 """Margin of a circle's radius, for the surface between the measured points."""
 RECLUSTER_M: Final = 0.25
@@ -299,10 +299,10 @@ def _arc(positions: list[tuple[float, float]]) -> tuple[float, float]:
     """Return the circle that covers points and protrudes least in front of them.
 
     Args:
-        positions: points along a face, from its middle, and behind it.
+        positions: points along a surface, from its middle, and behind it.
 
     Returns:
-        Distance of its centre behind the face, and its radius.
+        Distance of its centre behind the surface, and its radius.
     """
     aside = [each for _, each in positions]
     half_m = max(abs(each) for each, _ in positions)

@@ -1,4 +1,4 @@
-"""Keep-in zones, keep-out zones and known rocks, in the odometry frame.
+"""`Zones`: keep-in and keep-out zones and known rocks in the odometry frame, and clearance to them.
 
 Pure geometry. The rover is the disc about base_link that contains its footprint at any heading.
 """

@@ -1,4 +1,4 @@
-"""Plans: behaviour trees that mission control sends, their execution and results."""
+"""Plans: behaviour trees that mission control sends; their check, execution and results."""
 
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import max_commands as max_commands

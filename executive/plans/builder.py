@@ -1,4 +1,4 @@
-"""Validates a whole plan and builds its nodes: expands subtrees, checks attributes."""
+"""`check_plan` validates a whole plan and builds its nodes: expands subtrees, checks attributes."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -190,10 +190,10 @@ class PlanBuilder:
     def _location(self, path: str, element: Element) -> NodeLocation:
         if self._count == MAX_NODES:
             text = f"a plan has {MAX_NODES} nodes at most"
-            raise element.fault(Reason.PLAN_TOO_LARGE, text)
+            raise element.error(Reason.PLAN_TOO_LARGE, text)
         if path.count("/") > MAX_DEPTH:
             text = f"a plan is {MAX_DEPTH} deep at most"
-            raise element.fault(Reason.PLAN_TOO_LARGE, text)
+            raise element.error(Reason.PLAN_TOO_LARGE, text)
         location = NodeLocation(self._count, path, element.line)
         self._count += 1
         return location
@@ -206,7 +206,7 @@ def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
     for argument in leaf.user_arguments:
         value = attributes.value(argument)
         if value is None and not argument.optional:
-            raise attributes.fault(
+            raise attributes.error(
                 f"{leaf.name} needs {argument.name} ({attribute_help(argument)})"
             )
         values.append(value)
@@ -215,25 +215,25 @@ def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
         text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
         raise PlanError(Reason.PLAN_NO_DEADLINE, site.location.line, text)
     if deadline_s is not None and not 0.0 < deadline_s <= MAX_DEADLINE_S:
-        raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {MAX_DEADLINE_S:g} at most")
+        raise attributes.error(f"deadline_s {deadline_s:g}: above 0, {MAX_DEADLINE_S:g} at most")
     return PlanStep(site.location, leaf.build_request(*values), deadline_s)
 
 
 def _times(attributes: Attributes, name: str) -> int:
     times = attributes.count(name)
     if times is None:
-        raise attributes.fault(f"{name} is required")
+        raise attributes.error(f"{name} is required")
     if not 1 <= times <= MAX_LOOP_CYCLES:
-        raise attributes.fault(f"{name} {times}: 1 to {MAX_LOOP_CYCLES}, so that every plan ends")
+        raise attributes.error(f"{name} {times}: 1 to {MAX_LOOP_CYCLES}, so that every plan ends")
     return times
 
 
 def _limit_s(attributes: Attributes) -> float:
     msec = attributes.count("msec")
     if msec is None:
-        raise attributes.fault("msec is required")
+        raise attributes.error("msec is required")
     if not 0 < msec <= MAX_DEADLINE_S * 1000:
-        raise attributes.fault(f"msec {msec}: above 0, {MAX_DEADLINE_S * 1000:.0f} at most")
+        raise attributes.error(f"msec {msec}: above 0, {MAX_DEADLINE_S * 1000:.0f} at most")
     return msec / 1000
 
 
@@ -243,7 +243,7 @@ def _threshold(attributes: Attributes, name: str, default: int, children: int) -
     required = default if given is None else given
     meant = required if required >= 0 else children + 1 + required
     if not 1 <= meant <= children:
-        raise attributes.fault(f"{name} {required}: there are {children} children")
+        raise attributes.error(f"{name} {required}: there are {children} children")
     return meant
 
 
@@ -266,7 +266,7 @@ def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Ref
 def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     if not is_plan_id(definition.plan_id):
         raise PlanError(
-            Reason.BAD_IDENTITY, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
+            Reason.BAD_IDENTIFIER, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
         )
     if definition.format != FORMAT:
         raise PlanError(
@@ -277,22 +277,22 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     for tree in trees.values():
         for element in tree.children[0].elements():
             node_kind(element, trees, LEAVES)
-    _used(definition.arguments, root.children)
+    _require_used(definition.arguments, root.children)
     plan = PlanBuilder(trees, _defaults(root), f"plan:{definition.plan_id}").build(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
     if not steps(plan):
-        raise PlanError(Reason.PLAN_STRUCTURE, plan.place.line, "the plan has no command")
+        raise PlanError(Reason.PLAN_STRUCTURE, plan.location.line, "the plan has no command")
     if max_commands(plan) > MAX_COMMANDS:
         raise PlanError(
             Reason.PLAN_TOO_LARGE,
-            plan.place.line,
+            plan.location.line,
             f"its loops could command {max_commands(plan)} times: {MAX_COMMANDS} at most",
         )
     for step in steps(plan):
         refusal = check_arguments(step.request, settings, _from(step.request))
         if refusal is not None:
-            line = step.place.line
+            line = step.location.line
             raise PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
     return plan
 
@@ -307,27 +307,27 @@ def max_commands(node: PlanNode) -> int:
 
 def _trees(root: Element) -> dict[str, Element]:
     if root.tag != "root":
-        raise root.fault(Reason.PLAN_STRUCTURE, f"a plan begins with <root>, not <{root.tag}>")
+        raise root.error(Reason.PLAN_STRUCTURE, f"a plan begins with <root>, not <{root.tag}>")
     if root.attributes.get("BTCPP_format") != "4":
-        raise root.fault(Reason.PLAN_FORMAT, '<root> needs BTCPP_format="4"')
+        raise root.error(Reason.PLAN_FORMAT, '<root> needs BTCPP_format="4"')
     trees: dict[str, Element] = {}
     for element in root.children:
         match element.tag:
             case "BehaviorTree":
                 name = element.attributes.get("ID")
                 if not name or name in trees:
-                    raise element.fault(
+                    raise element.error(
                         Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
                     )
                 if len(element.children) != 1:
-                    raise element.fault(
+                    raise element.error(
                         Reason.PLAN_STRUCTURE, "a <BehaviorTree> has exactly 1 child"
                     )
                 trees[name] = element
             case "TreeNodesModel":
                 pass
             case _:
-                raise element.fault(
+                raise element.error(
                     Reason.PLAN_UNKNOWN_NODE, f"<{element.tag}> does not belong below <root>"
                 )
     return trees
@@ -348,7 +348,7 @@ def _defaults(root: Element) -> dict[str, dict[str, str]]:
     }
 
 
-def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
+def _require_used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
     """Raise PlanError for an argument that no node reads, probably misspelt."""
     read_there = {name for tree in trees for name in _names_in(tree)}
     for argument in arguments:
@@ -374,11 +374,11 @@ def _main(root: Element, trees: dict[str, Element]) -> str:
         named = {element.attributes["ID"] for element in below if element.tag == SUBTREE}
         first = [each for each in trees if each not in named] or list(trees)
         if len(first) != 1:
-            text = "main_tree_to_execute must name the tree to run"
-            raise root.fault(Reason.PLAN_STRUCTURE, text)
+            text = "the trees have no single root: main_tree_to_execute must name the tree to run"
+            raise root.error(Reason.PLAN_STRUCTURE, text)
         return first[0]
     if name not in trees:
-        raise root.fault(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
+        raise root.error(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
     return name
 
 

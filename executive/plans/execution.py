@@ -1,4 +1,4 @@
-"""Execution of a plan's steps: its commands and its journal.
+"""`PlanExecution` commands each step of a running plan at most once, and writes its journal.
 
 The tree polls every step each time it reaches it. Steps known to the journal are answered
 immediately, so that a rebuilt tree reaches the state of the plan by itself. Only the other steps
@@ -119,7 +119,7 @@ class PlanExecution:
         self._polls = 0
         self._lifecycles: dict[str, CommandLifecycle] = {}
         self._commands = dict(store.commands(plan.plan_id))
-        leaves = {step.place.number for step in steps(root)}
+        leaves = {step.location.number for step in steps(root)}
         self._done = {
             number
             for key, outcome in self._known.items()
@@ -154,7 +154,7 @@ class PlanExecution:
         self._note(key, step, outcome)
         if outcome is StepOutcome.FAILURE:
             text = f" ({lifecycle.refusal.text})" if lifecycle.refusal else ""
-            self.why = f"{step.place.path}: {lifecycle.stage.name}{text}"
+            self.why = f"{step.location.path}: {lifecycle.stage.name}{text}"
         return _ANSWER[outcome]
 
     def command_of(self, key: str) -> Identity | None:
@@ -172,18 +172,18 @@ class PlanExecution:
         """Record the life cycle of a step's command, in any stage."""
         self._lifecycles[key] = lifecycle
         self._note_command(key, lifecycle.command.identity)
-        self.plan.node = step.place.path
+        self.plan.node = step.location.path
 
     def on_rejected(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
         """Fail a step after the rejection of its command."""
         self._note_command(key, identity)
         self._note(key, step, StepOutcome.FAILURE)
-        self.why = f"{step.place.path}: REJECTED ({refusal.text})"
+        self.why = f"{step.location.path}: REJECTED ({refusal.text})"
 
     def fail_overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
         """Fail a step that exceeded its deadline."""
         if key in self._lifecycles:
-            text = f"{step.place.path}: not done within {allowed_s:g} s"
+            text = f"{step.location.path}: not done within {allowed_s:g} s"
             figures = (Figure("bound", allowed_s, "s"),)
             self._cancel(self._lifecycles[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
         return self.poll(key, step)
@@ -195,7 +195,7 @@ class PlanExecution:
             return
         lifecycle = self._lifecycles.pop(key, None)
         if lifecycle is not None:
-            self._cancel(lifecycle, Refusal(Reason.PLAN_WENT_ON, "the plan continued without it"))
+            self._cancel(lifecycle, Refusal(Reason.STEP_HALTED, "the plan continued without it"))
         self._settle(key, StepOutcome.HALTED)
 
     def timed_out(self, key: str) -> bool:
@@ -204,7 +204,7 @@ class PlanExecution:
 
     def time_out(self, key: str, limit: TimeoutNode) -> None:
         """Record that a time limit expired."""
-        self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
+        self.why = f"{limit.location.path}: not done within {limit.duration_s:g} s"
         self._settle(key, StepOutcome.FAILURE)
 
     def cancel_running(self, refusal: Refusal) -> None:
@@ -221,8 +221,8 @@ class PlanExecution:
 
     def _note(self, key: str, step: PlanStep, outcome: StepOutcome) -> None:
         self._known[key] = outcome
-        self._done.add(step.place.number)
-        self.plan.node, self.plan.done = step.place.path, len(self._done)
+        self._done.add(step.location.number)
+        self.plan.node, self.plan.done = step.location.path, len(self._done)
 
     def _settle(self, key: str, outcome: StepOutcome) -> None:
         self._known[key] = outcome

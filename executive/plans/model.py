@@ -1,4 +1,4 @@
-"""Model of a validated plan: nodes with values; and the leaves that a plan may have."""
+"""The nodes of a validated plan as values (`SequenceNode`, `PlanStep`, ...); its valid leaves."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class NodeLocation:
 class SequenceNode:
     """Runs its children in order, until one fails."""
 
-    place: NodeLocation
+    location: NodeLocation
     children: tuple["PlanNode", ...]
 
 
@@ -66,7 +66,7 @@ class SequenceNode:
 class FallbackNode:
     """Runs its children in order, until one succeeds."""
 
-    place: NodeLocation
+    location: NodeLocation
     children: tuple["PlanNode", ...]
 
 
@@ -74,7 +74,7 @@ class FallbackNode:
 class ParallelNode:
     """Runs its children in parallel, until enough have succeeded or failed."""
 
-    place: NodeLocation
+    location: NodeLocation
     successes: int
     failures: int
     children: tuple["PlanNode", ...]
@@ -92,7 +92,7 @@ class RepeatOn(Enum):
 class LoopNode:
     """Runs its child up to `times`, while it ends with the result `repeat_on`."""
 
-    place: NodeLocation
+    location: NodeLocation
     repeat_on: RepeatOn
     times: int
     child: "PlanNode"
@@ -102,7 +102,7 @@ class LoopNode:
 class TimeoutNode:
     """Fails if its child does not end within a time."""
 
-    place: NodeLocation
+    location: NodeLocation
     duration_s: float
     child: "PlanNode"
 
@@ -111,7 +111,7 @@ class TimeoutNode:
 class InverterNode:
     """Succeeds when its child fails, and fails when it succeeds."""
 
-    place: NodeLocation
+    location: NodeLocation
     child: "PlanNode"
 
 
@@ -123,7 +123,7 @@ class PlanStep:
         deadline_s: seconds after which it fails; None if a `Timeout` above limits it.
     """
 
-    place: NodeLocation
+    location: NodeLocation
     request: Request
     deadline_s: float | None
 

@@ -1,4 +1,4 @@
-"""XML of a plan: bounded size, known nodes of BehaviorTree.CPP v4, and their attributes.
+"""`read_xml` parses a plan: bounded size, known nodes of BehaviorTree.CPP v4, their attributes.
 
 No document type, entity, include or other file is read.
 """
@@ -62,7 +62,7 @@ class Element:
         for child in self.children:
             yield from child.elements()
 
-    def fault(self, reason: Reason, text: str) -> PlanError:
+    def error(self, reason: Reason, text: str) -> PlanError:
         """Return an error that concerns this element."""
         return PlanError(reason, self.line, text)
 
@@ -211,13 +211,13 @@ def node_kind(element: Element, trees: Collection[str], leaves: Collection[str])
     """
     kind, named = element.tag, element.attributes.get("ID", "")
     if not named and (kind in EXPLICIT or kind == SUBTREE):
-        raise element.fault(Reason.PLAN_BAD_ARGUMENT, f"<{kind}> needs the attribute ID")
+        raise element.error(Reason.PLAN_BAD_ARGUMENT, f"<{kind}> needs the attribute ID")
     if kind in EXPLICIT:
         kind = named
     if kind == SUBTREE:
         if named not in trees:
             text = f"there is no tree {quote(named)}{suggest(named, trees)}"
-            raise element.fault(Reason.PLAN_UNKNOWN_NODE, text)
+            raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
         return kind
     if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
         if kind in UNSUPPORTED_NODES:
@@ -225,7 +225,7 @@ def node_kind(element: Element, trees: Collection[str], leaves: Collection[str])
         else:
             near = suggest(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
             text = f"unknown node {quote(kind)}{near}"
-        raise element.fault(Reason.PLAN_UNKNOWN_NODE, text)
+        raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
     return kind
 
 
@@ -237,7 +237,7 @@ def name_of(element: Element, default: str) -> str:
     """
     name = element.attributes.get("name", default)
     if not name or len(name) > MAX_NAME_LENGTH or "/" in name or not name.isprintable():
-        raise element.fault(
+        raise element.error(
             Reason.PLAN_BAD_ARGUMENT,
             f"name {name[:40]!r}: 1 to {MAX_NAME_LENGTH} printable characters, no slash",
         )
@@ -276,7 +276,7 @@ class Attributes:
         known = _OWN if self._element.tag in EXPLICIT else {"name"}
         for name in self._ports():
             if name not in known and name not in names:
-                raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
+                raise self.error(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
 
     def text(self, name: str) -> str | None:
         """Return the text of an attribute, or None if it is missing."""
@@ -285,7 +285,7 @@ class Attributes:
             return None
         text = self._resolved(name, text)
         if len(text) > MAX_VALUE_LENGTH:
-            raise self.fault(f"{name} has {len(text)} characters: {MAX_VALUE_LENGTH} at most")
+            raise self.error(f"{name} has {len(text)} characters: {MAX_VALUE_LENGTH} at most")
         return text
 
     def number(self, name: str) -> float | None:
@@ -299,7 +299,7 @@ class Attributes:
         if text is None:
             return None
         if not _COUNT.fullmatch(text.strip()):
-            raise self.fault(f"{name} {text[:40]!r} is not a whole number")
+            raise self.error(f"{name} {text[:40]!r} is not a whole number")
         return int(text)
 
     def value(self, argument: Argument) -> Value | None:
@@ -327,16 +327,16 @@ class Attributes:
         resolved = {name: self._resolved(name, own[name]) for name in own if name not in _OWN}
         return {**(self._arguments if all_of_them else {}), **resolved}
 
-    def fault(self, text: str) -> PlanError:
+    def error(self, text: str) -> PlanError:
         """Return an error that concerns these attributes."""
-        return self._element.fault(Reason.PLAN_BAD_ARGUMENT, text)
+        return self._element.error(Reason.PLAN_BAD_ARGUMENT, text)
 
     def _ports(self) -> list[str]:
         """Return the attribute names without editor metadata (`_uid`, `_fullpath` …)."""
         names = self._element.attributes.keys()
         for name in names:
             if _SCRIPT.fullmatch(name):
-                raise self.fault(f"attribute {quote(name)}: conditions and scripts are not run")
+                raise self.error(f"attribute {quote(name)}: conditions and scripts are not run")
         return [name for name in names if not name.startswith("_")]
 
     def _resolved(self, name: str, text: str) -> str:
@@ -346,34 +346,34 @@ class Attributes:
         if wanted == "=":
             wanted = name
         if wanted not in self._arguments:
-            raise self.fault(f"{name}: no value given for {{{wanted[:40]}}}")
+            raise self.error(f"{name}: no value given for {{{wanted[:40]}}}")
         return self._arguments[wanted]
 
     def _number(self, name: str, text: str) -> float:
         if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
-            raise self.fault(f"{name} {text[:40]!r} is not a number{_in_degrees(text)}")
+            raise self.error(f"{name} {text[:40]!r} is not a number{_in_degrees(text)}")
         return float(text)
 
     def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
         choices = {str(choice.value): choice for choice in kind}
         if text.strip() not in choices:
             near = suggest(text.strip(), choices)
-            raise self.fault(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
+            raise self.error(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
         return choices[text.strip()]
 
     def _waypoints(self, name: str, text: str) -> tuple[Waypoint, ...]:
         parts = text.strip().strip(";").split(";")
         if len(parts) > MAX_WAYPOINTS:
-            raise self.fault(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
+            raise self.error(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
         waypoints = []
-        for place in parts:
-            match [self._number(name, part) for part in place.split(",")]:
+        for waypoint in parts:
+            match [self._number(name, part) for part in waypoint.split(",")]:
                 case [x_m, y_m]:
                     waypoints.append(Waypoint(x_m, y_m))
                 case [x_m, y_m, heading_rad]:
                     waypoints.append(Waypoint(x_m, y_m, heading_rad))
                 case _:
-                    raise self.fault(f"{name} {place[:40]!r} is neither x,y nor x,y,heading")
+                    raise self.error(f"{name} {waypoint[:40]!r} is neither x,y nor x,y,heading")
         return tuple(waypoints)
 
 

@@ -1,4 +1,4 @@
-"""The requests on plans, their life cycle as one table of edges, and the executing plan."""
+"""`Planner` executes requests on plans (submit, activate, suspend, ...), and runs active plans."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from executive.commands import (
 )
 from executive.commands.intake import source_of
 from executive.commands.lifecycle import (
-    Admitted,
+    Accepted,
     Edge,
-    Refused,
+    Rejected,
     SubmitResult,
     make_machine,
     terminal_states,
@@ -297,7 +297,7 @@ class Planner:
         update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, self._total, text)
         self._plans[definition.plan_id] = RunningPlan(update)
         self._store.add(definition, update)
-        self._notifications.plan(update)
+        self._notifications.report_plan_update(update)
 
     def _start(self, plan: RunningPlan, event: PlanEvent, text: str) -> str:
         self._change(plan, event, text)
@@ -334,9 +334,9 @@ class Planner:
             number = self._store.next_number(plan.plan_id)
             identity = Identity(source_of(plan.plan_id), number)
             match submit(Command(identity, step.request, PLAN_LINK)):
-                case Admitted(lifecycle):
+                case Accepted(lifecycle):
                     execution.on_started(key, step, lifecycle)
-                case Refused(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
+                case Rejected(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
                     execution.on_rejected(key, step, identity, refusal)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
             self._notify(plan, execution.why)
@@ -360,7 +360,7 @@ class Planner:
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
             detail = f"plan {plan.plan_id} {plan.state.name}: {text}"
-            self._notifications.event(severity, detail, reason, figures)
+            self._notifications.report_event(severity, detail, reason, figures)
         self._note()
 
     def _notify(self, plan: RunningPlan, text: str) -> None:
@@ -368,7 +368,7 @@ class Planner:
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
         self._store.update(plan.last)
-        self._notifications.plan(plan.last)
+        self._notifications.report_plan_update(plan.last)
 
     def _note(self) -> None:
         states = [(plan_id, plan.state) for plan_id, plan in self._plans.items()]

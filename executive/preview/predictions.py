@@ -1,4 +1,4 @@
-"""Predictions of commands: computed in parallel to them, and published when finished.
+"""`Predictor` computes a prediction of each accepted motion and each started plan, in parallel.
 
 They are computed on the core's thread, in slices shorter than a millisecond, after the work of a
 turn or tick. Neither the reply to a command nor a tick waits for one. A slice is two ticks of the
@@ -99,14 +99,18 @@ class Predictor:
         settings, status = context.settings, context.status
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.speed_limit_ratio)
         solver = None if self._solver is None else self._solver.fork(apart)
-        start = PreviewStart(pose, *speeds, context.files, status.obstacles, status.uncertainty)
+        origin = status.map_origin
+        start = PreviewStart(
+            *(pose, *speeds, context.files, status.obstacles, status.uncertainty),
+            map_origin=None if isinstance(origin, Refusal) else origin,
+        )
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
     def predict_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
         """Queue the prediction of a motion from a start pose, and start its statistics."""
         statistics = goal.statistics = self._start_statistics()
         command = goal.command
-        replaces = isinstance(motion, DriveFor) and command.arrival is PreemptionPolicy.REPLACE
+        replaces = isinstance(motion, DriveFor) and command.preemption is PreemptionPolicy.REPLACE
         if replaces or command.link == PLAN_LINK or not command.report_progress:
             return
         name, lifecycle = f"{command.identity} {command.name}", goal.lifecycle

@@ -1,4 +1,4 @@
-"""Preview of a motion or a plan: the rover's own tree and laws on a kinematic copy of it.
+"""`PreviewRun` predicts a motion or plan with the rover's tree and laws, on a kinematic copy of it.
 
 Nothing here affects the rover, its ledger, tree or goals. The present state is copied as values,
 so that a preview can be computed on any thread, in slices.
@@ -20,7 +20,7 @@ from executive.commands import (
     SetTravelSpeed,
     requested_controller,
 )
-from executive.commands.intake import ABOARD_PREFIX, check_arguments
+from executive.commands.intake import ABOARD_PREFIX, check_arguments, localized
 from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
@@ -44,6 +44,7 @@ from executive.settings import (
 )
 from executive.state import FileFolder, Status, Uncertainty
 from executive.values.clock import ManualClock
+from executive.values.facts import MapToOdom
 from executive.values.geometry import STANDING, Pose, wrap_rad
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
@@ -111,6 +112,7 @@ class PreviewStart:
     Attributes:
         obstacles: obstacles to avoid.
         uncertainty: uncertainty of the pose.
+        map_origin: origin of the map in the frame of the pose; None if it is unknown.
     """
 
     pose: Pose
@@ -120,6 +122,7 @@ class PreviewStart:
     files: FileFolder
     obstacles: Zones
     uncertainty: Uncertainty
+    map_origin: Pose | None = None
 
 
 class TickableTree(Protocol):
@@ -193,7 +196,7 @@ class PreviewRun:
             exact = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
             self._settings = replace(self._settings, mpc=exact)
         else:
-            without = replace(settings.mpc, offered=False)
+            without = replace(settings.mpc, selectable=False)
             self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
         self._build_tree = build_tree
         self._course = iter(()) if isinstance(request, Motion) else nominal_steps(request)
@@ -231,7 +234,7 @@ class PreviewRun:
         self._arbiter = Arbiter(clock, settings, self._base, mover, lambda: False)
         self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
         self._tree = self._build_tree(self._context)
-        self._observe()
+        self._observe_base()
         if isinstance(self._request, Motion):
             self._begin(self._request)
         else:
@@ -242,7 +245,7 @@ class PreviewRun:
     ) -> KinematicBase | DynamicModelBase | DelegatedMotionBase:
         settings, pose = self._settings, self._start.pose
         match settings.locomotion:
-            case LocomotionKind.WHOLE_MOTION:
+            case LocomotionKind.DELEGATED:
                 return DelegatedMotionBase(clock, settings, pose)
             case LocomotionKind.VELOCITY if self._solver is None:
                 return KinematicBase(clock, settings, pose)
@@ -266,12 +269,14 @@ class PreviewRun:
             return
         self._clock.advance(self._settings.tick_s)
         self._base.advance()
-        self._observe()
+        self._observe_base()
         if self._clock.now_s() > MAX_PREVIEW_S:
             text = f"duration exceeds {MAX_PREVIEW_S:g} s: preview it in parts"
             self.result = Refusal(Reason.NOT_SUPPORTED, text)
 
-    def _observe(self) -> None:
+    def _observe_base(self) -> None:
+        if self._start.map_origin is not None:
+            self._context.status.observe(MapToOdom(self._start.map_origin.inverse))
         for fact in self._base.facts():
             self._context.status.observe(fact)
             self._context.safety.observe(fact)
@@ -281,12 +286,12 @@ class PreviewRun:
 
     def _end_step(self, lifecycle: CommandLifecycle) -> None:
         if lifecycle.refusal is not None:
-            self.result = self._named(lifecycle.refusal)
+            self.result = self._with_step(lifecycle.refusal)
             return
         step = self._step
         took_s = self._clock.now_s() - self._began_s
         if step is not None and step.deadline_s is not None and took_s > step.deadline_s:
-            self.result = self._late(step.place.path, took_s, step.deadline_s)
+            self.result = self._late(step.location.path, took_s, step.deadline_s)
             return
         self._begin_next()
 
@@ -299,7 +304,7 @@ class PreviewRun:
                 case TimeoutEnd(node=node):
                     took_s = self._clock.now_s() - self._timeouts_s.pop()
                     if took_s > node.duration_s:
-                        self.result = self._late(node.place.path, took_s, node.duration_s)
+                        self.result = self._late(node.location.path, took_s, node.duration_s)
                 case PlanStep(request=request):
                     self._step = each
                     self._set_or_begin(request)
@@ -318,15 +323,19 @@ class PreviewRun:
             case _:
                 pass
 
-    def _begin(self, request: Motion) -> None:
+    def _begin(self, wanted: Motion) -> None:
         pose, settings = self._context.status.pose, self._settings
+        request = localized(wanted, self._context.status, settings)
+        if isinstance(request, Refusal):
+            self.result = self._with_step(request)
+            return
         refusal = (
             check_arguments(request, settings, pose.point)
             or check_pose(request, pose, self._start.uncertainty, settings)
             or check_request(request, pose, settings, self._context.status.obstacles)
         )
         if refusal is not None:
-            self.result = self._named(refusal)
+            self.result = self._with_step(refusal)
             return
         self._began_s = self._clock.now_s()
         self._end = end_kind(request, pose, settings)
@@ -336,11 +345,11 @@ class PreviewRun:
         self._lifecycle.accept()
         self._context.goals.motion.add(self._lifecycle)
 
-    def _named(self, refusal: Refusal) -> Refusal:
+    def _with_step(self, refusal: Refusal) -> Refusal:
         """Prefix a refusal with the plan step that it concerns."""
         if self._step is None:
             return refusal
-        return replace(refusal, text=f"{self._step.place.path}: {refusal.text}")
+        return replace(refusal, text=f"{self._step.location.path}: {refusal.text}")
 
     def _late(self, path: str, took_s: float, limit_s: float) -> Refusal:
         text = f"{path}: duration {took_s:.2f} s exceeds {limit_s:g} s"

@@ -1,4 +1,4 @@
-"""Stand-ins for the rover in a preview: kinematic bases, and a solver that reuses trajectories."""
+"""Stand-ins for the rover in a preview: simple bases, and a solver that reuses trajectories."""
 
 from collections import deque
 from dataclasses import replace
@@ -17,7 +17,7 @@ from executive.settings import Settings
 from executive.values.clock import ManualClock
 from executive.values.facts import Fact, MotionEnded, Odometry
 from executive.values.geometry import STANDING, Pose, Velocity, arc_end, wrap_rad
-from executive.values.ports import CameraIntent, Hold, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, VelocityHold
 
 TIME_RESOLUTION_S: Final = 1e-9
 TRAJECTORY_REUSE_S: Final = 0.5
@@ -106,15 +106,15 @@ class DelegatedMotionBase(StationaryBase):
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
         super().__init__(clock, settings, pose)
         self._message_s = settings.turn_drive.latency_s / 2
-        self._motion: WholeMotion | None = None
+        self._motion: DelegatedMotion | None = None
         self._from = pose
         self._begins_s = 0.0
         self._ended: MotionEnded | None = None
 
-    def execute_motion(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: DelegatedMotion) -> None:
         """Start a motion."""
         self._motion, self._from = motion, self.pose
-        messages = 1 if isinstance(motion.what, Hold) else 2
+        messages = 1 if isinstance(motion.primitive, VelocityHold) else 2
         self._begins_s = self._clock.now_s() + messages * self._message_s
 
     def halt(self) -> None:
@@ -125,7 +125,7 @@ class DelegatedMotionBase(StationaryBase):
         """Advance to the clock's time."""
         if self._motion is None:
             return
-        profile = profile_of(self._motion.what, self._settings.drive)
+        profile = profile_of(self._motion.primitive, self._settings.drive)
         since_s = self._clock.now_s() - self._begins_s
         held_s, whole = profile.held_s(since_s), profile.velocity
         self.pose = arc_end(self._from, whole.travel_mps * held_s, whole.rotate_radps * held_s)
@@ -190,7 +190,7 @@ class DynamicModelBase(StationaryBase):
         """Advance to a time, with a command in effect."""
         step_s, self._at_s = until_s - self._at_s, max(until_s, self._at_s)
         if step_s > TIME_RESOLUTION_S:
-            self._state = self._model.moved(self._state, velocity, step_s)
+            self._state = self._model.state_after(self._state, velocity, step_s)
 
 
 class CachedTrajectorySolver:
@@ -209,18 +209,20 @@ class CachedTrajectorySolver:
 
     def request(self, problem: TrajectoryProblem) -> None:
         """Reuse the remainder of the last trajectory, or have the problem solved."""
-        self._rest = self._left(problem)
+        self._rest = self._remainder(problem)
         if self._rest is None:
             self._solver.request(problem)
 
-    def _left(self, problem: TrajectoryProblem) -> Trajectory | None:
+    def _remainder(self, problem: TrajectoryProblem) -> Trajectory | None:
         """Return the remainder of the last trajectory; None if it is outdated, or no solution."""
         plan, guess = self._plan, problem.guess
-        if plan is None or guess is None or len(guess.passes_s) < len(problem.via_points):
+        if plan is None or guess is None or len(guess.via_times_s) < len(problem.via_points):
             return None
         driven_s = plan.duration_s - guess.duration_s
         return (
-            plan.remainder(driven_s, len(guess.passes_s)) if driven_s < TRAJECTORY_REUSE_S else None
+            plan.remainder(driven_s, len(guess.via_times_s))
+            if driven_s < TRAJECTORY_REUSE_S
+            else None
         )
 
     def take_result(self) -> Trajectory | None:

@@ -1,4 +1,4 @@
-"""Durable records: the ledger, its retention, recovery after a restart, and plans."""
+"""Durable records, in SQLite: commands and reports (the ledger), plans, pose, authority, relay."""
 
 from executive.record.authority_record import AuthorityRecord as AuthorityRecord
 from executive.record.authority_record import Grant as Grant

@@ -1,4 +1,4 @@
-"""Record of the command authority's holder, in the ledger's file."""
+"""`AuthorityRecord`: the last grant of the command authority, in the ledger's file."""
 
 from dataclasses import dataclass
 from typing import Final

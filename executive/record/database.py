@@ -1,4 +1,4 @@
-"""An SQLite file in write-ahead mode: the common access to every record of the project.
+"""`Database`: an SQLite file in write-ahead mode, through which every record is read and written.
 
 Committed data survive `kill -9` and, with FULL synchronisation, loss of power. Only
 one thread uses it.
@@ -39,6 +39,7 @@ class Database:
         schema: creates the tables if missing.
         synchronous: durability of a commit.
         connect: opens the file.
+        version: version of the tables; a file with another one is refused.
 
     Attributes:
         failing: whether the last commit failed, so that pending writes are still to be committed.
@@ -54,6 +55,7 @@ class Database:
         schema: str,
         synchronous: Synchronous = Synchronous.FULL,
         connect: Connect = connect_to_file,
+        version: int = 0,
     ) -> None:
         self.path = path or ":memory:"
         self.failing = False
@@ -68,10 +70,27 @@ class Database:
         try:
             self.rows("PRAGMA journal_mode = WAL")
             self.rows(f"PRAGMA synchronous = {synchronous.value}")
+            self._check_version(version)
             self.make_tables(schema)
         except LedgerError:
             self._db.close()
             raise
+
+    def _check_version(self, version: int) -> None:
+        """Record the version of the tables in a new file.
+
+        Raises:
+            LedgerError: the file has the tables of another version, or cannot be read or written.
+        """
+        ((found,),) = self.rows("PRAGMA user_version")
+        if found == version:
+            return
+        if self.rows("SELECT 1 FROM sqlite_master LIMIT 1"):
+            raise LedgerError(
+                f"{self.path} has the tables of another version ({found}, not {version}):"
+                " start that version, or move the file away"
+            )
+        self.rows(f"PRAGMA user_version = {version}")
 
     def make_tables(self, schema: str) -> None:
         """Create tables if missing."""

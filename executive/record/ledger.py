@@ -1,4 +1,4 @@
-"""The durable record of commands and reports, which ensures at-most-once execution."""
+"""`Ledger`: the durable record of commands and reports, for deduplication and after a restart."""
 
 import hashlib
 import json
@@ -29,7 +29,8 @@ CREATE TABLE IF NOT EXISTS reports (
     sequence INTEGER PRIMARY KEY, utc_s REAL NOT NULL, kind INTEGER NOT NULL,
     severity INTEGER NOT NULL, text TEXT NOT NULL, source TEXT, command_id INTEGER,
     stage INTEGER, link TEXT, step INTEGER, step_count INTEGER, reason INTEGER,
-    figures TEXT NOT NULL
+    figures TEXT NOT NULL, fault TEXT, cause_source TEXT, cause_command_id INTEGER,
+    publishers TEXT
 );
 CREATE INDEX IF NOT EXISTS reports_by_command ON reports (command_id, source, sequence);
 CREATE TABLE IF NOT EXISTS foreign_reports (sequence INTEGER PRIMARY KEY);
@@ -52,6 +53,9 @@ TERMINAL_STAGES: Final = ",".join(str(stage.value) for stage in TERMINAL)
 """The numbers of terminal stages, as a list for SQL."""
 STOP_AND_RESUME: Final = (Stop.__name__, Resume.__name__)
 SETTINGS: Final = tuple(kind.__name__ for kind in get_args(Setting))
+_REPORT_COLUMNS: Final = 17
+LEDGER_VERSION: Final = 1
+"""Version of the tables; it rises with each change of them."""
 OnPrune = Callable[[Identity, Stage], None]
 
 _CONVERTER = make_converter()
@@ -88,6 +92,7 @@ class Ledger(Database):
         path: the file, created with its folders if missing.
         synchronous: durability of a commit.
         connect: opens the file.
+        version: as in `Database`.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -98,12 +103,13 @@ class Ledger(Database):
         path: Path,
         synchronous: Synchronous = Synchronous.FULL,
         connect: Connect = connect_to_file,
+        version: int = LEDGER_VERSION,
     ) -> None:
-        super().__init__(path, _SCHEMA, synchronous, connect)
-        ((last,),) = self.rows("SELECT max(sequence) FROM reports")
-        self.last_sequence: int = last or 0
+        super().__init__(path, _SCHEMA, synchronous, connect, version)
         self._gathered: dict[Identity, bytes] = {}
         self._on_prune: list[OnPrune] = []
+        ((last,),) = self.rows("SELECT max(sequence) FROM reports")
+        self.last_sequence: int = last or 0
 
     def digest_of(self, identity: Identity) -> bytes | None:
         """Return the digest of the command with this identity, if any.
@@ -153,7 +159,7 @@ class Ledger(Database):
     def append_report(self, report: Report, foreign: bool = False) -> None:
         """Add a report to the next commit; foreign are reports that external senders can flood."""
         self.write(
-            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _row_of(report)
+            f"INSERT INTO reports VALUES ({', '.join('?' * _REPORT_COLUMNS)})", _row_of(report)
         )
         if foreign:
             self.write("INSERT INTO foreign_reports VALUES (?)", (report.sequence,))
@@ -192,7 +198,7 @@ class Ledger(Database):
         self._gathered.clear()
 
     def last_command_id(self, source: str) -> int:
-        """Return the highest number of a source's commands, or 0."""
+        """Return the maximum number of a source's commands, or 0."""
         rows = self.rows(
             "SELECT max(number) FROM (SELECT max(command_id) AS number FROM commands"
             " WHERE source = ? UNION ALL SELECT max(last) FROM used WHERE source = ?)",
@@ -290,7 +296,7 @@ class Ledger(Database):
 
 def _row_of(report: Report) -> tuple[object, ...]:
     """Convert a report to a row of the table `reports`."""
-    identity = report.identity
+    identity, cause = report.identity, report.cause
     return (
         report.sequence,
         report.utc_s,
@@ -305,6 +311,10 @@ def _row_of(report: Report) -> tuple[object, ...]:
         report.step_count,
         report.reason.value if report.reason else None,
         json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
+        report.fault,
+        cause.source if cause else None,
+        cause.command_id if cause else None,
+        None if report.publishers is None else json.dumps(report.publishers),
     )
 
 
@@ -313,6 +323,7 @@ def _report_of(row: tuple[Any, ...]) -> Report:
     (
         sequence, utc_s, kind, severity, text, source, command_id,
         stage, link, step, step_count, reason, figures,
+        fault, cause_source, cause_id, publishers,
     ) = row  # fmt: skip
     return Report(
         sequence=sequence,
@@ -327,6 +338,9 @@ def _report_of(row: tuple[Any, ...]) -> Report:
         step_count=step_count,
         reason=None if reason is None else Reason(reason),
         figures=tuple(Figure(*figure) for figure in json.loads(figures)),
+        fault=fault,
+        cause=None if cause_source is None else Identity(cause_source, cause_id),
+        publishers=None if publishers is None else tuple(json.loads(publishers)),
     )
 
 

@@ -1,4 +1,4 @@
-"""Reports: numbered without gaps, written to the ledger, then sent."""
+"""`Notifications` numbers reports without gaps, commits them to the ledger, then sends them."""
 
 import logging
 from collections.abc import Sequence
@@ -52,9 +52,11 @@ class Notifications:
             step_count=note.step_count,
             reason=refusal.reason if refusal else None,
             figures=(*refusal.figures, *note.figures) if refusal else note.figures,
+            fault=refusal.fault if refusal else None,
+            cause=refusal.cause if refusal else None,
         )
 
-    def event(
+    def report_event(
         self,
         severity: Severity,
         text: str,
@@ -62,12 +64,15 @@ class Notifications:
         figures: tuple[Figure, ...] = (),
         kind: ReportKind = ReportKind.EVENT,
         foreign: bool = False,
+        fault: str | None = None,
+        publishers: tuple[str, ...] | None = None,
     ) -> None:
         """Report an onboard event that concerns no command, or an event of a link.
 
         Foreign are events that external senders can cause in any number; see `Retention`.
         """
-        self._append(kind, severity, text, foreign, reason=reason, figures=figures)
+        details = {"figures": figures, "fault": fault, "publishers": publishers}
+        self._append(kind, severity, text, foreign, reason=reason, **details)
 
     def prediction(self, text: str, figures: tuple[Figure, ...], command: Command | None) -> None:
         """Report the prediction of a command's motion, which is no stage of its life cycle."""
@@ -78,7 +83,7 @@ class Notifications:
             ReportKind.EVENT, severity, text, identity=identity, link=link, figures=figures
         )
 
-    def plan(self, update: PlanUpdate) -> None:
+    def report_plan_update(self, update: PlanUpdate) -> None:
         """Report the progress of a plan."""
         self._outbox.append(update)
 
@@ -102,9 +107,9 @@ class Notifications:
         for report in outbox:
             for downlink in self._downlinks:
                 if isinstance(report, PlanUpdate):
-                    downlink.plan(report)
+                    downlink.send_plan_update(report)
                 else:
-                    downlink.report(report)
+                    downlink.send_reports(report)
 
     def _send_later(self, report: Report) -> None:
         if self._outbox and isinstance(last := self._outbox[-1], list):

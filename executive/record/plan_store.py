@@ -1,4 +1,4 @@
-"""Plans and their journals in the ledger's file, written in the ledger's commits.
+"""`PlanStore`: plans and their journals in the ledger's file, written in the ledger's commits.
 
 The journal of a plan records its started steps with their commands. The result of a command
 is read from the command itself, so that a step and its outcome cannot disagree.

@@ -1,4 +1,4 @@
-"""The executive's pose and its uncertainty, in the ledger's file."""
+"""`PoseRecord`: the executive's pose and its uncertainty, in the ledger's file."""
 
 import json
 from typing import Final, TypeVar

@@ -1,4 +1,4 @@
-"""Durable state of the relay link, in the ledger's file and its commits."""
+"""`RelayRecord`: durable state of the executive's end of the relay link, in the ledger's file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ CREATE TABLE IF NOT EXISTS relayed (
     source TEXT NOT NULL, command_id INTEGER NOT NULL, code INTEGER NOT NULL, counter INTEGER,
     PRIMARY KEY (source, command_id)
 ) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS relay_kept (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS relay_notification_ack
+    (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS ledger_name (only_row INTEGER PRIMARY KEY, name TEXT NOT NULL);
 """
 
@@ -46,7 +47,7 @@ class RelayRecord:
     def __init__(self, ledger: Ledger, random_octets: Callable[[int], bytes]) -> None:
         self._ledger = ledger
         ledger.add_tables(_SCHEMA, self._forget)
-        if not ledger.rows("SELECT sequence FROM relay_kept"):
+        if not ledger.rows("SELECT sequence FROM relay_notification_ack"):
             self.mark_delivered(ledger.last_sequence)
             ledger.commit()
         if not ledger.rows("SELECT name FROM ledger_name"):
@@ -59,12 +60,14 @@ class RelayRecord:
     @property
     def delivered_up_to(self) -> int:
         """The number of the last report delivered to the relay."""
-        ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
+        ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_notification_ack")
         return int(sequence)
 
     def mark_delivered(self, sequence: int) -> None:
         """Record that reports up to this number were delivered to the relay."""
-        self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
+        self._ledger.write(
+            "INSERT OR REPLACE INTO relay_notification_ack VALUES (0, ?)", (sequence,)
+        )
 
     def add(self, command: Command, code: int) -> None:
         """Record that a command was received over the relay."""

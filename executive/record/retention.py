@@ -1,4 +1,4 @@
-"""Retention: old reports are deleted, and the commands that ended with them.
+"""`LedgerRetention` deletes old reports of the ledger, and the commands that ended with them.
 
 Used numbers are stored permanently and exactly, as ranges: nothing is executed twice, and no
 unused number counts as used, regardless of the numbers that others send under a source. An isolated
@@ -107,11 +107,11 @@ class LedgerRetention:
         foreign = self._count("foreign_reports", before)
         self._preserve(border)
         numbers = defaultdict(list)
-        for identity, stage in self._ended(border):
+        for identity, stage in self._commands_without_reports(border):
             self._ledger.prune(identity, stage)
             numbers[identity.source].append(identity.command_id)
         for source, used in numbers.items():
-            self._use(source, used)
+            self._record_used(source, used)
         for table in ("reports", "foreign_reports"):
             self._ledger.write(f"DELETE FROM {table} {before}", ())
         self._own -= old - foreign
@@ -138,7 +138,7 @@ class LedgerRetention:
         )
         return border if first is None else int(first)
 
-    def _ended(self, border: int) -> Sequence[tuple[Identity, Stage]]:
+    def _commands_without_reports(self, border: int) -> Sequence[tuple[Identity, Stage]]:
         """Return the commands that have no report from a number on.
 
         NOT INDEXED, because the index by command would be scanned completely.
@@ -153,7 +153,7 @@ class LedgerRetention:
         )
         return [(Identity(source, number), Stage(stage)) for source, number, stage in rows]
 
-    def _use(self, source: str, numbers: Iterable[int]) -> None:
+    def _record_used(self, source: str, numbers: Iterable[int]) -> None:
         """Record permanently that a source used these numbers, and no others."""
         new = merge_ranges((number, number) for number in numbers)
         before = {row for each in new for row in self._touching(source, *each)}

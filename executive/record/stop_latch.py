@@ -1,4 +1,4 @@
-"""The stop latch on disk: whether the rover is stopped, across crashes and full disks."""
+"""`StopLatch`: file that stores whether the rover is stopped, across crashes and full disks."""
 
 import os
 from pathlib import Path

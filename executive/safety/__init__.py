@@ -3,11 +3,8 @@
 from executive.safety.camera_checks import END_WITHIN as END_WITHIN
 from executive.safety.camera_checks import frame_fault as frame_fault
 from executive.safety.channel import Channel as Channel
-from executive.safety.coverage import Unmonitored as Unmonitored
-from executive.safety.coverage import summary as summary
 from executive.safety.coverage import unmonitored as unmonitored
 from executive.safety.evidence import Evidence as Evidence
-from executive.safety.evidence import Monitor as Monitor
 from executive.safety.motion_history import MotionHistory as MotionHistory
 from executive.safety.motion_history import OdometryWindow as OdometryWindow
 from executive.safety.pose_uncertainty import PoseMonitor as PoseMonitor
@@ -15,5 +12,5 @@ from executive.safety.pose_uncertainty import StoredPose as StoredPose
 from executive.safety.safety import HOLDING_REACTIONS as HOLDING_REACTIONS
 from executive.safety.safety import MONITORS as MONITORS
 from executive.safety.safety import Fault as Fault
-from executive.safety.safety import FaultChanges as FaultChanges
 from executive.safety.safety import FaultMonitor as FaultMonitor
+from executive.safety.twist_delay import TWIST_KINDS as TWIST_KINDS

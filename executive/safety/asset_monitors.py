@@ -1,4 +1,4 @@
-"""Monitors of the whole rover: its tilt, its battery, and other publishers that drive it."""
+"""Fault monitors of the whole rover: tilt, battery, emergency stop (e-stop), other publishers."""
 
 from math import isfinite
 
@@ -9,7 +9,7 @@ from executive.values.facts import Source
 from executive.values.reasons import Figure
 
 
-def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def tilt_limit(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect an excessive tilt, by odometry."""
     if history.odometry is None:
         return None
@@ -19,6 +19,11 @@ def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
     return Evidence(f"tilt {tilt_rad:.2f} rad exceeds {window.bound:.2f} rad", figures)
+
+
+def emergency_stop(history: MotionHistory, _: Window, __: float) -> Evidence | None:
+    """Detect that the robot's own emergency stop is active."""
+    return Evidence("emergency stop of the robot is active") if history.emergency_stop else None
 
 
 def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -32,7 +37,7 @@ def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | 
 
 def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | None:
     """Detect that another publisher drives the base."""
-    drivers = ", ".join(str(each) for each in history.mux_inputs if each.above)
+    drivers = ", ".join(str(each) for each in history.mux_inputs if each.overrides)
     return Evidence(f"{drivers} drives the rover") if drivers else None
 
 

@@ -1,4 +1,4 @@
-"""Checks whether a camera frame is the requested picture."""
+"""`frame_fault` refuses a camera frame that is truncated or outdated."""
 
 from typing import Final
 
@@ -27,7 +27,7 @@ def frame_fault(
     if end is not None and end not in frame.data[-END_WITHIN:]:
         size = len(frame.data)
         text = f"camera picture truncated: no end marker in its {size} octets"
-        return Refusal(Reason.CAPTURE_CUT, text, (Figure("size", size, "octet"),))
+        return Refusal(Reason.CAPTURE_TRUNCATED, text, (Figure("size", size, "octet"),))
     if taken_s is not None and taken_s < requested_s - STAMP_TOLERANCE_S:
         age_s = requested_s - taken_s
         text = f"camera picture outdated: taken {age_s:.1f} s before the request"

@@ -1,4 +1,4 @@
-"""Stamps on the core's time, and running sums of a source over that time.
+"""`StampClock` converts stamps to the core's time; `Channel`: running sums of a source over it.
 
 A publisher's clock may differ from the core's. Its offset is learnt as the minimum difference of
 arrival and stamp, so that a message counts as late if it is later than usual. The motion between
@@ -110,7 +110,7 @@ class Channel:
         """Whether the sums at a time are known."""
         return self.first_s <= time_s <= self.time_s
 
-    def at(self, time_s: float) -> Sequence[float]:
+    def sums_at(self, time_s: float) -> Sequence[float]:
         """Return the sums at a time that is covered."""
         index = floor(time_s / GRID_S)
         low = self._slots[index % SLOTS]
@@ -123,8 +123,10 @@ class Channel:
         part = (time_s - begun_s) / span_s
         return [old + part * (new - old) for old, new in zip(low, high, strict=True)]
 
-    def between(self, from_s: float, to_s: float) -> list[float] | None:
+    def increase_between(self, from_s: float, to_s: float) -> list[float] | None:
         """Return the increase between two times; None if it is unknown."""
         if not (self.covers(from_s) and self.covers(to_s)):
             return None
-        return [new - old for old, new in zip(self.at(from_s), self.at(to_s), strict=True)]
+        return [
+            new - old for old, new in zip(self.sums_at(from_s), self.sums_at(to_s), strict=True)
+        ]

@@ -1,37 +1,18 @@
-"""Faults that an asset cannot monitor, without the sensor or by its settings."""
+"""`unmonitored`: the faults that an asset cannot detect, by a missing sensor or by its settings."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
-from executive.faults import Reaction
+from executive.faults import Reaction, Unmonitored
 from executive.safety.motion_history import MotionHistory
-from executive.settings import LocomotionKind, Settings
+from executive.settings import LocomotionKind, Settings, TurnSource
 
-
-@dataclass(frozen=True, slots=True)
-class Unmonitored:
-    """A quantity that is not monitored.
-
-    Attributes:
-        what: its name, for display, without a verb.
-        why: the missing sensor or the setting.
-        faults: the faults of the table that cannot begin.
-    """
-
-    what: str
-    why: str
-    faults: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return f"{self.what} is not monitored: {self.why}"
-
-
-_BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheels_slip", "blocked")
+_BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheel_slip", "motion_blocked")
 NO_JOINTS = Unmonitored(
     "wheel motion",
     "no wheel sensors",
     (
-        *("wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered"),
+        *("wheels_off_command", "wheel_travel_off_command", "wheels_unpowered"),
         "odometry_off_wheels",
         *_BY_JOINTS_AND_IMU,
     ),
@@ -39,31 +20,43 @@ NO_JOINTS = Unmonitored(
 NO_IMU = Unmonitored(
     "wheel spin",
     "no IMU",
-    ("odometry_off_gyro", *_BY_JOINTS_AND_IMU, "tilted_by_imu"),
+    ("odometry_off_gyro", *_BY_JOINTS_AND_IMU, "tilt_limit_imu"),
 )
 NO_SECOND_ODOMETRY = Unmonitored(
     "slip",
     "no second odometry",
-    ("slips", "turn_slips", "slides"),
+    ("travel_slip", "turn_slip", "slide_at_rest"),
 )
 NO_LASER = Unmonitored(
     "the path ahead", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
 )
-NO_MASS = Unmonitored("pushing against an obstacle", "mass_kg is not given", ("blocked",))
+NO_MASS = Unmonitored("pushing against an obstacle", "mass_kg is not given", ("motion_blocked",))
 NO_LEAN = Unmonitored(
     "wheel spin and tilt by the IMU",
     "it measures no orientation",
-    ("wheels_slip", "tilted_by_imu"),
+    ("wheel_slip", "tilt_limit_imu"),
+)
+NO_ACCELERATION = Unmonitored(
+    "wheel spin by the IMU", "it measures no acceleration", ("wheel_slip", "motion_blocked")
+)
+LATE_TWIST = Unmonitored(
+    "sliding with stationary wheels", "the odometry's velocity is late (twist_mean_s)", ()
 )
 NO_TORQUES = Unmonitored(
-    "the motors", "joint states have no efforts", ("wheels_unpowered", "blocked")
+    "the motors", "joint states have no efforts", ("wheels_unpowered", "motion_blocked")
 )
 NO_VOLTAGE = Unmonitored("the battery", "no voltage received", ("battery_low", "battery_silent"))
 NO_CHARGE = Unmonitored("charge for the return", "the battery reports no charge", ())
+NO_EMERGENCY_STOP = Unmonitored(
+    "the robot's emergency stop", "no state received", ("emergency_stop",)
+)
+GYRO_HEADING = Unmonitored(
+    "a drift of the gyro while driving", "the heading is the gyro's (odometry.turn)", ()
+)
 WHOLE_MOTION = Unmonitored(
     "uncommanded motion",
     "another link may command it without the executive",
-    ("drives_uncommanded", "turns_uncommanded"),
+    ("uncommanded_travel", "uncommanded_turn"),
 )
 
 
@@ -77,28 +70,25 @@ def unmonitored(
         history: if given, adds the quantities that its sensors do not measure.
     """
     found = tuple(_unmonitored(settings))
-    return found if history is None else (*found, *_unmeasured(settings, history))
+    return found if history is None else (*found, *_missing_sensors(settings, history))
 
 
-def summary(gaps: Iterable[Unmonitored]) -> str:
-    """Return the unmonitored quantities in one line, grouped by cause."""
-    by_why: dict[str, list[str]] = {}
-    for each in gaps:
-        by_why.setdefault(each.why, []).append(each.what)
-    parts = (f"{', '.join(what)} ({why})" for why, what in by_why.items())
-    return "; ".join(parts) or "nothing"
-
-
-def _unmeasured(settings: Settings, history: MotionHistory) -> Iterator[Unmonitored]:
+def _missing_sensors(settings: Settings, history: MotionHistory) -> Iterator[Unmonitored]:
     inertia, wheels = history.inertia, history.wheels
     if inertia is not None and not inertia.leans:
         yield NO_LEAN
+    if inertia is not None and not inertia.feels:
+        yield NO_ACCELERATION
+    if inertia is not None and history.over_ground is None:
+        yield LATE_TWIST
     if wheels is not None and wheels.count and not wheels.torques:
         yield NO_TORQUES
     if history.battery is None:
         yield NO_VOLTAGE
     if settings.battery is not None and history.charge_ratio is None:
         yield NO_CHARGE
+    if history.emergency_stop is None:
+        yield NO_EMERGENCY_STOP
 
 
 def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
@@ -112,11 +102,13 @@ def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
     if sensors.laser is None:
         yield NO_LASER
     elif settings.footprint is None:
-        yield replace(NO_LASER, why="footprint is not given")
+        yield replace(NO_LASER, cause="footprint is not given")
     if sensors.joints is not None and sensors.imu is not None and settings.mass_kg is None:
         yield NO_MASS
-    if settings.locomotion is LocomotionKind.WHOLE_MOTION:
+    if settings.odometry.turn is TurnSource.GYRO:
+        yield GYRO_HEADING
+    if settings.locomotion is LocomotionKind.DELEGATED:
         yield WHOLE_MOTION
     for declared, row in settings.faults:
-        if row.then is Reaction.IGNORE:
+        if row.reaction is Reaction.IGNORE:
             yield Unmonitored(declared.name, "its reaction is ignore", (declared.name,))

@@ -1,4 +1,4 @@
-"""Monitors by inertial sensors: false turns and speeds, blocked wheels, tilt.
+"""Fault monitors by the IMU: false turns and speeds of other sensors, blocked wheels, tilt.
 
 A gyro shared with the odometry is checked only by the wheels and by a second odometry.
 """
@@ -7,8 +7,8 @@ from math import copysign
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import disagreement_evidence, silent_sensor, turns
-from executive.safety.evidence import Evidence
+from executive.safety.evidence import Evidence, disagreement_evidence, silent_sensor, turn_evidence
+from executive.safety.gyro_heading import BY_GYRO
 from executive.safety.motion_history import MotionHistory
 from executive.values.reasons import Figure
 
@@ -22,25 +22,35 @@ UNLEVELLED: Final = 0.1
 
 
 def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect a disagreement of odometry, by twist or heading, with the turn by the gyro."""
+    """Detect a disagreement of odometry, by twist or heading, with the turn by the gyro.
+
+    If the heading is that of the gyro, the windows are others, and the odometry's own turn may be
+    up to `turn_scale` times the gyro's.
+    """
     inertia = history.inertia
     if inertia is None or not inertia.fresh(now_s):
+        return None
+    if (history.by_gyro is not None) is not (window.name in BY_GYRO):
         return None
     window_s, to_s = window.length_s, min(inertia.sums.time_s, history.moved.time_s)
     felt, moved = history.inertia_in(window_s, to_s), history.odometry_in(window_s, to_s)
     if felt is None or moved is None:
         return None
-    reported_rad = max(
-        moved.twist_turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad)
+    turns_rad = (
+        (moved.pose_rad,) if history.twist.delay_s else (moved.twist_turn_rad, moved.pose_rad)
     )
-    bound_rad = window.allowed(max(abs(felt.turn_rad), moved.turned_rad))
+    reported_rad = max(turns_rad, key=lambda turn: abs(turn - felt.turn_rad))
+    other_rad = 0.0 if history.by_gyro is not None else moved.turned_rad
+    bound_rad = window.allowed(max(abs(felt.turn_rad), other_rad))
     bound_rad += inertia.bias_error_radps * window_s
+    bound_rad += sum(each.gaps.missed_rad(to_s - window_s) for each in (inertia, history))
     if not inertia.leans:
         bound_rad += UNLEVELLED * abs(felt.turn_rad)
-    if abs(reported_rad - felt.turn_rad) <= bound_rad:
+    low_rad, high_rad = sorted((felt.turn_rad, history.turn_scale * felt.turn_rad))
+    if low_rad - bound_rad <= reported_rad <= high_rad + bound_rad:
         return None
-    figures = turns(history, window_s, to_s, {"gyro": felt.turn_rad, "odometry": reported_rad})
-    return disagreement_evidence("odometry and gyro disagree", figures, bound_rad, window_s)
+    turns = {"gyro": felt.turn_rad, "odometry": reported_rad}
+    return turn_evidence("odometry and gyro disagree", history, window_s, to_s, turns, bound_rad)
 
 
 def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -54,18 +64,19 @@ def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evi
         return None
     wheels_rad = (turned.right_m - turned.left_m) / wheels.settings.track_m
     bound_rad = window.allowed(max(abs(wheels_rad), abs(felt.turn_rad)))
+    bound_rad += inertia.gaps.missed_rad(to_s - window_s)
+    bound_rad += 2 * wheels.gaps.missed_m(to_s - window_s) / wheels.settings.track_m
     if abs(wheels_rad - felt.turn_rad) <= bound_rad:
         return None
-    figures = turns(history, window_s, to_s, {"wheels": wheels_rad, "gyro": felt.turn_rad})
-    return disagreement_evidence(
-        "the rover does not turn as its wheels do", figures, bound_rad, window_s
-    )
+    what = "the rover does not turn as its wheels do"
+    turns = {"wheels": wheels_rad, "gyro": felt.turn_rad}
+    return turn_evidence(what, history, window_s, to_s, turns, bound_rad)
 
 
-def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def wheel_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect a speed change of the wheels that the IMU does not measure; requires its tilt."""
     wheels, inertia = history.wheels, history.inertia
-    if wheels is None or inertia is None or not inertia.leans:
+    if wheels is None or inertia is None or not (inertia.leans and inertia.feels):
         return None
     if not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
@@ -85,14 +96,14 @@ def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidenc
     return disagreement_evidence("the wheels slip", figures, window.bound, window_s)
 
 
-def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def motion_blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect a motor force without the acceleration of the rover that it should cause.
 
     An unknown load and the inertia of the motors add to the force in the direction of the measured
     one. The ratio of the window allows for that.
     """
     wheels, inertia, mass_kg = history.wheels, history.inertia, history.mass_kg
-    if wheels is None or inertia is None or mass_kg is None:
+    if wheels is None or inertia is None or mass_kg is None or not inertia.feels:
         return None
     if not (wheels.torques and wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
@@ -111,7 +122,7 @@ def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | 
     return disagreement_evidence("the rover is blocked", figures, bound_n, window_s)
 
 
-def tilted_by_imu(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def tilt_limit_imu(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect an excessive tilt, by the inertial sensors."""
     inertia = history.inertia
     if inertia is None or inertia.newest is None or not inertia.fresh(now_s):

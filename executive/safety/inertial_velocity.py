@@ -1,4 +1,4 @@
-"""Velocity over ground by inertial sensors: detects sliding with stationary wheels.
+"""`InertialVelocity` over ground, by the IMU: detects sliding with stationary wheels.
 
 Accelerations along the ground, without gravity, are integrated. While the wheels agree, the
 integral is drawn to their velocity against drift; otherwise it runs freely. Without it 43 of 120
@@ -10,7 +10,8 @@ from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
 from executive.safety.channel import Channel
-from executive.safety.sensor_history import BIAS_AVERAGING_S, FRESH_S, extended, side_slip_m
+from executive.safety.sensor_history import BIAS_AVERAGING_S, FRESH_S, extend_channel
+from executive.settings import SlipSettings
 from executive.state import SourceMotion, is_slow
 from executive.values.facts import Imu
 from executive.values.geometry import GRAVITY_MPS2, Velocity
@@ -26,6 +27,9 @@ LONG_S: Final = 0.5
 """Duration above that of wheel disagreement in a stop; enough to learn the bias, or to rest."""
 SLIDES_IN_TURN_M: Final = 0.12
 """Slide of a turn on a slope that odometry does not see, per rad/s."""
+SPARSE_S: Final = 0.03
+"""Step between measurements above which the acceleration between them is uncertain: IMUs of 20 Hz,
+and lost messages."""
 DRIFT_MPS2: Final = 0.02
 """Drift of the free integral, which widens the bound; at rest after `DRIFTS_AFTER_S`."""
 DRIFTS_AFTER_S: Final = 5.0
@@ -46,17 +50,21 @@ LEVEL_RAD: Final = 0.03
 class InertialVelocity:
     """Integrates accelerations, and compares the result with the wheels.
 
+    Args:
+        slip: the side slip that the odometry contains.
+
     Attributes:
         apart_s: how long the wheels have disagreed; 0 while they agree.
         from_mps: the speed when they last agreed.
         slid_m: distance slid since the start, beyond that of the wheels.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, slip: SlipSettings) -> None:
+        self._slip = slip
         self._sums = Channel(3)
         self._rates = (0.0, 0.0, 0.0)
         self._offset = self._bias = (0.0, 0.0)
-        self._learnt_s = self._turning_mps = 0.0
+        self._learnt_s = self._turning_mps = self._sparse_mps = 0.0
         self._level = self._rests = self._unfelt = False
         self._compared_s = self._rolled_s = self._apart_at_s = -inf
         self.apart_s = self.from_mps = self.slid_m = 0.0
@@ -81,7 +89,10 @@ class InertialVelocity:
         ahead_mps2, left_mps2 = ahead_mps2 - self._bias[0], left_mps2 - self._bias[1]
         before, heading_rad, velocity = self._sums, self._sums.sums[0], self._velocity
         rates = (fact.gyro_z_radps, *_turned(ahead_mps2, left_mps2, heading_rad))
-        self._sums = extended(before, time_s, self._rates, rates)
+        self._sums = extend_channel(before, time_s, self._rates, rates)
+        if step_s > SPARSE_S:  # its maximum error, if the acceleration is monotone in between
+            change_mps2 = hypot(rates[1] - self._rates[1], rates[2] - self._rates[2])
+            self._sparse_mps += step_s / 2 * change_mps2
         self._rates = rates
         if self._sums is not before:  # a gap: the velocity is assumed to be unchanged
             self._offset = _turned(*velocity, -heading_rad)
@@ -95,9 +106,9 @@ class InertialVelocity:
         # After a gap moving wheels are trusted; stationary ones may have locked during it.
         first = self._compared_s == -inf or (self._unfelt and not is_slow(velocity))
         step_s, self._compared_s = min(time_s - self._compared_s, FRESH_S), time_s
-        heading_rad, x_mps, y_mps = self._sums.at(time_s)
+        heading_rad, x_mps, y_mps = self._sums.sums_at(time_s)
         ahead_mps, rotate_radps = velocity.travel_mps, velocity.rotate_radps
-        left_mps = -side_slip_m(ahead_mps, rotate_radps) * rotate_radps
+        left_mps = -self._slip.side_slip_m(ahead_mps, rotate_radps) * rotate_radps
         x, y = _turned(ahead_mps, left_mps, heading_rad)
         off_x, off_y = x - x_mps - self._offset[0], y - y_mps - self._offset[1]
         if first or not is_slow(velocity):
@@ -105,6 +116,7 @@ class InertialVelocity:
         drawn = 1.0 if first else min(1.0, step_s / DRAWN_OVER_S)
         turning_mps = SLIDES_IN_TURN_M * abs(rotate_radps)
         self._turning_mps = max(turning_mps, (1.0 - drawn) * self._turning_mps)
+        self._sparse_mps *= 1.0 - drawn
         rolls, long = self._rolled_s == time_s, time_s - self._rolled_s > RELEARN_S
         still_mps2 = UNLEARNT_MPS2 if long else self._still_mps2
         self._rests = not rolls and self._acceleration_mps2(FELT_OVER_S / 2) <= still_mps2
@@ -118,12 +130,12 @@ class InertialVelocity:
         self._rests = False
         self.apart_s, self._apart_at_s = self.apart_s + step_s, time_s
         if self._level and time_s - self._rolled_s >= LONG_S:
-            self.rest(time_s)
+            self.reset_at_rest(time_s)
 
-    def rest(self, time_s: float) -> None:
+    def reset_at_rest(self, time_s: float) -> None:
         """Accept standstill by another source at a time, if friction no longer brakes the rover."""
         if self._sums.covers(time_s) and self._acceleration_mps2(LONG_S) <= self._still_mps2:
-            _, x_mps, y_mps = self._sums.at(time_s)
+            _, x_mps, y_mps = self._sums.sums_at(time_s)
             self._offset, self.apart_s = (-x_mps, -y_mps), 0.0
 
     def motion(self, now_s: float) -> SourceMotion | None:
@@ -141,7 +153,7 @@ class InertialVelocity:
         )
 
     @property
-    def lost(self) -> tuple[Figure, Figure]:
+    def lost_speeds(self) -> tuple[Figure, Figure]:
         """The speeds that the wheels and the rover lost since they last agreed."""
         felt_mps = self.from_mps - hypot(*self._velocity)
         return (
@@ -159,7 +171,7 @@ class InertialVelocity:
         return STILL_MPS2 if self._learnt_s >= LONG_S else UNLEARNT_MPS2
 
     def _acceleration_mps2(self, over_s: float) -> float:
-        gained = self._sums.between(self._sums.time_s - over_s, self._sums.time_s)
+        gained = self._sums.increase_between(self._sums.time_s - over_s, self._sums.time_s)
         return inf if gained is None else hypot(gained[1], gained[2]) / over_s
 
     @property
@@ -167,7 +179,7 @@ class InertialVelocity:
         rolls = self._rolled_s == self._compared_s
         drifts_s = self.apart_s if rolls else max(0.0, self.apart_s - DRIFTS_AFTER_S)
         agree_mps = AGREE_MPS if rolls or self.apart_s <= LONG_S else STATIONARY_MPS
-        return agree_mps + self._turning_mps + DRIFT_MPS2 * drifts_s
+        return agree_mps + self._turning_mps + self._sparse_mps + DRIFT_MPS2 * drifts_s
 
     def _learn(self, ahead_mps2: float, left_mps2: float, step_s: float) -> None:
         self._learnt_s = min(self._learnt_s + step_s, BIAS_AVERAGING_S)

@@ -1,4 +1,4 @@
-"""Motion history: the last seconds of commands and sensor data, on one time base.
+"""`MotionHistory`: the last seconds of commands and sensor data, on one time base, for monitors.
 
 Facts are placed in time by their stamps. Each source has a channel of running sums; the motion
 between any two times is the difference of two look-ups.
@@ -6,13 +6,15 @@ between any two times is the difference of two look-ups.
 
 from collections import deque
 from dataclasses import dataclass
-from math import cos, hypot, inf, sin
+from math import cos, hypot, inf
 from typing import Final, NamedTuple
 
-from executive.faults import FaultTable
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
+from executive.safety.gyro_heading import GyroHeading
 from executive.safety.inertial_velocity import InertialVelocity
 from executive.safety.other_drivers import Driver, OtherDrivers
+from executive.safety.rate_wrap import RateWrap
+from executive.safety.rest_track import RestTrack
 from executive.safety.sensor_history import (
     REST_RADPS,
     REST_S,
@@ -23,27 +25,33 @@ from executive.safety.sensor_history import (
     WheelHistory,
     WheelSums,
 )
+from executive.safety.stamp_period import Gaps, OdometryPeriod
 from executive.safety.surroundings import LaserSurroundings
-from executive.settings import Sensors
+from executive.safety.twist_delay import TwistDelay
+from executive.settings import Settings, TurnSource
 from executive.state import Rejections
 from executive.values.clock import Clock
 from executive.values.facts import (
     Battery,
+    EmergencyStop,
     Fact,
+    ForeignMuxInput,
     ForeignPublishers,
     Frame,
     Imu,
     Joints,
     LaserScan,
     Odometry,
-    OtherInput,
     RejectedData,
     SecondOdometry,
 )
-from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Pose, Velocity, step_between, wrap_rad
 
 COMMAND_STALL_S: Final = 0.25
 """Maximum interval of commands: a base may stop by itself after 0.25 s without one."""
+MAX_COMPARED_DELAY_S: Final = 0.3
+"""Maximum delay of a twist that is compared with the velocity by inertial sensors: as long as their
+correction takes. A recorded robot with the mean of 1 s would have slid by 5 m in 40 s."""
 SEEN_S: Final = 0.4
 """Minimum window of a second odometry to show standstill."""
 
@@ -59,6 +67,7 @@ class OdometryWindow(NamedTuple):
         pose_path_m: length of the path of its pose.
         pose_ahead_m: the same along its heading, signed.
         pose_rad: change of its heading.
+        twist_level_m: integral of its speed along the ground.
     """
 
     twist_travel_m: float
@@ -71,6 +80,7 @@ class OdometryWindow(NamedTuple):
     pose_path_m: float = 0.0
     pose_ahead_m: float = 0.0
     pose_rad: float = 0.0
+    twist_level_m: float = 0.0
 
 
 class CommandedRange(NamedTuple):
@@ -103,6 +113,12 @@ class MotionHistory:
     Attributes:
         odometry: the newest finite one, and `odometry_time_s`, when it was measured.
         odometry_late_s: its age at its first arrival.
+        period: its period.
+        poses: its last poses, as corrected.
+        gaps: its gaps.
+        twist: the delay of its twist.
+        by_gyro: the pose with the heading of the gyro; None if that of the odometry is used.
+        turn_scale: turn by the odometry per turn of the rover.
         moved: the channel of the odometry, by its stamps.
         arrivals: number of odometry messages and the sum of their ages, by arrival.
         commands: the channel of the commands.
@@ -118,36 +134,38 @@ class MotionHistory:
         jump: the last pose jump of the odometry.
         battery: the newest valid voltage, and `battery_at_s`, when it arrived.
         invalid_v: a later voltage that is invalid.
+        emergency_stop: whether the robot's own emergency stop is active; None until it is reported.
         charge_ratio: the newest charge, if one is reported.
         wheels, inertia, second: of the sensors that the asset has; else None.
-        over_ground: the velocity by the inertial sensors; None without them.
         mass_kg: of the asset, if known.
         pose: estimated pose of the rover, in the frame of commands.
-        surroundings: the obstacles around it; None if they are not monitored.
+        surroundings: the obstacles around it.
         start_s: time of the start.
         rejections: the sources with rejected data.
     """
 
-    def __init__(
-        self,
-        clock: Clock,
-        faults: FaultTable,
-        sensors: Sensors | None = None,
-        mass_kg: float | None = None,
-        surroundings: LaserSurroundings | None = None,
-    ) -> None:
+    def __init__(self, clock: Clock, settings: Settings) -> None:
         self._clock = clock
-        self._faults = faults
-        self.mass_kg = mass_kg
+        self._faults = settings.faults
+        self.mass_kg = settings.mass_kg
         self.start_s = clock.now_s()
-        sensors = sensors or Sensors()
-        imu, joints, second = sensors.imu, sensors.joints, sensors.second_odometry
-        self.inertia = None if imu is None else ImuHistory()
-        self.over_ground = None if imu is None else InertialVelocity()
+        imu, slip = settings.sensors.imu, settings.mpc.measured_slip
+        joints, second = settings.sensors.joints, settings.sensors.second_odometry
+        self.inertia = None if imu is None else ImuHistory(slip)
+        self._over_ground = None if imu is None else InertialVelocity(slip)
         self.wheels = None if joints is None else WheelHistory(joints)
         self.second = None if second is None else SecondOdometryTrack(second)
+        self.by_gyro: GyroHeading | None = None
+        if settings.odometry.turn is TurnSource.GYRO and self.inertia is not None:
+            self.by_gyro = GyroHeading(self.inertia)
+        self.turn_scale = settings.odometry.turn_scale
         self._track = Channel(3)
         self._stamps = StampClock()
+        self.poses = RestTrack()
+        self.gaps = Gaps()
+        self.twist = TwistDelay(settings.odometry.twist_mean_s)
+        self._rate_wrap = RateWrap()
+        self.period = OdometryPeriod(settings.odometry.rate_hz)
         self.odometry: Odometry | None = None
         self.odometry_time_s = -inf
         self.odometry_at_s = -inf
@@ -165,13 +183,14 @@ class MotionHistory:
         self.motion_since_s = inf
         self.begun_s = -inf
         self.jump: PoseJump | None = None
+        self.emergency_stop: bool | None = None
         self.battery: Battery | None = None
         self.battery_at_s = -inf
         self.other_drivers = OtherDrivers()
-        self.lower_may_drive = True
+        self.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
         self.rejections = Rejections(clock)
         self.pose = Pose()
-        self.surroundings = surroundings
+        self.surroundings = LaserSurroundings(settings)
         self.invalid_v: float | None = None
         self.charge_ratio: float | None = None
 
@@ -199,15 +218,17 @@ class MotionHistory:
                 self.second.observe(fact, sighting, now_s)
                 seen = self.second.disagreement(SEEN_S, self.standing_since_s)
                 if self.over_ground is not None and seen is not None and seen.is_standing:
-                    self.over_ground.rest(seen.to_s)
-            case OtherInput():
+                    self.over_ground.reset_at_rest(seen.to_s)
+            case EmergencyStop(active):
+                self.emergency_stop = active
+            case ForeignMuxInput():
                 self.other_drivers.observe(fact, now_s)
-                if fact.above or (self.lower_may_drive and not self.commanding):
+                if fact.overrides or (self.lower_may_drive and not self.commanding):
                     self.begun_s = now_s
                     self.standing_since_s = max(self.standing_since_s, now_s)
             case RejectedData():
                 self.rejections.observe(fact)
-            case LaserScan() if self.surroundings is not None:
+            case LaserScan():
                 self.surroundings.add_scan(fact, now_s)
             case Frame(stamp_s):
                 self.frame_time_s = self._stamps.sparse_time_s(
@@ -219,12 +240,17 @@ class MotionHistory:
                 pass
 
     @property
+    def over_ground(self) -> InertialVelocity | None:
+        """The velocity by the inertial sensors; None without them, and if the twist is too late."""
+        return self._over_ground if self.twist.delay_s <= MAX_COMPARED_DELAY_S else None
+
+    @property
     def drivers(self) -> list[Driver]:
         """The other publishers that command the base now."""
         return self.other_drivers.active(self._clock.now_s())
 
     @property
-    def mux_inputs(self) -> tuple[OtherInput, ...]:
+    def mux_inputs(self) -> tuple[ForeignMuxInput, ...]:
         """The mux inputs of these publishers."""
         return tuple(each.input for each in self.drivers)
 
@@ -280,6 +306,10 @@ class MotionHistory:
             max(commanded.rotate_radps, measured.rotate_radps, key=abs),
         )
 
+    def corrected(self, fact: Odometry) -> Odometry:
+        """Return the newest odometry, with the heading that the asset chooses."""
+        return fact if self.by_gyro is None else self.by_gyro.newest or fact
+
     def reset_reference(self) -> None:
         """Accept the present odometry as the new reference and discard earlier evidence."""
         self.jump = None
@@ -298,12 +328,12 @@ class MotionHistory:
     def window(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
         """Return the increase of a channel in the seconds before a time; None if it is unknown."""
         from_s = to_s - window_s
-        return None if from_s < self.begun_s else channel.between(from_s, to_s)
+        return None if from_s < self.begun_s else channel.increase_between(from_s, to_s)
 
     def recent(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
         """Return the same for the known part of the seconds before a time."""
         from_s = max(to_s - window_s, self.begun_s, channel.first_s)
-        return None if from_s >= to_s else channel.between(from_s, to_s)
+        return None if from_s >= to_s else channel.increase_between(from_s, to_s)
 
     def odometry_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
         """Return the motion by odometry in the seconds before a time."""
@@ -367,10 +397,10 @@ class MotionHistory:
     def _sighting(self, fact: SecondOdometry, time_s: float) -> SecondOdometrySample | None:
         if not (self._track.covers(time_s) and self.moved.covers(time_s)):
             return None
-        x_m, y_m, heading_rad = self._track.at(time_s)
-        moved = OdometryWindow(*self.moved.at(time_s))
-        believed = Pose(x_m, y_m, heading_rad=heading_rad)
-        return SecondOdometrySample(time_s, fact.pose, believed, moved.driven_m, moved.turned_rad)
+        x_m, y_m, heading_rad = self._track.sums_at(time_s)
+        moved = OdometryWindow(*self.moved.sums_at(time_s))
+        corrected = Pose(x_m, y_m, heading_rad=heading_rad)
+        return SecondOdometrySample(time_s, fact.pose, corrected, moved.driven_m, moved.turned_rad)
 
     def _observe_odometry(self, fact: Odometry, now_s: float) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
@@ -380,18 +410,24 @@ class MotionHistory:
         count, age_s = self.arrivals.sums
         self.arrivals.add(now_s, (count + 1, age_s + max(now_s - time_s, 0.0)))
         if self.odometry is not None:
+            step_s = time_s - self.moved.time_s
+            fact = self._rate_wrap.corrected(self.odometry, fact, step_s)
             self._step(self.odometry, fact, time_s, now_s)
             if (fact.pose, fact.velocity) != (self.odometry.pose, self.odometry.velocity):
                 self.unchanged_since_s = now_s
         else:
             self.moved.add(time_s, self.moved.sums)
-        pose, heading_rad = fact.pose, self._track.sums[2]
+        if self.by_gyro is not None:
+            self.by_gyro.observe(fact, time_s)
+        corrected = self.corrected(fact)
+        pose, heading_rad = corrected.pose, self._track.sums[2]
         heading_rad += wrap_rad(pose.heading_rad - heading_rad)
         self._track.add(time_s, (pose.x_m, pose.y_m, heading_rad))
+        self.poses.observe(time_s, pose.point, heading_rad)
         if self.odometry is None or fact.stamp_s != self.odometry.stamp_s:
             self.odometry_late_s = now_s - time_s
         if self.over_ground is not None:
-            self.over_ground.roll(fact.velocity, time_s)
+            self.over_ground.roll(corrected.velocity, time_s)
         self.odometry, self.odometry_time_s, self.odometry_at_s = fact, time_s, now_s
 
     def _step(self, before: Odometry, after: Odometry, time_s: float, now_s: float) -> None:
@@ -401,6 +437,10 @@ class MotionHistory:
         distance_m, turn_rad = travel_mps * step_s, rotate_radps * step_s
         ahead_m, left_m, turned_rad = step_between(before.pose, after.pose)
         level = cos(after.pose.pitch_rad)
+        self.period.observe(step_s, may_lengthen=not self.commanding)
+        fastest_mps = max(abs(before.velocity.travel_mps), abs(after.velocity.travel_mps))
+        fastest_radps = max(abs(before.velocity.rotate_radps), abs(after.velocity.rotate_radps))
+        self.gaps.observe(time_s, self.period.gap_s(step_s), fastest_mps, fastest_radps)
         if step_s > 0.0:
             steps = (
                 distance_m,
@@ -421,14 +461,19 @@ class MotionHistory:
                 hypot(ahead_m, left_m),
                 ahead_m,
                 turned_rad,
+                distance_m * level,
             )
             sums = [old + step for old, step in zip(self.moved.sums, steps, strict=True)]
             self.moved.add(time_s, sums)
+            total_m, total_rad = self.total_motion
+            self.twist.observe(time_s, total_m, total_rad, after.velocity, self.period.period_s)
         since_s = now_s - self.odometry_at_s
-        if since_s <= self._faults.odometry_stale.bound:
-            self.jump = self._unexplained(before, after, since_s) or self.jump
+        stale_s = self.period.stale_s(self._faults.odometry_stale.bound)
+        if since_s <= stale_s:  # messages that arrive in a burst are as far apart as their stamps
+            since_s = max(since_s, min(step_s, stale_s))
+            self.jump = self._pose_jump(before, after, since_s) or self.jump
 
-    def _unexplained(self, before: Odometry, after: Odometry, since_s: float) -> PoseJump | None:
+    def _pose_jump(self, before: Odometry, after: Odometry, since_s: float) -> PoseJump | None:
         """Return the step between two messages, if it exceeds the bound for their speeds."""
         first, second = before.velocity, after.velocity
         found = PoseJump(
@@ -437,7 +482,7 @@ class MotionHistory:
             self._faults.odometry_jumped.bound
             + since_s * max(abs(first.travel_mps), abs(second.travel_mps)),
             abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad)),
-            self._faults.odometry_turned.bound
+            self._faults.odometry_heading_jumped.bound
             + since_s * max(abs(first.rotate_radps), abs(second.rotate_radps)),
         )
         near = found.step_m <= found.bound_m and found.turn_rad <= found.bound_rad
@@ -447,12 +492,3 @@ class MotionHistory:
 def _excess(step: float, one: float, other: float) -> float:
     """Return the excess of a step over the range of two: velocity changes between messages."""
     return step - max(min(step, max(one, other)), min(one, other))
-
-
-def step_between(before: Pose, after: Pose) -> tuple[float, float, float]:
-    """Return the displacement ahead and to the left, along the mean heading, and the turn."""
-    turned_rad = wrap_rad(after.heading_rad - before.heading_rad)
-    along_rad = before.heading_rad + turned_rad / 2
-    dx_m, dy_m = after.x_m - before.x_m, after.y_m - before.y_m
-    cosine, sine = cos(along_rad), sin(along_rad)
-    return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine, turned_rad

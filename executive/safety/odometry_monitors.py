@@ -1,16 +1,17 @@
-"""Monitors of odometry and commands.
+"""Fault monitors of the odometry: jumps, age, rate, and disagreement with its twist or commands.
 
 Windows end with the newest odometry, at its stamp, so that latency is no evidence. It is compared
 with all velocities in force in the window, since a base needs time to respond.
 """
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Final, TypeGuard
 
 from executive.faults import Window
-from executive.safety.comparison import disagreement_evidence, speeds, turns
-from executive.safety.evidence import Evidence
+from executive.safety.evidence import Evidence, speed_evidence, turn_evidence
 from executive.safety.motion_history import MotionHistory, OdometryWindow, PoseJump
+from executive.safety.rest_track import FIRST_RATIO
 from executive.values.reasons import Figure
 
 EVIDENCE_HOLD_S: Final = 0.1
@@ -23,17 +24,19 @@ SIDE_SLIP_M: Final = 0.15
 """Maximum side slip of base_link per radian turned, not in the twist. Chosen, not measured."""
 SETTLE_S: Final = 1.4
 """Maximum stopping time of a base after a command of zero velocity."""
+COMPARED_RATIO: Final = 1.0 - FIRST_RATIO
+"""Minimum part of a window over which a pose at rest is compared; a shorter path is no motion."""
 MIN_MPS, MIN_RADPS = 0.05, 0.1
 """Minimum command that any base follows."""
 
 
-def jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
+def odometry_jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect a step of the pose that exceeds the speed."""
     jump = history.jump
     return _jump_evidence(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
 
 
-def turned(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
+def odometry_heading_jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect a turn in one step of the pose that exceeds the yaw rate."""
     jump = history.jump
     return _jump_evidence(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
@@ -55,20 +58,20 @@ def _jump_evidence(jump: PoseJump) -> Evidence:
     )
 
 
-def not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
+def odometry_not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """Detect odometry with figures that are not finite."""
     if now_s - history.not_finite_at_s > EVIDENCE_HOLD_S:
         return None
     return Evidence("odometry has values that are not finite")
 
 
-def stale(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def odometry_stale(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that the newest odometry is too old to move."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
-    return _stale_evidence("odometry is", age_s, history, window)
+    return _stale_evidence("odometry is", age_s, history, history.period.stale_s(window.bound))
 
 
-def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def odometry_lags_sensors(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect that the newest odometry is older than the data of all other fast sensors.
 
     A delay of all of them, as on a busy computer, does not count.
@@ -77,10 +80,11 @@ def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     if history.odometry is None or not others:
         return None
     behind_s = min(others) - history.odometry_time_s
-    return _stale_evidence("relative to other sensors odometry is", behind_s, history, window)
+    bound_s = history.period.lag_s(window.bound)
+    return _stale_evidence("relative to other sensors odometry is", behind_s, history, bound_s)
 
 
-def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def odometry_late(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect odometry that arrives too late for control."""
     age_s = history.odometry_late_s
     if age_s <= window.bound or now_s - history.odometry_at_s > window.bound:
@@ -88,7 +92,7 @@ def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | Non
     return _age_evidence("odometry arrives late: it is", age_s, window.bound)
 
 
-def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def odometry_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that odometry is no longer received."""
     if history.odometry is None:
         return None
@@ -99,10 +103,10 @@ def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
 
 
 def _stale_evidence(
-    what: str, age_s: float, history: MotionHistory, window: Window
+    what: str, age_s: float, history: MotionHistory, bound_s: float
 ) -> Evidence | None:
     """Return evidence of odometry that is too old to move, or to wait for any longer."""
-    bound_s = window.bound + (ODOMETRY_WAIT_S if history.start_pending else 0.0)
+    bound_s += ODOMETRY_WAIT_S if history.start_pending else 0.0
     return _age_evidence(what, age_s, bound_s) if age_s > bound_s else None
 
 
@@ -111,39 +115,48 @@ def _age_evidence(what: str, age_s: float, bound_s: float) -> Evidence:
     return Evidence(f"{what} {age_s:.2f} s old", figures)
 
 
-def slow(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def odometry_rate_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect an odometry rate that is too low for control."""
     arrivals = history.window(history.arrivals, window.length_s, history.odometry_at_s)
-    if arrivals is None or arrivals[0] / window.length_s >= window.bound:
+    bound_hz = history.period.low_rate_hz(window.bound)
+    if arrivals is None or arrivals[0] / window.length_s >= bound_hz:
         return None
     rate_hz = arrivals[0] / window.length_s
-    figures = Figure("rate", rate_hz, "Hz"), Figure("bound", window.bound, "Hz")
+    figures = Figure("rate", rate_hz, "Hz"), Figure("bound", bound_hz, "Hz")
     return Evidence(f"odometry arrives {rate_hz:.1f} times a second", figures)
 
 
-def frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def odometry_frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect odometry that does not change although motion is commanded."""
     unchanged_s = now_s - history.unchanged_since_s
-    wanted = history.commands_in(window.length_s, now_s)
+    window_s = history.period.frozen_s(window.length_s)
+    wanted = history.commands_in(window_s, now_s)
     moves = not wanted.travel_low_mps < MIN_MPS or not wanted.travel_high_mps > -MIN_MPS
     turns = not wanted.rotate_low_radps < MIN_RADPS or not wanted.rotate_high_radps > -MIN_RADPS
-    old = now_s - history.odometry_time_s > window.length_s / 2
-    if unchanged_s < window.length_s or old or not (moves or turns):
+    old = now_s - history.odometry_time_s > window_s / 2
+    if unchanged_s < window_s or old or not (moves or turns):
         return None
+    since = f"is unchanged for {unchanged_s:.2f} s" if isfinite(unchanged_s) else "never changed"
     return Evidence(
-        f"odometry is unchanged for {unchanged_s:.2f} s",
-        (Figure("unchanged", unchanged_s, "s"), Figure("bound", window.length_s, "s")),
+        f"odometry {since}",
+        (Figure("unchanged", unchanged_s, "s"), Figure("bound", window_s, "s")),
     )
 
 
-def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def odometry_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a pose that disagrees with the integral of its twist."""
     moved = _moved(history, window)
     if moved is None:
         return None
-    bound_m = window.allowed(moved.driven_m)
+    from_s = history.odometry_time_s - window.length_s
+    bound_m = window.allowed(moved.driven_m) + history.gaps.missed_m(from_s)
     aside_m = max(0.0, abs(moved.pose_minus_twist_left_m) - SIDE_SLIP_M * moved.turned_rad)
-    off_m = max(abs(moved.pose_minus_twist_ahead_m), aside_m)
+    ahead_m = abs(moved.pose_minus_twist_ahead_m)
+    if ahead_m > bound_m and history.twist.delay_s:
+        ahead_m = _beyond_delay(
+            history, window, lambda each: each.twist_level_m, lambda each: each.pose_ahead_m
+        )
+    off_m = max(ahead_m, aside_m)
     if off_m <= bound_m:
         return None
     return Evidence(
@@ -156,20 +169,49 @@ def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | No
     )
 
 
-def heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def odometry_heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a heading that disagrees with the integral of its yaw rate."""
     moved = _moved(history, window)
-    if moved is None or abs(moved.pose_minus_twist_heading_rad) <= window.allowed(moved.turned_rad):
+    if moved is None:
+        return None
+    from_s = history.odometry_time_s - window.length_s
+    bound_rad = window.allowed(moved.turned_rad) + history.gaps.missed_rad(from_s)
+    off_rad = abs(moved.pose_minus_twist_heading_rad)
+    if off_rad > bound_rad and history.twist.delay_s:
+        off_rad = _beyond_delay(
+            history, window, lambda each: each.twist_turn_rad, lambda each: each.pose_rad
+        )
+    if off_rad <= bound_rad:
         return None
     return Evidence(
-        f"odometry heading and yaw rate disagree by {abs(moved.pose_minus_twist_heading_rad):.2f}"
-        " rad",
+        f"odometry heading and yaw rate disagree by {off_rad:.2f} rad",
         (
             Figure("by rate", moved.twist_turn_rad, "rad"),
             Figure("by heading", moved.pose_rad, "rad"),
-            Figure("bound", window.allowed(moved.turned_rad), "rad"),
+            Figure("bound", bound_rad, "rad"),
         ),
     )
+
+
+def _beyond_delay(
+    history: MotionHistory,
+    window: Window,
+    twist: Callable[[OdometryWindow], float],
+    pose: Callable[[OdometryWindow], float],
+) -> float:
+    """Return the excess of the integrated twist over the range that a delay explains.
+
+    Over the window and the delay a mean of earlier motion cannot leave the range of the motion of
+    the pose, in the same span shifted back by up to the delay.
+    """
+    to_s, delay_s, moved = history.odometry_time_s, history.twist.delay_s, history.moved
+    from_s = max(to_s - window.length_s - delay_s, history.begun_s, moved.first_s + delay_s)
+    spans = [moved.increase_between(from_s - s, to_s - s) for s in history.twist.shifts_s]
+    motions = [OdometryWindow(*each) for each in spans if each is not None]
+    if from_s >= to_s or not motions:
+        return 0.0
+    by_pose, by_twist = [pose(each) for each in motions], twist(motions[0])
+    return max(0.0, min(by_pose) - by_twist, by_twist - max(by_pose))
 
 
 def _moved(history: MotionHistory, window: Window) -> OdometryWindow | None:
@@ -181,10 +223,11 @@ def off_command(history: MotionHistory, window: Window, now_s: float) -> Evidenc
     """Detect a speed outside of the range of recent commands."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
-    wanted = history.commands_in(window.length_s, history.odometry_time_s)
+    window_s = history.period.response_s(window.length_s) + history.twist.delay_s
+    wanted = history.commands_in(window_s, history.odometry_time_s)
     speed_mps = history.odometry.velocity.travel_mps
     return _range_evidence(
-        window, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s"
+        window, window_s, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s"
     )
 
 
@@ -192,14 +235,21 @@ def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Ev
     """Detect a yaw rate outside of the range of recent commands."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
-    wanted = history.commands_in(window.length_s, history.odometry_time_s)
+    window_s = history.period.response_s(window.length_s) + history.twist.delay_s
+    wanted = history.commands_in(window_s, history.odometry_time_s)
     low_radps, high_radps = wanted.rotate_low_radps, wanted.rotate_high_radps
     rate_radps = history.odometry.velocity.rotate_radps
-    return _range_evidence(window, low_radps, high_radps, rate_radps, "turn", "rad/s")
+    return _range_evidence(window, window_s, low_radps, high_radps, rate_radps, "turn", "rad/s")
 
 
 def _range_evidence(
-    window: Window, low: float, high: float, measured: float, verb: str, unit: str
+    window: Window,
+    window_s: float,
+    low: float,
+    high: float,
+    measured: float,
+    verb: str,
+    unit: str,
 ) -> Evidence | None:
     """Return evidence of a measurement outside of the commanded range, or None."""
     bound = max(window.bound, (window.ratio or 0.0) * max(abs(low), abs(high)))
@@ -211,7 +261,7 @@ def _range_evidence(
         (
             Figure("commanded", nearest, unit),
             Figure("odometry", measured, unit),
-            Figure("window", window.length_s, "s"),
+            Figure("window", window_s, "s"),
             Figure("bound", bound, unit),
         ),
     )
@@ -234,9 +284,9 @@ def steady_off_command(history: MotionHistory, window: Window, _: float) -> Evid
     bound_m = window.allowed(wanted_m)
     if abs(distance_m - wanted_m) <= bound_m:
         return None
-    figures = speeds(history, window.length_s, to_s, {"odometry": distance_m})
     what = "the rover does not drive as fast as commanded"
-    return disagreement_evidence(what, figures, bound_m / window.length_s, window.length_s)
+    by_source_m = {"odometry": distance_m}
+    return speed_evidence(what, history, window.length_s, to_s, by_source_m, bound_m)
 
 
 def steady_turn_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -252,16 +302,15 @@ def steady_turn_off_command(history: MotionHistory, window: Window, _: float) ->
     bound_rad = window.allowed(wanted_rad)
     if abs(turn_rad - wanted_rad) <= bound_rad:
         return None
-    figures = turns(history, window.length_s, to_s, {"odometry": turn_rad})
-    what = "the rover does not turn as fast as commanded"
-    return disagreement_evidence(what, figures, bound_rad, window.length_s)
+    what, by_source = "the rover does not turn as fast as commanded", {"odometry": turn_rad}
+    return turn_evidence(what, history, window.length_s, to_s, by_source, bound_rad)
 
 
 def _nearest_bound(wanted: float, one: float, other: float) -> float:
     return min(one, other, key=lambda value: abs(value - wanted))
 
 
-def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def turn_angle_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect a turn larger or smaller than commanded."""
     to_s = history.odometry_time_s
     moved = history.odometry_in(window.length_s, to_s)
@@ -270,7 +319,7 @@ def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | N
         return None
     off_rad, bound_rad = (
         abs(moved.pose_rad - wanted.twist_turn_rad),
-        window.allowed(wanted.turned_rad),
+        window.allowed(wanted.turned_rad) + history.gaps.missed_rad(to_s - window.length_s),
     )
     if off_rad <= bound_rad:
         return None
@@ -285,28 +334,37 @@ def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | N
     )
 
 
-def drives_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def uncommanded_travel(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect driving while zero velocity is commanded."""
-    return _uncommanded(history, window, lambda moved: moved.pose_path_m, "drives at {:.2f} m/s")
+    moved = _moved_at_rest(history, window)
+    if moved is None or moved.pose_path_m <= COMPARED_RATIO * window.bound * window.length_s:
+        return None
+    speed_mps = history.poses.speed_mps(window.length_s)
+    return _uncommanded_evidence(history, window, speed_mps, "drives at {:.2f} m/s")
 
 
-def turns_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
+def uncommanded_turn(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect turning while zero velocity is commanded."""
-    return _uncommanded(history, window, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
+    moved = _moved_at_rest(history, window)
+    rate_radps = None if moved is None else history.poses.rate_radps(window.length_s)
+    return _uncommanded_evidence(history, window, rate_radps, "turns at {:.3f} rad/s")
 
 
-def _uncommanded(
-    history: MotionHistory, window: Window, amount: Callable[[OdometryWindow], float], what: str
+def _moved_at_rest(history: MotionHistory, window: Window) -> OdometryWindow | None:
+    """Return the motion in a window of commanded standstill."""
+    to_s = history.odometry_time_s
+    rests = to_s - window.length_s >= history.standing_since_s + SETTLE_S
+    return history.odometry_in(window.length_s, to_s) if rests else None
+
+
+def _uncommanded_evidence(
+    history: MotionHistory, window: Window, rate: float | None, what: str
 ) -> Evidence | None:
     """Return evidence of motion in a window of commanded standstill.
 
-    A publisher that sends nothing explains no motion: sent velocities are `OtherInput` facts.
+    A publisher that sends nothing explains no motion: sent velocities are `ForeignMuxInput` facts.
     """
-    to_s = history.odometry_time_s
-    rests = to_s - window.length_s >= history.standing_since_s + SETTLE_S
-    moved = history.odometry_in(window.length_s, to_s) if rests else None
-    rate = 0.0 if moved is None else abs(amount(moved)) / window.length_s
-    if rate <= window.bound:
+    if rate is None or rate <= window.bound:
         return None
     names = ", ".join((*map(str, history.mux_inputs), *history.foreign_publishers))
     by = f" (velocity publishers: {names})" if names else ""

@@ -1,4 +1,4 @@
-"""Other publishers of velocities: since when they drive the base, and how far.
+"""`OtherDrivers`: other publishers of velocities that drive the base, through its twist_mux.
 
 They publish to other inputs of the base's mux, or to the executive's own topic, and are identified
 by their messages. Their motion is not commanded here; it is reported.
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from executive.values.facts import OtherInput
+from executive.values.facts import ForeignMuxInput
 from executive.values.reasons import Figure
 from executive.values.reports import Severity
 
@@ -26,7 +26,7 @@ class Driver:
         path_m, turn_rad: how far the rover went and turned while it drove, without signs.
     """
 
-    input: OtherInput
+    input: ForeignMuxInput
     since_s: float
     last_s: float
     path_m: float = 0.0
@@ -53,7 +53,7 @@ class OtherDrivers:
         self._reported: list[Driver] = []
         self._path_m = self._turn_rad = 0.0
 
-    def observe(self, fact: OtherInput, now_s: float) -> None:
+    def observe(self, fact: ForeignMuxInput, now_s: float) -> None:
         """Add a message of a publisher."""
         driver = self._drivers.get(fact.name)
         if driver is None or now_s - driver.last_s > MUX_INPUT_HOLD_S:
@@ -76,13 +76,13 @@ class OtherDrivers:
             commanding: whether the executive moves it, so that lower inputs are masked.
         """
         for driver in active:
-            if driver.input.above or not commanding:
+            if driver.input.overrides or not commanding:
                 driver.path_m += path_m - self._path_m
                 driver.turn_rad += turn_rad - self._turn_rad
             if not any(each is driver for each in self._reported):
                 how = (
                     "drives the rover in place of the executive"
-                    if driver.input.above
+                    if driver.input.overrides
                     else "is active; it drives the base while the executive sends nothing"
                 )
                 yield Severity.WARNING, f"{driver.input} {how}", ()

@@ -1,4 +1,8 @@
-"""Accumulated divergence of the odometry pose from other sources."""
+"""`PoseDivergence`: how far the odometry's pose has diverged from other measures of the motion.
+
+Those are its own twist, the wheels, the gyro and the commands. A sample from before a fault is the
+reference for the uncertainty of the pose after it.
+"""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -70,7 +74,7 @@ class _Comparison:
         from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
         if to_s <= from_s or not (moved.covers(to_s) and other.covers(to_s - self._later_s)):
             return
-        beyond = moved.at(to_s)[self._pose] - self._other(other.at(to_s - self._later_s))
+        beyond = moved.sums_at(to_s)[self._pose] - self._other(other.sums_at(to_s - self._later_s))
         if other is self._channel:  # a channel that begins again does so after a gap
             self.total += beyond - self._beyond + bias_per_s * (to_s - from_s)
         self._beyond, self._channel, self._to_s = beyond, other, to_s

@@ -1,4 +1,4 @@
-"""Uncertainty of the pose, from the fault that shows it until evidence restores confidence.
+"""`PoseMonitor` sets the pose uncertainty, from the fault that shows it until evidence lowers it.
 
 Divergence of the odometry pose from other sources is ordinarily irrelevant. A fault that disproves
 the pose (`Disproves` in its declaration) opens an episode. Until the fault is over, the uncertainty
@@ -13,7 +13,7 @@ from math import inf
 from typing import Final
 
 from executive.faults import Disproves
-from executive.safety.comparison import DISCOVERY_GRACE_S
+from executive.safety.evidence import DISCOVERY_GRACE_S
 from executive.safety.motion_history import MotionHistory
 from executive.safety.pose_divergence import LOOKBACK_S, Divergence, PoseDivergence
 from executive.safety.safety import Fault
@@ -133,12 +133,12 @@ class _Frames:
 
     def add_anchor(self, newest: Anchor) -> None:
         """Store a frame as a possible reference."""
-        self.compared(newest)
+        self.mark_compared(newest)
         self._recent.append(newest)
         while len(self._recent) > 1 and self._recent[1].at_s <= newest.at_s - LOOKBACK_S:
             self._recent.popleft()
 
-    def compared(self, newest: Anchor) -> None:
+    def mark_compared(self, newest: Anchor) -> None:
         """Mark a frame as compared."""
         self._compared = newest.frame
 
@@ -255,7 +255,7 @@ class PoseMonitor:
     def _sources(self) -> tuple[bool, bool]:
         return self._status.odometry is not None, self._frames.newest is not None
 
-    def stored(self, still: bool) -> StoredPose | None:
+    def state_to_store(self, still: bool) -> StoredPose | None:
         """Return the state to store; None before the first odometry.
 
         Args:
@@ -309,8 +309,8 @@ class PoseMonitor:
         self._raise_by(disagreement(anchor.frame, newest.frame))
         # A frame during the fault shows an error, but confirms nothing.
         if newest.frame.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
-            self._frames.compared(newest)
-            self._confirm_by(anchor, newest)
+            self._frames.mark_compared(newest)
+            self._lower_uncertainty(anchor, newest)
 
     def _raise_by(self, apart: PoseDisagreement) -> None:
         floor, off_m, off_rad = self._confirmed, 0.0, 0.0
@@ -320,7 +320,7 @@ class PoseMonitor:
             off_rad = floor.heading_rad + apart.off_rad
         self._status.raise_uncertainty(off_m, off_rad, self._cause)
 
-    def _confirm_by(self, anchor: Anchor, newest: Anchor) -> None:
+    def _lower_uncertainty(self, anchor: Anchor, newest: Anchor) -> None:
         """Lower the uncertainty to what the second odometry confirms.
 
         Agreement with a position that it has corrected itself is no confirmation: a correction
@@ -339,7 +339,9 @@ class PoseMonitor:
             position_m = min(position_m, floor.position_m + apart.off_m + near_m)
         if apart.off_rad <= AGREES_RAD:
             heading_rad = floor.heading_rad
-        self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause or self._cause)
+        self._status.uncertainty = Uncertainty(
+            position_m, heading_rad, known.cause or self._cause, known.confirmed_by
+        )
         if not self._status.uncertainty:
             self._status.uncertainty = Uncertainty(cause=SECOND)
             self._frames.restart(newest if self._faulty else None)
@@ -369,7 +371,7 @@ class PoseMonitor:
         turned_rad = abs(wrap_rad(now.heading_rad - then.heading_rad))
         restarted = now.point.distance_m(Point(0.0, 0.0)) < ORIGIN_M <= moved_m
         faults, drive = self._settings.faults, self._settings.drive
-        bound_m, bound_rad = faults.odometry_jumped.bound, faults.odometry_turned.bound
+        bound_m, bound_rad = faults.odometry_jumped.bound, faults.odometry_heading_jumped.bound
         if not stored.still:
             away_s = max(0.0, self._clock.utc_s() - stored.utc_s)
             bound_m += away_s * drive.travel_speed_mps

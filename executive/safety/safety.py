@@ -1,4 +1,4 @@
-"""Runs the monitors in each tick, and determines which faults begin and end.
+"""`FaultMonitor` runs all monitors each tick, and determines which faults begin and end.
 
 A fault begins when the evidence of one of its windows has persisted for the time of that window. It
 ends when no window has evidence, or with a resume, according to its row. The reactions are in
@@ -20,66 +20,16 @@ from executive.faults import (
     Reaction,
     Window,
 )
-from executive.safety.asset_monitors import (
-    battery_low,
-    battery_not_finite,
-    battery_silent,
-    other_publisher,
-    rejected,
-    tilted,
+from executive.safety import (
+    asset_monitors,
+    inertial_monitors,
+    odometry_monitors,
+    second_odometry_monitors,
+    surroundings_monitors,
+    wheel_monitors,
 )
 from executive.safety.evidence import Evidence, Monitor
-from executive.safety.inertial_monitors import (
-    blocked,
-    imu_silent,
-    odometry_off_gyro,
-    tilted_by_imu,
-    wheels_off_gyro,
-    wheels_slip,
-)
 from executive.safety.motion_history import MotionHistory
-from executive.safety.odometry_monitors import (
-    behind,
-    drives_uncommanded,
-    frozen,
-    heading_off_twist,
-    jumped,
-    late,
-    no_progress,
-    not_finite,
-    off_command,
-    off_twist,
-    silent,
-    slow,
-    stale,
-    steady_off_command,
-    steady_turn_off_command,
-    turn_amiss,
-    turn_off_command,
-    turned,
-    turns_uncommanded,
-)
-from executive.safety.second_odometry_monitors import (
-    second_odometry_silent,
-    slides,
-    slips,
-    turn_slips,
-)
-from executive.safety.surroundings import LaserSurroundings
-from executive.safety.surroundings_monitors import (
-    laser_blind,
-    laser_silent,
-    obstacle_ahead,
-    obstacle_near,
-    zone_ahead,
-)
-from executive.safety.wheel_monitors import (
-    joints_silent,
-    odometry_off_wheels,
-    wheels_off_command,
-    wheels_off_command_slowly,
-    wheels_unpowered,
-)
 from executive.settings import LocomotionKind, Settings
 from executive.values.clock import Clock
 from executive.values.facts import Fact, Source
@@ -87,58 +37,27 @@ from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Severity
 
 MONITORS: Final[Mapping[str, Monitor]] = {
-    "odometry_jumped": jumped,
-    "odometry_turned": turned,
-    "odometry_not_finite": not_finite,
-    "odometry_stale": stale,
-    "odometry_behind": behind,
-    "odometry_late": late,
-    "odometry_slow": slow,
-    "odometry_frozen": frozen,
-    "odometry_off_twist": off_twist,
-    "odometry_heading_off_twist": heading_off_twist,
-    "off_command": off_command,
-    "turn_off_command": turn_off_command,
-    "steady_off_command": steady_off_command,
-    "steady_turn_off_command": steady_turn_off_command,
-    "turn_amiss": turn_amiss,
-    "no_progress": no_progress,
-    "drives_uncommanded": drives_uncommanded,
-    "turns_uncommanded": turns_uncommanded,
-    "odometry_silent": silent,
-    "tilted": tilted,
-    "battery_low": battery_low,
-    "other_publisher": other_publisher,
-    "battery_silent": battery_silent,
-    "battery_not_finite": battery_not_finite,
-    "wheels_off_command": wheels_off_command,
-    "wheels_off_command_slowly": wheels_off_command_slowly,
-    "wheels_unpowered": wheels_unpowered,
-    "odometry_off_wheels": odometry_off_wheels,
-    "odometry_off_gyro": odometry_off_gyro,
-    "wheels_off_gyro": wheels_off_gyro,
-    "wheels_slip": wheels_slip,
-    "blocked": blocked,
-    "tilted_by_imu": tilted_by_imu,
-    "slips": slips,
-    "turn_slips": turn_slips,
-    "slides": slides,
-    "joints_silent": joints_silent,
-    "imu_silent": imu_silent,
-    "second_odometry_silent": second_odometry_silent,
-    "zone_ahead": zone_ahead,
-    "obstacle_ahead": obstacle_ahead,
-    "obstacle_near": obstacle_near,
-    "laser_silent": laser_silent,
-    "laser_blind": laser_blind,
-    **{f"{each.name.lower()}_rejected": partial(rejected, source=each) for each in Source},
+    name: monitor
+    for module in (
+        asset_monitors,
+        odometry_monitors,
+        wheel_monitors,
+        inertial_monitors,
+        second_odometry_monitors,
+        surroundings_monitors,
+    )
+    for name, monitor in vars(module).items()
+    if name in DECLARED
+} | {
+    f"{each.name.lower()}_rejected": partial(asset_monitors.rejected, source=each)
+    for each in Source
 }
-"""The monitor of each fault of the table."""
+"""The monitor of each fault of the table: the function of its name."""
 
 EXCLUDED_MONITORS: Final[Mapping[LocomotionKind, frozenset[str]]] = {
     LocomotionKind.VELOCITY: frozenset({"steady_off_command", "steady_turn_off_command"}),
-    LocomotionKind.WHOLE_MOTION: frozenset(
-        {"turn_amiss", "drives_uncommanded", "turns_uncommanded"}
+    LocomotionKind.DELEGATED: frozenset(
+        {"turn_angle_off_command", "uncommanded_travel", "uncommanded_turn"}
     ),
 }
 """Faults that are not monitored on a kind of rover.
@@ -150,15 +69,21 @@ executive does not know.
 
 EXPLAINED: Final[Mapping[str, Source]] = {
     **{f"{each.name.lower()}_silent": each for each in Source},
-    **dict.fromkeys(("odometry_stale", "odometry_slow"), Source.ODOMETRY),
+    **dict.fromkeys(("odometry_stale", "odometry_rate_low"), Source.ODOMETRY),
     **dict.fromkeys(("odometry_frozen", "off_command", "turn_off_command"), Source.VELOCITY),
-    **dict.fromkeys(("wheels_off_command", "wheels_off_command_slowly"), Source.VELOCITY),
+    **dict.fromkeys(("wheels_off_command", "wheel_travel_off_command"), Source.VELOCITY),
     "no_progress": Source.VELOCITY,
 }
 """Faults and their sources; the text of a fault includes why data of its source are rejected."""
 HOLDING_REACTIONS: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
 SLIDING: Final = frozenset(
-    {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
+    {
+        Reason.WHEEL_SLIP,
+        Reason.WHEELS_OFF_GYRO,
+        Reason.TRAVEL_SLIP,
+        Reason.TURN_SLIP,
+        Reason.SLIDE_AT_REST,
+    }
 )
 """Reasons of faults that show the rover moving otherwise than its wheels."""
 SLID_S: Final = 1.5
@@ -190,7 +115,9 @@ class Fault:
     def severity(self) -> Severity:
         """The severity for the operator."""
         return (
-            Severity.ALARM if self.row.then in {Reaction.STOP, Reaction.SAFE} else Severity.WARNING
+            Severity.ALARM
+            if self.row.reaction in {Reaction.STOP, Reaction.SAFE}
+            else Severity.WARNING
         )
 
     @property
@@ -232,18 +159,14 @@ class FaultMonitor:
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
         self._clock = clock
-        around = LaserSurroundings(settings)
-        self.history = MotionHistory(
-            clock, settings.faults, settings.sensors, settings.mass_kg, around
-        )
-        self.history.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
+        self.history = MotionHistory(clock, settings)
         self.active: list[Fault] = []
         self._distrusted = False
         self._slid: Fault | None = None
         self._rows = {
             declared.name: row
             for declared, row in settings.faults
-            if row.then is not Reaction.IGNORE
+            if row.reaction is not Reaction.IGNORE
             and declared.name not in EXCLUDED_MONITORS[settings.locomotion]
         }
         self._watches = tuple(
@@ -265,7 +188,7 @@ class FaultMonitor:
         changes = FaultChanges(
             tuple(self._new_faults(now_s, moving)), tuple(self._ended_faults(now_s))
         )
-        holding = any(each.row.then in HOLDING_REACTIONS for each in self.active)
+        holding = any(each.row.reaction in HOLDING_REACTIONS for each in self.active)
         self._distrusted |= holding or bool(changes.ended)
         for fault in (*changes.ended, *self.active):
             if fault.refusal.reason in SLIDING:
@@ -285,8 +208,8 @@ class FaultMonitor:
     @property
     def self_clearing(self) -> bool:
         """Whether all faults that hold the rover end by themselves."""
-        holding = [each for each in self.active if each.row.then in HOLDING_REACTIONS]
-        return bool(holding) and all(each.row.clears is ClearPolicy.ITSELF for each in holding)
+        holding = [each for each in self.active if each.row.reaction in HOLDING_REACTIONS]
+        return bool(holding) and all(each.row.clears is ClearPolicy.AUTO for each in holding)
 
     def hold(self, why: Refusal, then: Reaction) -> Fault:
         """Begin a fault without a monitor, such as a failing ledger; a resume ends it."""
@@ -294,7 +217,10 @@ class FaultMonitor:
 
     def restore(self, name: str, then: Reaction, why: Refusal, begun_utc_s: float) -> Fault:
         """Begin a fault that only a resume ends, replacing one of its name; return it."""
-        row = replace(self._rows.get(name, UNMONITORED), then=then, clears=ClearPolicy.ON_RESUME)
+        row = replace(
+            self._rows.get(name, UNMONITORED), reaction=then, clears=ClearPolicy.ON_RESUME
+        )
+        why = replace(why, fault=name)
         fault = Fault(name, row, why, begun_utc_s, self._clock.now_s())
         self.drop(name)
         self.active.append(fault)
@@ -317,7 +243,7 @@ class FaultMonitor:
     def resume(self) -> tuple[Fault, ...]:
         """End the faults that a resume clears, and return them."""
         ended = tuple(each for each in self.active if each.row.clears is ClearPolicy.ON_RESUME)
-        self.active = [each for each in self.active if each.row.clears is ClearPolicy.ITSELF]
+        self.active = [each for each in self.active if each.row.clears is ClearPolicy.AUTO]
         return ended
 
     def observe(self, fact: Fact) -> None:
@@ -332,15 +258,15 @@ class FaultMonitor:
         """
         if (
             FOREIGN_INPUT_FAULT not in self._rows
-            or self._rows[FOREIGN_INPUT_FAULT].then not in HOLDING_REACTIONS
+            or self._rows[FOREIGN_INPUT_FAULT].reaction not in HOLDING_REACTIONS
         ):
             return False
-        return any(each.above for each in self.history.mux_inputs)
+        return any(each.overrides for each in self.history.mux_inputs)
 
     def _new_faults(self, now_s: float, moving: bool) -> Iterator[Fault]:
         known = {fault.name: fault for fault in self.active}
         taken = self._foreign_input_active
-        held = any(fault.row.then in HOLDING_REACTIONS for fault in self.active)
+        held = any(fault.row.reaction in HOLDING_REACTIONS for fault in self.active)
         for watch in self._watches:
             evidence = None
             if (
@@ -360,7 +286,7 @@ class FaultMonitor:
                 continue
             if watch.since_s is None:
                 watch.since_s = now_s
-            holds = watch.row.then in HOLDING_REACTIONS
+            holds = watch.row.reaction in HOLDING_REACTIONS
             if held and (not holds or watch.row.when is MonitoredWhen.MOVING):
                 continue
             if now_s - watch.since_s >= watch.window.for_s - 1e-9:
@@ -375,7 +301,7 @@ class FaultMonitor:
     def _ended_faults(self, now_s: float) -> Iterator[Fault]:
         for fault in tuple(self.active):
             if (
-                fault.row.clears is ClearPolicy.ITSELF
+                fault.row.clears is ClearPolicy.AUTO
                 and now_s - fault.last_evidence_s >= CLEAR_AFTER_S - 1e-9
             ):
                 self.active.remove(fault)
@@ -383,4 +309,4 @@ class FaultMonitor:
 
     def _refusal(self, name: str, evidence: Evidence) -> Refusal:
         text = self.history.rejections.explain(evidence.text, EXPLAINED.get(name))
-        return Refusal(DECLARED[name].reason, text, evidence.figures)
+        return Refusal(DECLARED[name].reason, text, evidence.figures, fault=name)

@@ -1,4 +1,4 @@
-"""Monitors by an odometry independent of the wheels: slip, and errors that other sensors share.
+"""Fault monitors by an odometry independent of the wheels: slip, slides, a silent sensor.
 
 The two odometries have frames of their own. So their steps between two samples are compared, each
 in the axes of base_link at the first one. If the second odometry corrects the pose, only a gross
@@ -9,8 +9,7 @@ from math import inf
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import disagreement_evidence, silent_sensor, speeds, turns
-from executive.safety.evidence import Evidence
+from executive.safety.evidence import Evidence, silent_sensor, speed_evidence, turn_evidence
 from executive.safety.motion_history import MotionHistory
 from executive.safety.sensor_history import OdometryDisagreement
 
@@ -27,7 +26,7 @@ MAX_SAMPLE_AGE_S: Final = 1.5
 """Maximum age of a sample."""
 
 
-def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def travel_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect a distance by second odometry that disagrees, in the windows for its kind."""
     second = history.second
     if second is None or second.settings.fused is not (window.name in FUSED):
@@ -47,11 +46,10 @@ def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | No
     turned = history.wheels_in(span_s, found.to_s)
     if turned is not None:
         distances_m = {"wheels": abs(turned.distance_m), **distances_m}
-    figures = speeds(history, span_s, found.to_s, distances_m)
-    return disagreement_evidence("the rover slips", figures, bound_m / span_s, span_s)
+    return speed_evidence("the rover slips", history, span_s, found.to_s, distances_m, bound_m)
 
 
-def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def turn_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect a turn by second odometry that disagrees."""
     found = _window_disagreement(history, window, now_s)
     if found is None:
@@ -59,18 +57,12 @@ def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence
     bound_rad = window.allowed(found.turned_rad)
     if found.off_rad <= bound_rad:
         return None
-    figures = turns(
-        history,
-        found.span_s,
-        found.to_s,
-        {"odometry": found.believed_rad, "second odometry": found.seen_rad},
-    )
-    return disagreement_evidence(
-        "the odometries disagree on the turn", figures, bound_rad, found.span_s
-    )
+    what = "the odometries disagree on the turn"
+    turns = {"odometry": found.believed_rad, "second odometry": found.seen_rad}
+    return turn_evidence(what, history, found.span_s, found.to_s, turns, bound_rad)
 
 
-def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
+def slide_at_rest(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect motion at commanded standstill that odometry does not show."""
     found = _window_disagreement(history, window, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
@@ -79,9 +71,8 @@ def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
     if not is_standing or found.off_m <= window.bound:
         return None
     distances_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
-    figures = speeds(history, found.span_s, found.to_s, distances_m)
-    bound_mps = window.bound / found.span_s
-    return disagreement_evidence("the rover slides at standstill", figures, bound_mps, found.span_s)
+    what, span_s = "the rover slides at standstill", found.span_s
+    return speed_evidence(what, history, span_s, found.to_s, distances_m, window.bound)
 
 
 def second_odometry_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:

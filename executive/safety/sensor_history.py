@@ -1,4 +1,4 @@
-"""The last seconds of sensors other than odometry, as running sums on the core's time.
+"""The last seconds of wheels, IMU and second odometry, as running sums on the core's time.
 
 Data that are not finite or not newer are ignored. After a gap the sums restart: the motion during
 it is unknown. The gyro's bias is learnt while the wheels are stationary, but not from a gyro that
@@ -8,11 +8,12 @@ then disagrees with them.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import copysign, cos, hypot, inf, isfinite, sin, sqrt
+from math import cos, hypot, inf, isfinite, sin
 from typing import Final, NamedTuple
 
 from executive.safety.channel import Channel
-from executive.settings import JointsSettings, SecondOdometrySettings
+from executive.safety.stamp_period import Gaps, StampPeriod
+from executive.settings import JointsSettings, SecondOdometrySettings, SlipSettings
 from executive.state import FRAME_DISTANCE_M
 from executive.values.facts import Imu, Joints, SecondOdometry
 from executive.values.geometry import GRAVITY_MPS2, Pose, wrap_rad
@@ -21,9 +22,6 @@ GAP_S: Final = 0.3
 """Minimum interval between two messages that counts as a gap."""
 FRESH_S: Final = 0.3
 """Maximum age of a message that describes the present."""
-SLIP_OFFSET_M: Final = 0.044
-SLIP_GAIN: Final = 0.065
-"""Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""
 REST_RADPS: Final = 0.05
 """Maximum mean rate of stationary wheels over `REST_S`; single rates have noise of 0.03 rad/s."""
 REST_S: Final = 0.3
@@ -78,6 +76,7 @@ class WheelHistory:
         torques: whether torques are measured.
         count: number of wheels.
         travel_mps: the newest speed of the rover's centre.
+        gaps: its gaps.
     """
 
     def __init__(self, settings: JointsSettings) -> None:
@@ -87,6 +86,7 @@ class WheelHistory:
         self.count = 0
         self.travel_mps = 0.0
         self._rates = WheelSums(0.0, 0.0)
+        self._period, self.gaps = StampPeriod(), Gaps()
 
     def fresh(self, now_s: float) -> bool:
         """Whether the newest message is recent."""
@@ -106,7 +106,11 @@ class WheelHistory:
             sum(fact.left_nm),
             sum(fact.right_nm),
         )
-        self.sums = extended(self.sums, time_s, self._rates, rates)
+        step_s = time_s - self.sums.time_s
+        self._period.observe(step_s)
+        fastest_mps = max(map(abs, (*self._rates[:2], *rates[:2])))
+        self.gaps.observe(time_s, self._period.gap_s(step_s), fastest_mps, 0.0)
+        self.sums = extend_channel(self.sums, time_s, self._rates, rates)
         self._rates, self.count = rates, len(speeds)
         self.torques = bool(fact.left_nm and fact.right_nm)
         self.travel_mps = rates.distance_m
@@ -129,26 +133,38 @@ class InertialSums(NamedTuple):
 class ImuHistory:
     """The inertial measurements.
 
+    Args:
+        slip: the side slip that the odometry contains.
+
     Attributes:
         sums: the channel of `InertialSums`.
         newest: the newest message.
         leans: whether it measures tilt; otherwise the rover is assumed level.
+        feels: whether it measures accelerations.
         bias_radps: of the yaw rate, learnt while the wheels are stationary.
         bias_error_radps: its maximum error.
+        gaps: its gaps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, slip: SlipSettings) -> None:
+        self._slip = slip
         self.sums = Channel(len(InertialSums._fields))
         self.newest: Imu | None = None
-        self.leans = True
+        self.leans = self.feels = True
         self.bias_radps = 0.0
         self.bias_error_radps = UNLEARNT_BIAS_RADPS
         self._learnt_s = self._odd_s = 0.0
         self._rates = InertialSums(0.0, 0.0, 0.0)
+        self._period, self.gaps = StampPeriod(), Gaps()
 
     def fresh(self, now_s: float) -> bool:
         """Whether the newest message is recent."""
         return now_s - self.sums.time_s <= FRESH_S
+
+    @property
+    def rate_radps(self) -> float:
+        """The newest yaw rate, the gyro's bias included."""
+        return self._rates.turn_rad
 
     def observe(self, fact: Imu, time_s: float, travel_mps: float, resting: bool) -> None:
         """Add a message.
@@ -159,23 +175,29 @@ class ImuHistory:
             travel_mps: speed ahead by the wheels.
             resting: whether they are stationary.
         """
-        if not _finite(fact.gyro_y_radps, fact.gyro_z_radps, fact.acceleration_x_mps2):
+        if not _finite(fact.gyro_y_radps, fact.gyro_z_radps):
             return
         self.leans = _finite(fact.roll_rad, fact.pitch_rad)
+        self.feels = isfinite(fact.acceleration_x_mps2)
         roll_rad, pitch_rad = (fact.roll_rad, fact.pitch_rad) if self.leans else (0.0, 0.0)
         rate_radps = (fact.gyro_y_radps * sin(roll_rad) + fact.gyro_z_radps * cos(roll_rad)) / max(
             cos(pitch_rad), 0.1
         )
         turning_radps = rate_radps - self.bias_radps
-        aside_mps2 = -side_slip_m(travel_mps, turning_radps) * turning_radps * turning_radps
-        gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(pitch_rad) + aside_mps2
-        rates = InertialSums(rate_radps, gain_mps2, fact.acceleration_x_mps2)
-        before_s = self.sums.time_s
-        self.sums = extended(self.sums, time_s, self._rates, rates)
+        ahead_mps2 = fact.acceleration_x_mps2 if self.feels else 0.0
+        gain_mps2 = ahead_mps2 + GRAVITY_MPS2 * sin(pitch_rad)
+        left_mps = -self._slip.side_slip_m(travel_mps, turning_radps) * turning_radps
+        gain_mps2 += left_mps * turning_radps
+        rates = InertialSums(rate_radps, gain_mps2, ahead_mps2)
+        step_s = time_s - self.sums.time_s
+        self._period.observe(step_s)
+        fastest_radps = max(abs(self._rates.turn_rad), abs(rate_radps))
+        self.gaps.observe(time_s, self._period.gap_s(step_s), 0.0, fastest_radps)
+        self.sums = extend_channel(self.sums, time_s, self._rates, rates)
         self._rates, self.newest = rates, fact
-        rest = self.sums.between(time_s - REST_S, time_s) if resting else None
+        rest = self.sums.increase_between(time_s - REST_S, time_s) if resting else None
         if rest is not None:
-            self._learn(rest[0] / REST_S, time_s - before_s)
+            self._learn(rest[0] / REST_S, step_s)
 
     def _learn(self, rate_radps: float, step_s: float) -> None:
         """Learn from the mean rate of a rest, unless it disagrees with stationary wheels."""
@@ -286,11 +308,11 @@ class SecondOdometryTrack:
             if first.time_s < since_s or span_s > MAX_WINDOW_FACTOR * window_s:
                 return None
             if span_s > window_s - WINDOW_TOLERANCE_S:
-                return between(first, last)
+                return motion_between(first, last)
         return None
 
 
-def between(first: SecondOdometrySample, last: SecondOdometrySample) -> OdometryDisagreement:
+def motion_between(first: SecondOdometrySample, last: SecondOdometrySample) -> OdometryDisagreement:
     """Return the motion by two odometries between two samples."""
     seen_x_m, seen_y_m = _step(first.second_pose, last.second_pose)
     x_m, y_m = _step(first.odometry_pose, last.odometry_pose)
@@ -317,12 +339,7 @@ def _step(first: Pose, last: Pose) -> tuple[float, float]:
     return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine
 
 
-def side_slip_m(travel_mps: float, rotate_radps: float) -> float:
-    """Return the side slip of a skid-steered rover, to its right per radian turned left."""
-    return SLIP_OFFSET_M + copysign(SLIP_GAIN * sqrt(abs(travel_mps * rotate_radps)), travel_mps)
-
-
-def extended(
+def extend_channel(
     channel: Channel, time_s: float, before: Sequence[float], now: Sequence[float]
 ) -> Channel:
     """Return the channel with rates integrated up to a time; a new one after a gap."""

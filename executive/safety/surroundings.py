@@ -1,4 +1,4 @@
-"""Laser points near the rover, and collisions of its motion with them.
+"""`LaserSurroundings`: laser points near the rover, and collisions of its motion with them.
 
 Modelled on the collision monitor of Nav2: a slow-down zone, and a footprint that is moved ahead in
 time and must stay free until the rover can stop. Pure geometry in the axes of base_link.

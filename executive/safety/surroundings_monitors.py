@@ -1,4 +1,4 @@
-"""Monitors of obstacles in the path of the rover: zones, known rocks, and laser points."""
+"""Fault monitors of the rover's path: zones, known rocks and laser points ahead; a silent laser."""
 
 from math import degrees, isfinite
 
@@ -14,7 +14,7 @@ def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence
     """Detect that the rover can no longer stop before a zone or a known rock."""
     del now_s
     around, velocity = history.surroundings, history.fastest_velocity
-    if around is None or around.footprint is None or not around.settings.zones.not_empty:
+    if around.footprint is None or not around.settings.zones.not_empty:
         return None
     if abs(velocity.travel_mps) < STANDSTILL_MPS:
         return None
@@ -39,7 +39,7 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
     """Detect that the rover can no longer stop before a scanned obstacle."""
     del now_s
     around, velocity = history.surroundings, history.fastest_velocity
-    if around is None or not around.laser:
+    if not around.laser:
         return None
     held_s = around.braking_s(velocity, window.length_s)
     met = around.predicted_contact(velocity, held_s, window.bound)
@@ -71,7 +71,7 @@ def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evide
     """Detect an obstacle near the rover in its direction of travel."""
     del now_s
     around, velocity = history.surroundings, history.fastest_velocity
-    if around is None or not around.laser:
+    if not around.laser:
         return None
     found = around.nearest_ahead(velocity, window.bound)
     if found is None:
@@ -84,7 +84,7 @@ def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evide
 def laser_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """Detect that no new scan is received."""
     around = history.surroundings
-    if around is None or not around.laser or now_s - around.scanned_s <= window.bound:
+    if not around.laser or now_s - around.scanned_s <= window.bound:
         return None
     age_s, bound = now_s - around.scanned_s, Figure("bound", window.bound, "s")
     if not isfinite(age_s):
@@ -100,7 +100,7 @@ def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidenc
     A scan without any usable ray is the widest case. A stationary rover is not judged.
     """
     around, velocity = history.surroundings, history.fastest_velocity
-    if around is None or not around.laser:
+    if not around.laser:
         return None
     found = around.blind(velocity, window.bound, now_s - window.length_s)
     if found is None:

@@ -1,4 +1,4 @@
-"""Monitors of the driven wheels: their encoders, and the torques of their motors.
+"""Fault monitors of the driven wheels: their encoders, and the torques of their motors.
 
 The wheels are compared with commands and odometry, over windows that end with the older of the two.
 Errors that encoders and odometry share, such as a wrong wheel radius, are not detected here.
@@ -7,8 +7,7 @@ Errors that encoders and odometry share, such as a wrong wheel radius, are not d
 from typing import Final
 
 from executive.faults import Window
-from executive.safety.comparison import disagreement_evidence, silent_sensor, speeds
-from executive.safety.evidence import Evidence
+from executive.safety.evidence import Evidence, disagreement_evidence, silent_sensor, speed_evidence
 from executive.safety.motion_history import MotionHistory
 from executive.safety.odometry_monitors import COMMAND_LATENCY_S
 from executive.values.reasons import Figure
@@ -48,7 +47,7 @@ def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> 
     return None
 
 
-def wheels_off_command_slowly(
+def wheel_travel_off_command(
     history: MotionHistory, window: Window, now_s: float
 ) -> Evidence | None:
     """Detect a side with a shorter or longer distance than commanded."""
@@ -66,7 +65,7 @@ def wheels_off_command_slowly(
         ("right", turned.right_m, wanted.twist_travel_m + across_m),
     )
     for side, distance_m, wanted_m in sides:
-        bound_m = window.allowed(wanted_m)
+        bound_m = window.allowed(wanted_m) + wheels.gaps.missed_m(to_s - window_s)
         if abs(distance_m - wanted_m) > bound_m:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
@@ -115,14 +114,16 @@ def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) ->
     if turned is None or moved is None:
         return None
     bound_m = window.allowed(max(abs(turned.distance_m), moved.driven_m))
-    if abs(turned.distance_m - moved.twist_travel_m) <= bound_m:
+    bound_m += sum(each.gaps.missed_m(to_s - window_s) for each in (wheels, history))
+    by_odometry_m = moved.twist_travel_m
+    if history.twist.delay_s:  # between twist and pose, which are of different times
+        low_m, high_m = sorted((moved.twist_travel_m, moved.pose_ahead_m))
+        by_odometry_m = min(max(turned.distance_m, low_m), high_m)
+    if abs(turned.distance_m - by_odometry_m) <= bound_m:
         return None
-    figures = speeds(
-        history, window_s, to_s, {"wheels": turned.distance_m, "odometry": moved.twist_travel_m}
-    )
-    return disagreement_evidence(
-        "odometry and wheels disagree", figures, bound_m / window_s, window_s
-    )
+    by_source_m = {"wheels": turned.distance_m, "odometry": by_odometry_m}
+    what = "odometry and wheels disagree"
+    return speed_evidence(what, history, window_s, to_s, by_source_m, bound_m)
 
 
 def joints_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:

@@ -1,4 +1,4 @@
-"""Settings of one asset: its limits, sensors and control, read from its YAML in `config/`."""
+"""`Settings` of one asset: its limits, sensors and control, read from its YAML in `config/`."""
 
 from dataclasses import dataclass, field, replace
 from enum import Enum, unique
@@ -8,9 +8,9 @@ from typing import Final
 
 from executive.faults import FaultTable
 from executive.obstacles.zones import Footprint, Zones
-from executive.settings.controller import Controller
 from executive.settings.mpc_settings import MpcSettings
 from executive.settings.prediction_settings import BatterySettings, PredictionSettings
+from executive.settings.sensor_settings import OdometrySettings, Sensors, TurnSource
 from executive.settings.settings_files import (
     MAX_VALUE,
     config_folder,
@@ -25,12 +25,29 @@ MIN_MB: Final = 10.0
 MIN_REPORTS: Final = 1000
 
 
+@unique
+class Controller(Enum):
+    """Motion controller to targets of a rover that is driven by velocity commands."""
+
+    TURN_DRIVE = "turn_drive"
+    MPC = "mpc"
+
+
+@unique
+class TargetFrame(Enum):
+    """Frame of the waypoints of a command (REP 105)."""
+
+    ODOM = "odom"
+    MAP = "map"
+
+
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
     """Limits of the motion, for the arbiter and the intake.
 
     Attributes:
         braking_mps2: minimum deceleration of the base when it is commanded to stop.
+        min_turning_radius_m: of base_link; None for a base that turns on the spot.
     """
 
     travel_speed_mps: float
@@ -43,13 +60,18 @@ class DriveLimits:
     path_waypoints: int
     queue_length: int
     braking_mps2: float = 2.0
+    min_turning_radius_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError unless the radius is positive."""
+        require_above_zero(self, "min_turning_radius_m")
 
 
 class LocomotionKind(Enum):
     """Locomotion of a rover: by velocity commands, or by whole motions of its own."""
 
     VELOCITY = "velocity"
-    WHOLE_MOTION = "whole_motion"
+    DELEGATED = "delegated"
 
 
 class SpeedProfileKind(Enum):
@@ -79,18 +101,28 @@ class TurnDriveSettings:
 
 @dataclass(frozen=True, slots=True)
 class CameraLimits:
-    """Limits of the camera mast, and the camera's formats."""
+    """Limits of the camera mast, and the camera's formats. By default there is no camera.
 
-    pan_min_rad: float
-    pan_max_rad: float
-    tilt_min_rad: float
-    tilt_max_rad: float
-    rotate_speed_radps: float
-    angle_tolerance_rad: float
-    capture_deadline_s: float
-    formats: tuple[str, ...]
-    width_px: int
-    height_px: int
+    Attributes:
+        pan_min_rad, pan_max_rad, tilt_min_rad, tilt_max_rad: ranges; all 0 for a fixed camera.
+        formats: formats of its pictures; empty without a camera.
+    """
+
+    pan_min_rad: float = 0.0
+    pan_max_rad: float = 0.0
+    tilt_min_rad: float = 0.0
+    tilt_max_rad: float = 0.0
+    rotate_speed_radps: float = 1.0
+    angle_tolerance_rad: float = 0.02
+    capture_deadline_s: float = 5.0
+    formats: tuple[str, ...] = ()
+    width_px: int = 640
+    height_px: int = 480
+
+    @property
+    def fixed(self) -> bool:
+        """Whether there is no mast that could turn the camera."""
+        return self.pan_min_rad == self.pan_max_rad and self.tilt_min_rad == self.tilt_max_rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,92 +142,6 @@ class SafetySettings:
         require_above_zero(self, "watchdog_s")
 
 
-@unique
-class Sensor(Enum):
-    """Sensors of an asset besides its odometry; values are the keys of `Sensors`."""
-
-    IMU = "imu"
-    JOINTS = "joints"
-    SECOND_ODOMETRY = "second_odometry"
-    LASER = "laser"
-
-
-@dataclass(frozen=True, slots=True)
-class ImuSettings:
-    """An inertial measurement unit, and its sample rate."""
-
-    rate_hz: float
-
-    def __post_init__(self) -> None:
-        """Raise ValueError unless the rate is positive."""
-        require_above_zero(self, "rate_hz")
-
-
-@dataclass(frozen=True, slots=True)
-class JointsSettings:
-    """Sensors of the driven wheels.
-
-    Attributes:
-        track_m: distance between left and right wheels; with skid steering, the effective one.
-    """
-
-    rate_hz: float
-    wheel_radius_m: float
-    track_m: float
-
-    def __post_init__(self) -> None:
-        """Raise ValueError unless every figure is positive."""
-        require_above_zero(self, "rate_hz", "wheel_radius_m", "track_m")
-
-
-@dataclass(frozen=True, slots=True)
-class SecondOdometrySettings:
-    """An odometry independent of the wheels: by camera, laser or satellites.
-
-    Attributes:
-        fused: whether the executive corrects the pose by it, because no filter of the rover does.
-    """
-
-    rate_hz: float
-    fused: bool = False
-
-    def __post_init__(self) -> None:
-        """Raise ValueError unless the rate is positive."""
-        require_above_zero(self, "rate_hz")
-
-
-@dataclass(frozen=True, slots=True)
-class LaserSettings:
-    """A laser that scans a plane through base_link, and its scan rate.
-
-    Attributes:
-        zero_is_free: whether its driver reports 0 for rays without a return, as LDS-01 and URG-04LX
-            do, and not infinity (REP 117).
-    """
-
-    rate_hz: float
-    zero_is_free: bool = False
-
-    def __post_init__(self) -> None:
-        """Raise ValueError unless the rate is positive."""
-        require_above_zero(self, "rate_hz")
-
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """Sensors of an asset besides its odometry; None if absent."""
-
-    imu: ImuSettings | None = None
-    joints: JointsSettings | None = None
-    second_odometry: SecondOdometrySettings | None = None
-    laser: LaserSettings | None = None
-
-    @property
-    def present(self) -> frozenset[Sensor]:
-        """The sensors of the asset."""
-        return frozenset(each for each in Sensor if getattr(self, each.value) is not None)
-
-
 @dataclass(frozen=True, slots=True)
 class AuthoritySettings:
     """Settings of the command authority.
@@ -204,26 +150,26 @@ class AuthoritySettings:
         needed: whether commands need the authority; None: if other hosts can
             reach the rover.
         lease_s: lease of a holder in seconds.
-        longest_lease_s: maximum lease granted by a hand-over, such as to an orbiter.
-        may_take: the sources that may take it from its holder.
+        max_lease_s: maximum lease granted by a hand-over, such as to an orbiter.
+        takeover_sources: the sources that may take it from its holder.
         relay: name of the relay as a holder.
     """
 
     needed: bool | None = None
     lease_s: float = 30.0
-    longest_lease_s: float = 86_400.0
-    may_take: tuple[str, ...] = ()
+    max_lease_s: float = 86_400.0
+    takeover_sources: tuple[str, ...] = ()
     relay: str = "MOPS"
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the leases are positive."""
-        require_above_zero(self, "lease_s", "longest_lease_s")
+        require_above_zero(self, "lease_s", "max_lease_s")
 
 
 class LinkLossAction(Enum):
     """Action of the rover after the loss of the ground link."""
 
-    GO_ON = "go_on"
+    CONTINUE = "continue"
     HOLD = "hold"
     STOP = "stop"
     RETURN = "return"
@@ -378,19 +324,19 @@ class RecordingSettings:
 
     Attributes:
         enabled: whether it is recorded.
-        most_mb: maximum size of all recordings, in 10⁶ octets; the oldest are deleted.
-        most_days: maximum age of recordings in days.
+        max_mb: maximum size of all recordings, in 10⁶ octets; older ones are deleted.
+        max_days: maximum age of recordings in days.
     """
 
     enabled: bool = True
-    most_mb: float = 1000.0
-    most_days: float = 7.0
+    max_mb: float = 1000.0
+    max_days: float = 7.0
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the limits permit a recording."""
-        if not MIN_MB <= self.most_mb <= MAX_VALUE:
-            raise ValueError(f"most_mb is {self.most_mb:g}: at least {MIN_MB:g}")
-        require_above_zero(self, "most_days")
+        if not MIN_MB <= self.max_mb <= MAX_VALUE:
+            raise ValueError(f"max_mb is {self.max_mb:g}: at least {MIN_MB:g}")
+        require_above_zero(self, "max_days")
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,9 +348,10 @@ class Settings:
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stops.
         faults: reactions of the rover to each fault.
         rover: the class of its adapter, `module:Class`; None for a rover on `cmd_vel`.
-        kept_reports: minimum number of retained reports; commands are deleted with their last.
+        retained_reports: minimum number of retained reports; commands are deleted with their last.
         clock_tolerance_s: maximum lead of a creation time over the onboard clock.
         video: None if the asset has no video stream.
+        odometry: its odometry.
         sensors: sensors besides its odometry.
         mass_kg: its mass as it drives; None if unknown.
         footprint: None if not needed; zones need it.
@@ -412,6 +359,7 @@ class Settings:
         link_loss: reactions to the loss of the ground link.
         controller: motion controller to targets, for a rover with velocity commands, unless the
             command selects another.
+        frame: frame of waypoints, unless the command names another.
         mpc: model of the rover for model predictive control.
         mux: None if the base receives velocities from one topic, from any publisher.
         prediction: accuracy of predicted motion.
@@ -428,14 +376,15 @@ class Settings:
     status_interval_s: float
     drive: DriveLimits
     turn_drive: TurnDriveSettings
-    camera: CameraLimits
+    camera: CameraLimits = field(default_factory=CameraLimits)
     safety: SafetySettings = field(default_factory=SafetySettings)
     faults: FaultTable = field(default_factory=FaultTable)
     rover: str | None = None
-    kept_reports: int = 100_000
+    retained_reports: int = 100_000
     clock_tolerance_s: float = 10.0
     video: VideoSettings | None = None
     authority: AuthoritySettings = field(default_factory=AuthoritySettings)
+    odometry: OdometrySettings = field(default_factory=OdometrySettings)
     sensors: Sensors = field(default_factory=Sensors)
     mass_kg: float | None = None
     footprint: Footprint | None = None
@@ -443,6 +392,7 @@ class Settings:
     mux: MuxSettings | None = None
     link_loss: LinkLossSettings = field(default_factory=LinkLossSettings)
     controller: Controller = Controller.TURN_DRIVE
+    frame: TargetFrame = TargetFrame.ODOM
     mpc: MpcSettings = field(default_factory=MpcSettings)
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
     battery: BatterySettings | None = None
@@ -452,7 +402,9 @@ class Settings:
         """Raise ValueError unless all settings are consistent and within bounds."""
         if self.zones.not_empty and self.footprint is None:
             raise ValueError("zones need footprint, the rover's length_m and width_m")
-        offers = "controller is mpc" if self.controller is Controller.MPC else "mpc.offered is true"
+        offers = (
+            "controller is mpc" if self.controller is Controller.MPC else "mpc.selectable is true"
+        )
         if self.offers_mpc and self.locomotion is not LocomotionKind.VELOCITY:
             raise ValueError(
                 f"{offers}: it is for rovers whose locomotion is velocity, not"
@@ -463,16 +415,25 @@ class Settings:
                 "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"
                 " them the energy of a motion is unknown"
             )
-        if self.kept_reports < MIN_REPORTS:
-            raise ValueError(f"kept_reports is {self.kept_reports}: at least {MIN_REPORTS}")
+        velocity, ahead_m = LocomotionKind.VELOCITY, self.turn_drive.control_point_m
+        if self.drive.min_turning_radius_m and (ahead_m or self.locomotion is not velocity):
+            raise ValueError(
+                "drive.min_turning_radius_m needs locomotion velocity and"
+                " turn_drive.control_point_m 0: of a base that cannot turn on the spot, no point"
+                " rests in a turn"
+            )
+        if self.odometry.turn is TurnSource.GYRO and self.sensors.imu is None:
+            raise ValueError("odometry.turn is gyro: it needs sensors.imu, with a topic")
+        if self.retained_reports < MIN_REPORTS:
+            raise ValueError(f"retained_reports is {self.retained_reports}: at least {MIN_REPORTS}")
         require_above_zero(self, "clock_tolerance_s", "mass_kg")
 
     @property
     def offers_mpc(self) -> bool:
         """Whether model predictive control may drive the rover: by default, or for a command."""
-        return self.controller is Controller.MPC or self.mpc.offered
+        return self.controller is Controller.MPC or self.mpc.selectable
 
-    def reached(self, *, by_others: bool) -> "Settings":
+    def for_access(self, *, by_others: bool) -> "Settings":
         """Return the settings for a rover that other hosts can reach, or cannot.
 
         Commands need the authority if other hosts can, unless the file decides otherwise.
@@ -488,6 +449,27 @@ def load_settings(asset: str) -> Settings:
     Raises:
         SettingsError: the asset or file does not exist, or does not fit.
     """
+    return read_yaml(asset_file(asset), Settings)
+
+
+def asset_file(asset: str) -> Path:
+    """Return the settings file of an asset, by name (`jackal`, `robots/leo`) or by its path.
+
+    Raises:
+        SettingsError: no asset has this name.
+    """
     if asset.endswith((".yaml", ".yml")):
-        return read_yaml(Path(asset), Settings)
-    return read_yaml(named_file("asset", asset, config_folder()), Settings)
+        return Path(asset)
+    return named_file("asset", asset, config_folder())
+
+
+def ros_parameter_file(asset: str, folder: Path | None = None) -> Path:
+    """Return the ROS parameter file of an asset: in a folder, `config/` or `config/robots/`.
+
+    Args:
+        asset: the name in its settings.
+        folder: folder of its settings, if known.
+    """
+    name, config = f"{asset}.ros.yaml", config_folder()
+    folders = [config, config / "robots"] if folder is None else [folder, config, config / "robots"]
+    return next((each / name for each in folders if (each / name).is_file()), config / name)

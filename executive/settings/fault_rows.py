@@ -1,7 +1,8 @@
 """Reads and writes settings that contain rows of faults, which have keys of their own.
 
-A row has `when`, `then` and `clears`, and the figures of its window: directly if the fault has
-one window, otherwise under the name of each. It contains only deviations from the declaration.
+A row has `when`, `reaction` and `clears`, and the figures of its window: directly if the fault has
+one window, otherwise under the name of each. A missing key has the value of the declaration.
+Written rows have all their keys.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -21,7 +22,7 @@ from executive.faults import (
 )
 from executive.settings.strict_reader import FormatError, StrictReader, unknown_keys
 
-_CHOICES: Final = {"when": MonitoredWhen, "then": Reaction, "clears": ClearPolicy}
+_CHOICES: Final = {"when": MonitoredWhen, "reaction": Reaction, "clears": ClearPolicy}
 
 
 def settings_reader(

@@ -1,6 +1,7 @@
-"""Settings of model predictive control: yaw response, slip, delays."""
+"""`MpcSettings`: settings of model predictive control: yaw response, slip, delays."""
 
 from dataclasses import dataclass, field
+from math import copysign, sqrt
 from typing import Final
 
 from executive.settings.settings_files import require_above_zero
@@ -54,11 +55,23 @@ class SlipSettings:
     creep_s2: float = 0.0
     lag_s: float = 0.0
 
+    def side_slip_m(self, travel_mps: float, rotate_radps: float) -> float:
+        """Return the side slip at constant speed, to the right per radian turned left."""
+        return self.offset_m + self.speed_slip_m(travel_mps, rotate_radps)
+
+    def speed_slip_m(self, travel_mps: float, rotate_radps: float) -> float:
+        """Return its part that depends on the speeds."""
+        return self.gain_m * copysign(sqrt(abs(travel_mps * rotate_radps)), travel_mps)
+
     def __post_init__(self) -> None:
         """Raise ValueError unless the lag is 0 to 1 s."""
         if not 0.0 <= self.lag_s <= 1.0:
             raise ValueError(f"lag_s is {self.lag_s}: 0 to 1")
 
+
+TYPICAL_SLIP: Final = SlipSettings(offset_m=0.044, gain_m=0.065)
+"""Side slip that monitors assume of an asset without figures: that of a skid-steered rover of 20 kg
+(the Jackal's, measured). A base that does not slip remains within their bounds."""
 
 MIN_STEPS: Final = 10
 MAX_STEPS: Final = 100
@@ -76,7 +89,7 @@ class MpcSettings:
         slip: slip of the rover.
         odometry_slip: the part of the slip that its odometry compensates; the executive compensates
             the rest. None: all of it.
-        offered: whether commands may select it if the asset's controller is another.
+        selectable: whether commands may select it if the asset's controller is another.
     """
 
     steps: int = 20
@@ -85,7 +98,13 @@ class MpcSettings:
     yaw: YawResponse = field(default_factory=YawResponse)
     slip: SlipSettings = field(default_factory=SlipSettings)
     odometry_slip: SlipSettings | None = None
-    offered: bool = False
+    selectable: bool = False
+
+    @property
+    def measured_slip(self) -> SlipSettings:
+        """The slip that the odometry contains; without figures `TYPICAL_SLIP`."""
+        slip = self.odometry_slip or self.slip
+        return TYPICAL_SLIP if slip == SlipSettings() else slip
 
     def __post_init__(self) -> None:
         """Raise ValueError unless every figure is within its bounds."""

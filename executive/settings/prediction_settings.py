@@ -1,4 +1,4 @@
-"""Settings of a motion's prediction accuracy, of its energy, and of the battery."""
+"""Settings for predictions: accuracy and energy of motions, and the energy of the battery."""
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
@@ -43,23 +43,24 @@ class PredictionSettings:
     Deviations at 2 sigma: independent parts that are added as squares.
 
     Attributes:
-        place_m, place_m_per_m, place_m_per_rad: position deviation: constant, per metre of path,
+        position_m, position_m_per_m, position_m_per_rad: position deviation: constant, per metre of
+            path,
             per radian of turning.
         heading_rad, heading_rad_per_m, heading_rad_per_rad: heading deviation, likewise.
-        curve_place_m, curve_heading_rad: position and heading deviation after a curve of mpc.
+        curve_position_m, curve_heading_rad: position and heading deviation after a curve of mpc.
         free_heading_rad: heading deviation if the curve ends without a commanded heading.
         standing_w: power of the stationary asset; None if energy is not predicted.
         travel_j_per_m, rotate_j_per_rad: additional energy of its motion.
         curve_j_per_m: further energy of driving and turning at once, per metre.
     """
 
-    place_m: float = 0.02
-    place_m_per_m: float = 0.003
-    place_m_per_rad: float = 0.004
+    position_m: float = 0.02
+    position_m_per_m: float = 0.003
+    position_m_per_rad: float = 0.004
     heading_rad: float = 0.015
     heading_rad_per_m: float = 0.001
     heading_rad_per_rad: float = 0.001
-    curve_place_m: float = 0.06
+    curve_position_m: float = 0.06
     curve_heading_rad: float = 0.045
     free_heading_rad: float = 0.4
     standing_w: float | None = None
@@ -69,10 +70,10 @@ class PredictionSettings:
 
     def __post_init__(self) -> None:
         """Raise ValueError unless every figure is within its bounds."""
-        require_above_zero(self, "place_m", "heading_rad", "standing_w")
+        require_above_zero(self, "position_m", "heading_rad", "standing_w")
         for name in (
-            *("place_m_per_m", "place_m_per_rad", "heading_rad_per_m", "heading_rad_per_rad"),
-            *("curve_place_m", "curve_heading_rad", "free_heading_rad"),
+            *("position_m_per_m", "position_m_per_rad", "heading_rad_per_m", "heading_rad_per_rad"),
+            *("curve_position_m", "curve_heading_rad", "free_heading_rad"),
             *("travel_j_per_m", "rotate_j_per_rad", "curve_j_per_m"),
         ):
             figure = getattr(self, name)
@@ -81,9 +82,12 @@ class PredictionSettings:
 
     def position_deviation_m(self, extent: MotionExtent) -> float:
         """Return the position deviation after a motion, at 2 sigma."""
-        grown = (self.place_m_per_m * extent.length_m, self.place_m_per_rad * extent.turned_rad)
-        curve_m = 0.0 if extent.end is MotionEndKind.LINE else self.curve_place_m
-        return hypot(self.place_m, curve_m, *grown)
+        grown = (
+            self.position_m_per_m * extent.length_m,
+            self.position_m_per_rad * extent.turned_rad,
+        )
+        curve_m = 0.0 if extent.end is MotionEndKind.LINE else self.curve_position_m
+        return hypot(self.position_m, curve_m, *grown)
 
     def heading_deviation_rad(self, extent: MotionExtent) -> float:
         """Return the heading deviation after a motion, at 2 sigma."""

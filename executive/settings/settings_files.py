@@ -1,4 +1,4 @@
-"""Settings files: YAML that is read strictly into dataclasses, and the configuration folder.
+"""`read_yaml` reads a settings file strictly into a dataclass; also finds `config/` and its files.
 
 All settings of the project are read here: assets, scenarios, campaigns, the MOPS dictionary. The
 one error, `SettingsError`, names the file, the key and the correct form.

@@ -1,4 +1,4 @@
-"""Converts plain YAML data to dataclasses strictly: an error lists every fault with its key path.
+"""`StrictReader` makes dataclasses from plain YAML data: an error lists every fault with its key.
 
 A key is the name of its field: `x_m`, or `x` for a reader without units. An angle, or an angle per
 second, may be given in degrees. One of several dataclasses is identified by its first field.
@@ -164,7 +164,7 @@ class StrictReader:
 
     def _list(self, raw: Any, kind: Any) -> Any:
         if not isinstance(raw, list):
-            raise ValueError(f"expected a list, got {shown(raw)}")
+            raise ValueError(f"expected a list, got {quoted(raw)}")
         many: Any = GenericAlias(list, get_args(kind)[:1])
         return tuple(self._converter.structure(raw, many))
 
@@ -176,7 +176,7 @@ class StrictReader:
         tags = {self._key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
         found = [tag for tag in tags if tag in _mapping(raw)]
         if len(found) != 1:
-            text = f"not {' and '.join(found)} together" if found else f"in {shown(raw)}"
+            text = f"not {' and '.join(found)} together" if found else f"in {quoted(raw)}"
             raise ValueError(f"one of {', '.join(tags)} is needed, {text}")
         return self._converter.structure(raw, tags[found[0]])
 
@@ -239,7 +239,7 @@ def _joined(path: str, key: str | int) -> str:
 def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
     if value is None or "least" not in bounds or bounds["least"] <= value <= bounds["most"]:
         return
-    text = f"{value:g}" if isinstance(value, float) else shown(value)
+    text = f"{value:g}" if isinstance(value, float) else quoted(value)
     if bounds["most"] == inf:
         raise FormatError(key, f"{text} is below {bounds['least']:g}")
     raise FormatError(key, f"{text} is not in {bounds['least']:g} .. {bounds['most']:g}")
@@ -256,7 +256,7 @@ def _without_unit(name: str) -> str:
     return _UNIT.sub("", name)
 
 
-def hint(name: object, known: Iterable[str]) -> str:
+def suggestion(name: object, known: Iterable[str]) -> str:
     """Return the nearest known name in brackets; empty without one."""
     near = get_close_matches(str(name), known, 1)
     return f" (did you mean {near[0]}?)" if near else ""
@@ -264,14 +264,14 @@ def hint(name: object, known: Iterable[str]) -> str:
 
 def unknown_keys(keys: Collection[str], known: Sequence[str]) -> str:
     """Return an error text for unknown keys."""
-    near = {shown(key): hint(key, known) for key in sorted(keys, key=str)}
+    near = {quoted(key): suggestion(key, known) for key in sorted(keys, key=str)}
     text = "unknown key " + ", ".join(key + found for key, found in near.items())
     if all(near.values()) and len(known) > MANY:
         return text
     return f"{text}; known are {', '.join(known) or 'none'}"
 
 
-def shown(raw: object) -> str:
+def quoted(raw: object) -> str:
     """Return a value as quoted in an error, truncated."""
     try:
         text = repr(raw)
@@ -282,7 +282,7 @@ def shown(raw: object) -> str:
 
 def _mapping(raw: object) -> Mapping[Any, Any]:
     if not isinstance(raw, dict):
-        raise ValueError(f"expected keys and values, got {shown(raw)}")
+        raise ValueError(f"expected keys and values, got {quoted(raw)}")
     return raw
 
 
@@ -291,12 +291,12 @@ def _choice(raw: object, kind: type[Enum]) -> Enum:
     for word, member in choices.items():
         if raw in (word, member.value) and not isinstance(raw, bool):
             return member
-    raise ValueError(f"{shown(raw)} is none of {', '.join(choices)}")
+    raise ValueError(f"{quoted(raw)} is none of {', '.join(choices)}")
 
 
 def _scalar(raw: Any, kind: Any) -> Any:
     if type(raw) is not kind:
-        raise ValueError(f"expected {_TYPE_NAMES[kind]}, got {shown(raw)}")
+        raise ValueError(f"expected {_TYPE_NAMES[kind]}, got {quoted(raw)}")
     return raw
 
 
@@ -308,7 +308,7 @@ def _angle(raw: Any, kind: Any) -> float | None:
 
 def _number(raw: Any, _: Any, hint: str = "") -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise ValueError(f"expected a number{hint}, got {shown(raw)}")
+        raise ValueError(f"expected a number{hint}, got {quoted(raw)}")
     if not -1e300 <= raw <= 1e300:  # greater integers fit no float, and NaN compares false
-        raise ValueError(f"expected a finite number, got {shown(raw)}")
+        raise ValueError(f"expected a finite number, got {quoted(raw)}")
     return float(raw)

@@ -9,14 +9,15 @@ from executive.state.fusion import FramePair as FramePair
 from executive.state.fusion import PoseDisagreement as PoseDisagreement
 from executive.state.fusion import disagreement as disagreement
 from executive.state.motion_statistics import MotionStatistics as MotionStatistics
-from executive.state.rejections import Rejections as Rejections
 from executive.state.standstill import FRAME_DISTANCE_M as FRAME_DISTANCE_M
 from executive.state.standstill import SourceMotion as SourceMotion
 from executive.state.standstill import is_slow as is_slow
 from executive.state.standstill import join_sources as join_sources
+from executive.state.status import Rejections as Rejections
 from executive.state.status import Status as Status
-from executive.state.telemetry import Telemetry as Telemetry
+from executive.state.status import Telemetry as Telemetry
 from executive.state.uncertainty import PROMISED_M as PROMISED_M
 from executive.state.uncertainty import PROMISED_RAD as PROMISED_RAD
 from executive.state.uncertainty import PROMISED_RATIO as PROMISED_RATIO
+from executive.state.uncertainty import RECOVERY as RECOVERY
 from executive.state.uncertainty import Uncertainty as Uncertainty

@@ -1,4 +1,4 @@
-"""The onboard file folder of mission control.
+"""`FileFolder`: the onboard folder of files that mission control lists, fetches and deletes.
 
 Paths are relative to the folder and separated by slashes. Names that begin with a dot are excluded:
 they hold files being written and the metadata of files (`.about`). Names that are not printable

@@ -1,4 +1,4 @@
-"""The pose from wheel odometry and, if configured, a second odometry.
+"""`PoseFusion`: the pose from wheel odometry and, if configured, a second odometry.
 
 Each frame of the second odometry is paired with the pose at its stamp; pairs verify the end of a
 motion. If fused, its steps correct the position. The heading is not corrected: a gyro is better.
@@ -152,7 +152,7 @@ class PoseFusion:
         slid = self.slide_m_per_rad * abs(turn_rad)
         return Point(slid * x, slid * y)
 
-    def odometry(self, fact: Odometry) -> None:
+    def add_odometry(self, fact: Odometry) -> None:
         """Add a sample of the wheel odometry."""
         before, self._raw = self._raw, fact
         if self._samples and fact.stamp_s < self._samples[-1].stamp_s:
@@ -189,7 +189,7 @@ class PoseFusion:
             self._samples.popleft()
         self._approach()
 
-    def second_odometry(self, fact: SecondOdometry) -> None:
+    def add_second_odometry(self, fact: SecondOdometry) -> None:
         """Add a frame, stamped by the odometry's clock; frames that are too old are ignored."""
         newest = self.latest
         if not fact.pose.finite:

@@ -1,4 +1,4 @@
-"""Duration, length and energy of a motion or a plan, measured and predicted."""
+"""`MotionStatistics`: duration, length and energy of a motion or plan, measured and predicted."""
 
 from executive.state.status import Status
 from executive.values.clock import Clock

@@ -1,4 +1,4 @@
-"""Slip of a skid-steered rover that its odometry does not include.
+"""`SlipCorrection` adds to a skid-steered rover's odometry the slip that it does not include.
 
 Wheels and gyro do not measure it. The slip in the odometry and the true slip are two laws of the
 asset's settings (docs/controllers.md). The pose is corrected by their difference, for assets that
@@ -6,7 +6,7 @@ asset's settings (docs/controllers.md). The pose is corrected by their differenc
 """
 
 from dataclasses import replace
-from math import copysign, cos, exp, sin, sqrt
+from math import cos, exp, sin
 from typing import Final
 
 from executive.settings import SlipSettings
@@ -27,9 +27,8 @@ class SlipModel:
     def step(self, velocity: Velocity, travel_mps2: float, step_s: float) -> tuple[float, float]:
         """Return the slip velocity ahead and to the left, one step after the last call."""
         law, travel, rotate = self._law, velocity.travel_mps, velocity.rotate_radps
-        root = copysign(sqrt(abs(travel * rotate)), travel)
         ahead_mps = -law.creep_s2 * travel_mps2 * abs(rotate)
-        left_mps = -(law.gain_m * root - law.acceleration_s2 * travel_mps2) * rotate
+        left_mps = -(law.speed_slip_m(travel, rotate) - law.acceleration_s2 * travel_mps2) * rotate
         share = 1.0 - exp(-step_s / law.lag_s) if law.lag_s > 0.0 else 1.0
         self._ahead_mps += share * (ahead_mps - self._ahead_mps)
         self._left_mps += share * (left_mps - self._left_mps)

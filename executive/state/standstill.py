@@ -1,4 +1,4 @@
-"""Detects standstill by each source of motion.
+"""`StandstillDetector`: whether the rover is at standstill, by each source of motion.
 
 A source that was received once is required, also while it is stale. Positions are compared over a
 window besides the velocities: an odometry may have lost its twist, and a twist alone may be zero
@@ -70,7 +70,7 @@ class _Odometry:
         self._seen: deque[tuple[float, float, Pose, Velocity]] = deque()
         self.since_s = inf
 
-    def take(self, now_s: float, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
+    def add_sample(self, now_s: float, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
         seen = self._seen
         seen.append((now_s, stamp_s, pose, velocity))
         while len(seen) > 1 and seen[1][0] <= now_s - WINDOW_S:
@@ -120,7 +120,7 @@ class _Rate:
         self._rate = 0.0
         self._since_s = self._last_sample_s = -inf
 
-    def take(self, now_s: float, rate_radps: float) -> None:
+    def add_sample(self, now_s: float, rate_radps: float) -> None:
         if not isfinite(rate_radps):
             return
         if abs(rate_radps) >= self._bound or now_s - self._last_sample_s > SOURCE_TIMEOUT_S:
@@ -147,7 +147,7 @@ class _Frames:
         self._speeds = (0.0, 0.0)
         self._is_standing = self._compared = False
 
-    def take(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
+    def add_frame(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
         """Add a frame. `since_s` is the stamp since which odometry shows standstill."""
         if not pose.finite:
             return
@@ -189,17 +189,17 @@ class StandstillDetector:
         now_s = self._clock.now_s()
         match fact:
             case Odometry(stamp_s, pose, velocity):
-                self._odometry.take(now_s, stamp_s, pose, velocity)
+                self._odometry.add_sample(now_s, stamp_s, pose, velocity)
             case Imu():
-                self._gyro.take(now_s, fact.gyro_z_radps)
-                if _level_mps2(fact) > PUSH_MPS2:
+                self._gyro.add_sample(now_s, fact.gyro_z_radps)
+                if _ground_acceleration_mps2(fact) > PUSH_MPS2:
                     self._shaken_s = self._odometry.stamp_s
             case Joints():
                 wheels_radps = (*fact.left_radps, *fact.right_radps)
                 if wheels_radps:
-                    self._joints.take(now_s, max(wheels_radps, key=abs))
+                    self._joints.add_sample(now_s, max(wheels_radps, key=abs))
             case SecondOdometry(stamp_s, pose):
-                self._frames.take(now_s, stamp_s, pose, self._odometry.since_s)
+                self._frames.add_frame(now_s, stamp_s, pose, self._odometry.since_s)
 
     @property
     def since_s(self) -> float:
@@ -242,7 +242,7 @@ def is_slow(velocity: Velocity) -> bool:
     )
 
 
-def _level_mps2(fact: Imu) -> float:
+def _ground_acceleration_mps2(fact: Imu) -> float:
     """Return the acceleration along the ground, 0 if it is unknown."""
     x_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad)
     aside_mps2 = GRAVITY_MPS2 * cos(fact.pitch_rad) * sin(fact.roll_rad)

@@ -1,5 +1,6 @@
-"""State of the asset, derived from the facts of sensors."""
+"""`Status`: the asset's state, from the facts of sensors; `Telemetry` sends it as parameters."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import cos, inf, isfinite, nan, sin
 from typing import Final
@@ -8,37 +9,40 @@ from executive.obstacles.local_map import LocalMap
 from executive.obstacles.zones import MAX_MARGIN_M, ScannedObstacle, Zones
 from executive.settings import Settings
 from executive.state.fusion import PoseFusion
-from executive.state.rejections import Rejections
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import StandstillDetector, is_slow
 from executive.state.uncertainty import Uncertainty
 from executive.values.clock import Clock
 from executive.values.facts import (
-    AuthorityUsed,
     Battery,
     CameraAngles,
-    CommandEnded,
-    CommandUnderWay,
+    EmergencyStop,
+    ExternalCommandRunning,
     Fact,
     ForeignPublishers,
     Frame,
     Imu,
     Joints,
     LaserScan,
+    MapToOdom,
     MotionEnded,
     MotionStarted,
     Odometry,
-    OtherInput,
     RejectedData,
     SecondOdometry,
-    Stopped,
+    Source,
 )
-from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, Velocity
 from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 
 ODOMETER_STEP_M: Final = 0.01
 """Minimum step that counts for the distance travelled: noise of odometry at rest does not count."""
+MAX_TRANSFORM_AGE_S: Final = 1.0
+"""Maximum age of the map's transform, by arrival; localisations repeat it at 10 Hz and more."""
+REJECTION_S: Final = 2.5
+"""Timeout of a rejection; adapters repeat it each second."""
 
 
 class Status:
@@ -54,11 +58,14 @@ class Status:
             `motion_started_at_s`, the time of that report.
         motion_ended: the last whole motion that such a rover ended.
         executed_by_relay: the command that the rover last received over another link.
+        map_to_odom: the newest pose of the odometry frame in the map; None without one.
+        emergency_stop: whether the robot's own emergency stop is active.
         foreign_publishers: other publishers of the rover's velocity.
         standstill: detects standstill by each source.
         rejections: the sources with rejected data.
         fusion: corrects the pose by a second odometry; None without one.
         uncertainty: bounds of the error of `pose`.
+        correct: returns the odometry with the heading that the asset chooses.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -80,6 +87,10 @@ class Status:
         self.motion_ended: MotionEnded | None = None
         self._motion_ended_at_s = -inf
         self.executed_by_relay: Identity | None = None
+        self.map_to_odom: Pose | None = None
+        self._map_at_s = -inf
+        self._raw = Pose()
+        self.emergency_stop = False
         self.foreign_publishers: tuple[str, ...] = ()
         self.standstill = StandstillDetector(clock)
         self.rejections = Rejections(clock)
@@ -93,6 +104,7 @@ class Status:
         if settings.sensors.laser is not None and settings.footprint is not None:
             self._local_map = LocalMap(settings.footprint, settings.zones)
         self.uncertainty = Uncertainty()
+        self.correct: Callable[[Odometry], Odometry] = lambda fact: fact
         self._obstacles = settings.zones
         self._obstacles_of: tuple[tuple[ScannedObstacle, ...], float] = ((), 0.0)
         self._odometry_at_s = -inf
@@ -121,20 +133,24 @@ class Status:
             case MotionEnded():
                 self.motion_ended = fact
                 self._motion_ended_at_s = self._clock.now_s()
-            case CommandUnderWay(identity):
+            case ExternalCommandRunning(identity):
                 self.executed_by_relay = identity
             case Imu() | Joints():
                 self.standstill.observe(fact)
             case SecondOdometry():
                 self.standstill.observe(fact)
                 if self.fusion is not None:
-                    self.fusion.second_odometry(fact)
+                    self.fusion.add_second_odometry(fact)
             case LaserScan():
                 if self._local_map is not None and self.odometry_fresh:
                     self._local_map.add_scan(fact, self._clock.now_s())
             case RejectedData():
                 self.rejections.observe(fact)
-            case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
+            case EmergencyStop(active):
+                self.emergency_stop = active
+            case MapToOdom(pose):
+                self.map_to_odom, self._map_at_s = pose, self._clock.now_s()
+            case _:
                 pass  # independent of the asset's state
 
     @property
@@ -156,8 +172,10 @@ class Status:
         """Raise the uncertainty to these bounds; smaller ones change nothing."""
         known = self.uncertainty
         if position_m > known.position_m or heading_rad > known.heading_rad:
+            by = known.confirmed_by if cause == known.cause else None
             position_m = max(position_m, known.position_m)
-            self.uncertainty = Uncertainty(position_m, max(heading_rad, known.heading_rad), cause)
+            heading_rad = max(heading_rad, known.heading_rad)
+            self.uncertainty = Uncertainty(position_m, heading_rad, cause, by)
 
     def grow_uncertainty(self, position_m: float, heading_rad: float, cause: str) -> None:
         """Increase the uncertainty by these amounts."""
@@ -187,16 +205,42 @@ class Status:
         if self.odometry is None:
             return Pose()
         raw = self.odometry.pose if self.fusion is None else self.fusion.pose
-        offset = self.compensation
-        turn_rad = offset.heading_rad
-        return Pose(
-            x_m=raw.x_m * cos(turn_rad) - raw.y_m * sin(turn_rad) + offset.x_m,
-            y_m=raw.x_m * sin(turn_rad) + raw.y_m * cos(turn_rad) + offset.y_m,
-            z_m=raw.z_m + offset.z_m,
-            heading_rad=wrap_rad(raw.heading_rad + turn_rad),
-            roll_rad=raw.roll_rad,
-            pitch_rad=raw.pitch_rad,
+        return self.compensation.compose(raw)
+
+    @property
+    def pose_figures(self) -> tuple[Figure, ...]:
+        """Figures of the pose, with its uncertainty and standard deviations if known."""
+        pose, odometry = self.pose, self.odometry
+        figures: tuple[Figure, ...] = (
+            Figure("x", pose.x_m, "m"),
+            Figure("y", pose.y_m, "m"),
+            Figure("heading", pose.heading_rad, "rad"),
         )
+        if self.uncertainty:
+            figures = (*figures, *self.uncertainty.figures)
+        if odometry is None or not odometry.position_sd_m:
+            return figures
+        return (
+            *figures,
+            Figure("position sd", odometry.position_sd_m, "m"),
+            Figure("heading sd", odometry.heading_sd_rad, "rad"),
+        )
+
+    @property
+    def map_age_s(self) -> float:
+        """Seconds since the map's transform last arrived; infinite before the first."""
+        return self._clock.now_s() - self._map_at_s
+
+    @property
+    def map_origin(self) -> Pose | Refusal:
+        """The origin of the map in the frame of `pose` now, or a refusal if it is unknown."""
+        age_s = self.map_age_s
+        if self.map_to_odom is None or age_s > MAX_TRANSFORM_AGE_S:
+            since = "yet" if self.map_to_odom is None else f"for {age_s:.2f} s"
+            text = f"no transform from map to odom {since}: start the localisation, or use odom"
+            bound = Figure("bound", MAX_TRANSFORM_AGE_S, "s")
+            return Refusal(Reason.NO_MAP, text, (Figure("age", age_s, "s"), bound))
+        return self.pose.compose(self.map_to_odom.compose(self._raw).inverse)
 
     def turn_slide(self, turn_rad: float) -> Point:
         """Return the expected slide of a turn on the spot here, in the frame of `pose`."""
@@ -278,6 +322,8 @@ class Status:
     def _observe_odometry(self, fact: Odometry) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
             return
+        self._raw = fact.pose
+        fact = self.correct(fact)
         if self._slip is not None:
             fact = self._slip.corrected(fact)
         if not self.odometry_fresh:
@@ -298,6 +344,74 @@ class Status:
         self._odometry_at_s = self._clock.now_s()
         self.standstill.observe(fact)
         if self.fusion is not None:
-            self.fusion.odometry(fact)
+            self.fusion.add_odometry(fact)
         if self._local_map is not None:
             self._local_map.add_pose(fact.stamp_s, self.pose, fact.velocity)
+
+
+class Rejections:
+    """The last rejection of each source."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._until_s: dict[Source, tuple[RejectedData, float]] = {}
+
+    def observe(self, fact: RejectedData) -> None:
+        """Record the rejection that an adapter reports."""
+        self._until_s[fact.source] = fact, self._clock.now_s() + REJECTION_S
+
+    def of(self, source: Source | None) -> RejectedData | None:
+        """Return the present rejection of a source, or None."""
+        found = self._until_s.get(source) if source else None
+        return found[0] if found and self._clock.now_s() <= found[1] else None
+
+    def explain(self, text: str, source: Source | None) -> str:
+        """Return a text on missing data, followed by why data of its source are rejected."""
+        found = self.of(source)
+        return f"{text}; {found}" if found else text
+
+
+class Telemetry:
+    """Sends the status (thesis 5.1.3, status interval), first immediately.
+
+    Attributes:
+        interval_s: seconds between two transmissions of all values; 0 sends changed values only.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        sample: Callable[[], Sequence[ParameterValue]],
+        send: Callable[[Sequence[ParameterValue]], None],
+        interval_s: float,
+    ) -> None:
+        self._clock = clock
+        self._sample = sample
+        self._send = send
+        self.interval_s = interval_s
+        self._next_s = clock.now_s()
+        self._sent: dict[Parameter, float | None] = {}
+
+    def set_interval(self, interval_s: float) -> None:
+        """Change the interval, and send immediately."""
+        self.interval_s = interval_s
+        self._next_s = self._clock.now_s()
+        self._sent.clear()
+
+    def update(self) -> None:
+        """Send the values that are due. Called once a tick."""
+        now_s = self._clock.now_s()
+        if self.interval_s > 0.0:
+            if now_s < self._next_s:
+                return
+            self._next_s = max(self._next_s + self.interval_s, now_s)
+            due = self._sample()
+        else:
+            due = tuple(
+                value
+                for value in self._sample()
+                if value.parameter not in self._sent or self._sent[value.parameter] != value.value
+            )
+            self._sent.update({value.parameter: value.value for value in due})
+        if due:
+            self._send(due)

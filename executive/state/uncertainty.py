@@ -1,6 +1,6 @@
-"""Bounds of the error of the pose, after a fault has shown that the pose may be wrong.
+"""`Uncertainty`: bounds of the pose's error, after a fault has shown that the pose may be wrong.
 
-Zero until then: ordinary drift of the odometry is within the tolerances of motions and of the
+Zero until then: ordinary drift of dead reckoning is within the tolerances of motions and of the
 verification by the second odometry. Only `executive.safety.pose_uncertainty` lowers it.
 """
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
+from executive.values.identity import Identity
 from executive.values.reasons import Figure
 
 PROMISED_M: Final = 0.15
@@ -19,6 +20,12 @@ MIN_M, MIN_RAD = 0.01, 0.005
 DRIFT_PER_M: Final = 0.02
 """Growth of an uncertainty above zero, per distance driven by dead reckoning."""
 
+RECOVERY: Final = (
+    "correct the pose by rover command setPositionCompensation X Y Z HEADING,"
+    " or, once checked, confirm it by rover command confirmPose 0 0"
+)
+"""Commands of an operator that end an uncertainty, as typed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
@@ -28,11 +35,13 @@ class Uncertainty:
         position_m: distance from the position, in the plane.
         heading_rad: angle from the heading.
         cause: the fault or other event that showed a wrong pose; empty without one.
+        confirmed_by: the command of an operator that is the cause.
     """
 
     position_m: float = 0.0
     heading_rad: float = 0.0
     cause: str = ""
+    confirmed_by: Identity | None = None
 
     def __bool__(self) -> bool:
         """Whether the bounds are above `MIN_M` or `MIN_RAD`."""

@@ -1,4 +1,4 @@
-"""The clock port of the core, and its implementations."""
+"""`Clock`, the only source of time of the core, with real, latched and manual implementations."""
 
 import time
 from typing import Final, Protocol

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from executive.values.geometry import Pose, Velocity
-from executive.values.reports import Identity
+from executive.values.geometry import Pose, Vector, Velocity
+from executive.values.identity import Identity
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Imu:
         roll_rad, pitch_rad: inclination of base_link, as in `Pose`; NaN where not measured.
         gyro_x_radps, gyro_y_radps, gyro_z_radps: rates about the axes.
         acceleration_x_mps2, acceleration_y_mps2, acceleration_z_mps2: specific force, gravity
-            included: z is +9.81 at rest on level ground.
+            included: z is +9.81 at rest on level ground; NaN where not measured.
     """
 
     stamp_s: float
@@ -45,6 +45,16 @@ class Imu:
     acceleration_x_mps2: float
     acceleration_y_mps2: float
     acceleration_z_mps2: float
+
+    @property
+    def rates(self) -> Vector:
+        """The rates as a vector, rad/s."""
+        return self.gyro_x_radps, self.gyro_y_radps, self.gyro_z_radps
+
+    @property
+    def acceleration(self) -> Vector:
+        """The specific force as a vector, m/s²."""
+        return self.acceleration_x_mps2, self.acceleration_y_mps2, self.acceleration_z_mps2
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,21 +156,21 @@ VELOCITY_TOPIC: Final = "the executive's own topic"
 
 
 @dataclass(frozen=True, slots=True)
-class OtherInput:
+class ForeignMuxInput:
     """Commands on another input of the base's mux, or on the executive's own velocity topic.
 
     Attributes:
         name: name of the input; `VELOCITY_TOPIC` for the executive's own topic.
-        above: whether the input has priority over the executive.
-        by: human-readable name of the sender, where known.
+        overrides: whether it drives the base in place of the executive.
+        publisher: human-readable name of the sender, where known.
     """
 
     name: str
-    above: bool
-    by: str = ""
+    overrides: bool
+    publisher: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.by})" if self.by else self.name
+        return f"{self.name} ({self.publisher})" if self.publisher else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +190,7 @@ class MotionEnded:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandEnded:
+class ExternalCommandEnded:
     """A command that the rover received over another link first, and executed once, has ended."""
 
     identity: Identity
@@ -189,24 +199,38 @@ class CommandEnded:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandUnderWay:
+class ExternalCommandRunning:
     """The rover executes a command that it received over another link first."""
 
     identity: Identity
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
-    """The rover was stopped over another link; `by` is human-readable."""
+class ExternalStop:
+    """The rover was stopped over another link, by a command; None if its id is unknown."""
 
-    by: str
+    identity: Identity | None
 
 
 @dataclass(frozen=True, slots=True)
-class AuthorityUsed:
+class ExternalAuthorityUse:
     """The rover accepted a command with the authority of this epoch over another link."""
 
     epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """Whether the robot's own emergency stop is active: a button, a bumper, its safety system."""
+
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MapToOdom:
+    """Pose of the odometry frame in the map, in the plane, as a localisation publishes it."""
+
+    pose: Pose
 
 
 class Source(Enum):
@@ -229,41 +253,41 @@ class RejectedData:
     Attributes:
         rate_hz: rate of rejected messages, 0 if not known yet; None where messages are sent and
             not received.
-        of_hz: rate of all messages that arrive.
+        received_hz: rate of all messages that arrive.
     """
 
     source: Source
     reason: str
     rate_hz: float | None = None
-    of_hz: float = 0.0
+    received_hz: float = 0.0
 
     def __str__(self) -> str:
         what = self.source.value
         if self.rate_hz is None:
             return f"{what} is not received: {self.reason}"
-        if self.rate_hz < self.of_hz:
-            what += f" arrives at {self.of_hz:.0f} Hz, {self.rate_hz:.0f} Hz of it rejected"
+        if self.rate_hz < self.received_hz:
+            what += f" arrives at {self.received_hz:.0f} Hz, {self.rate_hz:.0f} Hz of it rejected"
             return f"{what}: {self.reason}"
         rate = f" at {self.rate_hz:.0f} Hz" if self.rate_hz else ""
         return f"{what} arrives{rate} and is rejected: {self.reason}"
 
 
+SensorFact = Imu | Joints | SecondOdometry | LaserScan
 Fact = (
     Odometry
-    | Imu
-    | Joints
-    | SecondOdometry
-    | LaserScan
+    | SensorFact
     | Battery
     | CameraAngles
     | Frame
     | ForeignPublishers
-    | OtherInput
+    | ForeignMuxInput
     | MotionStarted
     | MotionEnded
-    | CommandEnded
-    | CommandUnderWay
-    | Stopped
-    | AuthorityUsed
+    | ExternalCommandEnded
+    | ExternalCommandRunning
+    | ExternalStop
+    | ExternalAuthorityUse
     | RejectedData
+    | EmergencyStop
+    | MapToOdom
 )

@@ -52,6 +52,28 @@ class Pose:
             self.y_m + distance_m * sin(self.heading_rad),
         )
 
+    def compose(self, other: "Pose") -> "Pose":
+        """Return the pose in this pose's frame of another that is given relative to this pose.
+
+        Only heading and position are composed; roll and pitch are those of the other pose.
+        """
+        cosine, sine = cos(self.heading_rad), sin(self.heading_rad)
+        return replace(
+            other,
+            x_m=other.x_m * cosine - other.y_m * sine + self.x_m,
+            y_m=other.x_m * sine + other.y_m * cosine + self.y_m,
+            z_m=other.z_m + self.z_m,
+            heading_rad=wrap_rad(other.heading_rad + self.heading_rad),
+        )
+
+    @property
+    def inverse(self) -> "Pose":
+        """The pose of this pose's frame relative to this pose, in the plane."""
+        turned = Pose(heading_rad=-self.heading_rad)
+        return replace(
+            turned.compose(Pose(-self.x_m, -self.y_m)), heading_rad=wrap_rad(-self.heading_rad)
+        )
+
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
         """Roll, pitch and heading as a quaternion x, y, z, w."""
@@ -94,7 +116,61 @@ class Velocity:
         )
 
 
+def step_between(before: Pose, after: Pose) -> tuple[float, float, float]:
+    """Return the displacement ahead and to the left, along the mean heading, and the turn."""
+    turned_rad = wrap_rad(after.heading_rad - before.heading_rad)
+    along_rad = before.heading_rad + turned_rad / 2
+    dx_m, dy_m = after.x_m - before.x_m, after.y_m - before.y_m
+    cosine, sine = cos(along_rad), sin(along_rad)
+    return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine, turned_rad
+
+
 STANDING = Velocity()
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """Orientation of a sensor's axes in those of base_link, as the `rpy` of a URDF.
+
+    Attributes:
+        roll_rad, pitch_rad, yaw_rad: about x, then y, then z, fixed axes (REP 103).
+    """
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+    def apply(self, vector: Vector) -> Vector:
+        """Return a vector of the sensor's axes in those of base_link."""
+        x, y, z = vector
+        y, z = _turned(y, z, self.roll_rad)
+        z, x = _turned(z, x, self.pitch_rad)
+        return *_turned(x, y, self.yaw_rad), z
+
+    def reverse(self, vector: Vector) -> Vector:
+        """Return a vector of base_link's axes in those of the sensor."""
+        x, y, z = vector
+        x, y = _turned(x, y, -self.yaw_rad)
+        z, x = _turned(z, x, -self.pitch_rad)
+        return x, *_turned(y, z, -self.roll_rad)
+
+
+def _turned(x: float, y: float, by_rad: float) -> tuple[float, float]:
+    cosine, sine = cos(by_rad), sin(by_rad)
+    return x * cosine - y * sine, x * sine + y * cosine
+
+
+def up_of(roll_rad: float, pitch_rad: float) -> Vector:
+    """Return the vertical in the axes of a body that is inclined."""
+    level = cos(pitch_rad)
+    return -sin(pitch_rad), sin(roll_rad) * level, cos(roll_rad) * level
+
+
+def inclination(up: Vector) -> tuple[float, float]:
+    """Return roll and pitch of a body, by the vertical in its axes."""
+    return atan2(up[1], up[2]), atan2(-up[0], hypot(up[1], up[2]))
 
 
 ARC_RESOLUTION_RAD: Final = 0.2

@@ -1,4 +1,4 @@
-"""The twelve telemetry parameters of the thesis (fig. 21)."""
+"""`Parameter`: the twelve telemetry parameters of the thesis (fig. 21)."""
 
 from dataclasses import dataclass
 from enum import Enum, unique

@@ -1,4 +1,4 @@
-"""Ports of the core. Adapters implement the actuators and links, and call the core."""
+"""Ports of the core as Protocols: adapters implement rovers (`VelocityRover`), video and links."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class TurnBy:
 
 
 @dataclass(frozen=True, slots=True)
-class Advance:
+class DriveBy:
     """Drive straight; a negative distance drives backward."""
 
     distance_m: float
@@ -26,15 +26,15 @@ class Advance:
 
 
 @dataclass(frozen=True, slots=True)
-class Hold:
-    """Hold a velocity for a time, then stand."""
+class VelocityHold:
+    """Hold a velocity for a time, then stop."""
 
     velocity: Velocity
     duration_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class WholeMotion:
+class DelegatedMotion:
     """A motion that a rover executes by itself, from standstill to standstill.
 
     Attributes:
@@ -43,11 +43,11 @@ class WholeMotion:
     """
 
     number: int
-    what: TurnBy | Advance | Hold
+    primitive: TurnBy | DriveBy | VelocityHold
     command: Identity
 
 
-MotionIntent = Velocity | WholeMotion
+MotionIntent = Velocity | DelegatedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class VelocityRover(Rover, Protocol):
 class DelegatedMotionRover(Rover, Protocol):
     """A rover that executes whole motions by itself, and reports their end as `MotionEnded`."""
 
-    def execute_motion(self, motion: WholeMotion) -> None:
+    def execute_motion(self, motion: DelegatedMotion) -> None:
         """Start a motion, replacing the running one."""
 
     def halt(self) -> None:
@@ -121,14 +121,14 @@ class Video(Protocol):
 class Downlink(Protocol):
     """An outgoing link. Called on the core's thread: must neither block nor raise."""
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Send reports after their commit: those of one commit, in order."""
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values."""
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Send a file event."""
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Send the status of a plan after its commit."""

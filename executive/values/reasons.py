@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
+from executive.values.identity import Identity
+
 
 @unique
 class Reason(Enum):
@@ -15,7 +17,7 @@ class Reason(Enum):
     NOT_FINITE = 101
     OUT_OF_RANGE = 102
     EMPTY_PATH = 103
-    BAD_IDENTITY = 104
+    BAD_IDENTIFIER = 104
     BAD_PATH = 105
 
     PLAN_FORMAT = 111
@@ -35,10 +37,12 @@ class Reason(Enum):
     PLAN_ACTIVE = 207
     PLAN_EXISTS = 208
     NO_AUTHORITY = 209
-    MADE_IN_FUTURE = 210
+    CREATED_IN_FUTURE = 210
     PATH_BLOCKED = 211
-    BATTERY_SHORT = 212
+    BATTERY_INSUFFICIENT = 212
     POSE_UNCERTAIN = 213
+    TURN_TOO_TIGHT = 214
+    NO_MAP = 215
 
     DUPLICATE = 301
 
@@ -62,8 +66,8 @@ class Reason(Enum):
     CAPTURE_DEADLINE = 741
     CAPTURE_NOT_STORED = 742
     CAPTURE_STALE = 743
-    CAPTURE_CUT = 744
-    ERRAND_FAILED = 751
+    CAPTURE_TRUNCATED = 744
+    INSTANT_COMMAND_FAILED = 751
     PLAN_DEADLINE = 761
     PLAN_FAILED = 762
 
@@ -71,13 +75,13 @@ class Reason(Enum):
     REPLACED = 802
     INTERRUPTED = 803
     PLAN_SUSPENDED = 804
-    PLAN_WENT_ON = 805
+    STEP_HALTED = 805
     PLAN_ABORTED = 806
 
     LEAF_RAISED = 901
     ODOMETRY_STALE = 902
     ODOMETRY_JUMPED = 903
-    TILTED = 904
+    TILT_LIMIT = 904
     BATTERY_LOW = 905
     LEDGER_FAILED = 906
     ADAPTER_RAISED = 907
@@ -89,14 +93,14 @@ class Reason(Enum):
     ODOMETRY_OFF_WHEELS = 943
     ODOMETRY_OFF_GYRO = 944
     WHEELS_OFF_GYRO = 945
-    WHEELS_SLIP = 946
-    BLOCKED = 947
-    SLIPS = 951
-    TURN_SLIPS = 952
-    SLIDES = 953
+    WHEEL_SLIP = 946
+    MOTION_BLOCKED = 947
+    TRAVEL_SLIP = 951
+    TURN_SLIP = 952
+    SLIDE_AT_REST = 953
     SENSOR_SILENT = 961
     DATA_REJECTED = 962
-    FAULT_OVER = 909
+    FAULT_CLEARED = 909
     OTHER_PUBLISHER = 930
     LINK_LOST = 931
     ZONE_AHEAD = 971
@@ -106,15 +110,28 @@ class Reason(Enum):
     LASER_BLIND = 975
     ODOMETRY_NOT_FINITE = 911
     ODOMETRY_LATE = 912
-    ODOMETRY_SLOW = 913
+    ODOMETRY_RATE_LOW = 913
     ODOMETRY_SILENT = 914
     ODOMETRY_FROZEN = 915
     ODOMETRY_INCONSISTENT = 916
     OFF_COMMAND = 917
-    MOVES_UNCOMMANDED = 918
+    UNCOMMANDED_MOTION = 918
     NO_PROGRESS = 919
     BATTERY_SILENT = 921
     BATTERY_NOT_FINITE = 922
+    EMERGENCY_STOP = 923
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownReason:
+    """A reason number of a newer rover that this version does not declare."""
+
+    value: int
+
+    @property
+    def name(self) -> str:
+        """A text in place of the name."""
+        return "unknown here"
 
 
 PREDICTED: Final = "predicted "
@@ -144,6 +161,8 @@ class Refusal:
     Attributes:
         argument: index of the offending argument of the operation, if any.
         subject: name of the object that was not found.
+        fault: name of the fault that causes it, if any.
+        cause: the other command that causes it, if any.
     """
 
     reason: Reason
@@ -151,3 +170,5 @@ class Refusal:
     figures: tuple[Figure, ...] = ()
     argument: int | None = None
     subject: str = ""
+    fault: str | None = None
+    cause: Identity | None = None

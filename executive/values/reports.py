@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
-from executive.values.reasons import Figure, Reason
+from executive.values.identity import Identity as Identity
+from executive.values.reasons import Figure, Reason, UnknownReason
 
 _FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -20,17 +21,6 @@ def printable(text: str) -> str:
 def without_figures(text: str) -> str:
     """Return a text without its numbers, to compare texts that differ only in figures."""
     return _FIGURES.sub("", text)
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Command id: source and number, the key of at-most-once execution."""
-
-    source: str
-    command_id: int
-
-    def __str__(self) -> str:
-        return f"{self.source}:{self.command_id}"
 
 
 @unique
@@ -88,6 +78,10 @@ class Report:
         stage, link: set if and only if the kind is COMMAND.
         step, step_count: set on PROGRESS.
         reason: set on REJECTED, FAILED and CANCELLED, and on events that have one.
+        fault: name of the fault that begins, that is cleared (reason FAULT_CLEARED), that made the
+            pose uncertain (reason POSE_UNCERTAIN), or that ended the command.
+        cause: the other command that ended this one.
+        publishers: names of all other velocity publishers, set when they change.
     """
 
     sequence: int
@@ -100,8 +94,11 @@ class Report:
     link: str | None = None
     step: int | None = None
     step_count: int | None = None
-    reason: Reason | None = None
+    reason: Reason | UnknownReason | None = None
     figures: tuple[Figure, ...] = ()
+    fault: str | None = None
+    cause: Identity | None = None
+    publishers: tuple[str, ...] | None = None
 
 
 @unique

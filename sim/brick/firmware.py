@@ -1,4 +1,4 @@
-"""The brick's program: octets, measurements and time in; octets and set points out.
+"""`Firmware`, the emulated brick's program: octets and measurements in, octets and set points out.
 
 A deterministic state machine without clock, socket or physics. It executes one command at a time;
 only a stop interrupts it.

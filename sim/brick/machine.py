@@ -1,4 +1,4 @@
-"""The wheels and the camera head under the brick's control: commands, limits and progress."""
+"""`Machine`: wheels and camera head as the emulated brick controls them, with their limits."""
 
 from dataclasses import dataclass
 from typing import assert_never
@@ -16,8 +16,7 @@ from executive.commands import (
     SetTravelSpeed,
 )
 from executive.values.geometry import Point, Pose
-from sim.brick.motion import Motion, SegmentSequence, course
-from sim.brick.odometry import CountOdometry, Rims
+from sim.brick.motion import CountOdometry, Motion, Rims, SegmentSequence, course
 from sim.brick.settings import BrickSettings
 from sim.pan_tilt import (
     MAX_PAN_RAD,

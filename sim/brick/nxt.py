@@ -1,4 +1,4 @@
-"""rover-nxt with a simulated brick: `python -m sim.brick.nxt --usb-socket PATH`.
+"""Runs `rover-nxt` with an emulated brick: `python -m sim.brick.nxt --usb-socket PATH`.
 
 The host's end of the cable is a backend of pyusb whose bus has one brick, or none.
 """
@@ -69,14 +69,14 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
 
     def get_configuration_descriptor(self, dev: Path, config: int) -> SimpleNamespace:
         """Return the only configuration."""
-        _only(config)
+        _require_first(config)
         return SimpleNamespace(**_CONFIGURATION)
 
     def get_interface_descriptor(
         self, dev: Path, intf: int, alt: int, config: int
     ) -> SimpleNamespace:
         """Return the only interface."""
-        _only(intf, alt, config)
+        _require_first(intf, alt, config)
         return SimpleNamespace(**_INTERFACE)
 
     def get_endpoint_descriptor(
@@ -92,7 +92,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
             host.connect(str(dev))
         except OSError as error:
             host.close()
-            raise _fault(errno.ENODEV) from error
+            raise _usb_error(errno.ENODEV) from error
         host.setblocking(False)
         return host
 
@@ -106,13 +106,13 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
 
     def claim_interface(self, dev_handle: socket.socket, intf: int) -> None:
         """Wait until the brick confirms the claim."""
-        _only(intf)
+        _require_first(intf)
         try:
             claimed = _receive(dev_handle, CLAIM_MS) == CLAIMED
         except USBError as error:
-            raise _fault(errno.EBUSY) from error
+            raise _usb_error(errno.EBUSY) from error
         if not claimed:
-            raise _fault(errno.EIO)
+            raise _usb_error(errno.EIO)
 
     def release_interface(self, dev_handle: socket.socket, intf: int) -> None:
         """Ignore the call: closing the device releases it."""
@@ -125,7 +125,7 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
         try:
             return dev_handle.send(data.tobytes()[:PACKET])
         except OSError as error:
-            raise _fault(errno.ENODEV) from error
+            raise _usb_error(errno.ENODEV) from error
 
     def bulk_read(
         self, dev_handle: socket.socket, ep: int, intf: int, buff: "array[int]", timeout: int
@@ -144,9 +144,9 @@ def _receive(host: socket.socket, timeout_ms: int) -> bytes:
     try:
         packet = host.recv(PACKET)
     except OSError as error:
-        raise _fault(errno.ENODEV) from error
+        raise _usb_error(errno.ENODEV) from error
     if not packet:
-        raise _fault(errno.ENODEV)
+        raise _usb_error(errno.ENODEV)
     return packet
 
 
@@ -157,11 +157,11 @@ def _wait(host: socket.socket, what: int, timeout_ms: int) -> None:
         raise USBTimeoutError(os.strerror(errno.ETIMEDOUT), errno=errno.ETIMEDOUT)
 
 
-def _fault(number: int) -> USBError:
+def _usb_error(number: int) -> USBError:
     return USBError(os.strerror(number), errno=number)
 
 
-def _only(*indices: int) -> None:
+def _require_first(*indices: int) -> None:
     if any(indices):
         raise IndexError(indices)
 

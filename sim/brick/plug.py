@@ -1,4 +1,4 @@
-"""The brick's end of the cable: a Unix socket of packets, one host at a time."""
+"""`UsbPlug`: the emulated brick's end of its USB cable, a Unix socket with one host at a time."""
 
 import socket
 from collections import deque

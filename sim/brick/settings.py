@@ -1,4 +1,4 @@
-"""Construction and accuracy of the emulated brick."""
+"""`BrickSettings`: construction and accuracy of the emulated brick."""
 
 from dataclasses import dataclass
 

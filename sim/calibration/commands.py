@@ -1,4 +1,4 @@
-"""The command `rover calibrate`: a rover's response to velocities, and its slip."""
+"""The command `rover calibrate`: fits a rover's response to velocities, and its slip."""
 
 import json
 import tempfile
@@ -11,12 +11,16 @@ import click
 from adapters.process import asset_option
 
 if TYPE_CHECKING:
-    from adapters.calibration import Calibration
+    from collections.abc import Callable
+
+    from adapters.calibration import Calibration, DriveLog
     from executive.settings import Settings
 
 
 @click.command()
 @click.argument("recording", required=False, metavar="[RUN.mcap]", type=click.Path(path_type=Path))
+@click.option("--bag", type=click.Path(exists=True, path_type=Path), help="Fit to a bag instead.")
+@click.option("--namespace", help="ROS namespace in the bag.  [default: the asset's name]")
 @asset_option("Name of the rover, or path of its YAML file.")
 @click.option(
     "--cargo", "cargo_kg", type=click.FloatRange(0.0), default=0.0, help="Simulated cargo in kg."
@@ -28,6 +32,8 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
 def calibrate(
     recording: Path | None,
+    bag: Path | None,
+    namespace: str | None,
     asset: str,
     cargo_kg: float,
     seed: int,
@@ -39,24 +45,27 @@ def calibrate(
     """Fit the motion parameters of the settings to a drive of the rover.
 
     Without a recording the rover is simulated, and drives a pattern of spins, lines and arcs. A
-    real one drives the same as a plan (--plan), recorded. Fitted are the latency, the rotation, the
-    slip that its odometry does not compensate, and the effective track; the residuals before and
-    after are shown. Without --out or --write no file is written; comments in the YAML are kept.
+    real one drives the same as a plan (--plan), recorded. A bag of another recorder (rosbag2 or
+    ROS 1) needs the odometry, and the velocities that the base received. Fitted are the latency,
+    the rotation, the slip that its odometry does not compensate, and the effective track; the
+    residuals before and after are shown. Without --out or --write no file is written; comments in
+    the YAML are kept.
 
     \b
     Examples:
       rover calibrate
       rover calibrate --cargo 20 --out jackal-loaded.yaml
       rover calibrate runs/field/run.mcap --asset config/scout.yaml --write
+      rover calibrate --asset scout --bag drive.mcap --write
       rover calibrate --asset scout --plan > calibration.xml
 
     \b
     Exit status:
       0  done
-      1  the drive is too short
+      1  the drive is too short, or the rover did not follow its commands
       2  an argument or file is invalid
     """
-    from adapters.calibration import plan_xml
+    from adapters.calibration import drive_of, plan_xml, read_drive
     from executive.settings import LocomotionKind, SettingsError, load_settings
 
     try:
@@ -72,7 +81,16 @@ def calibrate(
         return
     if out is not None and write:
         raise click.UsageError("--out and --write: choose one")
-    found = _found(recording, settings, cargo_kg, seed)
+    if bag is not None and recording is not None:
+        raise click.UsageError("RUN.mcap and --bag: choose one")
+    if bag is not None:
+        from adapters.ros.check import bag_drive
+
+        found = _fitted(lambda: drive_of(settings, bag_drive(asset, bag, namespace), bag))
+    elif recording is not None:
+        found = _fitted(lambda: read_drive(recording))
+    else:
+        found = _fitted(lambda: _simulated(settings, cargo_kg, seed))
     target = _write(asset, found, out, write)
     if as_json:
         click.echo(json.dumps(asdict(found)))
@@ -85,23 +103,24 @@ def calibrate(
     )
 
 
-def _found(
-    recording: Path | None, settings: "Settings", cargo_kg: float, seed: int
-) -> "Calibration":
-    from adapters.calibration import CalibrationError, read_drive
-    from adapters.calibration import calibrate as fit
-    from adapters.recording import RecordingError
-    from executive.settings import SettingsError
+def _simulated(settings: "Settings", cargo_kg: float, seed: int) -> "DriveLog":
+    from adapters.calibration import read_drive
     from sim.calibration.drive import drive_pattern
 
+    with tempfile.TemporaryDirectory(prefix="rover-calibrate-") as folder:
+        path = Path(folder, "run.mcap")
+        drive_pattern(settings, path, cargo_kg, seed)
+        return read_drive(path)
+
+
+def _fitted(drive: "Callable[[], DriveLog]") -> "Calibration":
+    from adapters.calibration import CalibrationError
+    from adapters.calibration import calibrate as fit
+    from adapters.recording import RecordingError
+
     try:
-        if recording is not None:
-            return fit(read_drive(recording))
-        with tempfile.TemporaryDirectory(prefix="rover-calibrate-") as folder:
-            path = Path(folder, "run.mcap")
-            drive_pattern(settings, path, cargo_kg, seed)
-            return fit(read_drive(path))
-    except (RecordingError, SettingsError, ValueError) as error:
+        return fit(drive())
+    except (RecordingError, ValueError) as error:  # ValueError: of a bag or the settings
         raise click.UsageError(str(error)) from error
     except (CalibrationError, RuntimeError) as error:
         raise click.ClickException(str(error)) from error
@@ -109,21 +128,25 @@ def _found(
 
 def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> Path | None:
     """Write the asset's YAML with the new figures, and return its path; None if not requested."""
-    from adapters.calibration import with_figures
-    from executive.settings import SettingsError, config_folder
+    from executive.settings import SettingsError, asset_file, edit_file, write_edits
 
-    own = Path(asset) if asset.endswith((".yaml", ".yml")) else config_folder() / f"{asset}.yaml"
-    target = own if write else out
-    if target is None:
+    if out is None and not write:
         return None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(with_figures(own.read_text(encoding="utf-8"), found.settings))
+        edit = edit_file(asset_file(asset), found.settings)
+        if out is None:
+            write_edits([edit])
+        else:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            out.write_bytes(edit.text().encode())
     except SettingsError as error:
-        raise click.UsageError(f"{own}: {error}") from error
+        raise click.UsageError(str(error)) from error
     except OSError as error:
-        raise click.UsageError(f"{target} cannot be written: {error.strerror}") from error
-    return target
+        where = error.filename or out
+        raise click.UsageError(f"{where} cannot be written: {error.strerror}") from error
+    if out is None and edit.warning:
+        click.echo(edit.warning, err=True)
+    return out or edit.path
 
 
 def _show(found: "Calibration") -> None:
@@ -145,7 +168,8 @@ def _show(found: "Calibration") -> None:
     console.print(left)
     if found.travel_scale is None:
         console.print(
-            "\nslip is not fitted: neither simulation nor second odometry gives the true pose"
+            "\nthe slip in the odometry is fitted alone: neither simulation nor second odometry"
+            " gives the true pose"
         )
     else:
         console.print(f"\ntrue distance over that of the odometry: {found.travel_scale:.4f}")

@@ -1,4 +1,4 @@
-"""Drives the calibration pattern with a simulated rover in lock step, recorded."""
+"""`drive_pattern` drives the calibration pattern with a simulated rover in lock step, recorded."""
 
 import tempfile
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""Execution of the runs of a campaign: Dask, embedded on all cores, or a separate cluster.
+"""Executes the runs of a campaign by Dask: on the cores of this computer, or on a cluster.
 
 Scheduling, retries after a lost worker and transport are Dask's. The scheduler has at most
 `IN_FLIGHT` runs at once, so that neither it nor the client grows with the campaign.

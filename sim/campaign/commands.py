@@ -48,13 +48,13 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     help="Number of parallel runs on this computer.  [default: one on each core]",
 )
 @click.option(
-    "--keep",
+    "--saved",
     type=click.IntRange(0),
     default=100,
     show_default=True,
     help="Number of failed runs with all their files saved.",
 )
-@click.option("--on", metavar="ADDRESS", help="Address of the scheduler of a Dask cluster.")
+@click.option("--scheduler", metavar="ADDRESS", help="Address of the scheduler of a Dask cluster.")
 def campaign(
     file: str | None,
     listed: bool,
@@ -62,8 +62,8 @@ def campaign(
     out: Path | None,
     resume: bool,
     jobs: int | None,
-    keep: int,
-    on: str | None,
+    saved: int,
+    scheduler: str | None,
 ) -> None:
     """Execute scenarios thousands of times with drawn values, and judge them all together.
 
@@ -79,21 +79,21 @@ def campaign(
       rover campaign normal
       rover campaign my-campaign.yaml --runs 200 --out first-try
       rover campaign my-campaign.yaml --out first-try --resume --runs 1000
-      rover campaign faults --on tcp://scheduler:8786
+      rover campaign faults --scheduler tcp://scheduler:8786
       rover campaign --list
 
     \b
     Exit status:
-      0    all criteria hold
-      1    a criterion fails, or too few runs decide it
+      0    all criteria are met
+      1    a criterion is not met, or too few runs decide it
       2    the file cannot be used, a condition matches no run, or the cluster is lost
       130  interrupted by Ctrl-C; completed runs are saved
     """
     from adapters.process import require
     from executive.settings import SettingsError
 
-    if jobs is not None and on is not None:
-        raise click.UsageError("--jobs is for this computer; with --on, the cluster decides")
+    if jobs is not None and scheduler is not None:
+        raise click.UsageError("--jobs is for this computer; with --scheduler, the cluster decides")
     for package in ("pyarrow", "distributed", "pandas", "scipy", "jinja2"):
         require(package)
     try:
@@ -105,9 +105,9 @@ def campaign(
             from sim.campaign.output import sole_writer
 
             folder = out or _default_folder(file)
-            again = _again(file, folder, runs=runs, jobs=jobs, keep=keep, on=on)
+            again = _again(file, folder, runs=runs, jobs=jobs, saved=saved, scheduler=scheduler)
             with sole_writer(folder):
-                sys.exit(_play(file, runs, folder, resume, keep, _cluster(on, jobs), again))
+                sys.exit(_play(file, runs, folder, resume, saved, _cluster(scheduler, jobs), again))
     except SettingsError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)
@@ -164,7 +164,7 @@ def _play(
         click.echo(f"Warning: {text} and grids more often than others", err=True)
     try:
         with cluster as client, ProgressBar(console) as bar:
-            CampaignSession(loaded, data, partial(results, client, run_job), bar).to_the_end()
+            CampaignSession(loaded, data, partial(results, client, run_job), bar).run_missing()
             unlike = save_failed_runs(
                 loaded, data, partial(results, client, run_and_archive), out, max_saved, bar
             )
@@ -172,7 +172,7 @@ def _play(
             click.echo(f"Warning: run {run}, repeated, was not identical bit for bit", err=True)
         verdict = judge(loaded, data)
         show(console, verdict)
-        _report(console, loaded, data, verdict, out)
+        _write_reports(console, loaded, data, verdict, out)
     except ClusterError as error:
         click.echo(f"Error: {error}\n{_resume_hint(len(data.numbers()), out, again)}", err=True)
         return NOT_USABLE
@@ -182,10 +182,10 @@ def _play(
     if verdict.empty:
         click.echo("Error: a criterion matches no run", err=True)
         return NOT_USABLE
-    return 0 if verdict.holds else 1
+    return 0 if verdict.passed else 1
 
 
-def _report(
+def _write_reports(
     console: "Console", loaded: "Campaign", data: "RunTable", verdict: "CampaignVerdict", out: Path
 ) -> None:
     """Write verdict, report and JUnit, and print the folder."""
@@ -202,10 +202,10 @@ def _report(
     console.print(f"written to {out}: {page.name}, {junit.name}, and all runs", markup=False)
 
 
-def _cluster(on: str | None, jobs: int | None) -> "AbstractContextManager[Client]":
+def _cluster(scheduler: str | None, jobs: int | None) -> "AbstractContextManager[Client]":
     from sim.campaign.cluster import cluster_at, cores, local_cluster
 
-    return local_cluster(jobs or cores()) if on is None else cluster_at(on)
+    return local_cluster(jobs or cores()) if scheduler is None else cluster_at(scheduler)
 
 
 def _resume_hint(runs: int, out: Path, again: str) -> str:

@@ -1,4 +1,4 @@
-"""Scenario and drawn values of each run, determined by campaign seed and run number alone.
+"""`draw`: the scenario and drawn values of a run, from the campaign's seed and the run's number.
 
 Neither the order of the runs, nor their host, nor other varied quantities change a draw: each key
 of each run has random numbers of its own.
@@ -104,7 +104,7 @@ def draw(campaign: Campaign, run: int) -> Draw:
     for variation in campaign.vary:
         value = _drawn(campaign.seed, run, variation.key, variation.distribution, chosen)
         if variation.key == INJECT:
-            change, given = _fault(campaign.seed, run, variation, value, chosen)
+            change, given = _drawn_fault(campaign.seed, run, variation, value, chosen)
         else:
             assert not isinstance(value, FaultDraw)
             change = Override(variation.key, written(value))
@@ -136,7 +136,7 @@ def _quantities(variation: Variation) -> Iterator[VariedQuantity]:
     yield VariedQuantity(INJECT, ValueKind.TEXT)
     yield VariedQuantity(f"{INJECT}.onset", ValueKind.TEXT)
     yield VariedQuantity(f"{INJECT}.at", ValueKind.NUMBER)
-    if variation.lasts is not None:
+    if variation.duration is not None:
         yield VariedQuantity(f"{INJECT}.for", ValueKind.NUMBER)
     for name in parameters(variation):
         given = [
@@ -235,7 +235,7 @@ def number(distribution: Number, random: np.random.Generator) -> float | int:
             raise AssertionError(distribution)
 
 
-def _fault(
+def _drawn_fault(
     seed: int, run: int, variation: Variation, value: Alternative, chosen: dict[str, int]
 ) -> tuple[Override, list[Scalar | None]]:
     """Return the change that injects a fault, and its name, times and parameters."""
@@ -243,13 +243,15 @@ def _fault(
     fault = value if isinstance(value, FaultDraw) else FaultDraw(as_yaml(value))
     names = parameters(variation)
     times = {"at": variation.at}
-    if variation.lasts is not None:
-        times["for"] = variation.lasts
+    if variation.duration is not None:
+        times["for"] = variation.duration
     if fault.name == NO_FAULT:
         nothing = [None for _ in (*times, *names)]
         return Override(INJECT, NO_FAULT), [NO_FAULT, Onset.NONE.value, *nothing]
     times_s = {
-        key: content if isinstance(content, float) else _seconds(seed, run, key, content, chosen)
+        key: content
+        if isinstance(content, float)
+        else _drawn_seconds(seed, run, key, content, chosen)
         for key, content in times.items()
     }
     given: dict[str, Scalar] = {}
@@ -264,7 +266,7 @@ def _fault(
     return fault_change(fault.name, given, times_s), values
 
 
-def _seconds(
+def _drawn_seconds(
     seed: int, run: int, key: str, distribution: Distribution, chosen: dict[str, int]
 ) -> float:
     drawn = _drawn(seed, run, f"{INJECT}.{key}", distribution, chosen)

@@ -1,6 +1,6 @@
-"""Content of a campaign file: scenarios, varied quantities, number of runs, and criteria.
+"""`Campaign`: the content of a campaign file: scenarios, varied quantities, runs, criteria.
 
-Names follow the file, as those of `sim.scenario.model` do.
+A field is named as its key in the file, see `sim.scenario.model`.
 """
 
 from dataclasses import dataclass
@@ -149,13 +149,13 @@ class Variation:
         key: as in `rover scenario --set`.
         distribution: distribution of its values.
         at: for `inject`, start of the fault in simulated seconds; 0 for all other keys.
-        lasts: for `inject`, duration of the fault in seconds; None if it does not end.
+        duration: for `inject`, duration of the fault in seconds; None if it does not end.
     """
 
     key: str
     distribution: Distribution
     at: Distribution | float = 0.0
-    lasts: Distribution | float | None = None
+    duration: Distribution | float | None = None
 
     @property
     def grids(self) -> tuple[tuple[str, Grid], ...]:
@@ -163,7 +163,7 @@ class Variation:
         parts = (
             (self.key, self.distribution),
             (f"{self.key}.at", self.at),
-            (f"{self.key}.for", self.lasts),
+            (f"{self.key}.for", self.duration),
         )
         return tuple((name, part) for name, part in parts if isinstance(part, Grid))
 
@@ -184,7 +184,7 @@ class Success:
 
     def __post_init__(self) -> None:
         if self.success == 0:
-            raise ValueError("success: 0 holds for any runs; give a share above 0")
+            raise ValueError("success: 0 is met by any runs; give a share above 0")
 
     @property
     def bound(self) -> float:
@@ -221,7 +221,7 @@ class Quantile:
             raise ValueError("one of below, above is needed")
         if self.required_share == 0:
             side = "above 0" if self.above is None else "below 1"
-            raise ValueError(f"quantile: {self.quantile:g} holds for any runs; give one {side}")
+            raise ValueError(f"quantile: {self.quantile:g} is met by any runs; give one {side}")
 
     @property
     def bound(self) -> float:
@@ -253,17 +253,17 @@ class Until:
     Attributes:
         until: maximum width of the confidence interval of the success rate.
         confidence: confidence of the interval.
-        at_least, most: bounds of the number of runs.
+        min, max: bounds of the number of runs.
     """
 
     until: float = figure(1e-6, 1.0)
     confidence: float = figure(0.5, 0.999999, default=0.95)
-    at_least: int = figure(1, MAX_RUNS, default=100)
-    most: int = figure(1, MAX_RUNS, default=100_000)
+    min: int = figure(1, MAX_RUNS, default=100)
+    max: int = figure(1, MAX_RUNS, default=100_000)
 
     def __post_init__(self) -> None:
-        if self.most < self.at_least:
-            raise ValueError(f"most: {self.most} is below at_least, {self.at_least}")
+        if self.max < self.min:
+            raise ValueError(f"max: {self.max} is below min, {self.min}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,7 +275,7 @@ class Campaign:
         runs: number of runs; by default each combination of the grids once.
         seed: seed of all draws.
         vary: varied quantities; a world precedes the quantities of the world.
-        hold: criteria over all runs.
+        criteria: criteria over all runs.
     """
 
     title: str
@@ -284,7 +284,7 @@ class Campaign:
     runs: int | Until
     seed: int = figure(default=0)
     vary: tuple[Variation, ...] = ()
-    hold: tuple[Criterion, ...]
+    criteria: tuple[Criterion, ...]
 
     @property
     def grids(self) -> tuple[tuple[str, Grid], ...]:

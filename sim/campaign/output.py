@@ -1,4 +1,4 @@
-"""The folder of a campaign: fingerprint, data set, verdict; and the check for a resumption."""
+"""A campaign's output folder: `open_output` creates it or checks that it can be resumed."""
 
 import json
 import shutil
@@ -123,7 +123,7 @@ def _read(path: Path) -> CampaignFingerprint:
         content = json.loads(path.read_text(encoding="utf-8"))
         return CampaignFingerprint(**{**content, "software": Software(**content["software"])})
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise SettingsError(f"{path}: is not a campaign's file ({error})") from error
+        raise SettingsError(f"{path} is not a campaign's file ({error})") from error
 
 
 def _digest(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Progress of a campaign on the terminal: a bar while it runs, then its verdict."""
+"""`ProgressBar` of a campaign on the terminal while it runs; `show` prints its verdict."""
 
 from typing import Final
 
@@ -22,8 +22,8 @@ from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pears
 
 FIRST_FAILURES: Final = 5
 _MARKS: Final = {
-    CriterionStatus.HOLDS: "[green]holds[/]",
-    CriterionStatus.FAILS: "[red]FAILS[/]",
+    CriterionStatus.PASSED: "[green]passed[/]",
+    CriterionStatus.FAILED: "[red]FAILED[/]",
     CriterionStatus.UNDECIDED: "[yellow]UNDECIDED[/]",
     CriterionStatus.EMPTY: "[red]ERROR[/]",
 }
@@ -70,8 +70,8 @@ class ProgressBar(Progress):
 
     def on_run(self, run: CampaignRun) -> None:
         """Show one more run; the first failed ones with their number and cause."""
-        self._succeeded += run.holds
-        if not run.holds:
+        self._succeeded += run.passed
+        if not run.passed:
             self._failed += 1
             self._print_failure(run)
         self.update(self._runs, advance=1, succeeded=self._succeeded)
@@ -97,10 +97,10 @@ def show(console: Console, verdict: CampaignVerdict) -> None:
     """Print a verdict."""
     console.print(f"[bold]{escape(verdict.title)}[/]")
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for column in ("", "criterion", "seen"):
+    for column in ("", "criterion", "observed"):
         table.add_column(column, overflow="fold")
     for each in verdict.judged:
-        table.add_row(_MARKS[each.judgement], escape(each.hold), escape(each.text))
+        table.add_row(_MARKS[each.judgement], escape(each.criterion), escape(each.text))
     console.print(table)
     console.print(
         f"{verdict.succeeded} of {verdict.runs} runs succeed:"

@@ -1,4 +1,4 @@
-"""Reads a campaign file into a `Campaign`, or raises one error that names the file and the key.
+"""`load_campaign` reads a campaign file, or raises one error that names the file and the key.
 
 The scenarios define the valid values of a key: each end of a varied quantity is tried on each.
 """
@@ -20,7 +20,7 @@ from executive.settings import (
     config_folder,
     faults_of,
     load_yaml,
-    shown,
+    quoted,
 )
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
@@ -88,14 +88,16 @@ def load_campaign(name: str, runs: int | None = None) -> Campaign:
         campaign = _campaign(raw, path.parent)
         if runs is not None:
             campaign = replace(campaign, runs=runs)
-        _check_hold(campaign)
+        _check_criteria(campaign)
         _check_scenarios(campaign)
     return campaign
 
 
 def _campaign(raw: object, folder: Path) -> Campaign:
     if not isinstance(raw, dict):
-        raise FormatError("", "a campaign is keys and values, such as scenario, runs, vary, hold")
+        raise FormatError(
+            "", "a campaign is keys and values, such as scenario, runs, vary, criteria"
+        )
     scenarios = _scenarios(raw, folder)
     vary = _vary(raw.get("vary", {}))
     filled = {key: value for key, value in raw.items() if key not in ("scenario", "vary")}
@@ -105,12 +107,12 @@ def _campaign(raw: object, folder: Path) -> Campaign:
         raise FormatError("vary", f"{many} combinations of grids; {MAX_COMBINATIONS} at most")
     if "runs" not in raw and any(variation.grids for variation in vary):
         filled["runs"] = many
-    if not raw.get("hold"):
-        raise FormatError("hold", "no criterion is given")
+    if "criteria" in raw and not raw["criteria"]:
+        raise FormatError("criteria", "no criterion is given")
     campaign = _reader().read(filled, Campaign)
-    if isinstance(campaign.runs, Until) and campaign.runs.most < many:
-        text = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
-        raise FormatError("runs.most", text)
+    if isinstance(campaign.runs, Until) and campaign.runs.max < many:
+        text = f"{campaign.runs.max} is below {many}, the combinations of scenarios and grids"
+        raise FormatError("runs.max", text)
     return campaign
 
 
@@ -150,13 +152,13 @@ def _runs(raw: object) -> int | Until:
     if isinstance(raw, dict):
         return _reader().read(raw, Until)
     if type(raw) is not int or not 1 <= raw <= MAX_RUNS:
-        raise ValueError(f"expected 1 .. {MAX_RUNS}, or until: WIDTH, got {shown(raw)}")
+        raise ValueError(f"expected 1 .. {MAX_RUNS}, or until: WIDTH, got {quoted(raw)}")
     return raw
 
 
 def _interval(raw: object) -> Interval:
     if not isinstance(raw, list) or len(raw) != 2:
-        raise ValueError(f"expected [LOW, HIGH], got {shown(raw)}")
+        raise ValueError(f"expected [LOW, HIGH], got {quoted(raw)}")
     low, high = map(angle_of, raw)
     return Interval(low, high)
 
@@ -177,7 +179,7 @@ def _alternatives(raw: object) -> tuple[Alternative, ...]:
         return _reader().read(raw, tuple[Scalar, ...])
     for name in raw:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise ValueError(f"{shown(name)} is no name of letters, digits, - and _")
+            raise ValueError(f"{quoted(name)} is no name of letters, digits, - and _")
     return tuple(Named(name, _scalar(value)) for name, value in raw.items())
 
 
@@ -189,10 +191,10 @@ def _fault(raw: object) -> FaultDraw:
     if isinstance(raw, str):
         return FaultDraw(raw)
     if not (isinstance(raw, dict) and len(raw) == 1 and isinstance(next(iter(raw)), str)):
-        raise ValueError(f"expected a fault, as odometry_jump: {{by: 0.5}}, got {shown(raw)}")
+        raise ValueError(f"expected a fault, as odometry_jump: {{by: 0.5}}, got {quoted(raw)}")
     ((name, content),) = raw.items()
     if not isinstance(content, dict):
-        raise FormatError(name, f"expected parameters, as {{by: 0.5}}, got {shown(content)}")
+        raise FormatError(name, f"expected parameters, as {{by: 0.5}}, got {quoted(content)}")
     return FaultDraw(
         name,
         tuple(
@@ -210,12 +212,12 @@ def _parameter(raw: object, path: str) -> Scalar | Number:
 def _vary(raw: object) -> tuple[Variation, ...]:
     """Return the varied quantities, sorted, so that a world precedes its friction."""
     if not isinstance(raw, dict):
-        raise FormatError("vary", f"expected keys and values, got {shown(raw)}")
+        raise FormatError("vary", f"expected keys and values, got {quoted(raw)}")
     found = []
     for key, content in raw.items():
         path = f"vary.{key}"
         if not isinstance(key, str):
-            raise FormatError("vary", f"{shown(key)} is no key of a scenario")
+            raise FormatError("vary", f"{quoted(key)} is no key of a scenario")
         if key == INJECT:
             found.append(_injected(content, path))
         else:
@@ -236,7 +238,7 @@ def _injected(raw: object, path: str) -> Variation:
         key=INJECT,
         distribution=distribution,
         at=_time(raw["at"], f"{path}.at"),
-        lasts=_time(raw["for"], f"{path}.for") if "for" in raw else None,
+        duration=_time(raw["for"], f"{path}.for") if "for" in raw else None,
     )
 
 
@@ -251,22 +253,22 @@ def _time(raw: object, path: str) -> Distribution | float:
 
 def _seconds(raw: object, path: str) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise FormatError(path, f"expected seconds or a distribution, got {shown(raw)}")
+        raise FormatError(path, f"expected seconds or a distribution, got {quoted(raw)}")
     return float(raw)
 
 
-def _check_hold(campaign: Campaign) -> None:
+def _check_criteria(campaign: Campaign) -> None:
     """Raise FormatError if a criterion uses an unknown key."""
     known = runs.keys_of(campaign)
-    for index, hold in enumerate(campaign.hold):
-        path = f"hold[{index}]"
+    for index, criterion in enumerate(campaign.criteria):
+        path = f"criteria[{index}]"
         try:
-            hold.where.check(known)
+            criterion.where.check(known)
         except ValueError as error:
             raise FormatError(f"{path}.where", str(error)) from error
-        if isinstance(hold, Quantile):
+        if isinstance(criterion, Quantile):
             try:
-                require_key(hold.of, [key for key, numeric in known.items() if numeric])
+                require_key(criterion.of, [key for key, numeric in known.items() if numeric])
             except ValueError as error:
                 raise FormatError(f"{path}.of", str(error)) from error
 
@@ -277,7 +279,7 @@ def _check_scenarios(campaign: Campaign) -> None:
     Asset, world and settings are set before a fault, which may need a sensor that these add.
     """
     for scenario in campaign.scenarios:
-        _try(scenario, (), "scenarios")
+        _check_loads(scenario, (), "scenarios")
         base = tuple(
             change
             for variation in campaign.vary
@@ -289,7 +291,7 @@ def _check_scenarios(campaign: Campaign) -> None:
             before = tuple(change for change in base if last or change.key < variation.key)
             for path, change in _ends(variation):
                 try:
-                    _try(scenario, (*before, change), path)
+                    _check_loads(scenario, (*before, change), path)
                 except FormatError as error:
                     if not _boundless(variation):
                         raise
@@ -300,7 +302,7 @@ def _check_scenarios(campaign: Campaign) -> None:
                     raise FormatError(path, f"{error.faults[0][1]}; {hint}: add within") from error
 
 
-def _try(scenario: str, changes: tuple[Override, ...], path: str) -> None:
+def _check_loads(scenario: str, changes: tuple[Override, ...], path: str) -> None:
     try:
         load_scenario(scenario, RunMode.LOCK_STEP, changes)
     except SettingsError as error:
@@ -316,7 +318,7 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
             assert not isinstance(value, FaultDraw)
             yield path, Override(variation.key, draws.written(value))
         return
-    raw = {"at": variation.at, "for": variation.lasts}
+    raw = {"at": variation.at, "for": variation.duration}
     times = {
         key: [time] if isinstance(time, float) else list(_ends_of(time))
         for key, time in raw.items()
@@ -336,7 +338,7 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
 
 def _boundless(variation: Variation) -> bool:
     """Return whether a value is drawn from a normal distribution without bounds."""
-    alternatives = [variation.distribution, variation.at, variation.lasts]
+    alternatives = [variation.distribution, variation.at, variation.duration]
     for each in draws.alternatives(variation.distribution):
         if isinstance(each, FaultDraw):
             alternatives += [value for _, value in each.parameters if isinstance(value, Number)]

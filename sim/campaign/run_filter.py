@@ -1,4 +1,4 @@
-"""Filter of the runs of a criterion: `inject != none and world.friction < 0.5`."""
+"""`RunFilter` selects the runs of a criterion: `inject != none and world.friction < 0.5`."""
 
 import operator
 import re
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from executive.settings import hint, in_degrees
+from executive.settings import in_degrees, suggestion
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -113,7 +113,7 @@ def require_key(key: str, known: Sequence[str]) -> None:
         ValueError: it is unknown; the text gives similar keys and all existing ones.
     """
     if key not in known:
-        near = hint(key, known)
+        near = suggestion(key, known)
         raise ValueError(f"a run has no {key!r}{near}; it has {', '.join(known)}")
 
 

@@ -1,4 +1,4 @@
-"""The data set of a campaign: a row for each run, as Parquet, with typed access.
+"""`RunTable`: the data set of a campaign, a row for each run, as Parquet with typed access.
 
 Rows are added in parts, and each part is written atomically. A run is in the data set once: parts
 are written by the campaign alone, never by its workers.
@@ -144,10 +144,10 @@ class RunTable:
 
         Args:
             where: filter of the runs.
-            failed: only those that do not hold.
+            failed: only those that failed.
         """
-        holds = self.frame("holds", where=where)["holds"]
-        yield from self.at(holds.index[~holds] if failed else holds.index)
+        passed = self.frame("passed", where=where)["passed"]
+        yield from self.at(passed.index[~passed] if failed else passed.index)
 
     def at(self, numbers: Iterable[int]) -> Iterator[CampaignRun]:
         """Yield the runs with these numbers, by number."""
@@ -180,7 +180,7 @@ def _schema(varied: Sequence[VariedQuantity]) -> Any:
             ("seed", pa.int64()),
             *((VARY + each.name, _ARROW[each.kind]) for each in varied),
             *((name, _ARROW[kind]) for name, kind in _FIGURES.items()),
-            ("holds", pa.bool_()),
+            ("passed", pa.bool_()),
             ("failed_findings", pa.list_(pa.string())),
             ("digest", pa.string()),
             ("seconds", pa.float64()),

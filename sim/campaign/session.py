@@ -1,4 +1,4 @@
-"""Executes the missing runs of a campaign, then saves the files of failed ones.
+"""`CampaignSession` executes the missing runs of a campaign, then saves the files of failed ones.
 
 The files of a run cost more than the run itself, so at first only its row is stored. Failed runs
 are repeated on the same cluster, and all their files are saved.
@@ -87,9 +87,9 @@ class CampaignSession:
         self._campaign, self._runs = campaign, runs
         self._play, self._watcher, self._clock = play, watcher, clock
         runs.numbers()  # refuses a duplicate run
-        self._holds: dict[int, bool] = runs.frame("holds")["holds"].to_dict()
+        self._passed: dict[int, bool] = runs.frame("passed")["passed"].to_dict()
 
-    def to_the_end(self) -> None:
+    def run_missing(self) -> None:
         """Execute all missing runs.
 
         Raises:
@@ -99,31 +99,31 @@ class CampaignSession:
         if isinstance(wanted, int):
             self._play_up_to(wanted)
             return
-        total = self._whole(wanted.at_least, wanted)
+        total = self._balanced_total(wanted.min, wanted)
         self._play_up_to(total)
-        while (total := self._next(wanted, total)) > 0:
+        while (total := self._next_total(wanted, total)) > 0:
             self._play_up_to(total)
 
-    def _next(self, until: Until, total: int) -> int:
+    def _next_total(self, until: Until, total: int) -> int:
         """Return the next total number of runs; 0 if the rate is known well enough.
 
         It depends only on the results of the earlier runs: a campaign has the same runs on any host
         and after any interruption.
         """
-        succeeded = sum(self._holds[run] for run in range(total))
+        succeeded = sum(self._passed[run] for run in range(total))
         interval = clopper_pearson(succeeded, total, until.confidence)
-        following = self._whole(ceil(total * GROWTH), until)
+        following = self._balanced_total(ceil(total * GROWTH), until)
         known = interval.high - interval.low <= until.until
         return 0 if known or following <= total else following
 
-    def _whole(self, total: int, until: Until) -> int:
+    def _balanced_total(self, total: int, until: Until) -> int:
         """Return a number of runs, up to the maximum, with equal numbers of all combinations."""
         each = self._campaign.combinations
-        return min(ceil(total / each), until.most // each) * each
+        return min(ceil(total / each), until.max // each) * each
 
     def _play_up_to(self, total: int) -> None:
-        missing = [run for run in range(total) if run not in self._holds]
-        done = [self._holds[run] for run in range(total) if run in self._holds]
+        missing = [run for run in range(total) if run not in self._passed]
+        done = [self._passed[run] for run in range(total) if run in self._passed]
         self._watcher.expect(total, len(done), sum(done))
         given: dict[int, Draw] = {}
         fresh: list[CampaignRun] = []
@@ -132,7 +132,7 @@ class CampaignSession:
             for result in self._play(self._jobs(missing, given)):
                 run = self._run(result, given.pop(result.run))
                 fresh.append(run)
-                self._holds[run.run] = run.holds
+                self._passed[run.run] = run.passed
                 self._watcher.on_run(run)
                 now_s = self._clock()
                 if len(fresh) >= WRITE_EVERY or now_s - written_s >= WRITE_EVERY_S:

@@ -1,4 +1,4 @@
-"""Verdict on the runs of a campaign, with confidence.
+"""`judge`: the verdict on the runs of a campaign, with confidence intervals.
 
 Success rates are judged by exact (Clopper-Pearson) bounds. So are quantiles: "the q quantile is
 below a bound" means that a share q of all runs is below it. The lower bound of that true share
@@ -30,8 +30,8 @@ INTERVAL_CONFIDENCE: Final = 0.95
 class CriterionStatus(Enum):
     """Judgement on a criterion."""
 
-    HOLDS = "holds"
-    FAILS = "fails"
+    PASSED = "passed"
+    FAILED = "failed"
     UNDECIDED = "undecided"
     """Neither is established with the required confidence."""
     EMPTY = "empty"
@@ -43,30 +43,30 @@ class CriterionResult:
     """One criterion and its result; without runs it is EMPTY.
 
     Attributes:
-        hold: the criterion as text.
+        criterion: the criterion as text.
         judgement: its judgement.
         figure: observed success rate or quantile; None if too many runs lack the figure, or there
             are no runs.
         bound: bound of the figure.
         share: share of the runs that meet the bound: for success rates, the figure itself.
-        wanted: required share.
+        required: required share.
         low, high: bounds of the true share, each with the required confidence.
         confidence: required confidence.
-        kept, runs: number of runs that meet the bound, and of all matching runs.
+        passed, runs: number of runs that meet the bound, and of all matching runs.
         missing: number of matching runs without the figure.
         text: the result as text.
     """
 
-    hold: str
+    criterion: str
     judgement: CriterionStatus = CriterionStatus.EMPTY
     figure: float | None = None
     bound: float
     share: float = 0.0
-    wanted: float
+    required: float
     low: float = 0.0
     high: float = 1.0
     confidence: float
-    kept: int = 0
+    passed: int = 0
     runs: int = 0
     missing: int = 0
     text: str = "no run matches"
@@ -93,9 +93,9 @@ class CampaignVerdict:
     notes: tuple[str, ...] = ()
 
     @property
-    def holds(self) -> bool:
-        """Whether all criteria hold."""
-        return all(each.judgement is CriterionStatus.HOLDS for each in self.judged)
+    def passed(self) -> bool:
+        """Whether all criteria are met."""
+        return all(each.judgement is CriterionStatus.PASSED for each in self.judged)
 
     @property
     def empty(self) -> bool:
@@ -104,7 +104,7 @@ class CampaignVerdict:
 
     def write(self, folder: Path) -> None:
         """Write it as JSON."""
-        content = asdict(self) | {"holds": self.holds}
+        content = asdict(self) | {"passed": self.passed}
         for each in content["judged"]:
             each["judgement"] = each["judgement"].value
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
@@ -128,10 +128,10 @@ def quantile(values: Iterable[float], share: float) -> float:
 
 def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
     """Return the result of a campaign with these runs, at least one."""
-    holds = runs.frame("holds")["holds"]
-    many, succeeded = len(holds), int(holds.sum())
+    passed = runs.frame("passed")["passed"]
+    many, succeeded = len(passed), int(passed.sum())
     interval = clopper_pearson(succeeded, many)
-    judged = tuple(_judged(hold, runs) for hold in campaign.hold)
+    judged = tuple(_judge(criterion, runs) for criterion in campaign.criteria)
     notes = tuple(_notes(campaign.runs, many, succeeded))
     return CampaignVerdict(
         campaign.title, many, succeeded, interval.low, interval.high, judged, notes
@@ -140,7 +140,7 @@ def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
 
 def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
     """Yield the differences between the runs and the request."""
-    bound = wanted if isinstance(wanted, int) else wanted.most
+    bound = wanted if isinstance(wanted, int) else wanted.max
     if runs > bound:
         yield f"all {runs} existing runs are judged, more than the {bound} requested"
     if isinstance(wanted, Until):
@@ -153,25 +153,28 @@ def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
             )
 
 
-def _judged(hold: Criterion, runs: RunTable) -> CriterionResult:
+def _judge(criterion: Criterion, runs: RunTable) -> CriterionResult:
     """Judge by the number of runs that meet a bound; one without the figure does not."""
-    key = hold.of if isinstance(hold, Quantile) else "holds"
-    seen = runs.frame(key, where=hold.where)[key]
+    key = criterion.of if isinstance(criterion, Quantile) else "passed"
+    seen = runs.frame(key, where=criterion.where)[key]
     judged = CriterionResult(
-        hold=str(hold), bound=hold.bound, wanted=hold.required_share, confidence=hold.confidence
+        criterion=str(criterion),
+        bound=criterion.bound,
+        required=criterion.required_share,
+        confidence=criterion.confidence,
     )
     if seen.empty:
         return judged
-    which, figure = _meets_bound(hold, seen)
+    which, figure = _meets_bound(criterion, seen)
     passed, many, missing = int(which.sum()), len(seen), int(seen.isna().sum())
     # Each end alone has the required confidence, so that both together have less.
-    interval = clopper_pearson(passed, many, 2 * hold.confidence - 1)
-    judgement = _judgement(hold.required_share, interval, all_passed=passed == many)
+    interval = clopper_pearson(passed, many, 2 * criterion.confidence - 1)
+    judgement = _judgement(criterion.required_share, interval, all_passed=passed == many)
     text = f"{figure:.4g}" if isfinite(figure) else f"no {key} in {missing} runs"
     text += f"; {passed} of {many} runs meet it"
     text += f", a share of {interval.low:.4g} .. {interval.high:.4g}"
     if judgement is CriterionStatus.UNDECIDED and passed == many:
-        needed = ceil(log(1 - hold.confidence) / log(hold.required_share))
+        needed = ceil(log(1 - criterion.confidence) / log(criterion.required_share))
         text += f"; {needed} runs are needed if all meet it"
     return replace(
         judged,
@@ -180,28 +183,32 @@ def _judged(hold: Criterion, runs: RunTable) -> CriterionResult:
         share=passed / many,
         low=interval.low,
         high=interval.high,
-        kept=passed,
+        passed=passed,
         runs=many,
         missing=missing,
         text=text,
     )
 
 
-def _meets_bound(hold: Criterion, seen: "Series") -> tuple["Series", float]:
+def _meets_bound(criterion: Criterion, seen: "Series") -> tuple["Series", float]:
     """Return the runs that meet a bound, and the figure: infinite if too many have none."""
-    match hold:
+    match criterion:
         case Success():
             return seen, float(seen.mean())
         case Quantile(above=None):
-            return seen < hold.bound, quantile(seen.astype(float).fillna(inf), hold.quantile)
+            return seen < criterion.bound, quantile(
+                seen.astype(float).fillna(inf), criterion.quantile
+            )
         case Quantile():
-            return seen > hold.bound, quantile(seen.astype(float).fillna(-inf), hold.quantile)
+            return seen > criterion.bound, quantile(
+                seen.astype(float).fillna(-inf), criterion.quantile
+            )
         case _:
-            assert_never(hold)
+            assert_never(criterion)
 
 
 def _judgement(wanted: float, interval: Interval, *, all_passed: bool) -> CriterionStatus:
     if interval.low >= wanted or (wanted == 1 and all_passed):
-        return CriterionStatus.HOLDS
-    fails = interval.high < wanted or wanted == 1
-    return CriterionStatus.FAILS if fails else CriterionStatus.UNDECIDED
+        return CriterionStatus.PASSED
+    failed = interval.high < wanted or wanted == 1
+    return CriterionStatus.FAILED if failed else CriterionStatus.UNDECIDED

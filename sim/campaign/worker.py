@@ -1,4 +1,4 @@
-"""Executes one run, in a worker of the cluster or here. Imports Dask only when it is needed."""
+"""`run_job` executes one run of a campaign, in a worker of the cluster or in this process."""
 
 import hashlib
 import platform
@@ -56,7 +56,7 @@ class JobResult:
         run: its number.
         seed: seed of its sensors' noise.
         figures: metrics of the run.
-        holds: whether all expectations of its scenario are met.
+        passed: whether all expectations of its scenario are met.
         failed_findings: failed expectations as text.
         digest: digest of all events; equal for runs that are identical bit for bit.
         seconds: duration of its execution.
@@ -65,7 +65,7 @@ class JobResult:
     run: int
     seed: int
     figures: RunMetrics
-    holds: bool
+    passed: bool
     failed_findings: tuple[str, ...]
     digest: str
     seconds: float
@@ -103,17 +103,17 @@ def run_job(job: Job) -> JobResult | JobFailed:
     except _OF_THIS_MACHINE as error:
         return JobFailed(job.run, _why(error))
     except Exception as error:
-        figures, holds, digest = NO_FIGURES, False, _digest(error)
-        failed: tuple[str, ...] = (_finding(error),)
+        figures, passed, digest = NO_FIGURES, False, _digest(error)
+        failed: tuple[str, ...] = (_error_as_finding(error),)
     else:
-        figures, holds, digest = outcome.figures, outcome.holds, outcome.digest
+        figures, passed, digest = outcome.figures, outcome.passed, outcome.digest
         failed = tuple(
-            f"{finding.subject}: expected {finding.expected}, seen {finding.seen}"
+            f"{finding.subject}: expected {finding.expected}, observed {finding.observed}"
             for finding in outcome.findings
-            if not finding.holds
+            if not finding.passed
         )
     seconds = time.perf_counter() - began_s
-    return JobResult(job.run, scenario.seed, figures, holds, failed, digest, seconds)
+    return JobResult(job.run, scenario.seed, figures, passed, failed, digest, seconds)
 
 
 def run_and_archive(job: Job) -> RunArtifacts | JobFailed:
@@ -166,16 +166,16 @@ def _why(error: Exception) -> str:
     return f"on {platform.node()}: {text}"
 
 
-def _finding(error: Exception) -> str:
-    """Return an error of a run in the form of a finding: expected and seen."""
+def _error_as_finding(error: Exception) -> str:
+    """Return an error of a run in the form of a finding: expected and observed."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = printable(" ".join(str(error).split()))
     kind = type(error).__name__
-    return f"run: expected no {kind}, seen {text} ({Path(frame.filename).name}:{frame.lineno})"
+    return f"run: expected no {kind}, observed {text} ({Path(frame.filename).name}:{frame.lineno})"
 
 
 def _digest(error: Exception) -> str:
-    return hashlib.sha256(_finding(error).encode()).hexdigest()
+    return hashlib.sha256(_error_as_finding(error).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`rover demo`: a mission-control session against a simulated rover."""
+"""The command `rover demo`: a mission-control session against simulated rovers."""
 
 import sys
 import time
@@ -34,7 +34,7 @@ WATCH_NOTE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\
 
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave the processes running at the end.")
-@click.option("--no-play", is_flag=True, help="As --stay, but without a session.")
+@click.option("--no-session", is_flag=True, help="As --stay, but without a session.")
 @click.option("--no-console", is_flag=True, help="Do not start the operations console.")
 @click.option("--mocup", is_flag=True, help="Use MOCUP: its brick executes whole motions.")
 @click.option(
@@ -62,7 +62,7 @@ WATCH_NOTE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\
 )
 def demo(
     stay: bool,
-    no_play: bool,
+    no_session: bool,
     no_console: bool,
     mocup: bool,
     relay: bool,
@@ -91,14 +91,14 @@ def demo(
     Examples:
       rover demo
       rover demo --stay
-      rover demo --no-play
+      rover demo --no-session
       rover demo --mocup
       rover demo --relay
       rover demo --assets
       rover demo --seed 7 --speed 2 --out drive
 
     \b
-    Exit status: 0 all expectations hold, 1 some do not, or a process ended.
+    Exit status: 0 all expectations are met, 1 some are not, or a process ended.
     """
     show = _show(mocup=mocup, relay=relay, assets=assets)
     if relay and speed != 1.0:
@@ -122,10 +122,12 @@ def demo(
         require("rclpy")
         with ExitStack() as running:
             address = (
-                default_address() if stay or no_play else running.enter_context(allocate_address())
+                default_address()
+                if stay or no_session
+                else running.enter_context(allocate_address())
             )
             folder = _make_folder(out)
-            scenarios = _scenarios(show, mode, seed, played=not no_play)
+            scenarios = _scenarios(show, mode, seed, played=not no_session)
             several = len(scenarios) > 1
             folders = [folder / each.settings.asset if several else folder for each in scenarios]
             relayed = folder if relay or assets else None
@@ -145,10 +147,10 @@ def demo(
                 operations = running.enter_context(operations_console(folder, uris))
                 if operations is None:
                     console.print(NO_CONSOLE, markup=False)
-            played = play(fleet, scenarios, folders, mode, console, operations, not no_play)
+            played = play(fleet, scenarios, folders, mode, console, operations, not no_session)
             as_planned = show_outcome(played, folder, console) if played else True
-            if stay or no_play:
-                _stay(fleet, address, console, operations)
+            if stay or no_session:
+                _run_until_interrupted(fleet, address, console, operations)
             else:
                 console.print(ENDS)
             if not as_planned:
@@ -165,7 +167,7 @@ def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Seque
     paths = [config_folder() / "demo" / f"{name}.yaml" for name in SHOWS[show]]
     loaded = [replace(load_scenario(str(path), mode), seed=seed) for path in paths]
     return [
-        replace(each, lasts_s=MAX_DURATION_S) if played else replace(each, timeline=())
+        replace(each, duration_s=MAX_DURATION_S) if played else replace(each, timeline=())
         for each in loaded
     ]
 
@@ -187,9 +189,9 @@ def _show(**requested: bool) -> str:
     return chosen[0] if chosen else DEFAULT
 
 
-def _stay(
+def _run_until_interrupted(
     fleet: "Fleet",
-    place: "RoverAddress",
+    address: "RoverAddress",
     console: "Console",
     operations: "OperationsConsole | None",
 ) -> None:
@@ -201,7 +203,7 @@ def _stay(
     console.print(_proposals(fleet, asyncio.run(_uris(fleet))))
     if operations is not None:
         console.print(f"{BROWSE}{asyncio.run(operations.address())}\n")
-    if place.domain != 0:
+    if address.domain != 0:
         console.print(WATCH_NOTE)
     console.print("Ctrl-C ends it.")
     processes = [fleet.processes, *([operations] if operations else [])]

@@ -1,4 +1,4 @@
-"""Displays sessions: tables updated in place on a terminal, else one line per event."""
+"""Displays the sessions of the demonstration: tables on a terminal, else one line per event."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_RECEIVED, NEXT_CONTACT
+from adapters.mrs.ground import DTN_OLDEST_AGE, DTN_QUEUED, LAST_RECEIVED, NEXT_CONTACT
 from executive.values.parameters import Parameter
 from executive.values.reports import Stage
 from sim.scenario.record import Receipt, Record, SeenStatus
@@ -23,7 +23,7 @@ class SessionView:
     Args:
         links: links of the session; the rover's status is displayed from the first one.
         heading: rover of the commands; empty if there is only one rover.
-        show: called on each change, with the command whose state changed, or None.
+        show: called on each change, with the command rover state changed, or None.
 
     Attributes:
         status: last received status of the rover.
@@ -90,15 +90,15 @@ def status_line(status: SeenStatus) -> Text:
 
 def relay_line(status: SeenStatus) -> Text:
     """Return the state of the relay in one line; unknown values are infinite."""
-    queued, oldest_s, next_s, last_s = (
+    queued, max_age_s, next_s, last_s = (
         status.values.get(name, inf)
-        for name in (DTN_QUEUED, DTN_OLDEST, NEXT_CONTACT, LAST_RECEIVED)
+        for name in (DTN_QUEUED, DTN_OLDEST_AGE, NEXT_CONTACT, LAST_RECEIVED)
     )
     contact: str | tuple[str, str] = ("contact ", "green")
     if next_s > 0:
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
-    age_text = f", oldest {oldest_s:.0f} s" if oldest_s else ""
+    age_text = f", waiting up to {max_age_s:.0f} s" if max_age_s else ""
     last = "" if isinf(last_s) else f"  last contact {last_s:.0f} s ago"
     return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{age_text}", last)
 
@@ -202,8 +202,8 @@ class LineDisplay:
         if sent is None:
             self._show_contact(view)
         elif sent.ending or sent.stage in _SHOWN or (sent.stored and not sent.receipts):
-            whose = f"{view.heading:<8}" if view.heading else ""
-            begin = f"{self._time()}  {whose}{_cut(sent.title):<{COMMAND}}  "
+            rover = f"{view.heading:<8}" if view.heading else ""
+            begin = f"{self._time()}  {rover}{_cut(sent.title):<{COMMAND}}  "
             self._console.print(Text.assemble(begin, outcome(sent)), soft_wrap=True)
             if sent.ending:
                 for line in view.state().split():

@@ -1,4 +1,4 @@
-"""Results of the demonstration: its figures, and the files in its folder."""
+"""`show_outcome` prints the figures of a demonstration, and writes the files into its folder."""
 
 import shutil
 from collections import Counter
@@ -14,7 +14,7 @@ from executive.values.reports import Stage
 from sim.processes.recorder import format_elapsed
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import judge
-from sim.scenario.pictures import last_error, waited, write_run
+from sim.scenario.pictures import last_error, queue_figures, write_run
 from sim.scenario.record import Record
 from sim.scenario.scene import LiveScene
 from sim.scenario.sent import RELAY, sent_commands
@@ -41,7 +41,7 @@ class Played:
 
 
 def show_outcome(played: Sequence[Played], folder: Path, console: Console) -> bool:
-    """Write the files, print the figures, and return whether all expectations hold."""
+    """Write the files, print the figures, and return whether all expectations are met."""
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
         console.print("")
@@ -59,10 +59,10 @@ def show_outcome(played: Sequence[Played], folder: Path, console: Console) -> bo
         finding
         for each in played
         for finding in judge(each.scenario, each.record)
-        if not finding.holds
+        if not finding.passed
     ]
     for finding in failed:
-        text = f"{finding.subject}: expected {finding.expected}; observed: {finding.seen}"
+        text = f"{finding.subject}: expected {finding.expected}; observed: {finding.observed}"
         console.print(text, style="red", markup=False)
     if failed and any(late(each.record) for each in played):
         console.print(TOO_SLOW, style="red")
@@ -93,7 +93,7 @@ def _summary(played: Played) -> Table:
     if received.moved_after_s is not None:
         table.add_row("first motion", f"{format_elapsed(received.moved_after_s)} after the start")
     if any(receipt.link == RELAY for receipt in record.receipts):
-        for name, figure in waited(record):
+        for name, figure in queue_figures(record):
             table.add_row(name, figure)
     for row in by_both(record):
         table.add_row(*row)

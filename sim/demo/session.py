@@ -1,4 +1,4 @@
-"""Session of the demonstration: waits until the processes are ready, and runs the scenarios."""
+"""`play`, the session of the demonstration: waits for its processes, then runs the scenarios."""
 
 import asyncio
 import logging
@@ -100,12 +100,12 @@ async def _get_ready(scene: LiveScene, scenario: Scenario, mode: RunMode) -> Non
         await ready(scene, link)
     while not scene.recorder.ready:
         await asyncio.sleep(POLL_S / 5)
-    place = scene.rover.address
-    if place.shared:
+    address = scene.rover.address
+    if address.shared:
         await asyncio.sleep(DISCOVERY_S)
     if scene.recorder.rovers() > 1:
         raise AddressError(
-            f"another rover runs in ROS domain {place.domain}."
+            f"another rover runs in ROS domain {address.domain}."
             " End it, or set ROS_DOMAIN_ID to another number, the same in every terminal."
         )
 

@@ -4,6 +4,8 @@ They are drawn from plain data (`DriveMap`, `RunTimeline`) of any run as matplot
 Importing this package loads matplotlib, so commands import it late.
 """
 
+from sim.drawing.lanes import Panel as Panel
+from sim.drawing.lanes import Series as Series
 from sim.drawing.lanes import line as line
 from sim.drawing.lanes import mark as mark
 from sim.drawing.map import SMALL_ROVER as SMALL_ROVER
@@ -11,8 +13,6 @@ from sim.drawing.map import DriveMap as DriveMap
 from sim.drawing.map import Incident as Incident
 from sim.drawing.map import draw_map as draw_map
 from sim.drawing.map import thinned as thinned
-from sim.drawing.panel import Panel as Panel
-from sim.drawing.panel import Series as Series
 from sim.drawing.passage import SHORT_S as SHORT_S
 from sim.drawing.passage import Levels as Levels
 from sim.drawing.passage import Passage as Passage
@@ -31,7 +31,7 @@ from sim.drawing.style import WARNED as WARNED
 from sim.drawing.style import WRONG as WRONG
 from sim.drawing.style import as_png as as_png
 from sim.drawing.style import as_svg as as_svg
-from sim.drawing.style import sheet as sheet
+from sim.drawing.style import styled_figure as styled_figure
 from sim.drawing.style import write_drawing as write_drawing
 from sim.drawing.timeline import CommandLane as CommandLane
 from sim.drawing.timeline import RunTimeline as RunTimeline

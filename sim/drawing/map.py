@@ -1,4 +1,4 @@
-"""Map of a drive: planned path, odometry and true path."""
+"""`draw_map`: the map of a drive, with planned path, odometry and true path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from matplotlib.ticker import MultipleLocator
 from executive.commands import Waypoint
 from executive.obstacles.zones import KeepIn, KeepOut, ScannedObstacle, Zones
 from executive.values.geometry import Point, Pose
-from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
+from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, styled_figure
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 
 STEP_M: Final = 0.02
@@ -129,7 +129,7 @@ def draw_map(drive: DriveMap) -> Figure:
     pixels_per_m = PIXELS_PER_M / scale
     across, upright = pixels_per_m * (east_m - west_m), pixels_per_m * (north_m - south_m)
     width, height = _LEFT + across + _RIGHT, _TOP + upright + _BOTTOM
-    with sheet(width, height, drive.title) as figure:
+    with styled_figure(width, height, drive.title) as figure:
         box = (_LEFT / width, _BOTTOM / height, across / width, upright / height)
         axes = figure.add_axes(box, facecolor=SOIL, xlabel="x in m", ylabel="y in m")
         axes.set(xlim=(west_m, east_m), ylim=(south_m, north_m))
@@ -398,7 +398,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
             ("keep-in zone", _KEEP_IN, drive.zones.keep_in),
             ("keep-out zone", _KEEP_OUT, drive.zones.keep_out),
             ("rock known to the rover", _KNOWN_ROCK, drive.zones.rocks),
-            ("scanned by the laser at the end", _SEEN, drive.scanned),
+            ("scanned, at the end", _SEEN, drive.scanned),
         )
         if present
     ]

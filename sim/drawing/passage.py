@@ -1,4 +1,4 @@
-"""Commands between ground, orbiter and rover, one lane each, and the lengths of the queues."""
+"""Draws a command's passage between ground, orbiter and rover, and the lengths of the queues."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ Levels = Sequence[tuple[float, int]]
 _STORED: Final = mark("o", 10, COMMAND)
 _ON_GROUND: Final = mark("o", 10, DONE)
 _LOST: Final = mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
-_WAY: Final = line(COMMAND, 2)
+_PATH_LINE: Final = line(COMMAND, 2)
 _STORAGE: Final = line(COMMAND, 5)
 _REPORTED: Final = line(DONE, 1.8)
 LEGEND: Final[dict[str, list[Style]]] = {
@@ -119,7 +119,7 @@ def _draw_short(axes: Axes, lane: Passage, top: float) -> None:
     """Draw a short command as one mark, with its duration as text."""
     assert lane.ended is not None
     ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
-    axes.plot([sent_s, sent_s], [ground, rover], **_WAY)
+    axes.plot([sent_s, sent_s], [ground, rover], **_PATH_LINE)
     axes.plot(sent_s, ground, **SENT)
     if not lane.again:
         axes.plot(sent_s, rover, **RECEIVED)
@@ -143,15 +143,15 @@ def _draw_uplink(axes: Axes, lane: Passage, top: float) -> None:
     arrived_s = lane.lost_s if lane.received is None else lane.received.made_s
     if lane.stored_s is None:
         if arrived_s is not None:
-            axes.plot([lane.sent_s, arrived_s], [ground, rover], **_WAY)
+            axes.plot([lane.sent_s, arrived_s], [ground, rover], **_PATH_LINE)
     else:
-        axes.plot([lane.sent_s, lane.sent_s], [ground, orbiter], **_WAY)
+        axes.plot([lane.sent_s, lane.sent_s], [ground, orbiter], **_PATH_LINE)
         if arrived_s is not None and arrived_s - lane.stored_s > SHORT_S:
             axes.plot([lane.sent_s, arrived_s], [orbiter, orbiter], **_STORAGE)
         if lane.lost_s is not None:
             axes.plot(lane.lost_s, orbiter, **_LOST)
         elif arrived_s is not None:
-            axes.plot([arrived_s, arrived_s], [orbiter, rover], **_WAY)
+            axes.plot([arrived_s, arrived_s], [orbiter, rover], **_PATH_LINE)
         axes.plot(lane.sent_s, orbiter, **_STORED)
     if lane.received is not None:
         axes.plot(lane.received.made_s, rover, **RECEIVED)

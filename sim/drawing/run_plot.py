@@ -1,4 +1,4 @@
-"""Plot of a recorded run: its map, and commands, events, modes and speeds over time."""
+"""`draw_run`: plot of a recorded run: its map, then commands, events, modes, speeds over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -7,14 +7,13 @@ from typing import Any, Final
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from executive.history import TrackSource
+from executive.history.motion_tracks import TrackSource
 from executive.obstacles.zones import Zones
 from executive.values.geometry import Pose
-from sim.drawing.lanes import LEFT_PX, RIGHT_PX, WIDTH_PX
+from sim.drawing.lanes import LEFT_PX, RIGHT_PX, STYLES, WIDTH_PX
 from sim.drawing.map import SOIL, Incident, draw_incidents, draw_rover, draw_zones, thinned
-from sim.drawing.panel import LOOKS
-from sim.drawing.style import FAINT, INK, POINT, sheet
-from sim.drawing.timeline import RunTimeline, draw_rows, grid_position, heights_px
+from sim.drawing.style import FAINT, INK, POINT, styled_figure
+from sim.drawing.timeline import RunTimeline, draw_rows, grid_position, panel_heights_px
 
 _TOP, _MAP, _BESIDE_MAP, _BOTTOM = 56, 380, 62, 52
 _AROUND_M: Final = 0.6
@@ -50,9 +49,9 @@ class RunPlot:
 
 def draw_run(plot: RunPlot) -> Figure:
     """Return the plot of a run: the map, and below it the timeline."""
-    heights = [_MAP, _BESIDE_MAP, *heights_px(plot.timeline)]
+    heights = [_MAP, _BESIDE_MAP, *panel_heights_px(plot.timeline)]
     height = _TOP + sum(heights) + _BOTTOM
-    with sheet(WIDTH_PX, height, plot.timeline.title) as figure:
+    with styled_figure(WIDTH_PX, height, plot.timeline.title) as figure:
         grid = figure.add_gridspec(len(heights), **grid_position(heights, _TOP, _BOTTOM))
         ground = figure.add_subplot(grid[0], facecolor=SOIL)
         first = figure.add_subplot(grid[2])
@@ -83,10 +82,10 @@ def _draw_map(axes: Axes, plot: RunPlot) -> None:
     axes.tick_params(labelsize=10 * POINT)
     axes.autoscale(False)
     draw_zones(axes, plot.zones)
-    order = list(LOOKS)
+    order = list(STYLES)
     for track in sorted(plot.tracks, key=lambda each: order.index(each.source)):
         shape = thinned([pose.point for pose in track.poses])
-        style = {**LOOKS[track.source], "drawstyle": "default"}
+        style = {**STYLES[track.source], "drawstyle": "default"}
         axes.plot([each.x_m for each in shape], [each.y_m for each in shape], **style)
     shown = next((track for track in plot.tracks if track.poses), None)
     if shown is None:
@@ -108,8 +107,8 @@ def _add_captions(figure: Figure, ground: Axes, plot: RunPlot, height: float) ->
     """Add the figures of the run and the legend of the colours beside the map."""
     sources = {each.source for panel in plot.timeline.panels for each in panel.series}
     sources |= {track.source for track in plot.tracks}
-    entries = [source for source in reversed(LOOKS) if source in sources]
-    handles = [ground.plot([], [], **LOOKS[source])[0] for source in entries]
+    entries = [source for source in reversed(STYLES) if source in sources]
+    handles = [ground.plot([], [], **STYLES[source])[0] for source in entries]
     left, top = 46 / WIDTH_PX, 1 - _TOP / height
     figure.text(left, top, "\n".join(plot.figures), va="top", linespacing=1.7)
     below = top - (24 * len(plot.figures) + 14) / height

@@ -1,4 +1,4 @@
-"""Common style of drawings, and their reproducible output as SVG and PNG."""
+"""Common style of all drawings, and their reproducible output as SVG and PNG."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,7 +36,7 @@ _STYLE: Final[Any] = {
 
 
 @contextmanager
-def sheet(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
+def styled_figure(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
     """Yield a white figure with a title, in the common style."""
     with rc_context(_STYLE):
         figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)

@@ -1,4 +1,4 @@
-"""Timeline of a run: the life cycle of each command, faults, events, modes, the true speed.
+"""`draw_timeline` of a run: life cycles of commands, faults, events, modes, the true speed.
 
 With an orbiter each command has a lane of three levels: ground, orbiter, rover.
 """
@@ -25,14 +25,15 @@ from sim.drawing.lanes import (
     WAITING_FOR_TURN,
     WIDTH_PX,
     WORK,
+    Panel,
     Style,
     add_legend_row,
+    draw_panel,
     draw_rule,
     line,
     mark,
     write_beside,
 )
-from sim.drawing.panel import Panel, draw_panel
 from sim.drawing.passage import (
     LEGEND,
     LEGEND_OF_WAITING,
@@ -43,7 +44,7 @@ from sim.drawing.passage import (
     draw_passage,
     draw_queues,
 )
-from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, sheet
+from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, styled_figure
 
 MIN_DRAWN_WAIT_S: Final = 0.2
 """Minimum drawn waiting time aboard."""
@@ -161,7 +162,7 @@ class RunTimeline:
         events: name and times of each kind of reported event.
         modes: modes with begin and end.
         panels: panels of speeds below the rows.
-        eclipses: begin and end of each contact outage.
+        outages: begin and end of each contact outage.
         absences: begin and end of each interval without an executive.
         waiting: numbers of bundles queued at the orbiter and of reports queued aboard.
     """
@@ -173,7 +174,7 @@ class RunTimeline:
     events: tuple[tuple[str, tuple[float, ...]], ...] = ()
     modes: tuple[tuple[Mode, float, float], ...] = ()
     panels: tuple[Panel, ...] = ()
-    eclipses: tuple[tuple[float, float], ...] = ()
+    outages: tuple[tuple[float, float], ...] = ()
     absences: tuple[tuple[float, float], ...] = ()
     waiting: tuple[Levels, Levels] | None = None
 
@@ -185,9 +186,9 @@ class RunTimeline:
 
 def draw_timeline(timeline: RunTimeline) -> Figure:
     """Return the figure: rows with y in pixels downwards, and the panels below them."""
-    heights = heights_px(timeline)
+    heights = panel_heights_px(timeline)
     top_px = _TOP + _LEGEND_ROW * timeline.relayed
-    with sheet(WIDTH_PX, top_px + sum(heights) + _BOTTOM, timeline.title) as figure:
+    with styled_figure(WIDTH_PX, top_px + sum(heights) + _BOTTOM, timeline.title) as figure:
         grid = grid_position(heights, top_px, _BOTTOM)
         all_axes = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
         draw_rows(list(all_axes), timeline)
@@ -208,7 +209,7 @@ def grid_position(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[s
     }
 
 
-def heights_px(timeline: RunTimeline) -> list[int]:
+def panel_heights_px(timeline: RunTimeline) -> list[int]:
     """Return the heights in pixels: all rows together, each panel, the queues."""
     rows = len({fault.name for fault in timeline.faults}) + len(timeline.events) + 1
     lanes_px = sum(lane.height_px for lane in timeline.commands) or LANE_PX
@@ -218,24 +219,24 @@ def heights_px(timeline: RunTimeline) -> list[int]:
 
 
 def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
-    """Draw rows, panels and queues into axes with the heights of `heights_px`."""
+    """Draw rows, panels and queues into axes with the heights of `panel_heights_px`."""
     above, *panels = all_axes
     absences = timeline.absences
     for axes in all_axes:
         axes.spines[["left", "top", "right"]].set_visible(False)
         axes.grid(axis="x", color=GRID, zorder=0.5)
         axes.set_axisbelow(True)
-        for dark in (*timeline.eclipses, *absences):
+        for dark in (*timeline.outages, *absences):
             axes.axvspan(*dark, color=DARK, linewidth=0, zorder=0.2)
     for axes in all_axes[:-1]:
         axes.spines.bottom.set_visible(False)
         axes.tick_params(axis="x", bottom=False, labelbottom=False)
-    rows_px = heights_px(timeline)[0]
+    rows_px = panel_heights_px(timeline)[0]
     above.set(xlim=(0, max(timeline.end_s, MIN_DRAWN_WAIT_S)), ylim=(rows_px, 0))
     above.yaxis.set_visible(False)
-    names = [f"outage: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
+    names = [f"outage: no contact for {end - begin:.0f} s" for begin, end in timeline.outages]
     names += ["no executive"] * len(absences)
-    for dark, text in zip((*timeline.eclipses, *absences), names, strict=True):
+    for dark, text in zip((*timeline.outages, *absences), names, strict=True):
         above.text(mean(dark), -6, text, color=_DARK_INK, fontweight="bold", ha="center")
     top = draw_commands(above, timeline.commands) + _GAP
     for name in dict.fromkeys(fault.name for fault in timeline.faults):
@@ -261,8 +262,8 @@ def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
     write_beside(axes, 46, top + ROW_PX / 2 + 5, _cut(name), color=colour)
 
 
-def _cut(text: str, most: int = _TITLE) -> str:
-    return text if len(text) <= most else f"{text[: most - 1].rstrip('-., ')}…"
+def _cut(text: str, max_length: int = _TITLE) -> str:
+    return text if len(text) <= max_length else f"{text[: max_length - 1].rstrip('-., ')}…"
 
 
 def _colour(lane: CommandLane) -> str:

@@ -1,4 +1,4 @@
-"""Converts a recording into the data of a plot, and writes the plot."""
+"""`write_plot` writes the plot of a recording; `plot_of` converts the recording into its data."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -9,13 +9,12 @@ from typing import Final
 
 from adapters.recording import RecordingError, RunReader, read_timed
 from executive.commands import Mode
-from executive.history import (
-    KINDS,
+from executive.history import RunHistory
+from executive.history.history_builder import KINDS, HistoryBuilder
+from executive.history.motion_tracks import (
     TRACK_KINDS,
-    HistoryBuilder,
     MotionTracks,
     PoseAt,
-    RunHistory,
     TrackSource,
     VelocityAt,
 )
@@ -94,7 +93,7 @@ class _Plot:
 
     def plot(self, name: str) -> RunPlot:
         settings = self._tracks.settings
-        small = settings is not None and settings.locomotion is LocomotionKind.WHOLE_MOTION
+        small = settings is not None and settings.locomotion is LocomotionKind.DELEGATED
         asset = settings.asset if settings is not None else "a rover"
         velocities = self._tracks.velocities | {
             source: _speeds(self._tracks.poses[source])

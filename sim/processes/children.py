@@ -1,4 +1,4 @@
-"""Python modules as child processes, each with a log; none outlives this process.
+"""`ChildProcess`: a Python module as child process with a log; it ends with its parent process.
 
 A group of supervised processes raises an error to its waiters when one ends by itself.
 """

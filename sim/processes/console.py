@@ -1,4 +1,4 @@
-"""The operations console of simulated rovers: `rover-console`, if its extra is installed."""
+"""`operations_console` starts `rover-console` for simulated rovers, if its extra is installed."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""A simulated rover as processes: simulation, executive, and the processes between them."""
+"""`run_deployment` starts a simulated rover: `rover-sim`, its executive, MOCUP's `rover-nxt`."""
 
 import re
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ class Deployment(ProcessGroup):
 
 
 @contextmanager
-def deployed(
+def run_deployment(
     address: RoverAddress,
     folder: Path,
     asset: str,
@@ -84,7 +84,7 @@ def deployed(
 
         stream = None if settings.video is None else f"{HOST}:{free_udp_ports(1)[0]}"
         cable: tuple[str, ...] = ()
-        if settings.locomotion is LocomotionKind.WHOLE_MOTION:
+        if settings.locomotion is LocomotionKind.DELEGATED:
             bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
             cable = ("--usb-socket", f"{bus}/brick")
         # Rovers in one domain have separate clocks.

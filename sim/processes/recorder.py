@@ -1,4 +1,4 @@
-"""Records the rover's topics during a session: its poses, and the activity of its tree."""
+"""`RoverRecorder` collects a rover's poses and its tree's activity from ROS topics, in memory."""
 
 import os
 import threading
@@ -11,13 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Float64, String
 
-from adapters.ros import declare_topics, odometry_fact, ros_node, single_threaded
+from adapters.ros import declare_topics, odometry_fact, ros_node, single_threaded, twist_of
 from adapters.ros.tree_topic import from_json, tree_qos
 from executive.values.geometry import Pose
 from trees import NodeStatus, TreeSnapshot
@@ -76,13 +76,14 @@ class RoverRecorder:
         topics = declare_topics(node)
         self._node = node
         self._odometry = node.resolve_topic_name(topics.odometry.name)
-        for kind, topic, callback in (
-            (Odometry, topics.odometry, partial(self._see, self.driven)),
-            (Odometry, topics.ground_truth, partial(self._see, self.true)),
-            (Twist, topics.cmd_vel, self._on_velocity),
-            (Float64, topics.camera_pan_state, self._on_pan),
+        for topic, callback in (
+            (topics.odometry, partial(self._add_pose, self.driven)),
+            (topics.ground_truth, partial(self._add_pose, self.true)),
+            (topics.cmd_vel, self._on_velocity),
+            (topics.camera_pan_state, self._on_pan),
         ):
-            node.create_subscription(kind, topic.name, callback, topic.qos)
+            if topic is not None:
+                node.create_subscription(topic.type, topic.name, callback, topic.qos)
         latest = tree_qos(DurabilityPolicy.VOLATILE)
         node.create_subscription(String, f"/{asset}/executive/tree", self._on_tree, latest)
 
@@ -105,15 +106,16 @@ class RoverRecorder:
         """Return the number of publishers of the rover's odometry."""
         return self._node.count_publishers(self._odometry)
 
-    def _see(self, sightings: list[PoseSample], message: Odometry) -> None:
+    def _add_pose(self, sightings: list[PoseSample], message: Odometry) -> None:
         seen = odometry_fact(message)
         sightings.append(PoseSample(time.time(), seen.stamp_s, seen.pose, self._pan_rad))
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data
 
-    def _on_velocity(self, message: Twist) -> None:
-        if self.moved_after_s is None and (message.linear.x or message.angular.z):
+    def _on_velocity(self, message: Twist | TwistStamped) -> None:
+        twist = twist_of(message)
+        if self.moved_after_s is None and (twist.linear.x or twist.angular.z):
             self.moved_after_s = since_start_s()
 
     def _on_tree(self, message: String) -> None:

@@ -1,10 +1,10 @@
-"""The relay of simulated rovers: a `rover-relay` for each of them, and one `rover-mops`."""
+"""`run_relay` starts the relay of simulated rovers: a `rover-relay` for each, one `rover-mops`."""
 
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -26,13 +26,45 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_o
 from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
 from sim.processes.children import ChildProcess, ProcessGroup
-from sim.processes.contacts import Outage, plan_text
 from sim.processes.deployment import Deployment
 from sim.processes.rover_address import ANY_PORT, HOST, free_udp_ports
 
 SILENT_AFTER_S: Final = 5.0
 HEALTH_INTERVAL_S: Final = 1.0
 """Shorter than in `config/`, because simulated rovers do not run for hours."""
+PLAN_END_S: Final = 86_400
+"""End of a contact plan, longer than any run here."""
+RATE_OCTETS_S: Final = 125_000
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """A time without contact, in whole seconds after a reference, as in contact plans."""
+
+    begin_s: int
+    end_s: int
+
+
+def plan_text(
+    outages: Sequence[Outage], start_utc_s: int, orbiter: int, rovers: Sequence[int]
+) -> str:
+    """Return a contact plan with contact in both directions outside of outages."""
+    reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
+    lines = [
+        f"a contact +{begin_s} +{end_s} {sender} {receiver} {RATE_OCTETS_S}"
+        for begin_s, end_s in _contacts(outages)
+        for rover in rovers
+        for sender, receiver in ((orbiter, rover), (rover, orbiter))
+    ]
+    return "\n".join([reference, *lines]) + "\n"
+
+
+def _contacts(outages: Sequence[Outage]) -> Iterator[tuple[int, int]]:
+    begin_s = 0
+    for outage in (*outages, Outage(PLAN_END_S, PLAN_END_S)):
+        if begin_s < outage.begin_s:
+            yield begin_s, outage.begin_s
+        begin_s = outage.end_s
 
 
 def relay_settings(
@@ -73,7 +105,7 @@ def relay_settings(
         rovers=tuple(served),
         contact_plan=contact_plan,
         security=_security(*served),
-        silent_after_s=SILENT_AFTER_S,
+        link_timeout_s=SILENT_AFTER_S,
         health_interval_s=HEALTH_INTERVAL_S,
     )
     return settings, relays
@@ -83,7 +115,7 @@ def _security(*rovers: RelayedRoverSettings) -> SecuritySettings:
     """Return the settings that sign all bundles from and to each of these with its key."""
     nodes = [(rover.asset, f"{rover.eid.rpartition('.')[0]}.*") for rover in rovers]
     return SecuritySettings(
-        keys={asset: KeySettings(file=key_of(asset)) for asset, _ in nodes},
+        keys={asset: KeySettings(file=key_file_of(asset)) for asset, _ in nodes},
         policies=(
             *(PolicySettings(key=asset, source=node) for asset, node in nodes),
             *(PolicySettings(key=asset, destination=node) for asset, node in nodes),
@@ -91,7 +123,7 @@ def _security(*rovers: RelayedRoverSettings) -> SecuritySettings:
     )
 
 
-def key_of(asset: str) -> str:
+def key_file_of(asset: str) -> str:
     """Return the file name of an asset's key."""
     return f"{asset}.key"
 
@@ -114,7 +146,7 @@ class Orbiter(ProcessGroup):
 
     Attributes:
         start_utc_s: reference time of the outages.
-        eclipses: times without contact.
+        outages: times without contact.
         data: data folder of `rover-mops`.
         relays: the process `rover-relay` of each asset.
     """
@@ -122,7 +154,7 @@ class Orbiter(ProcessGroup):
     def __init__(
         self,
         start_utc_s: int,
-        eclipses: Sequence[Outage],
+        outages: Sequence[Outage],
         data: Path,
         orbiter: ChildProcess,
         relays: Mapping[str, ChildProcess],
@@ -131,7 +163,7 @@ class Orbiter(ProcessGroup):
         aboard = (child for rover in rovers for child in rover.children)
         super().__init__(*aboard, *relays.values(), orbiter)
         self.start_utc_s = start_utc_s
-        self.eclipses = tuple(eclipses)
+        self.outages = tuple(outages)
         self.data = data
         self.relays = relays
         self._orbiter = orbiter
@@ -147,10 +179,10 @@ class Orbiter(ProcessGroup):
 
 
 @contextmanager
-def relayed(
+def run_relay(
     folder: Path,
     *rovers: Deployment,
-    eclipses: Sequence[Outage] = (),
+    outages: Sequence[Outage] = (),
     restart: bool = False,
 ) -> Iterator[Orbiter]:
     """Yield the relay of rovers; at the end the orbiter ends before their relays.
@@ -163,7 +195,7 @@ def relayed(
         folder: receives settings, keys, contact plan, logs, and the orbiter's data. The data of a
             rover's end are in `Deployment.aboard`.
         rovers: deployments of different assets.
-        eclipses: times without contact, in seconds after this start; without any, contact is
+        outages: times without contact, in seconds after this start; without any, contact is
             continuous.
         restart: whether a `rover-relay` that ends by itself is restarted; else it is an error.
 
@@ -171,12 +203,12 @@ def relayed(
         SettingsError: an asset has no relay in `config/`.
     """
     start_utc_s = int(time.time())
-    settings, relays = relay_settings(rovers, CONTACTS if eclipses else None)
+    settings, relays = relay_settings(rovers, CONTACTS if outages else None)
     ends = [engine_of(rover.endpoint) for rover in settings.rovers]
-    plan = plan_text(eclipses, start_utc_s, engine_of(parse_eid(settings.eid)), ends)
+    plan = plan_text(outages, start_utc_s, engine_of(parse_eid(settings.eid)), ends)
     (folder / CONTACTS).write_text(plan, encoding="utf-8")
     for rover in rovers:
-        make_key(folder / key_of(rover.settings.asset))
+        make_key(folder / key_file_of(rover.settings.asset))
     with ExitStack() as running:
 
         def start(
@@ -213,4 +245,4 @@ def relayed(
             *("--data", str(data)),
             domain=rovers[0].address.domain,
         )
-        yield Orbiter(start_utc_s, eclipses, data, orbiter, children, rovers)
+        yield Orbiter(start_utc_s, outages, data, orbiter, children, rovers)

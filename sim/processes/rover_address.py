@@ -1,4 +1,4 @@
-"""Addresses of processes: a ROS domain and a TCP port that no other process uses.
+"""Allocates addresses of a rover's processes: a ROS domain and a TCP port that no other one uses.
 
 An address in use by another rover is refused.
 """

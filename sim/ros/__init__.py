@@ -1,1 +1,1 @@
-"""`rover-sim`: a simulated rover on ROS topics."""
+"""The process `rover-sim`: a simulated rover on ROS topics."""

@@ -7,6 +7,7 @@ skipped.
 import array
 import threading
 from dataclasses import replace
+from typing import Final
 
 import mujoco
 from rclpy.node import Node
@@ -57,10 +58,13 @@ def _header(time_s: float) -> Header:
     return Header(stamp=time_message(time_s), frame_id=CAMERA_OPTICAL)
 
 
+CAMERA_INFO: Final = "camera/camera_info"
+
+
 class CameraNode:
     """Publishes pictures, raw and compressed, if they have subscribers, and streams them.
 
-    `offer` and `close` are for the thread that runs physics.
+    `request_picture` and `close` are for the thread that runs physics.
 
     Attributes:
         backend: renderer of the pictures.
@@ -74,11 +78,12 @@ class CameraNode:
         settings: PictureSettings,
         video: VideoStream | None = None,
     ) -> None:
-        compressed, raw = topics.camera_compressed, topics.camera_image
-        self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
-        self._raw = node.create_publisher(Image, raw.name, raw.qos)
-        beside = f"{raw.name.rpartition('/')[0]}/camera_info".lstrip("/")
-        self._info = node.create_publisher(CameraInfo, beside, raw.qos)
+        self._pictures = [
+            node.create_publisher(topic.type, topic.name, topic.qos)
+            for topic in (topics.camera, topics.camera_raw)
+            if topic is not None
+        ]
+        self._info = node.create_publisher(CameraInfo, CAMERA_INFO, 1)
         self._video = video
         self._rover = rover
         self._settings = settings
@@ -88,11 +93,11 @@ class CameraNode:
         self._seen = CameraView(self._state, 0.0)
         self._ready, self._offered = threading.Event(), threading.Event()
         self._closing = self._streaming = False
-        self._thread = threading.Thread(target=self._work, name="camera")
+        self._thread = threading.Thread(target=self._render_loop, name="camera")
         self._thread.start()
         self._ready.wait()
 
-    def offer(self) -> None:
+    def request_picture(self) -> None:
         """Request a picture, if it has a receiver and the last one is done."""
         view = self._rover.view
         if view is None or self._offered.is_set() or not self._watched():
@@ -108,12 +113,12 @@ class CameraNode:
         self._thread.join()
 
     def _watched(self) -> bool:
-        publishers = (self._compressed, self._raw, self._info)
+        publishers = (*self._pictures, self._info)
         subscribed = any(publisher.get_subscription_count() for publisher in publishers)
         self._streaming = self._video is not None and self._video.watched
         return subscribed or self._streaming
 
-    def _work(self) -> None:
+    def _render_loop(self) -> None:
         camera = Camera(self._rover.model, self._settings)  # OpenGL is freed on its own thread
         camera.image(self._state)
         self.backend = camera.backend
@@ -132,12 +137,14 @@ class CameraNode:
             f_px = focal_px(self._rover.model, height)
             self._info.publish(info_message(width, height, f_px, seen.time_s))
         pixels = camera.image(seen.data)
-        subscribed = self._compressed.get_subscription_count()
-        if subscribed or self._streaming:
+        subscribed = [each for each in self._pictures if each.get_subscription_count()]
+        jpeg = b""
+        if self._streaming or any(each.msg_type is CompressedImage for each in subscribed):
             jpeg = encode_jpeg(pixels)[: seen.octets]
-            if subscribed:
-                self._compressed.publish(compressed_message(jpeg, seen.time_s))
-            if self._video is not None and self._streaming and seen.octets is None:
-                self._video.send(jpeg, seen.time_s)
-        if self._raw.get_subscription_count():
-            self._raw.publish(image_message(pixels, seen.time_s))
+        if self._video is not None and self._streaming and seen.octets is None:
+            self._video.send(jpeg, seen.time_s)
+        for publisher in subscribed:
+            if publisher.msg_type is Image:
+                publisher.publish(image_message(pixels, seen.time_s))
+            else:
+                publisher.publish(compressed_message(jpeg, seen.time_s))

@@ -1,4 +1,4 @@
-"""The topic that loads a simulated rover: a mass that replaces the previous one. Both ends."""
+"""The ROS topic that sets the cargo of a simulated rover, kg: its publisher and subscriber."""
 
 import logging
 import time
@@ -22,8 +22,7 @@ def declare_cargo(node: Node) -> Topic | None:
     Raises:
         adapters.ros.parameters.ParameterError: named, and a parameter is missing or invalid.
     """
-    meaning = "std_msgs/Float64, cargo of a simulated rover, kg"
-    return declare_optional_topic(node, "cargo", meaning)
+    return declare_optional_topic(node, "cargo", "cargo of a simulated rover, kg", Float64)
 
 
 def serve_cargo(node: Node, rover: SimulatedBody) -> None:

@@ -1,4 +1,4 @@
-"""The service that injects and clears faults of a simulated rover. Both ends.
+"""The ROS service that injects and clears faults of a simulated rover: its server and its client.
 
 Its type is one that every ROS has: each parameter of a request is named like a fault. A text has
 the fault's own parameters in YAML, `{by: 0.5}`; true injects it with its defaults, false clears it.

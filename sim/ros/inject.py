@@ -1,4 +1,4 @@
-"""`rover inject`: a sub-command for each fault that a simulated rover can have."""
+"""The command `rover inject`: a sub-command for each fault that a simulated rover can have."""
 
 from math import degrees
 from typing import Any, Final
@@ -30,9 +30,9 @@ def inject() -> None:
     Examples:
       rover inject odometry_frozen
       rover inject odometry_frozen --clear
-      rover inject slip --factor 0.2
+      rover inject low_friction --factor 0.2
       rover inject tip --by 40deg
-      rover inject left_stuck --asset mocup
+      rover inject left_wheels_stuck --asset mocup
 
     \b
     Exit status: 0 done, 1 this rover cannot have it, 2 invalid arguments, 3 no simulation answers.

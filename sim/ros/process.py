@@ -1,4 +1,4 @@
-"""`rover-sim`: the simulated rover as a ROS process."""
+"""The process `rover-sim`: its command line. `service` simulates the rover on ROS."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -58,7 +58,7 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 @click.option(
     "--ros-params",
     type=EXISTING_FILE,
-    help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
+    help="ROS parameter file.  [default: ASSET.ros.yaml beside the asset, or in config/]",
 )
 @log_level_option
 @click.pass_obj
@@ -88,14 +88,20 @@ def main(
     """
     from tempfile import gettempdir
 
-    from executive.settings import config_folder, load_settings, named_file
+    from executive.settings import (
+        asset_file,
+        config_folder,
+        load_settings,
+        named_file,
+        ros_parameter_file,
+    )
     from sim.ros.service import SimulationOptions, serve
     from sim.rover import load_world
 
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
     settings = load_settings(asset)
     ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
-    parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+    parameters = ros_params or ros_parameter_file(settings.asset, asset_file(asset).parent)
     usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
     serve(SimulationOptions(settings, ground, parameters, ros_arguments, usb, **simulated))
 

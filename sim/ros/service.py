@@ -1,30 +1,30 @@
-"""Assembles the simulation's process, serves it until a signal, and closes it."""
+"""`serve`, the body of `rover-sim`: a node that simulates the rover on ROS until a signal."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from time import monotonic
-from typing import Final, assert_never
+from typing import Any, Final, assert_never
 
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry as OdometryMessage
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
+from trajectory_msgs.msg import JointTrajectory
 
 from adapters.process import Termination
 from adapters.ros import (
     LOCK_QOS,
-    MESSAGES,
+    MessageError,
     RobotModelPublisher,
     SensorTopics,
+    Topic,
     Topics,
     base_transform,
     battery_message,
@@ -32,25 +32,22 @@ from adapters.ros import (
     declare_rate,
     declare_sensor_topics,
     declare_topics,
-    imu_message,
-    joints_message,
-    laser_message,
+    joint_angle,
+    joint_state,
     odometry_message,
     ros_node,
-    second_odometry_message,
+    sensor_message,
     single_threaded,
     time_message,
+    twist_of,
 )
-from executive.settings import LocomotionKind, Sensor, Settings, SettingsError
+from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
-    Imu,
-    Joints,
-    LaserScan,
     Odometry,
-    SecondOdometry,
+    SensorFact,
 )
 from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent
@@ -92,23 +89,23 @@ class JackalOnRos:
         self._rover = rover
         self._model = RobotModelPublisher(node, settings)
         mux = settings.mux
-        self._joints = sensors.joints
+        self._joints, self._mounting = sensors.joints, sensors.mounting
         self._sensors = {
-            sensor: node.create_publisher(MESSAGES[sensor], topic.name, topic.qos)
+            sensor: node.create_publisher(topic.type, topic.name, topic.qos)
             for sensor, topic in sensors.topics.items()
         }
         self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
-        make = node.create_publisher
-        self._odometry = make(OdometryMessage, topics.odometry.name, topics.odometry.qos)
-        self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
-        self._pan = make(Float64, topics.camera_pan_state.name, topics.camera_pan_state.qos)
-        self._tilt = make(Float64, topics.camera_tilt_state.name, topics.camera_tilt_state.qos)
-        listen = node.create_subscription
+        self._odometry = _publish(node, topics.odometry)
+        self._battery = _publish(node, topics.battery)
+        self._pan = _publish(node, topics.camera_pan_state)
+        self._tilt = _publish(node, topics.camera_tilt_state)
+        listen, velocity = node.create_subscription, topics.cmd_vel
         if mux is None:
-            listen(Twist, topics.cmd_vel.name, partial(self._on_velocity, None), topics.cmd_vel.qos)
+            listen(velocity.type, velocity.name, partial(self._on_velocity, None), velocity.qos)
         else:
             for name, entry in mux.topics.items():
-                listen(Twist, entry.topic, partial(self._on_velocity, name), topics.cmd_vel.qos)
+                on_velocity = partial(self._on_velocity, name)
+                listen(velocity.type, entry.topic, on_velocity, velocity.qos)
             for name, entry in mux.locks.items():
                 listen(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
         for part, topic in (
@@ -116,7 +113,9 @@ class JackalOnRos:
             ("tilt_rad", topics.camera_tilt),
             ("speed_radps", topics.camera_speed),
         ):
-            listen(Float64, topic.name, partial(self._point, part), topic.qos)
+            if topic is not None:
+                on_angle = partial(self._point, part, topic.joint)
+                listen(topic.type, topic.name, on_angle, topic.qos)
 
     def exchange(self) -> None:
         """Publish the measurements since the last call."""
@@ -127,30 +126,26 @@ class JackalOnRos:
         """Do no clean-up: the node destroys the publishers."""
 
     def _publish(self, fact: Fact) -> None:
+        time_s = self._rover.time_s
         match fact:
             case Odometry():
-                self._odometry.publish(odometry_message(fact))
-                self._model.moved([base_transform(fact)])
+                self._odometry(lambda _: odometry_message(fact))
+                self._model.publish_transforms([base_transform(fact)])
             case Battery():
-                self._battery.publish(battery_message(fact, self._rover.time_s))
+                self._battery(lambda topic: battery_message(fact, time_s, topic.type))
             case CameraAngles(pan_rad, tilt_rad):
-                self._model.moved(camera_transforms(fact, self._rover.time_s))
-                self._pan.publish(Float64(data=pan_rad))
-                self._tilt.publish(Float64(data=tilt_rad))
-            case Imu():
-                self._sensors[Sensor.IMU].publish(imu_message(fact))
-            case Joints():
-                self._sensors[Sensor.JOINTS].publish(joints_message(fact, self._joints))
-            case SecondOdometry():
-                message = second_odometry_message(fact, SECOND_FRAME)
-                self._sensors[Sensor.SECOND_ODOMETRY].publish(message)
-            case LaserScan():
-                self._sensors[Sensor.LASER].publish(laser_message(fact))
+                self._model.publish_transforms(camera_transforms(fact, time_s))
+                self._pan(lambda topic: joint_state(topic.type, topic.joint, pan_rad, time_s))
+                self._tilt(lambda topic: joint_state(topic.type, topic.joint, tilt_rad, time_s))
+            case _ if isinstance(fact, SensorFact):
+                sensor, message = sensor_message(fact, self._joints, SECOND_FRAME, self._mounting)
+                self._sensors[sensor].publish(message)
             case _:
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
 
-    def _on_velocity(self, name: str | None, message: Twist) -> None:
-        velocity = Velocity(message.linear.x, message.angular.z)
+    def _on_velocity(self, name: str | None, message: Twist | TwistStamped) -> None:
+        twist = twist_of(message)
+        velocity = Velocity(twist.linear.x, twist.angular.z)
         if velocity.finite:
             self._rover.mux_command(name, velocity)
         else:
@@ -159,10 +154,26 @@ class JackalOnRos:
     def _on_lock(self, name: str, message: Bool) -> None:
         self._rover.mux_lock(name, message.data)
 
-    def _point(self, part: str, message: Float64) -> None:
-        if isfinite(message.data):
-            self._camera = replace(self._camera, **{part: message.data})
+    def _point(
+        self, part: str, joint: str, message: Float64 | JointState | JointTrajectory
+    ) -> None:
+        try:
+            value = joint_angle(message, joint)
+        except MessageError as error:
+            _LOG.warning("camera command refused: %s", error)
+            return
+        if value is not None:
+            changed: dict[str, Any] = {part: value}
+            self._camera = replace(self._camera, **changed)
             self._rover.point_camera(self._camera)
+
+
+def _publish(node: Node, topic: Topic | None) -> Callable[[Callable[[Topic], Any]], None]:
+    """Return a function that publishes the message made for a topic; without one it does not."""
+    if topic is None:
+        return lambda _: None
+    publisher = node.create_publisher(topic.type, topic.name, topic.qos)
+    return lambda make: publisher.publish(make(topic))
 
 
 class BrickOnUsb:
@@ -216,18 +227,18 @@ class SimulationNode:
         self._rover = rover
         self._exchange = exchange
         self._camera = camera
-        self._frame_every = max(
-            1, round(1 / (declare_rate(node, "camera_hz", "pictures") * PERIOD_S))
-        )
+        self._frame_every = 1
+        if camera is not None:
+            frame_s = 1 / declare_rate(node, "camera_hz", "pictures")
+            self._frame_every = max(1, round(frame_s / PERIOD_S))
         self._period_s = PERIOD_S / speed
         burst_s = MAX_BURST_PERIODS * self._period_s
         self._max_lag_s = MAX_LAG_S if speed == 1.0 else burst_s
         self._started_s = monotonic()
         self._periods = 0
         self._clock = node.create_publisher(Clock, "/clock", 1)
-        self._truth = node.create_publisher(
-            OdometryMessage, topics.ground_truth.name, topics.ground_truth.qos
-        )
+        truth = topics.ground_truth
+        self._truth = truth and node.create_publisher(truth.type, truth.name, truth.qos)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(self._period_s, self._on_time, clock=steady)
 
@@ -245,13 +256,13 @@ class SimulationNode:
         self._periods += 1
         self._clock.publish(Clock(clock=time_message(self._rover.time_s)))
         self._exchange.exchange()
-        if self._truth.get_subscription_count():
+        if self._truth and self._truth.get_subscription_count():
             rover = self._rover
             self._truth.publish(
                 odometry_message(Odometry(rover.time_s, rover.true_pose, rover.true_velocity))
             )
         if self._camera is not None and self._periods % self._frame_every == 0:
-            self._camera.offer()
+            self._camera.request_picture()
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +315,7 @@ def serve(options: SimulationOptions) -> None:
             SimulationNode(node, topics, rover, exchange, camera, options.speed)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
-                f" camera: {options.camera if camera is None else camera.backend.value}",
+                f" camera: {'off' if camera is None else camera.backend.value}",
                 flush=True,
             )
             while not termination.requested:
@@ -322,7 +333,7 @@ def _rover(
             there = sensors.without_topicless(settings.sensors)
             jackal = SimulatedJackal(world, seed, sensors=there, mux=settings.mux)
             return jackal, JackalOnRos(node, topics, sensors, jackal, settings)
-        case LocomotionKind.WHOLE_MOTION:
+        case LocomotionKind.DELEGATED:
             brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
             mocup = SimulatedMocup(world, seed, brick=brick)
             return mocup, BrickOnUsb(mocup, options.usb)
@@ -334,10 +345,10 @@ def _rover(
 def _camera(
     node: Node, topics: Topics, rover: SimulatedBody, options: SimulationOptions
 ) -> Iterator[CameraNode | None]:
-    if options.camera == "off":
+    limits = options.settings.camera
+    if options.camera == "off" or not (limits.formats or options.video_to):
         yield None
         return
-    limits = options.settings.camera
     backend = best_backend() if options.camera == "auto" else Backend(options.camera)
     size = (limits.width_px, limits.height_px)
     settings = PictureSettings(*size, backend=backend)

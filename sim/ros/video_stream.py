@@ -1,4 +1,4 @@
-"""The camera of the simulated rover as RTP/JPEG (RFC 2435) over UDP, like a camera server's.
+"""`VideoStream`: the simulated camera as RTP/JPEG (RFC 2435) over UDP, as a camera server sends it.
 
 Pictures are sent only while a receiver listens.
 """

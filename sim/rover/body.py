@@ -1,4 +1,4 @@
-"""The body of a simulated rover: stepped physics, ground truth, battery, pictures.
+"""`SimulatedBody`, base of simulated rovers: stepped physics, ground truth, battery, pictures.
 
 Physics runs in steps of 5 ms; every 20 ms the rover's own controllers act, its sensors are read.
 """
@@ -17,7 +17,7 @@ from executive.values.geometry import Pose, Velocity
 from sim.rover import faults
 from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance
-from sim.rover.faults import FaultTarget, SimulatedFault
+from sim.rover.faults import Part, SimulatedFault
 from sim.rover.model import Chassis, build_model
 from sim.rover.world import World
 
@@ -114,7 +114,7 @@ _FREE: Final = 7
 
 
 CUT_OCTETS: Final = 200
-"""Octets of a JPEG that `CameraCut` leaves."""
+"""Octets of a JPEG that `CameraTruncated` leaves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +177,9 @@ class SimulatedBody(ABC):
         pack: BatteryPack,
         world: World,
         picture: PictureSettings | None,
-        parts: frozenset[FaultTarget],
+        parts: frozenset[Part],
     ) -> None:
-        """Place the rover on the ground at the world's start and let it settle."""
+        """Put the rover on the ground at the world's start and let it settle."""
         self.world = world
         self.parts = parts
         self.model = build_model(world, STEP_S, chassis)
@@ -245,7 +245,7 @@ class SimulatedBody(ABC):
         if faults.CameraDead in self._faults:
             return None
         view = self._stale or CameraView(self.data, self.time_s)
-        return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
+        return replace(view, octets=CUT_OCTETS) if faults.CameraTruncated in self._faults else view
 
     def set_cargo_mass(self, mass_kg: float) -> None:
         """Set the cargo, evenly distributed; it replaces the previous one, 0 is none.
@@ -355,16 +355,16 @@ class SimulatedBody(ABC):
             0.0 if dead is not None and dead.side.left else torque_ratio,
             0.0 if dead is not None and dead.side.right else torque_ratio,
         )
-        slip = self.fault(faults.Slip)
-        self._disturbance.limit_grip(1.0 if slip is None else slip.factor)
+        low_friction = self.fault(faults.LowFriction)
+        self._disturbance.limit_grip(1.0 if low_friction is None else low_friction.factor)
 
     def _unstuck(self, left_radps: float, right_radps: float) -> tuple[float, float]:
         """Return the speeds of left and right wheels, 0 for stuck ones."""
         stuck = self._faults
         if not stuck:
             return left_radps, right_radps
-        left = faults.LeftStuck in stuck or faults.WheelsStuck in stuck
-        right = faults.RightStuck in stuck or faults.WheelsStuck in stuck
+        left = faults.LeftWheelsStuck in stuck or faults.WheelsStuck in stuck
+        right = faults.RightWheelsStuck in stuck or faults.WheelsStuck in stuck
         return 0.0 if left else left_radps, 0.0 if right else right_radps
 
     def _head_rad(self, pan_rad: float, tilt_rad: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The camera of a simulated rover: pictures by OpenGL if available, else by ray casting.
+"""`Camera` of a simulated rover: pictures by OpenGL if available, else by ray casting.
 
 Ray casting needs no graphics library and gives the same bits every time.
 """

@@ -1,6 +1,6 @@
-"""Disturbances of a simulated rover's body: reduced grip and torque, pushes, tipping.
+"""`Disturbance` of a simulated rover's body: reduced grip and torque, pushes, tipping.
 
-Before its first call only patches of other friction in the world change a run.
+Without a call, a run is changed only by the friction patches of its world.
 """
 
 from itertools import product

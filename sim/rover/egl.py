@@ -1,4 +1,4 @@
-"""Pictures by OpenGL without a display, through EGL.
+"""`EglRenderer`: pictures by OpenGL without a display, through EGL.
 
 The context is created here and not by `mujoco.Renderer`, which needs an environment variable
 before the first import of mujoco.

@@ -20,7 +20,7 @@ from executive.settings import (
     Settings,
     StrictReader,
     angle_of,
-    hint,
+    suggestion,
 )
 
 F = TypeVar("F", bound="SimulatedFault")
@@ -40,15 +40,15 @@ class FaultTarget(Enum):
     ODOMETRY_LINK = "odometry over a network"
     ENCODERS = "wheel encoders"
     GYRO = "a gyro"
-    IMU = "an inertial measurement unit with messages of its own"
-    JOINTS = "messages of the wheels"
-    SECOND_ODOMETRY = "a second odometry"
-    LASER = "a laser"
     CMD_VEL = "velocity commands"
     BATTERY = "a battery voltage"
     CAMERA = "a camera"
     BRICK = "a brick that moves it"
     LINK = "a link to the ground"
+
+
+Part = FaultTarget | Sensor
+"""A part of a simulated rover; a Jackal has the sensors of its settings."""
 
 
 @unique
@@ -105,7 +105,7 @@ class SimulatedFaultDeclaration:
 
     kind: type[SimulatedFault]
     name: str
-    needs: FaultTarget | None
+    needs: Part | None
     onset: Onset
     summary: str
     parameters: tuple[Argument, ...]
@@ -126,7 +126,7 @@ class SimulatedFaultDeclaration:
         for name, raw in given.items():
             if name not in known:
                 has = f"; known are {', '.join(known)}" if known else ", it has no parameters"
-                raise ValueError(f"{self.name}: unknown key {name!r}{hint(name, known)}{has}")
+                raise ValueError(f"{self.name}: unknown key {name!r}{suggestion(name, known)}{has}")
             values[known[name].field] = _value(raw, known[name], f"{self.name}.{name}")
         return self.kind(**values)
 
@@ -135,7 +135,7 @@ _DECLARED: Final[dict[str, SimulatedFaultDeclaration]] = {}
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))
-def fault(needs: FaultTarget | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
+def fault(needs: Part | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
     """Declare a class as a fault; its fields are `argument(...)`, each with a default."""
 
     def declare(cls: type[F]) -> type[F]:
@@ -240,12 +240,12 @@ class EncoderDead(SimulatedFault):
 
 
 @fault(None, Onset.ABRUPT)
-class LeftStuck(SimulatedFault):
+class LeftWheelsStuck(SimulatedFault):
     """The left wheels are locked."""
 
 
 @fault(None, Onset.ABRUPT)
-class RightStuck(SimulatedFault):
+class RightWheelsStuck(SimulatedFault):
     """The right wheels are locked."""
 
 
@@ -262,19 +262,19 @@ class MotorDead(SimulatedFault):
 
 
 @fault(None, Onset.GROUND)
-class Slip(SimulatedFault):
+class LowFriction(SimulatedFault):
     """All ground is slippery."""
 
     factor: float = argument(bounded(0.01, 1.0), "of the friction that is left", default=0.1)
 
 
 @fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
-class CmdVelCut(SimulatedFault):
+class CmdVelLost(SimulatedFault):
     """Velocity commands do not reach the base."""
 
 
 @fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
-class CmdVelTaken(SimulatedFault):
+class CmdVelOverridden(SimulatedFault):
     """Another publisher commands a velocity, too; without a mux the newest command counts."""
 
     travel_mps: float = argument(bounded(2.0), default=0.5)
@@ -332,7 +332,7 @@ class CameraStale(SimulatedFault):
 
 
 @fault(FaultTarget.CAMERA)
-class CameraCut(SimulatedFault):
+class CameraTruncated(SimulatedFault):
     """Of every JPEG only the first 200 octets arrive."""
 
 
@@ -346,46 +346,46 @@ class BrickSilent(SimulatedFault):
     """The brick sends no telemetry and no replies; it still executes commands."""
 
 
-@fault(FaultTarget.IMU)
+@fault(Sensor.IMU)
 class ImuDead(SimulatedFault):
     """No message of the inertial measurement unit arrives."""
 
 
-@fault(FaultTarget.JOINTS)
+@fault(Sensor.JOINTS)
 class JointsDead(SimulatedFault):
     """No message of the wheels arrives."""
 
 
-@fault(FaultTarget.SECOND_ODOMETRY)
+@fault(Sensor.SECOND_ODOMETRY)
 class SecondOdometryLost(SimulatedFault):
     """No message of the second odometry arrives."""
 
 
-@fault(FaultTarget.SECOND_ODOMETRY, Onset.ABRUPT)
+@fault(Sensor.SECOND_ODOMETRY, Onset.ABRUPT)
 class SecondOdometryFrozen(SimulatedFault):
     """The second odometry arrives with new stamps, its pose as it was."""
 
 
-@fault(FaultTarget.SECOND_ODOMETRY, Onset.ABRUPT)
+@fault(Sensor.SECOND_ODOMETRY, Onset.ABRUPT)
 class SecondOdometryJump(SimulatedFault):
     """The pose of the second odometry jumps once; clearing it does not jump back."""
 
     by_m: float = argument(bounded(10.0), "to the left", default=0.36)
 
 
-@fault(FaultTarget.SECOND_ODOMETRY, Onset.LATENT)
+@fault(Sensor.SECOND_ODOMETRY, Onset.LATENT)
 class SecondOdometryDrift(SimulatedFault):
     """The pose of the second odometry drifts; clearing it ends the drift."""
 
     rate_mps: float = argument(bounded(5.0), "to the left", default=0.1)
 
 
-@fault(FaultTarget.LASER)
+@fault(Sensor.LASER)
 class LaserDead(SimulatedFault):
     """No scan of the laser arrives."""
 
 
-@fault(FaultTarget.LASER)
+@fault(Sensor.LASER)
 class LaserBlind(SimulatedFault):
     """Rays of the laser measure nothing usable: they are not a number."""
 
@@ -427,15 +427,6 @@ MOCUP_PARTS: Final = frozenset(
 )
 
 
-SENSOR_PARTS: Final = {
-    Sensor.IMU: FaultTarget.IMU,
-    Sensor.JOINTS: FaultTarget.JOINTS,
-    Sensor.SECOND_ODOMETRY: FaultTarget.SECOND_ODOMETRY,
-    Sensor.LASER: FaultTarget.LASER,
-}
-"""Parts that an asset's settings can give a simulated Jackal."""
-
-
 def declared_faults() -> tuple[SimulatedFaultDeclaration, ...]:
     """Return all declarations, in their order."""
     return tuple(_DECLARED.values())
@@ -447,30 +438,31 @@ def fault_declaration(kind: type[SimulatedFault]) -> SimulatedFaultDeclaration:
     return found
 
 
-def jackal_fault_targets(sensors: Sensors) -> frozenset[FaultTarget]:
+def jackal_fault_targets(sensors: Sensors) -> frozenset[Part]:
     """Return the parts of a simulated Jackal with these sensors."""
-    return JACKAL_PARTS.union(SENSOR_PARTS[each] for each in sensors.present)
+    return JACKAL_PARTS | sensors.present
 
 
-def fault_targets_of(settings: Settings) -> frozenset[FaultTarget]:
+def fault_targets_of(settings: Settings) -> frozenset[Part]:
     """Return the parts of the simulated rover of an asset."""
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
             return jackal_fault_targets(settings.sensors)
-        case LocomotionKind.WHOLE_MOTION:
+        case LocomotionKind.DELEGATED:
             return MOCUP_PARTS
         case _:
             assert_never(settings.locomotion)
 
 
-def unsupported_reason(kind: type[SimulatedFault], parts: frozenset[FaultTarget]) -> str | None:
+def unsupported_reason(kind: type[SimulatedFault], parts: frozenset[Part]) -> str | None:
     """Return why a rover with these parts cannot have a fault; None if it can."""
     declaration = fault_declaration(kind)
-    if declaration.needs is None or declaration.needs in parts:
+    needs = declaration.needs
+    if needs is None or needs in parts:
         return None
-    lacks = f"{declaration.name} needs {declaration.needs.value}, which is not simulated here"
-    keys = [sensor.value for sensor, part in SENSOR_PARTS.items() if part is declaration.needs]
-    return f"{lacks}: a Jackal has it with settings.sensors.{keys[0]}" if keys else lacks
+    if isinstance(needs, Sensor):
+        return f"{declaration.name} needs a Jackal with settings.sensors.{needs.value}"
+    return f"{declaration.name} needs {needs.value}, which is not simulated here"
 
 
 def read_kind(raw: object) -> SimulatedFaultDeclaration:
@@ -481,7 +473,7 @@ def read_kind(raw: object) -> SimulatedFaultDeclaration:
     """
     found = _DECLARED.get(raw) if isinstance(raw, str) else None
     if found is None:
-        near = hint(raw, _DECLARED)
+        near = suggestion(raw, _DECLARED)
         raise ValueError(f"{raw!r} is no fault{near}; known are {', '.join(_DECLARED)}")
     return found
 

@@ -1,4 +1,4 @@
-"""Features on or in the ground of a world: walls, steps, ditches and more.
+"""Features of a world that its YAML lists: walls, steps, ditches, friction patches, slopes.
 
 Positions are in metres on the ground before the whole world is sloped, x forward and y left of
 its origin.

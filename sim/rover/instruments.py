@@ -1,4 +1,4 @@
-"""Proprioceptive sensors of a simulated Jackal besides its odometry: IMU and wheels.
+"""`InertialUnit` and `WheelSensors`: IMU and wheel encoders of a simulated Jackal.
 
 Each instrument measures the truth with errors of its own, from a random generator of its own, so
 that no instrument changes another's measurements.

@@ -1,6 +1,6 @@
-"""A simulated Jackal in place of a real one, behind the port `VelocityRover`.
+"""`SimulatedJackal`, in place of a real one, behind the port `VelocityRover`.
 
-Its base has limits and a timeout; its odometry integrates encoder speed and gyro rate.
+Its base has limits and a timeout; its odometry is dead reckoning: encoder speed, gyro rate.
 """
 
 from collections import deque
@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from executive.settings import MuxEntry, MuxSettings, Sensors
-from executive.values.facts import VELOCITY_TOPIC, Battery, Odometry, OtherInput
+from executive.values.facts import VELOCITY_TOPIC, Battery, ForeignMuxInput, Odometry
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import CameraIntent
 from sim.pan_tilt import HeadController
@@ -83,7 +83,7 @@ class BaseController:
 
 
 @dataclass(frozen=True, slots=True)
-class OdometrySettings:
+class SimulatedOdometry:
     """Accuracy of the sensors, and compensation of side slip.
 
     Attributes:
@@ -94,7 +94,7 @@ class OdometrySettings:
         gyro_noise_radps: standard deviation of one gyro rate.
         gyro_scale: standard deviation of the error of the gyro's gain, as a ratio.
         gyro_bias_radps: standard deviation of the constant error of the gyro.
-        lean_noise_rad: standard deviation of one roll or pitch.
+        tilt_noise_rad: standard deviation of one roll or pitch.
     """
 
     slip_offset_m: float = 0.044
@@ -104,14 +104,14 @@ class OdometrySettings:
     gyro_noise_radps: float = 0.002
     gyro_scale: float = 0.0004
     gyro_bias_radps: float = 0.00015
-    lean_noise_rad: float = 0.001
+    tilt_noise_rad: float = 0.001
 
 
 class WheelOdometry:
     """Dead reckoning from a start pose, with the errors of real sensors."""
 
     def __init__(
-        self, settings: OdometrySettings, start: Pose, random: np.random.Generator
+        self, settings: SimulatedOdometry, start: Pose, random: np.random.Generator
     ) -> None:
         self._settings = settings
         scale, gain, bias = random.standard_normal(3).tolist()
@@ -131,8 +131,8 @@ class WheelOdometry:
         rotate_radps = (
             gyro_radps * self._gain + self._bias_radps + settings.gyro_noise_radps * second
         )
-        roll_rad = lean.roll_rad + settings.lean_noise_rad * third
-        pitch_rad = lean.pitch_rad + settings.lean_noise_rad * fourth
+        roll_rad = lean.roll_rad + settings.tilt_noise_rad * third
+        pitch_rad = lean.pitch_rad + settings.tilt_noise_rad * fourth
         slip_m = settings.slip_offset_m + settings.slip_gain * copysign(
             sqrt(abs(encoder_mps * gyro_radps)), encoder_mps
         )
@@ -172,12 +172,12 @@ class SimulatedJackal(SimulatedBody):
         self,
         world: World,
         seed: int = 0,
-        odometry: OdometrySettings | None = None,
+        odometry: SimulatedOdometry | None = None,
         picture: PictureSettings | None = None,
         sensors: Sensors | None = None,
         mux: MuxSettings | None = None,
     ) -> None:
-        """Place the rover on the ground at the world's start and let it settle.
+        """Put the rover on the ground at the world's start and let it settle.
 
         Args:
             world: its world.
@@ -190,7 +190,7 @@ class SimulatedJackal(SimulatedBody):
         sensors = sensors or Sensors()
         super().__init__(JACKAL, BatteryPack(), world, picture, jackal_fault_targets(sensors))
         random = np.random.default_rng(seed)
-        self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
+        self.odometry = WheelOdometry(odometry or SimulatedOdometry(), self._pose, random)
         self._base = BaseController()
         self._mux = None if mux is None else Mux(mux)
         self._servos = HeadController()
@@ -209,7 +209,7 @@ class SimulatedJackal(SimulatedBody):
         Raises:
             ValueError: if a figure is not finite.
         """
-        if faults.CmdVelCut not in self._faults:
+        if faults.CmdVelLost not in self._faults:
             self.mux_command(None if self._mux is None else self._mux.settings.input, velocity)
 
     def mux_command(self, name: str | None, velocity: Velocity) -> None:
@@ -259,7 +259,7 @@ class SimulatedJackal(SimulatedBody):
         match fault:
             case faults.OdometryJump(by_m):
                 self.odometry.pose = offset_left(self.odometry.pose, by_m)
-            case faults.CmdVelTaken():
+            case faults.CmdVelOverridden():
                 self._other_command_s = self.time_s + PERIOD_S
                 self._other_input = self._input_of(round(fault.priority))
             case _:
@@ -343,17 +343,17 @@ class SimulatedJackal(SimulatedBody):
         """Notify the executive, which subscribes to its topic and the mux's other inputs."""
         settings = None if self._mux is None else self._mux.settings
         if settings is None or name == settings.input:
-            self._due.append(OtherInput(VELOCITY_TOPIC, above=True))
+            self._due.append(ForeignMuxInput(VELOCITY_TOPIC, overrides=True))
         elif name in settings.topics:
             own = settings.topics[settings.input]
-            self._due.append(OtherInput(name, settings.topics[name].priority > own.priority))
+            self._due.append(ForeignMuxInput(name, settings.topics[name].priority > own.priority))
 
     def _actuate(self) -> None:
         """Set the set points of motors and head for the next period."""
-        taken = self.fault(faults.CmdVelTaken)
-        if taken is not None and self.time_s >= self._other_command_s - SOON_S:
-            self._other_command_s += 1 / taken.rate_hz
-            self.mux_command(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
+        other = self.fault(faults.CmdVelOverridden)
+        if other is not None and self.time_s >= self._other_command_s - SOON_S:
+            self._other_command_s += 1 / other.rate_hz
+            self.mux_command(self._other_input, Velocity(other.travel_mps, other.rotate_radps))
             self._report_mux_input(self._other_input)
         left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
         head_rad = self._head_rad(*self._servos.setpoints_rad(PERIOD_S))

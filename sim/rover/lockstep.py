@@ -1,4 +1,4 @@
-"""The executive and the simulated rover in one process and one thread, on simulated time.
+"""`LockStep`: executive and simulated rover in one process and one thread, on simulated time.
 
 The same core and the same physics as over ROS, without threads, sockets or waiting: runs repeat
 bit for bit and are many times faster than real time.
@@ -13,7 +13,7 @@ from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
-from executive.core.recording import Tape, Truth
+from executive.core.recording import RecordingSink, Truth
 from executive.core.runner import Executive
 from executive.motion import SharedSolver, make_solver
 from executive.record import Ledger, Synchronous
@@ -25,7 +25,7 @@ from executive.values.ports import Downlink
 from executive.values.reports import FileEvent, PlanUpdate, Report
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
-from sim.rover.jackal import OdometrySettings, SimulatedJackal
+from sim.rover.jackal import SimulatedJackal, SimulatedOdometry
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 from trees import RoverTree
@@ -84,19 +84,19 @@ class DownlinkRecorder:
         self.file_events: list[FileEvent] = []
         self.plans: list[PlanUpdate] = []
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Store reports."""
         self.reports += reports
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Store a batch."""
         self.telemetry_batches.append(values)
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Store a file event."""
         self.file_events.append(event)
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Store the progress of a plan."""
         self.plans.append(update)
 
@@ -126,9 +126,9 @@ class LockStep:
         seed: int = 0,
         downlinks: Sequence[Downlink] = (),
         picture: PictureSettings | None = None,
-        odometry: OdometrySettings | None = None,
+        odometry: SimulatedOdometry | None = None,
         solver: SharedSolver | None = None,
-        tape: Tape | None = None,
+        tape: RecordingSink | None = None,
     ) -> None:
         self.settings = settings
         if solver is None and settings.offers_mpc:
@@ -241,12 +241,12 @@ def _rover(
     world: World,
     seed: int,
     picture: PictureSettings | None,
-    odometry: OdometrySettings | None,
+    odometry: SimulatedOdometry | None,
 ) -> SimulatedJackal | SimulatedMocup:
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
             return SimulatedJackal(world, seed, odometry, picture, settings.sensors, settings.mux)
-        case LocomotionKind.WHOLE_MOTION:
+        case LocomotionKind.DELEGATED:
             brick = BrickSettings(name=settings.asset.upper())
             return SimulatedMocup(world, seed, brick=brick, picture=picture)
         case _:

@@ -1,4 +1,4 @@
-"""The simulated MOCUP: a small rover that only its brick moves."""
+"""`SimulatedMocup`: a small rover that only its emulated brick moves."""
 
 from collections import deque
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The MuJoCo model: a rover from its XML file in a world with rocks."""
+"""`build_model`: the MuJoCo model of a rover, from its XML file, in a world."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -74,12 +74,12 @@ def build_model(world: World, step_s: float, chassis: Chassis) -> mujoco.MjModel
     _add_rocks(scene)
     _add_features(scene)
     _add_hills(soil)
-    _place_rover(spec.body("base_link"), scene, chassis)
+    _set_rover_start(spec.body("base_link"), scene, chassis)
     return spec.compile()
 
 
-def _place_rover(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
-    """Place the rover at its start, tilted like the ground, above the ground with all wheels."""
+def _set_rover_start(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
+    """Put the rover at its start, tilted like the ground, above the ground with all wheels."""
     start, soil = scene.world.start, scene.soil
     reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
     height_m = chassis.base_height_m + max(
@@ -317,7 +317,7 @@ def _add_rocks(scene: _Scene) -> None:
 
 
 def _chipped(ball: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
-    """Return a ball with flat faces; MuJoCo uses its convex hull as mesh."""
+    """Return a ball with flat sides; MuJoCo uses its convex hull as mesh."""
     normals = random.standard_normal((_CHIPS, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     stone = 1.08 * ball

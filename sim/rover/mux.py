@@ -1,4 +1,4 @@
-"""The mux of a simulated base, with the behaviour of twist_mux.
+"""`Mux` of a simulated base, with the behaviour of twist_mux.
 
 An input is masked while its last message is older than its timeout, or while a lock of a higher
 priority is locked. A message is forwarded to the base if its input has the maximum priority of

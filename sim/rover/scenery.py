@@ -1,4 +1,4 @@
-"""Colours and textures of the scene, shared by both renderers."""
+"""Textures of soil and rocks and colours of the scene, for both renderers."""
 
 from functools import cache
 from typing import Final

@@ -1,4 +1,4 @@
-"""The world of a simulated rover, read from YAML, and the shape of its ground.
+"""`World` of a simulated rover, read from YAML, and the shape of its ground (`Terrain`).
 
 Defines and checks the valid worlds; their display and simulation are in `sim.rover.model`.
 """
@@ -73,26 +73,26 @@ class Scatter:
     Attributes:
         count: number of rocks; fewer if the clearings leave too little space.
         size_m: side of the square.
-        smallest_m: minimum half width of a rock.
-        largest_m: maximum half width of a rock.
-        lowest_m: minimum height of a rock; usual are 0.6 to 1.2 of their half width.
+        min_radius_m: minimum half width of a rock.
+        max_radius_m: maximum half width of a rock.
+        min_height_m: minimum height of a rock; usual are 0.6 to 1.2 of their half width.
         seed: seed of the random scatter.
         clearings: areas without rocks.
     """
 
     count: int = figure(maximum=500, default=0)
     size_m: float = 24.0
-    smallest_m: float = 0.06
-    largest_m: float = 0.4
+    min_radius_m: float = 0.06
+    max_radius_m: float = 0.4
     seed: int = 0
     clearings: tuple[Clearing, ...] = ()
-    lowest_m: float = figure(0.01, 5.0, default=0.01)
+    min_height_m: float = figure(0.01, 5.0, default=0.01)
 
     def __post_init__(self) -> None:
         require(
-            0.02 <= self.smallest_m <= self.largest_m <= 5,
-            f"smallest_m {self.smallest_m} and largest_m {self.largest_m} are not ordered in "
-            "0.02 .. 5",
+            0.02 <= self.min_radius_m <= self.max_radius_m <= 5,
+            f"min_radius_m {self.min_radius_m} and max_radius_m {self.max_radius_m} are not ordered"
+            " in 0.02 .. 5",
         )
 
     def rocks(self, *besides: Clearing) -> tuple[Rock, ...]:
@@ -103,10 +103,12 @@ class Scatter:
         for _ in range(20 * self.count):
             if len(found) == self.count:
                 break
-            radius_m = self.smallest_m * (self.largest_m / self.smallest_m) ** random.random() ** 2
+            radius_m = (
+                self.min_radius_m * (self.max_radius_m / self.min_radius_m) ** random.random() ** 2
+            )
             x_m = random.uniform(-0.5, 0.5) * self.size_m
             y_m = random.uniform(-0.5, 0.5) * self.size_m
-            height_m = max(self.lowest_m, radius_m * random.uniform(0.6, 1.2))
+            height_m = max(self.min_height_m, radius_m * random.uniform(0.6, 1.2))
             free = all(
                 hypot(x_m - clear.x_m, y_m - clear.y_m) > clear.radius_m + radius_m
                 for clear in clearings

@@ -1,20 +1,32 @@
-"""Overrides of a scenario file, applied before it is checked: `world.friction=0.4`.
+"""Overrides of a scenario file (`--set world.friction=0.4`), applied before it is checked.
 
 Overridden values are checked as strictly as the file.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from executive.settings import FormatError, SettingsError, hint, parse_yaml, shown
+from executive.settings import (
+    FormatError,
+    SettingsError,
+    config_folder,
+    load_settings,
+    names_in,
+    parse_yaml,
+    quoted,
+    settings_reader,
+    suggestion,
+)
+from sim.rover import World
+from sim.rover.jackal import SimulatedOdometry
 
 _TIMELINE: Final = ("command", "inject", "crash")
-ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", *_TIMELINE)
+ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "duration", *_TIMELINE)
 """First components of an overridable key."""
 NO_FAULT: Final = "none"
 _TIMES: Final = ("at", "after", "near")
-_LASTS: Final = "for"
+_FOR: Final = "for"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,16 +101,16 @@ def _changed(
             value = world(value)
         case "world" | "settings" | "odometry":
             pass
-        case "seed" | "asset" | "lasts" if not rest:
+        case "seed" | "asset" | "duration" if not rest:
             pass
         case _:
-            raise ValueError(_unknown(change.key))
+            raise ValueError(_unknown_key_text(change.key))
     made: dict[str, Any] = _replaced(raw, change.key.split("."), value)
     return made
 
 
-def _unknown(key: str) -> str:
-    near = hint(key.partition(".")[0], ROOTS)
+def _unknown_key_text(key: str) -> str:
+    near = suggestion(key.partition(".")[0], ROOTS)
     return f"no key {key!r} can be changed{near}; a key begins with one of {', '.join(ROOTS)}"
 
 
@@ -113,7 +125,7 @@ def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
             raise ValueError(f"{first!r} is no index in a list of {len(raw)}, which begins with 0")
         return [*raw[:index], _replaced(raw[index], rest, value), *raw[index + 1 :]]
     if raw is not None and not isinstance(raw, dict):
-        raise ValueError(f"the value {shown(raw)} has no key {first!r}")
+        raise ValueError(f"the value {quoted(raw)} has no key {first!r}")
     within = raw or {}
     return {**within, first: _replaced(within.get(first), rest, value)}
 
@@ -123,7 +135,7 @@ def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
     if value in (NO_FAULT, None):
         return raw
     given = value if isinstance(value, dict) else {}
-    faults = [key for key in given if key not in (*_TIMES, _LASTS)]
+    faults = [key for key in given if key not in (*_TIMES, _FOR)]
     if len(faults) != 1:
         raise ValueError(
             "expected a fault and its time, as {odometry_frozen, at: 3}, or none; YAML needs the"
@@ -132,7 +144,7 @@ def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
     name = faults[0]
     fault = name if given[name] in (None, {}) else {name: given[name]}
     begins = {**{key: given[key] for key in _TIMES if key in given}, "inject": fault}
-    entries = [begins] if _LASTS not in given else [begins, _end(name, given)]
+    entries = [begins] if _FOR not in given else [begins, _end(name, given)]
     return {**raw, "timeline": [*(raw.get("timeline") or []), *entries]}
 
 
@@ -140,21 +152,22 @@ def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
     """Return data with a crash of the executive added to the timeline; NO_FAULT adds none."""
     if value in (NO_FAULT, None):
         return raw
-    if not isinstance(value, dict) or _LASTS not in value:
+    if not isinstance(value, dict) or _FOR not in value:
         raise ValueError("expected a time and its length, as {at: 3, for: 1}, or none")
-    entry = {("crash" if key == _LASTS else key): each for key, each in value.items()}
+    entry = {("crash" if key == _FOR else key): each for key, each in value.items()}
     return {**raw, "timeline": [*(raw.get("timeline") or []), entry]}
 
 
 def _end(name: str, raw: dict[str, Any]) -> dict[str, Any]:
     """Return the entry that clears a fault after its duration."""
     if "near" in raw:
-        raise ValueError(f"{_LASTS} does not go with near: the end time is unknown")
-    at_s, lasts_s = raw.get("at"), raw[_LASTS]
-    for key, time_s in (("at", at_s), (_LASTS, lasts_s)):
+        raise ValueError(f"{_FOR} does not go with near: the end time is unknown")
+    at_s, duration_s = raw.get("at"), raw[_FOR]
+    for key, time_s in (("at", at_s), (_FOR, duration_s)):
         if isinstance(time_s, bool) or not isinstance(time_s, int | float) or time_s < 0:
-            raise ValueError(f"{_LASTS} needs seconds, and at: {key} is {shown(time_s)}")
-    return {"at": at_s + lasts_s, "clear": name}
+            text = f"at and {_FOR} must be numbers of seconds, 0 or more"
+            raise ValueError(f"{text}; {key} is {quoted(time_s)}")
+    return {"at": at_s + duration_s, "clear": name}
 
 
 def _with_argument(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
@@ -186,3 +199,30 @@ def labels(raw: dict[str, Any]) -> list[tuple[int, str]]:
         if named is not None and isinstance(label, str):
             found.append((index, label))
     return found
+
+
+def completions(begun: str) -> list[str]:
+    """Return the arguments of `--set` with this prefix: keys, and values from lists of names."""
+    return [text for text in _completions() if text.startswith(begun)]
+
+
+def _completions() -> Iterator[str]:
+    yield from ("seed=", "duration=", "inject=", "command.")
+    yield from (f"asset={name}" for name in names_in(config_folder()))
+    yield from (f"world={name}" for name in names_in(config_folder() / "worlds"))
+    parts = {
+        "world": World(),
+        "odometry": SimulatedOdometry(),
+        "settings": load_settings("jackal"),
+    }
+    reader = settings_reader({})
+    for root, value in parts.items():
+        yield from (f"{root}.{path}=" for path in _paths(reader.plain(value)))
+
+
+def _paths(plain: dict[str, Any]) -> Iterator[str]:
+    for key, value in plain.items():
+        if isinstance(value, dict):
+            yield from (f"{key}.{path}" for path in _paths(value))
+        else:
+            yield key

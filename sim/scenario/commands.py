@@ -15,10 +15,11 @@ PIPE_WIDTH: Final = 240
 
 def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a scenario, or the path of a file."""
-    from sim.scenario.completion import scenario_names
+    from executive.settings import config_folder, names_in
 
+    names = [name for name in names_in(config_folder() / "scenarios") if name.startswith(begun)]
     # In this order: bash drops names that precede the request for files.
-    return [CompletionItem(begun, type="file"), *map(CompletionItem, scenario_names(begun))]
+    return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
 
 
 class ChangeType(click.ParamType[Any]):
@@ -39,9 +40,9 @@ class ChangeType(click.ParamType[Any]):
         self, ctx: click.Context, _: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Complete a key, or a value from a list of names."""
-        from sim.scenario.completion import changes
+        from sim.scenario.changes import completions
 
-        return [CompletionItem(key) for key in changes(incomplete)]
+        return [CompletionItem(key) for key in completions(incomplete)]
 
 
 def _make_folder(folder: Path) -> None:
@@ -68,7 +69,7 @@ def _make_folder(folder: Path) -> None:
     "--repeat",
     type=click.IntRange(1),
     default=1,
-    help="Number of runs, each with the next seed; counts the runs that hold.",
+    help="Number of runs, each with the next seed; counts the runs that pass.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
 @click.option("--junit", type=click.File("wb", lazy=False), help="Write JUnit XML to this file.")
@@ -119,7 +120,7 @@ def scenario(
       rover scenario my-test.yaml --verbose
       rover scenario side_stuck --out runs/stuck
       rover scenario locomotion --seed 7 --set world.friction=0.4
-      rover scenario locomotion --set "inject={left_stuck, at: 3}"
+      rover scenario locomotion --set "inject={left_wheels_stuck, at: 3}"
       rover scenario locomotion --repeat 20
       rover scenario locomotion expired --json --junit results.xml
       rover scenario camera --live --speed 2
@@ -128,8 +129,8 @@ def scenario(
 
     \b
     Exit status:
-      0  all expectations hold
-      1  some do not
+      0  all expectations are met
+      1  some are not
       2  a file or an override cannot be used; the others were run
       3  a rover of a live run could not be reached; the others were run
     """

@@ -1,4 +1,4 @@
-"""Expectations on commands, events, plans and files, and their evaluation.
+"""Expectations of scenarios on commands, events, plans and files, and their evaluation.
 
 Each kind of expectation is a dataclass; its first key identifies it in the file.
 """
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from zlib import crc32
 
 from executive.settings import figure
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import FileEventKind, PlanStatus, Report, ReportKind, Severity, Stage
 from sim.scenario.record import (
     ALMOST_S,
@@ -52,9 +52,9 @@ class LifecycleExpectation:
         """Compare the life cycle of the command with the expected one."""
         reports = record.reports_of(self.command)
         found = joined(f"command {self.command}", list(self._aspects(reports, record)))
-        if found.holds or not reports:
+        if found.passed or not reports:
             return found
-        return Check(found.subject, found.expected, f"{found.seen}: {reports[-1].text}", False)
+        return Check(found.subject, found.expected, f"{found.observed}: {reports[-1].text}", False)
 
     def _aspects(self, reports: Sequence[Report], record: Record) -> Iterator[Check]:
         if self.answers is not None:
@@ -132,7 +132,7 @@ class PlanIs(Scheduled):
 
     def judge(self, record: Record) -> Check:
         """Compare the status of the plan at a time with the expected one."""
-        subject, wanted = f"plan {self.plan}", f"{self.status.name} {self.when}"
+        subject, wanted = f"plan {self.plan}", f"{self.status.name} {self.time_text}"
         time_s = record.resolve_time(self)
         if time_s is None:
             return Check(subject, wanted, NEVER, False)
@@ -181,16 +181,16 @@ class FileList:
     """Expected complete list of files."""
 
     files: tuple[str, ...]
-    asked: str
+    query: str
 
     def judge(self, record: Record) -> Check:
         """Compare the listed files with the expected ones."""
-        wanted = f"{_paths(self.files)} listed, query {self.asked}"
-        answers = [answer.files for answer in record.answers if answer.label == self.asked]
+        wanted = f"{_path_list(self.files)} listed, query {self.query}"
+        answers = [answer.files for answer in record.answers if answer.label == self.query]
         if not answers:
             return Check("files", wanted, "no query", False)
         holds = set(answers[0]) == set(self.files)
-        return Check("files", wanted, _paths(answers[0]), holds)
+        return Check("files", wanted, _path_list(answers[0]), holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,7 +202,7 @@ class FileFetched:
     def judge(self, record: Record) -> Check:
         """Compare the received octets with the file aboard and with the reported checksum."""
         attempts = [each for each in record.fetched if each.path == self.fetched]
-        faults = [fault for each in attempts if (fault := _fault(each))]
+        faults = [fault for each in attempts if (fault := _file_error(each))]
         octets = [f"{len(each.received)} octets" for each in attempts if isinstance(each, Fetched)]
         return Check(
             f"fetched {self.fetched}",
@@ -235,11 +235,11 @@ def _stages(stages: Sequence[Stage | None]) -> str:
     return " ".join(stage.name for stage in stages if stage is not None) or "no report"
 
 
-def _reason(reason: Reason | None) -> str:
+def _reason(reason: Reason | UnknownReason | None) -> str:
     return f"{reason.value} {reason.name}" if reason else "no reason"
 
 
-def _fault(attempt: Fetched | FetchFailed) -> str:
+def _file_error(attempt: Fetched | FetchFailed) -> str:
     if isinstance(attempt, FetchFailed):
         return attempt.reason
     if attempt.received != attempt.aboard:
@@ -252,5 +252,5 @@ def _kinds(kinds: Iterable[FileEventKind]) -> str:
     return " ".join(kind.name for kind in kinds) or "no event"
 
 
-def _paths(paths: Iterable[str]) -> str:
+def _path_list(paths: Iterable[str]) -> str:
     return ", ".join(sorted(paths)) or "no file"

@@ -1,4 +1,4 @@
-"""Expectations on the rover and their evaluation: pose, mode, telemetry, pictures.
+"""Expectations of scenarios on the rover: pose, mode, telemetry, pictures; their evaluation.
 
 Each kind of expectation is a dataclass; its first key identifies it in the file.
 """
@@ -18,11 +18,11 @@ from executive.values.parameters import Parameter
 from sim.scenario.record import (
     NEVER,
     Check,
-    ReceivedValue,
     Record,
     Scheduled,
     ScheduledInterval,
     TruePose,
+    ValueSample,
 )
 
 MIN_INTERVAL_S: Final = 0.001
@@ -47,8 +47,8 @@ class WorldPose:
 class Movement(Enum):
     """Motion state of the rover."""
 
-    STANDS = "stands"
-    MOVES = "moves"
+    STATIONARY = "stationary"
+    MOVING = "moving"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +70,7 @@ class PoseIs(Scheduled):
         wanted = f"x {target.x_m:.2f} y {target.y_m:.2f} ± {self.tolerance_m:g} m"
         if target.heading_rad is not None:
             wanted += f", {_angle(target.heading_rad)} ± {_angle(self.heading_tolerance_rad)}"
-        wanted += f" {self.when}"
+        wanted += f" {self.time_text}"
         seen = record.sample(record.poses, self)
         if seen is None:
             return Check("true pose", wanted, NEVER, False)
@@ -93,7 +93,7 @@ class ModeIs(Scheduled):
 
     def judge(self, record: Record) -> Check:
         """Compare the mode at a time with the expected one."""
-        wanted = f"{self.mode.name} {self.when}"
+        wanted = f"{self.mode.name} {self.time_text}"
         seen = record.sample(record.modes, self)
         if seen is None:
             return Check("mode", wanted, NEVER, False)
@@ -109,17 +109,17 @@ class RoverMoves(ScheduledInterval):
 
     def judge(self, record: Record) -> Check:
         """Compare the true motion in the interval with the expected state."""
-        wanted = f"{self.rover.value} {self.period}"
+        wanted = f"{self.rover.value} {self.interval_text}"
         poses = record.during(record.poses, self)
         if not poses:
             return Check("rover", wanted, NEVER, False)
         away_m, turned_rad = travel(poses)
-        is_standing = away_m <= STILL_M and turned_rad <= STILL_RAD
+        is_stationary = away_m <= STILL_M and turned_rad <= STILL_RAD
         return Check(
             "rover",
             wanted,
             f"went {away_m:.3f} m, turned {_angle(turned_rad)}",
-            is_standing is (self.rover is Movement.STANDS),
+            is_stationary is (self.rover is Movement.STATIONARY),
         )
 
 
@@ -129,14 +129,14 @@ class ParameterIs(ScheduledInterval):
 
     Attributes:
         once: one value of the interval is enough.
-        asked: label of a query whose answer is evaluated instead of telemetry.
+        query: label of a query; its answer is evaluated instead of telemetry.
     """
 
     parameter: Parameter
     value: float = angle()
     tolerance: float = angle(0.0, default=0.0)
     once: bool = False
-    asked: str | None = None
+    query: str | None = None
 
     def __post_init__(self) -> None:
         ScheduledInterval.__post_init__(self)
@@ -146,7 +146,7 @@ class ParameterIs(ScheduledInterval):
     def judge(self, record: Record) -> Check:
         """Compare the values in telemetry, or in the answer to a query, with the expected one."""
         unit = self.parameter.unit
-        when = self.period if self.asked is None else f"query {self.asked}"
+        when = self.interval_text if self.query is None else f"query {self.query}"
         subject = self.parameter.value
         once = ", once" if self.once else ""
         wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}{once}"
@@ -162,10 +162,10 @@ class ParameterIs(ScheduledInterval):
         holds = self._distance(judged) <= self.tolerance
         return Check(subject, wanted, f"{judged:.4g} {unit}{count}", holds)
 
-    def _samples(self, record: Record) -> Sequence[ReceivedValue]:
+    def _samples(self, record: Record) -> Sequence[ValueSample]:
         wanted = self.parameter
-        if self.asked is not None:
-            answers = [answer.values for answer in record.answers if answer.label == self.asked]
+        if self.query is not None:
+            answers = [answer.values for answer in record.answers if answer.label == self.query]
             return [value for values in answers for value in values if value.parameter is wanted]
         received = [value for value in record.values if value.parameter is wanted]
         if self.for_s:
@@ -187,7 +187,7 @@ class TelemetryCount(ScheduledInterval):
 
     def judge(self, record: Record) -> Check:
         """Compare the number of values of each parameter with the expected one."""
-        wanted = f"{self.telemetry} ± {self.tolerance} × each parameter {self.period}"
+        wanted = f"{self.telemetry} ± {self.tolerance} × each parameter {self.interval_text}"
         if record.resolve_time(self) is None:
             return Check("telemetry", wanted, NEVER, False)
         received = Counter(value.parameter for value in record.during(record.values, self))
@@ -219,7 +219,7 @@ class PictureCount:
         faults = [
             f"{path.name} {fault}"
             for path in paths
-            if (fault := _fault(path.read_bytes(), self.width_px, self.height_px))
+            if (fault := _picture_error(path.read_bytes(), self.width_px, self.height_px))
         ]
         return Check(
             "pictures",
@@ -243,12 +243,12 @@ class VideoExpectation(ScheduledInterval):
     def judge(self, record: Record) -> Check:
         """Check the received pictures; if none is expected, that no datagram was received."""
         wanted = f"at least {self.video} pictures" if self.video else "no datagram"
-        wanted = f"{wanted} {self.period}"
+        wanted = f"{wanted} {self.interval_text}"
         if record.resolve_time(self) is None:
             return Check("video", wanted, NEVER, False)
         arrived = record.during(record.video, self)
         pictures = [each.picture for each in arrived if each.picture is not None]
-        faults = [fault for picture in pictures if (fault := _fault(picture))]
+        faults = [fault for picture in pictures if (fault := _picture_error(picture))]
         seen = f"{len(pictures)} pictures, {len(arrived)} datagrams"
         enough = len(pictures) >= self.video if self.video else not arrived
         return Check("video", wanted, ", ".join([seen, *faults]), enough and not faults)
@@ -289,7 +289,7 @@ def travel(poses: Sequence[TruePose]) -> tuple[float, float]:
     return away_m, turned_rad
 
 
-def _fault(octets: bytes, width_px: int | None = None, height_px: int | None = None) -> str:
+def _picture_error(octets: bytes, width_px: int | None = None, height_px: int | None = None) -> str:
     from PIL import Image
 
     try:

@@ -1,4 +1,4 @@
-"""JUnit XML for continuous integration: suites of cases that passed, failed or had an error."""
+"""`write_junit`: JUnit XML for continuous integration, with passed and failed cases and errors."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,11 @@ class CaseStatus(Enum):
     """Reason why a case did not pass; the value is the name of its XML element."""
 
     FAILURE = "failure"
-    """The case was evaluated and does not hold."""
+    """The case was evaluated and failed."""
     ERROR = "error"
     """The case could not be evaluated."""
     SKIPPED = "skipped"
-    """The case does not hold and is not required to."""
+    """The case failed and is not required to pass."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class JunitCase:
     """One check.
 
     Attributes:
-        seen: observed result.
-        trouble: None if it holds.
+        observed: observed result.
+        trouble: None if it passed.
     """
 
     name: str
-    seen: str
+    observed: str
     trouble: CaseStatus | None = None
 
 
@@ -67,16 +67,16 @@ def write_junit(file: BinaryIO, name: str, suites: Sequence[JunitSuite]) -> None
     file.write(b"\n")
 
 
-def _add_cases(suite: ElementTree.Element, said: JunitSuite) -> None:
+def _add_cases(suite: ElementTree.Element, content: JunitSuite) -> None:
     named: Counter[str] = Counter()
-    for case in said.cases:
+    for case in content.cases:
         named[case.name] += 1
         name = case.name if named[case.name] == 1 else f"{case.name} ({named[case.name]})"
-        attributes = {"classname": printable(said.name), "name": printable(name)}
+        attributes = {"classname": printable(content.name), "name": printable(name)}
         made = ElementTree.SubElement(suite, "testcase", attributes)
         if case.trouble is not None:
-            seen = printable(case.seen)
-            ElementTree.SubElement(made, case.trouble.value, {"message": seen}).text = seen
+            observed = printable(case.observed)
+            ElementTree.SubElement(made, case.trouble.value, {"message": observed}).text = observed
 
 
 def _counts(name: str, suites: Sequence[JunitSuite]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Runs a scenario in real time: simulation and executive as processes, commands over the socket.
+"""`run_live` runs a scenario in real time: the rover as processes, commanded over sockets.
 
 The record is the same as in lock step. It holds notifications and telemetry by subscription, the
 mode by polling, and the true pose from the simulation's topic.
@@ -11,7 +11,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind
 from executive.values.parameters import Parameter
@@ -78,7 +77,7 @@ async def run_in_setup(
     files = scene.rover.aboard / "files"
     record = Record(start_utc_s, files, float if speed == 1.0 else recorder.simulated_s)
 
-    def look() -> None:
+    def poll() -> None:
         new = recorder.true[first + len(record.poses) :]
         record.poses += [TruePose(record.since_start_s(seen.utc_s), seen.pose) for seen in new]
 
@@ -88,7 +87,7 @@ async def run_in_setup(
         mode,
         scene.load,
         scene.faults,
-        look,
+        poll,
         record,
         brief,
         speed,
@@ -123,13 +122,13 @@ async def ready(scene: LiveScene, mode: RunMode) -> str:
     try:
         async with asyncio.timeout(START_S):
             uri = await scene.uri(mode)
-            await _known(uri, scene, mode)
+            await _wait_received(uri, scene, mode)
             return uri
     except TimeoutError as error:
         raise TimeoutError(f"the rover was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: LiveScene, mode: RunMode) -> None:
+async def _wait_received(uri: str, scene: LiveScene, mode: RunMode) -> None:
     """Wait until pose and camera are received over a link, and the true pose here.
 
     Other parameters follow later: health figures of the executive's process are seconds apart.
@@ -137,9 +136,9 @@ async def _known(uri: str, scene: LiveScene, mode: RunMode) -> None:
     needed = (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
         while not scene.recorder.true or any(
-            value.validity is not Validity.VALID for value in await client.get_value(*needed)
+            value.value is None for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(CONDITION_POLL_S)
-        brick = scene.rover.settings.locomotion is LocomotionKind.WHOLE_MOTION
+        brick = scene.rover.settings.locomotion is LocomotionKind.DELEGATED
         if brick and mode is RunMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""Mission control of a live run: sends due commands over the sockets and records the replies.
+"""`LiveSession`, mission control of a live run: sends due commands and records the replies.
 
 The record holds notifications and statuses of each link, telemetry, files and the video stream.
 """
@@ -8,7 +8,7 @@ import logging
 import socket
 import tempfile
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from math import inf
@@ -19,14 +19,12 @@ from adapters.mal import MalError
 from adapters.mrs.ground import FileNotification, MrsClient, Stream, TransferError
 from adapters.mrs.spec import (
     AreaError,
-    Notification,
-    ParameterValue,
-    PlanUpdate,
+    ReceivedReport,
+    ReceivedValue,
     describe_error,
-    lost_command,
+    forwarded_command,
     mode_of,
-    plan_update_of,
-    report_of,
+    received_value,
     rover_values_of,
     utc_s_of,
 )
@@ -39,10 +37,10 @@ from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
 from sim.scenario.model import (
     Cargo,
     Clear,
-    Eclipse,
     Entry,
     Fetch,
     Inject,
+    Outage,
     QueryParameters,
     Repeat,
     RunMode,
@@ -116,13 +114,14 @@ class LiveSession:
         self._entries = len(scenario.timeline)
         self._record = record
         record.main_link = mode.link
-        self._lasts_s = scenario.lasts_s
+        self._duration_s = scenario.duration_s
         self._timeline = Timeline(scenario, record)
         self._ground = CommandFactory(scenario, mode.link, speed)
         self._lines: dict[str, DownlinkSubscriptions] = {}
         self._faults = faults
         self._contact_s = inf
         self._lost = False
+        self._last_cursor = 0
         self._new_data = asyncio.Event()
 
     async def play(self) -> None:
@@ -148,7 +147,7 @@ class LiveSession:
 
     async def _connect(self, link: str) -> "DownlinkSubscriptions":
         client = await MrsClient.connect(self._uris[link], system=self._system)
-        line = DownlinkSubscriptions(client, self._record, link, self._system, self._tell)
+        line = DownlinkSubscriptions(client, self._record, link, self._system, self._on_change)
         self._lines[link] = line
         await line.begin()
         return line
@@ -156,9 +155,10 @@ class LiveSession:
     async def _hang_up(self, link: str) -> None:
         line = self._lines.pop(link, None)
         if line is not None:
+            self._last_cursor = line.last_cursor
             await line.end()
 
-    def _tell(self) -> None:
+    def _on_change(self) -> None:
         self._new_data.set()
         self._on_update(self._record)
 
@@ -169,10 +169,11 @@ class LiveSession:
         return None if line is None else line.client
 
     async def _send(self) -> None:
-        while (now_s := self._now_s()) < self._lasts_s and not (self._brief and self._done):
+        while (now_s := self._now_s()) < self._duration_s and not (self._brief and self._done):
             if now_s >= self._contact_s and not self._lost:
                 self._contact_s = inf
-                await (await self._connect(self._mode.link)).catch_up()
+                line = await self._connect(self._mode.link)
+                await line.catch_up(self._last_cursor + 1)
             if self._timeline.has_position_triggers:
                 self._poll()
             for entry in self._timeline.due(now_s):
@@ -180,7 +181,7 @@ class LiveSession:
                 self._record.played += 1
             self._new_data.clear()
             contact_s = inf if self._lost else self._contact_s
-            until_s = min(self._timeline.next_s(), contact_s, self._lasts_s)
+            until_s = min(self._timeline.next_s(), contact_s, self._duration_s)
             pause_s = max(MIN_PAUSE_S, until_s - self._now_s()) / self._speed
             if self._timeline.has_position_triggers:
                 pause_s = min(pause_s, CONDITION_POLL_S)
@@ -198,7 +199,7 @@ class LiveSession:
             case Send() | Repeat():
                 label, command = self._ground.command(entry, self._system.utc_s())
                 await self._submit(label, command)
-            case QueryParameters(ask=label):
+            case QueryParameters(query=label):
                 self._record.answers.append(await self._query_answer(label))
             case Fetch(fetch=path):
                 if self._client is None:
@@ -208,17 +209,17 @@ class LiveSession:
             case Cargo(cargo_kg=mass_kg) if self._load is not None:
                 self._load(mass_kg)
             case Inject(inject=fault):
-                await self._fault(type(fault), fault)
+                await self._set_fault(type(fault), fault)
             case Clear(clear=kind):
-                await self._fault(kind, None)
-            case Eclipse(eclipse_s=dark_s):
+                await self._set_fault(kind, None)
+            case Outage(outage_s=dark_s):
                 if self._mode is RunMode.DIRECT:
                     await self._hang_up(self._mode.link)
                     self._contact_s = self._now_s() + dark_s
             case _:
                 raise TypeError(f"{type(entry).__name__} is not possible in a live run")
 
-    async def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
+    async def _set_fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Inject a fault, or clear the fault of a kind."""
         if kind is LinkLost:
             await self._lose_link(begins is not None)
@@ -242,7 +243,7 @@ class LiveSession:
     async def _submit(self, label: str, command: Command) -> None:
         record, sent_s, text = self._record, self._now_s(), ""
         record.first_links.setdefault(command.identity, command.link)
-        line, answer = self._lines.get(command.link), Answer.ADMITTED
+        line, answer = self._lines.get(command.link), Answer.ACCEPTED
         if line is None:
             answer = Answer.LOST
         else:
@@ -250,13 +251,13 @@ class LiveSession:
                 await line.client.submit(command)
             except MalError as error:
                 known = error.number == AreaError.DUPLICATE.value
-                answer, text = Answer.DUPLICATE if known else Answer.REFUSED, describe_error(error)
+                answer, text = Answer.DUPLICATE if known else Answer.REJECTED, describe_error(error)
         identity = command.identity
         _LOG.info("%s %s by %s: %s %s", identity, label, command.link, answer.value, text)
         record.sendings.append(
             SentCommand(label, identity, sent_s, answer, command.link, text, self._now_s())
         )
-        received = answer in (Answer.ADMITTED, Answer.REFUSED)
+        received = answer in (Answer.ACCEPTED, Answer.REJECTED)
         if received and all(each.identity != identity for each in record.requested):
             record.requested.append(AdmittedRequest(identity, command.request))
         self._on_update(record)
@@ -292,6 +293,7 @@ class DownlinkSubscriptions:
         self._link, self._system = link, system
         self._main = record.main_link
         self._on_data = on_data
+        self.last_cursor = 0
         self._notifications = client.notifications()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -299,35 +301,29 @@ class DownlinkSubscriptions:
         """Start the subscriptions and the polling of the status."""
         client, record = self.client, self._record
 
-        def on_report(notification: Notification) -> None:
-            self._receive([notification])
+        def on_report(received: ReceivedReport) -> None:
+            self._receive([received])
             self._on_data()
 
-        def on_value(value: ParameterValue) -> None:
+        def on_value(value: ReceivedValue) -> None:
             record.values += record.received_values(rover_values_of([value]))
 
         def on_file(notification: FileNotification) -> None:
             record.file_events.append(FileEvent(notification.event, notification.file.path))
 
-        def on_plan(update: PlanUpdate) -> None:
-            record.plans.append(plan_update_of(update))
-
-        self._start(_each(self._notifications, on_report))
+        self._start(_forward_items(self._notifications, on_report))
         if self._link == self._main:
-            self._start(_each(await client.telemetry(), on_value))
+            self._start(_forward_items(await client.telemetry(), on_value))
         if self._link == self._main == RunMode.DIRECT.link:
-            self._start(_each(await client.file_events(), on_file))
-            self._start(_each(await client.plan_updates(), on_plan))
+            self._start(_forward_items(await client.file_events(), on_file))
+            self._start(_forward_items(await client.plan_updates(), record.plans.append))
         self._start(self._poll())
 
-    async def catch_up(self) -> None:
-        """Retrieve the reports made while disconnected; telemetry of that time is lost."""
+    async def catch_up(self, since: int) -> None:
+        """Retrieve the reports from a cursor on; telemetry made while disconnected is lost."""
         record, client = self._record, self.client
-        since = max((report.sequence for report in record.reports), default=0) + 1
-        while past := await client.get_notifications(since):
-            self._receive(past)
-            since = past[-1].sequence + 1
-        record.plans += map(plan_update_of, await client.get_plan_status())
+        self._receive(await client.get_all_notifications(since))
+        record.plans += await client.get_plan_status()
         known = {event.path for event in record.file_events}
         listed = [file.path for file in await client.list_files()]
         record.file_events += [
@@ -348,8 +344,9 @@ class DownlinkSubscriptions:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self.client.close()
 
-    def _receive(self, notifications: Iterable[Notification]) -> None:
-        reports = map(_report, notifications)
+    def _receive(self, received: Sequence[ReceivedReport]) -> None:
+        self.last_cursor = max([self.last_cursor, *(each.cursor for each in received)])
+        reports = (_report(each.report) for each in received)
         self._record.receive(reports, self._link, self._system.utc_s())
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
@@ -364,9 +361,9 @@ class DownlinkSubscriptions:
                 seen_s = record.since_start_s(utc_s_of(status.timestamp))
                 record.modes.append(ModeSample(seen_s, mode))
             values = {
-                each.name: float(each.value.value)
-                for each in status.values
-                if each.value is not None and not isinstance(each.value.value, str)
+                each.name: each.value
+                for each in map(received_value, status.values)
+                if isinstance(each.value, float)
             }
             seen_s = record.since_start_s(self._system.utc_s())
             record.statuses.append(SeenStatus(seen_s, self._link, mode, values))
@@ -374,13 +371,12 @@ class DownlinkSubscriptions:
             await asyncio.sleep(POLL_S)
 
 
-def _report(notification: Notification) -> Report:
-    """Return the report; if the orbiter expires a command, with the identity of that command."""
-    report = report_of(notification)
-    return replace(report, identity=report.identity or lost_command(notification))
+def _report(report: Report) -> Report:
+    """Return the report; that a command was forwarded, without the identity of the command."""
+    return replace(report, identity=None) if forwarded_command(report) else report
 
 
-async def _each(stream: Stream[T], put: Callable[[T], None]) -> None:
+async def _forward_items(stream: Stream[T], put: Callable[[T], None]) -> None:
     async for item in stream:
         put(item)
 

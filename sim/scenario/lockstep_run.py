@@ -1,4 +1,4 @@
-"""Runs a scenario in lock step: one thread, simulated time, bit-identical repetitions.
+"""`run_in_lock_step` runs a scenario in one thread on simulated time; repetitions are identical.
 
 The ground receives everything that the rover sends, except during an outage.
 """
@@ -10,8 +10,8 @@ from typing import assert_never
 from zlib import crc32
 
 from executive.commands import Command, SetPositionCompensation
-from executive.commands.lifecycle import Admitted, Refused, Repeated
-from executive.core.recording import Tape
+from executive.commands.lifecycle import Accepted, Duplicate, Rejected
+from executive.core.recording import RecordingSink
 from executive.settings import SettingsError
 from executive.values.geometry import wrap_rad
 from executive.values.reasons import Reason, Refusal
@@ -58,7 +58,7 @@ class DownlinkCollector:
         self.lost = lost
         self.dark = self.dark or lost
 
-    def eclipse(self, until_s: float) -> None:
+    def start_outage(self, until_s: float) -> None:
         """Block the downlink until then; reports are received later, telemetry is lost."""
         self._until_s = max(self._until_s, until_s)
         self.dark = True
@@ -78,7 +78,7 @@ class DownlinkCollector:
         record.plans += downlink.plans[len(record.plans) :]
 
 
-def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None) -> Record:
+def run_in_lock_step(scenario: Scenario, folder: Path, tape: RecordingSink | None = None) -> Record:
     """Run a scenario and return its record. `tape` records the executive.
 
     Raises:
@@ -100,7 +100,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None)
         raise SettingsError(f"world: {error}") from error
     record = Record(lock.clock.utc_s(), folder / "files")
     began_s = time.perf_counter()
-    _LockstepRun(scenario, lock, record).to_the_end()
+    _LockstepRun(scenario, lock, record).run()
     record.wall_s = time.perf_counter() - began_s
     record.seen = lock.executive.status.obstacles.scanned
     lock.executive.simulate_crash()
@@ -115,18 +115,18 @@ class _LockstepRun:
     def __init__(self, scenario: Scenario, lock: LockStep, record: Record) -> None:
         self._lock = lock
         self._record = record
-        self._steps = round(scenario.lasts_s / STEP_S)
+        self._steps = round(scenario.duration_s / STEP_S)
         self._tick_steps = round(scenario.settings.tick_s / STEP_S)
         self._timeline = Timeline(scenario, record)
         self._ground = CommandFactory(scenario, RunMode.LOCK_STEP.link)
         self._downlink = DownlinkCollector(lock.downlink_record, record)
         self._start_s = inf
 
-    def to_the_end(self) -> None:
+    def run(self) -> None:
         """Step from event to event; sample the rover after each tick."""
         step = 0
         while True:
-            self._act()
+            self._run_entries()
             if step >= self._steps:
                 return
             target = min(self._tick_steps * (step // self._tick_steps + 1), self._steps)
@@ -139,7 +139,7 @@ class _LockstepRun:
             if step % self._tick_steps == 0:
                 self._observe()
 
-    def _act(self) -> None:
+    def _run_entries(self) -> None:
         if self._lock.time_s >= self._start_s:
             self._start_s = inf
             self._lock.start()
@@ -163,20 +163,20 @@ class _LockstepRun:
                 self._send(entry)
             case model.Fix(fix=label):
                 self._send(model.Send(command=self._compensation(), label=label))
-            case model.QueryParameters(ask=label):
+            case model.QueryParameters(query=label):
                 values = record.received_values(lock.executive.parameters() if self._there else ())
                 files = tuple(lock.executive.files.paths()) if self._there else ()
                 record.answers.append(QueryAnswer(label, values, files))
             case model.Fetch(fetch=path):
                 record.fetched.append(self._read(path))
             case model.Inject(inject=fault):
-                self._fault(type(fault), fault)
+                self._set_fault(type(fault), fault)
             case model.Clear(clear=kind):
-                self._fault(kind, None)
+                self._set_fault(kind, None)
             case model.Cargo(cargo_kg=mass_kg):
                 lock.rover.set_cargo_mass(mass_kg)
-            case model.Eclipse(eclipse_s=dark_s):
-                self._downlink.eclipse(lock.time_s + dark_s)
+            case model.Outage(outage_s=dark_s):
+                self._downlink.start_outage(lock.time_s + dark_s)
             case model.Crash(crash_s=down_s):
                 if lock.alive:
                     lock.kill()
@@ -190,7 +190,7 @@ class _LockstepRun:
         self._record.sendings.append(
             SentCommand(label, command.identity, self._lock.time_s, answer)
         )
-        if answer in (Answer.ADMITTED, Answer.REFUSED):
+        if answer in (Answer.ACCEPTED, Answer.REJECTED):
             self._record.requested.append(AdmittedRequest(command.identity, command.request))
 
     def _compensation(self) -> SetPositionCompensation:
@@ -206,7 +206,7 @@ class _LockstepRun:
             wrap_rad(now.heading_rad + turn_rad),
         )
 
-    def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
+    def _set_fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Inject a fault, or clear the fault of a kind."""
         if kind is LinkLost:
             self._downlink.set_lost(begins is not None)
@@ -225,13 +225,13 @@ class _LockstepRun:
         except ConnectionError:
             return Answer.LOST
         match admission:
-            case Admitted():
-                return Answer.ADMITTED
-            case Repeated():
+            case Accepted():
+                return Answer.ACCEPTED
+            case Duplicate():
                 return Answer.DUPLICATE
-            case Refused(refusal):
+            case Rejected(refusal):
                 reused = refusal.reason is Reason.DUPLICATE
-                return Answer.DUPLICATE if reused else Answer.REFUSED
+                return Answer.DUPLICATE if reused else Answer.REJECTED
             case _:
                 assert_never(admission)
 

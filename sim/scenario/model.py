@@ -1,4 +1,4 @@
-"""Content of a scenario file: environment, timeline and expectations.
+"""`Scenario`: the content of a scenario file: environment, timeline and expectations.
 
 Names and units follow the file: a field `x_m` is written `x` there, `heading_rad` is `heading` and
 may be written in degrees (`90deg`).
@@ -12,7 +12,7 @@ from executive.settings import Settings, figure
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG
 from sim.rover.faults import SimulatedFault
-from sim.rover.jackal import OdometrySettings
+from sim.rover.jackal import SimulatedOdometry
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import MIN_INTERVAL_S, RoverExpectation
 from sim.scenario.record import Scheduled
@@ -97,7 +97,7 @@ class Repeat(Scheduled):
 class QueryParameters(Scheduled):
     """Queries the present values of all parameters, and the list of files."""
 
-    ask: str
+    query: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,22 +140,22 @@ class Cargo(Scheduled):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Eclipse(Scheduled):
+class Outage(Scheduled):
     """Starts a contact outage between ground and rover.
 
     Commands sent during it are lost over the direct link, and stored over the relay. Reports made
     during it are received after its end.
 
     Attributes:
-        eclipse_s: duration of the outage in seconds.
+        outage_s: duration of the outage in seconds.
     """
 
-    eclipse_s: float = figure(MIN_INTERVAL_S)
+    outage_s: float = figure(MIN_INTERVAL_S)
 
 
 Expectation = CommandExpectation | RoverExpectation
 """Expectation of a file; its method `judge` evaluates it."""
-Entry = Send | Fix | Repeat | QueryParameters | Fetch | Inject | Clear | Crash | Cargo | Eclipse
+Entry = Send | Fix | Repeat | QueryParameters | Fetch | Inject | Clear | Crash | Cargo | Outage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +167,7 @@ class Scenario:
         settings: settings of the asset with the overrides of the file.
         odometry: odometry errors; for a rover commanded by velocities, in lock step only.
         seed: seed of all sensor noise.
-        lasts_s: simulated seconds from start to end.
+        duration_s: simulated seconds from start to end.
         false_executed: labels of the commands that must end EXECUTED although the rover is not at
             their target: a known false success.
     """
@@ -177,9 +177,9 @@ class Scenario:
     asset: str = "jackal"
     settings: Settings
     world: World
-    odometry: OdometrySettings = field(default_factory=OdometrySettings)
+    odometry: SimulatedOdometry = field(default_factory=SimulatedOdometry)
     seed: int = figure(default=0)
-    lasts_s: float = figure(MIN_INTERVAL_S, MAX_DURATION_S)
+    duration_s: float = figure(MIN_INTERVAL_S, MAX_DURATION_S)
     timeline: tuple[Entry, ...] = ()
     expect: tuple[Expectation, ...]
     false_executed: tuple[str, ...] = ()

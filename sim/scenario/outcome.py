@@ -1,4 +1,4 @@
-"""Result of a run from its record: expectations, promises, figures, and a digest of its bits."""
+"""`evaluate`: the result of a run from its `Record`: expectations, criteria, figures, a digest."""
 
 import hashlib
 from collections import Counter
@@ -9,8 +9,8 @@ from math import degrees, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands import FollowPath, Mode, MoveTo, RotateTo, SetPositionCompensation
-from executive.core.recording import Tape
+from executive.commands import Mode, Request, SetPositionCompensation, is_absolute
+from executive.core.recording import RecordingSink
 from executive.settings import SettingsError
 from executive.values.reasons import Reason
 from executive.values.reports import Report, ReportKind, Severity, Stage
@@ -28,8 +28,6 @@ STANDING_S: Final = 0.2
 STANDING_M: Final = 0.01
 """Maximum displacement within `STANDING_S` at standstill; chosen, not measured."""
 HELD_MODES: Final = frozenset({Mode.STOPPED, Mode.SAFE})
-ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
-"""Motions to a pose in the world frame; an error of the reported pose displaces them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +49,8 @@ class RunMetrics:
         false_after_fault: number of those that ended after the first fault was reported.
         pose_error_m, pose_error_rad: error of the reported pose when the first absolute motion
             (`moveTo`, `followPath`, `rotateTo`) was sent.
-        executed_alone, executed_fixed: share of the absolute motions that ended EXECUTED, of those
-            sent before and after the first position compensation.
+        executed_before_fix, executed_after_fix: share of the absolute motions that ended EXECUTED,
+            of those sent before and after the first position compensation.
     """
 
     duration_s: float | None
@@ -70,8 +68,8 @@ class RunMetrics:
     false_after_fault: int = 0
     pose_error_m: float | None = None
     pose_error_rad: float | None = None
-    executed_alone: float | None = None
-    executed_fixed: float | None = None
+    executed_before_fix: float | None = None
+    executed_after_fix: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +77,13 @@ class ScenarioResult:
     """Result of one run.
 
     Attributes:
-        holds: whether all findings hold.
+        passed: whether all findings passed.
         digest: SHA-256 over reports, true poses, telemetry and modes; equal for bit-identical
             runs. It excludes the duration by the wall clock.
         record: complete record of the run.
     """
 
-    holds: bool
+    passed: bool
     findings: tuple[Check, ...]
     figures: RunMetrics
     digest: str
@@ -93,7 +91,7 @@ class ScenarioResult:
 
 
 def run_once(
-    name: str, scenario: Scenario, folder: Path, tape: Tape | None = None
+    name: str, scenario: Scenario, folder: Path, tape: RecordingSink | None = None
 ) -> ScenarioResult:
     """Run a scenario in lock step and evaluate it.
 
@@ -116,19 +114,19 @@ def run_once(
 def evaluate(scenario: Scenario, record: Record) -> ScenarioResult:
     """Return the result of a run of any mode."""
     findings = tuple(judge(scenario, record))
-    holds = all(finding.holds for finding in findings)
-    return ScenarioResult(holds, findings, figures_of(record), digest_of(record), record)
+    passed = all(finding.passed for finding in findings)
+    return ScenarioResult(passed, findings, figures_of(record), digest_of(record), record)
 
 
 def judge(scenario: Scenario, record: Record) -> list[Check]:
-    """Return a finding for each expectation, then one for each promise.
+    """Return a finding for each expectation, then one for each general criterion.
 
-    Promises must hold in every run, regardless of the file: all entries of the timeline were
+    These criteria apply to every run, regardless of the file: all entries of the timeline were
     executed, every command ends exactly once, reports are numbered without gaps, the rover is
     stationary while STOPPED or SAFE, and commands that ended EXECUTED truly succeeded.
     """
     played = Check(
-        "promise",
+        "criterion",
         f"all {len(scenario.timeline)} entries of the timeline are executed",
         f"{record.played} were",
         record.played == len(scenario.timeline),
@@ -150,7 +148,7 @@ def _commands_end_once(record: Record) -> Check:
     ends = Counter(report.identity for report in reports if report.stage and report.stage.terminal)
     wrong = [f"{command} ends {ends[command]} ×" for command in commands if ends[command] != 1]
     return Check(
-        "promise",
+        "criterion",
         "every command received ends exactly once",
         ", ".join(sorted(wrong)) or f"{len(commands)} of {len(commands)} do",
         not wrong,
@@ -164,7 +162,7 @@ def _reports_without_gap(record: Record) -> Check:
     numbers = sorted({report.sequence for report in reports if report.kind is not ReportKind.LINK})
     missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers)) if numbers else []
     return Check(
-        "promise",
+        "criterion",
         "reports are numbered without gaps",
         f"missing {', '.join(map(str, missing))}" if missing else f"{len(numbers)} reports",
         not missing,
@@ -180,7 +178,7 @@ def _check_standstill(record: Record) -> Check:
             away_m, turned_rad = travel(between(record.poses, times[0] + BRAKING_S, times[-1]))
             worst_m, worst_rad = max(worst_m, away_m), max(worst_rad, turned_rad)
     return Check(
-        "promise",
+        "criterion",
         "no motion while STOPPED or SAFE",
         f"went {worst_m:.3f} m, turned {degrees(worst_rad):.1f}°",
         worst_m <= STILL_M and worst_rad <= STILL_RAD,
@@ -196,10 +194,10 @@ def figures_of(record: Record) -> RunMetrics:
     true = true_ends(record)
     began_s, detection_s = _began_s(record), _detection_s(record)
     reported_s = inf if began_s is None or detection_s is None else began_s + detection_s
-    absolute = [sent for sent in record.sendings if _is_request_of(record, sent, ABSOLUTE)]
-    fixes_s = [
-        s.time_s for s in record.sendings if _is_request_of(record, s, SetPositionCompensation)
-    ]
+    sent = [(each, _request_of(record, each)) for each in record.sendings]
+    # an error of the reported pose displaces them
+    absolute = [each for each, request in sent if request is not None and is_absolute(request)]
+    fixes_s = [each.time_s for each, of in sent if isinstance(of, SetPositionCompensation)]
     fixed_s = min(fixes_s, default=inf)
     error_m, error_rad = reported_error(record, absolute[0].time_s) if absolute else (None, None)
     return RunMetrics(
@@ -214,19 +212,19 @@ def figures_of(record: Record) -> RunMetrics:
         executed=sum(end.stage is Stage.EXECUTED for end in ends),
         failed=sum(end.stage is Stage.FAILED for end in ends),
         false_executed=sum(bool(end.wrong) for end in true),
-        reasons=tuple(end.reason for end in ends if end.reason is not None),
+        reasons=tuple(end.reason for end in ends if isinstance(end.reason, Reason)),
         false_after_fault=sum(bool(end.wrong) and end.end_s >= reported_s for end in true),
         pose_error_m=error_m,
         pose_error_rad=error_rad,
-        executed_alone=_executed(record, [s for s in absolute if s.time_s < fixed_s]),
-        executed_fixed=_executed(record, [s for s in absolute if s.time_s >= fixed_s]),
+        executed_before_fix=_executed(record, [s for s in absolute if s.time_s < fixed_s]),
+        executed_after_fix=_executed(record, [s for s in absolute if s.time_s >= fixed_s]),
     )
 
 
-def _is_request_of(record: Record, sent: SentCommand, kinds: type | tuple[type, ...]) -> bool:
-    """Return whether a command was received and its request is of these kinds."""
+def _request_of(record: Record, sent: SentCommand) -> Request | None:
+    """Return the request of a command; None if it was not received."""
     requests = (each.request for each in record.requested if each.identity == sent.identity)
-    return isinstance(next(requests, None), kinds)
+    return next(requests, None)
 
 
 def _executed(record: Record, sent: Sequence[SentCommand]) -> float | None:

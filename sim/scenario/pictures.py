@@ -1,4 +1,4 @@
-"""Map, timeline and reports of a recorded run, as files in a folder."""
+"""`write_run` writes the map, the timeline and the reports of a run into a folder."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,7 +23,8 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.history import CommandHistory, TrackSource
+from executive.history import CommandHistory
+from executive.history.motion_tracks import TrackSource
 from executive.settings import LocomotionKind
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
@@ -47,7 +48,7 @@ from sim.drawing import (
     lane_of,
     write_drawing,
 )
-from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
+from sim.scenario.model import Cargo, Crash, Outage, Scenario
 from sim.scenario.record import Receipt, Record, TruePose
 from sim.scenario.sent import RELAY, CommandTrace, sent_commands
 from sim.scenario.truth import path_length_m, true_ends
@@ -91,7 +92,7 @@ def _write_reports(folder: Path, record: Record) -> Path:
 def drive_of(scenario: Scenario, record: Record) -> DriveMap:
     """Return the data of a run's map."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
-    small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
+    small = scenario.settings.locomotion is LocomotionKind.DELEGATED
     histories = record.all_lifecycles()
 
     def done_s(kind: type) -> Iterator[float]:
@@ -108,14 +109,16 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
         planned=planned_waypoints(record),
         driven=tuple(_odometry(record)),
         true=tuple(seen.pose for seen in poses),
-        stops=tuple(_at(poses, time_s) for time_s in done_s(Stop)),
-        views=tuple(_view(record, _at(poses, time_s), time_s) for time_s in done_s(TakePicture)),
+        stops=tuple(_pose_at(poses, time_s) for time_s in done_s(Stop)),
+        views=tuple(
+            _view(record, _pose_at(poses, time_s), time_s) for time_s in done_s(TakePicture)
+        ),
         figures=tuple(_figures(record, end)),
         scale=SMALL_ROVER if small else 1.0,
         zones=scenario.settings.zones,
         scanned=record.seen,
         incidents=tuple(
-            Incident(_at(poses, time_s), text)
+            Incident(_pose_at(poses, time_s), text)
             for time_s, text in sorted(_incidents(scenario, record))
         ),
     )
@@ -127,10 +130,10 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     histories = record.all_lifecycles()
     identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *histories]))
     lanes = (_lane(record, each, histories.get(each)) for each in identities)
-    eclipses = tuple(
-        (begin_s, min(begin_s + entry.eclipse_s, record.simulated_s))
+    outages = tuple(
+        (begin_s, min(begin_s + entry.outage_s, record.simulated_s))
         for entry in scenario.timeline
-        if isinstance(entry, Eclipse) and (begin_s := record.resolve_time(entry)) is not None
+        if isinstance(entry, Outage) and (begin_s := record.resolve_time(entry)) is not None
     )
     return RunTimeline(
         title=scenario.title,
@@ -140,8 +143,8 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
         events=events_of({each.sequence: each for each in record.reports}.values(), record.time_of),
         modes=tuple(_modes(record)),
         panels=(Panel("true speed", "m/s", (_true_speeds(record),)),),
-        eclipses=eclipses,
-        waiting=(_queued(record), _aboard(record)) if relayed and eclipses else None,
+        outages=outages,
+        waiting=(_queue_levels(record), _aboard(record)) if relayed and outages else None,
     )
 
 
@@ -156,12 +159,12 @@ def _true_speeds(record: Record) -> Series:
     return Series(TrackSource.TRUTH, times_s, speeds_mps)
 
 
-def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
+def _pose_at(poses: Sequence[TruePose], time_s: float) -> Pose:
     """Return the true pose of the rover nearest in time."""
     return min(poses, key=lambda seen: abs(seen.time_s - time_s)).pose
 
 
-def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
+def _waypoints_of(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
     """Return the waypoints of a motion from a pose, as far as the request defines them."""
     waypoints: list[Waypoint] = []
     for segment in request.segments(pose) if isinstance(request, Motion) else ():
@@ -202,7 +205,7 @@ def planned_waypoints(record: Record) -> tuple[Waypoint, ...]:
         lifecycle = lifecycles.get(each.identity)
         started = None if lifecycle is None else lifecycle.report_at(Stage.STARTED)
         if started is not None and poses:
-            waypoints += _to(each.request, _at(poses, record.time_of(started)))
+            waypoints += _waypoints_of(each.request, _pose_at(poses, record.time_of(started)))
     return tuple(waypoint for waypoint, _ in groupby(waypoints))
 
 
@@ -297,7 +300,7 @@ def passage_lane(sent: CommandTrace) -> CommandLane:
     return CommandLane(title, (sending.time_s,), last=sent.stage, passage=passage)
 
 
-def _queued(record: Record) -> Levels:
+def _queue_levels(record: Record) -> Levels:
     """Return the number of bundles queued at the orbiter at each change."""
     seen = [
         (each.time_s, int(each.values.get(DTN_QUEUED, 0)))
@@ -318,7 +321,7 @@ def _aboard(record: Record) -> Levels:
     return tuple((time_s, number) for (time_s, _), number in zip(changes, waiting, strict=True))
 
 
-def waited(record: Record) -> Iterator[tuple[str, str]]:
+def queue_figures(record: Record) -> Iterator[tuple[str, str]]:
     """Yield names and figures of queued items: their number and the maximum waiting time."""
     stored_s = []
     for sent in sent_commands(record):

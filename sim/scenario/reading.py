@@ -1,4 +1,4 @@
-"""Reads a scenario file into a `Scenario`, or raises one error that names the file and the key.
+"""`load_scenario` reads a scenario file, or raises one error that names the file and the key.
 
 Labels must exist, times lie within the run, and the mode of the run support the whole file.
 """
@@ -31,8 +31,8 @@ from executive.settings import (
     load_settings,
     load_yaml,
     named_file,
+    quoted,
     settings_reader,
-    shown,
 )
 from sim.rover import World, load_world
 from sim.rover.faults import (
@@ -44,7 +44,7 @@ from sim.rover.faults import (
     read_kind,
     unsupported_reason,
 )
-from sim.rover.jackal import OdometrySettings
+from sim.rover.jackal import SimulatedOdometry
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
 from sim.scenario import expect_rover as of_rover
@@ -116,7 +116,7 @@ def load_scenario(
     try:
         return _checked(raw, path.parent, mode, changes)
     except FormatError as error:
-        blamed = _blamed(raw, path.parent, mode, changes)
+        blamed = _first_invalid_change(raw, path.parent, mode, changes)
         cause = f"changed by {blamed}: " if blamed and "changed by" not in str(error) else ""
         raise SettingsError(f"{path}: {cause}{error}") from error
 
@@ -131,7 +131,7 @@ def _checked(
     return scenario
 
 
-def _blamed(
+def _first_invalid_change(
     raw: object, folder: Path, mode: RunMode | None, changes: Sequence[Override]
 ) -> Override | None:
     """Return the last override before which the data were valid; None if they never were."""
@@ -202,7 +202,7 @@ def _name(raw: object, path: str) -> str:
 
 def _text(raw: object, path: str) -> str:
     if not isinstance(raw, str):
-        raise FormatError(path, f"expected a text, got {shown(raw)}")
+        raise FormatError(path, f"expected a text, got {quoted(raw)}")
     return raw
 
 
@@ -233,7 +233,7 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
         raise FormatError("", f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
     if declaration.kind is SubmitPlan:
         return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan"))
-    made = reader.read(arguments, _written(declaration), name)
+    made = reader.read(arguments, _file_type(declaration), name)
     request: Request = declaration.build_request(
         *(getattr(made, each.field) for each in declaration.user_arguments)
     )
@@ -241,7 +241,7 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
 
 
 @cache
-def _written(declaration: CommandDeclaration) -> Any:
+def _file_type(declaration: CommandDeclaration) -> Any:
     """Return the dataclass of a request in a file, with the fields of its composite, if any."""
     if declaration.composite is None:
         return declaration.kind
@@ -277,28 +277,28 @@ def check(scenario: Scenario) -> None:
     commands, queries = _labels(scenario, Send, model.Fix), _labels(scenario, QueryParameters)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
-            _known(label, commands, "false_executed")
+            _require_label(label, commands, "false_executed")
     fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
     for path, item in _entries_with_paths(scenario):
         if isinstance(item, Scheduled):
             if item.after is not None:
-                _known(item.after.label, commands, f"{path}.after")
+                _require_label(item.after.label, commands, f"{path}.after")
             lasting_s = item.for_s if isinstance(item, ScheduledInterval) else 0.0
-            if item.at_s is not None and item.at_s + lasting_s > scenario.lasts_s:
-                raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
+            if item.at_s is not None and item.at_s + lasting_s > scenario.duration_s:
+                raise FormatError(path, f"is later than the end, {scenario.duration_s:g} s")
             if item.at_end and isinstance(item, Entry):
                 raise FormatError(path, "at, after or near is needed")
         match item:
             case Repeat(repeat=label):
-                _known(label, commands, f"{path}.repeat")
+                _require_label(label, commands, f"{path}.repeat")
             case model.Inject(inject=fault) if why := unsupported_reason(type(fault), parts):
                 raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
             case of_commands.LifecycleExpectation(command=label):
-                _known(label, commands, f"{path}.command")
+                _require_label(label, commands, f"{path}.command")
             case of_commands.FileFetched(fetched=label):
-                _known(label, fetched, f"{path}.fetched")
-            case of_rover.ParameterIs(asked=str(label)) | of_commands.FileList(asked=label):
-                _known(label, queries, f"{path}.asked")
+                _require_label(label, fetched, f"{path}.fetched")
+            case of_rover.ParameterIs(query=str(label)) | of_commands.FileList(query=label):
+                _require_label(label, queries, f"{path}.query")
             case _:
                 pass
 
@@ -312,13 +312,13 @@ def _check_settings(scenario: Scenario) -> None:
         f"drive.{each.name}": getattr(settings.drive, each.name) for each in fields(settings.drive)
     }
     for name, value in {**speeds, "camera.rotate_speed_radps": camera.rotate_speed_radps}.items():
-        if value <= 0:
+        if value is not None and value <= 0:
             raise FormatError("settings", f"{name} {value:g} is not above 0")
     size_px = (camera.width_px, camera.height_px)
     for name, size, bound in zip(("width", "height"), size_px, _MAX_PX, strict=True):
         if not 1 <= size <= bound:
-            raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {bound}")
-    if settings.locomotion is LocomotionKind.WHOLE_MOTION and settings.sensors.present:
+            raise FormatError(f"settings.camera.{name}", f"{quoted(size)} is not in 1 .. {bound}")
+    if settings.locomotion is LocomotionKind.DELEGATED and settings.sensors.present:
         raise FormatError("settings.sensors", f"{settings.asset} is simulated without sensors")
 
 
@@ -336,15 +336,15 @@ def _check_start(scenario: Scenario) -> None:
 
 def _check_odometry(scenario: Scenario) -> None:
     odometry = scenario.odometry
-    if scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION and not _usual(odometry):
+    if scenario.settings.locomotion is LocomotionKind.DELEGATED and not _usual(odometry):
         raise FormatError("odometry", f"that of {scenario.settings.asset} is its brick's own")
-    for name in ("encoder_noise_mps", "gyro_noise_radps", "lean_noise_rad"):
+    for name in ("encoder_noise_mps", "gyro_noise_radps", "tilt_noise_rad"):
         if getattr(odometry, name) < 0:
             raise FormatError("odometry", f"{name} {getattr(odometry, name):g} is below 0")
 
 
-def _usual(odometry: OdometrySettings) -> bool:
-    return odometry == OdometrySettings()
+def _usual(odometry: SimulatedOdometry) -> bool:
+    return odometry == SimulatedOdometry()
 
 
 def _entries_with_paths(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
@@ -360,7 +360,7 @@ def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | QueryParameters]
     for index, entry in enumerate(scenario.timeline):
         if not isinstance(entry, kinds):
             continue
-        label = entry.ask if isinstance(entry, QueryParameters) else entry.name
+        label = entry.query if isinstance(entry, QueryParameters) else entry.name
         if not re.fullmatch(r"\S+", label):
             raise FormatError(f"timeline[{index}]", f"{label!r} is no label: it has a space")
         if label in labels:
@@ -370,7 +370,7 @@ def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | QueryParameters]
     return labels
 
 
-def _known(label: str, labels: set[str], path: str) -> None:
+def _require_label(label: str, labels: set[str], path: str) -> None:
     if label not in labels:
         raise FormatError(path, f"no {label!r} in timeline; known are {', '.join(sorted(labels))}")
 
@@ -396,7 +396,7 @@ def _obstacles(entry: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str,
         case model.Fix() if live:
             yield "", "fix works in lock step only"
         case model.Inject(inject=LinkLost()) if relay:
-            yield ".inject", "link_lost does not work over the relay: use a planned eclipse"
+            yield ".inject", "link_lost does not work over the relay: use a planned outage"
         case Send(link=str(link)) | Repeat(link=str(link)) if live and link not in LINKS:
             yield ".link", f"{link!r} works in lock step only"
         case of_rover.Contacts() if live:
@@ -409,11 +409,11 @@ def _obstacles(entry: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str,
             yield "", "files do not travel over the relay"
         case Send(replace=True, link=link) if live and (link or mode.link) == RunMode.RELAY.link:
             yield ".replace", "commands over the relay are always queued"
-        case model.Eclipse(at_s=at_s, near=near) if relay and (at_s is None or near):
-            yield "", "over the relay an eclipse is planned: it needs at, and no near"
-        case model.Eclipse(at_s=float(at_s), eclipse_s=dark_s) if relay:
+        case model.Outage(at_s=at_s, near=near) if relay and (at_s is None or near):
+            yield "", "over the relay an outage is planned: it needs at, and no near"
+        case model.Outage(at_s=float(at_s), outage_s=dark_s) if relay:
             if not (at_s.is_integer() and dark_s.is_integer()):
-                yield "", "over the relay an eclipse begins and ends at whole seconds"
+                yield "", "over the relay an outage begins and ends at whole seconds"
         case (
             of_commands.FileEventsExpectation()
             | of_commands.FileList()

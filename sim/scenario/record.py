@@ -1,4 +1,4 @@
-"""Record of a run in any mode, the only input of its evaluation. Times are scenario times."""
+"""`Record` of a run, lock step or live, the only input of its evaluation, in scenario time."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -108,7 +108,7 @@ class Scheduled:
         return self.at_s is None and self.after is None and self.near is None
 
     @property
-    def when(self) -> str:
+    def time_text(self) -> str:
         """Time as text."""
         if self.at_end:
             return "at the end"
@@ -128,13 +128,13 @@ class ScheduledInterval(Scheduled):
     for_s: float = figure(default=0.0)
 
     @property
-    def period(self) -> str:
+    def interval_text(self) -> str:
         """Interval as text."""
         if not self.for_s:
-            return self.when
+            return self.time_text
         if self.at_end:
             return f"in the last {self.for_s:g} s"
-        return f"{self.when} for {self.for_s:g} s"
+        return f"{self.time_text} for {self.for_s:g} s"
 
 
 NEVER: Final = "time not reached"
@@ -152,8 +152,8 @@ class Check:
 
     subject: str
     expected: str
-    seen: str
-    holds: bool
+    observed: str
+    passed: bool
 
 
 def joined(subject: str, aspects: Sequence[Check]) -> Check:
@@ -161,8 +161,8 @@ def joined(subject: str, aspects: Sequence[Check]) -> Check:
     return Check(
         subject,
         ", ".join(aspect.expected for aspect in aspects),
-        ", ".join(aspect.seen for aspect in aspects),
-        all(aspect.holds for aspect in aspects),
+        ", ".join(aspect.observed for aspect in aspects),
+        all(aspect.passed for aspect in aspects),
     )
 
 
@@ -170,8 +170,8 @@ def joined(subject: str, aspects: Sequence[Check]) -> Check:
 class Answer(Enum):
     """Immediate answer to a submitted command on its link."""
 
-    ADMITTED = "admitted"
-    REFUSED = "refused"
+    ACCEPTED = "accepted"
+    REJECTED = "rejected"
     DUPLICATE = "duplicate"
     """The number was used before, by this command or another."""
     LOST = "lost"
@@ -187,7 +187,7 @@ class TruePose:
 
 
 @dataclass(frozen=True, slots=True)
-class ReceivedValue:
+class ValueSample:
     """A parameter value received on the ground, with its sampling time aboard."""
 
     time_s: float
@@ -275,7 +275,7 @@ class QueryAnswer:
     """Answer to a query: values, and paths of files."""
 
     label: str
-    values: tuple[ReceivedValue, ...]
+    values: tuple[ValueSample, ...]
     files: tuple[str, ...]
 
 
@@ -315,7 +315,7 @@ class Datagram:
     picture: bytes | None
 
 
-S = TypeVar("S", TruePose, ReceivedValue, ModeSample, Datagram)
+S = TypeVar("S", TruePose, ValueSample, ModeSample, Datagram)
 """Sample with a time."""
 
 
@@ -351,7 +351,7 @@ class Record:
     main_link: str = "direct"
     first_links: dict[Identity, str] = field(default_factory=dict)
     statuses: list[SeenStatus] = field(default_factory=list)
-    values: list[ReceivedValue] = field(default_factory=list)
+    values: list[ValueSample] = field(default_factory=list)
     answers: list[QueryAnswer] = field(default_factory=list)
     poses: list[TruePose] = field(default_factory=list)
     odometry: list[Pose] = field(default_factory=list)
@@ -374,10 +374,10 @@ class Record:
         """Return the scenario time of a UTC."""
         return self.clock(utc_s) - self.clock(self.start_utc_s)
 
-    def received_values(self, values: Sequence[ParameterValue]) -> tuple[ReceivedValue, ...]:
+    def received_values(self, values: Sequence[ParameterValue]) -> tuple[ValueSample, ...]:
         """Return values with scenario times."""
         return tuple(
-            ReceivedValue(self.since_start_s(value.utc_s), value.parameter, value.value)
+            ValueSample(self.since_start_s(value.utc_s), value.parameter, value.value)
             for value in values
         )
 

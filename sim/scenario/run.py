@@ -1,4 +1,4 @@
-"""Runs a scenario in any mode, in a folder of its own, and prints the result."""
+"""Runs a scenario in lock step or live, in a folder of its own; `show` prints the result."""
 
 import tempfile
 from contextlib import closing
@@ -30,8 +30,8 @@ def show(console: Console, scenario: Scenario, outcome: ScenarioResult, verbose:
     for column in ("", "subject", "expected", "observed"):
         table.add_column(column, overflow="fold")
     for finding in outcome.findings:
-        mark = "[green]holds[/]" if finding.holds else "[red]FAILS[/]"
-        table.add_row(mark, *map(escape, (finding.subject, finding.expected, finding.seen)))
+        mark = "[green]passed[/]" if finding.passed else "[red]FAILED[/]"
+        table.add_row(mark, *map(escape, (finding.subject, finding.expected, finding.observed)))
     console.print(table)
     console.print(
         f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"

@@ -1,4 +1,4 @@
-"""Environment of live runs: processes of rovers and relay, recorders and injectors."""
+"""Starts the processes of a live run: rovers and relay, with recorders and fault injectors."""
 
 import asyncio
 import socket
@@ -20,11 +20,11 @@ from sim.processes import (
     ProcessGroup,
     RoverAddress,
     allocate_address,
-    deployed,
+    run_deployment,
 )
 from sim.processes import Outage as Dark
 from sim.rover.faults import LinkLost, SimulatedFault
-from sim.scenario.model import Cargo, Clear, Eclipse, Inject, Repeat, RunMode, Scenario, Send
+from sim.scenario.model import Cargo, Clear, Inject, Outage, Repeat, RunMode, Scenario, Send
 
 if TYPE_CHECKING:
     from sim.processes.recorder import RoverRecorder
@@ -109,7 +109,7 @@ def links_of(scenario: Scenario, mode: RunMode) -> tuple[RunMode, ...]:
 def fleet_of(
     scenarios: Sequence[Scenario],
     folders: Sequence[Path],
-    place: RoverAddress,
+    address: RoverAddress,
     relay: Path | None,
     speed: float = 1.0,
     video_to: str | None = None,
@@ -120,7 +120,7 @@ def fleet_of(
     Args:
         scenarios: scenarios of different assets; outages are those of the first.
         folders: one per scenario, for logs and the data of the executive.
-        place: address of the first rover; the others use the following ones.
+        address: that of the first rover; the others use the following ones.
         relay: folder of the orbiter; None without a relay.
         speed: simulated seconds per second.
         video_to: HOST:PORT on the ground for the video stream; None for the asset's setting.
@@ -132,8 +132,8 @@ def fleet_of(
     with ExitStack() as running:
         rovers = tuple(
             running.enter_context(
-                deployed(
-                    place.next_address(number),
+                run_deployment(
+                    address.next_address(number),
                     folder,
                     *_write(scenario, folder),
                     scenario.seed,
@@ -146,11 +146,11 @@ def fleet_of(
         if relay is None:
             yield Fleet(rovers)
             return
-        from sim.processes.relay import relayed
+        from sim.processes.relay import run_relay
 
-        lead_s = _lead_s(rovers) if _eclipses(scenarios[0], 0) else 0
-        outages = _eclipses(scenarios[0], lead_s)
-        orbiter = running.enter_context(relayed(relay, *rovers, eclipses=outages, restart=restart))
+        lead_s = _lead_s(rovers) if _outages(scenarios[0], 0) else 0
+        outages = _outages(scenarios[0], lead_s)
+        orbiter = running.enter_context(run_relay(relay, *rovers, outages=outages, restart=restart))
         yield Fleet(rovers, orbiter, orbiter.start_utc_s + lead_s if outages else None)
 
 
@@ -228,12 +228,12 @@ def _lead_s(rovers: Sequence[Deployment]) -> int:
     return ceil(LEAD_S + LEAD_RATIO * (time.monotonic() - began_s))
 
 
-def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
+def _outages(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
     """Return the planned outages, in seconds from `lead_s` before the scenario's start."""
     return [
-        Dark(lead_s + round(entry.at_s), lead_s + round(entry.at_s + entry.eclipse_s))
+        Dark(lead_s + round(entry.at_s), lead_s + round(entry.at_s + entry.outage_s))
         for entry in scenario.timeline
-        if isinstance(entry, Eclipse) and entry.at_s is not None
+        if isinstance(entry, Outage) and entry.at_s is not None
     ]
 
 

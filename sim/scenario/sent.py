@@ -1,4 +1,4 @@
-"""Results of the sent commands, as reported to the ground on their links."""
+"""`sent_commands`: each sent command and its results, as reported to the ground on its links."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sim.scenario.record import Answer, Receipt, Record, SentCommand, reports_ex
 RELAY: Final = "relay"
 DUPLICATE: Final = "DUPLICATE"
 """Ending of a command that was sent before over the same link."""
-_ANSWERED: Final = {Answer.REFUSED: Stage.REJECTED.name, Answer.LOST: "LOST"}
+_ANSWERED: Final = {Answer.REJECTED: Stage.REJECTED.name, Answer.LOST: "LOST"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class CommandTrace:
     @property
     def stored(self) -> bool:
         """Whether the orbiter has stored it."""
-        return self.link == RELAY and self.sending.answer is Answer.ADMITTED
+        return self.link == RELAY and self.sending.answer is Answer.ACCEPTED
 
     @property
     def ending(self) -> str | None:
@@ -72,17 +72,17 @@ class CommandTrace:
         """Text of its last report: reason of the end, or progress."""
         if self.ending == DUPLICATE:
             if self.receipts:
-                return f"reported again: {self._last(self.receipts[-1].report)}"
+                return f"reported again: {self._report_text(self.receipts[-1].report)}"
             return self.sending.text.partition(": ")[2]
         if self.expiry is not None:
             return self.expiry.report.text.partition(": ")[2]
-        return self._last(self.receipts[-1].report) if self.receipts else self.sending.text
+        return self._report_text(self.receipts[-1].report) if self.receipts else self.sending.text
 
     def at(self, stage: Stage) -> Receipt | None:
         """Return the receipt of the first report of a stage, or None."""
         return next((each for each in self.receipts if each.report.stage is stage), None)
 
-    def _last(self, report: Report) -> str:
+    def _report_text(self, report: Report) -> str:
         if report.text == self.title.partition(" ")[0]:
             return ""
         return f"{report.text} (reason {report.reason.value})" if report.reason else report.text

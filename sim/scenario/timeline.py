@@ -1,4 +1,4 @@
-"""Due entries of a timeline, and their commands."""
+"""`Timeline` of a scenario: which entries are due, and the commands that they send."""
 
 from dataclasses import replace
 from math import inf
@@ -88,7 +88,7 @@ class CommandFactory:
             link=entry.link or self._link,
             created_utc_s=utc_s,
             lifetime_s=None if entry.lifetime_s is None else entry.lifetime_s / self._speed,
-            arrival=PreemptionPolicy.REPLACE if entry.replace else PreemptionPolicy.APPEND,
+            preemption=PreemptionPolicy.REPLACE if entry.replace else PreemptionPolicy.APPEND,
         )
         self._sent[entry.name] = command
         return entry.name, command

@@ -1,4 +1,4 @@
-"""Compares the true pose with the target of each command that ended EXECUTED.
+"""`check_executed_truth`: compares the true pose with the target of each EXECUTED command.
 
 The position tolerance is `POSITION_TOLERANCE_M` plus `POSITION_TOLERANCE_PER_M` times the commanded
 distance; the heading tolerance is `HEADING_TOLERANCE_RAD`. A turn on the spot must end within
@@ -42,7 +42,7 @@ class TrueEnd:
         label: label of the command; its identity, if a plan sent it.
         off_m, off_rad: deviation from the commanded pose; None if none is commanded.
         wrong: text of the violated tolerances or of missing data; empty if the end is true.
-        seen: whether there are true poses of the command's time.
+        observed: whether there are true poses of the command's time.
         end_s: scenario time of its end.
     """
 
@@ -51,7 +51,7 @@ class TrueEnd:
     off_m: float | None = None
     off_rad: float | None = None
     wrong: str = ""
-    seen: bool = True
+    observed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def true_ends(record: Record) -> list[TrueEnd]:
             ends.append(_true_end(record, entry, executed, requests[identity]))
         elif identity.source.startswith(SOURCE_PREFIX):
             wrong, end_s = "has an unknown request", record.time_of(executed)
-            ends.append(TrueEnd(str(identity), end_s, wrong=wrong, seen=False))
+            ends.append(TrueEnd(str(identity), end_s, wrong=wrong, observed=False))
     return [end for end in ends if end is not None]
 
 
@@ -95,8 +95,8 @@ def check_executed_truth(record: Record, false_executed: Sequence[str]) -> Check
     """
     ends = true_ends(record)
     checked = {end.label for end in ends}
-    broken = {end.label for end in ends if end.wrong and end.seen}
-    unseen = [end for end in ends if not end.seen]
+    broken = {end.label for end in ends if end.wrong and end.observed}
+    unobserved = [end for end in ends if not end.observed]
     violations = [
         *(f"{end.label} {end.wrong}" for end in ends if end.wrong),
         *(
@@ -110,10 +110,10 @@ def check_executed_truth(record: Record, false_executed: Sequence[str]) -> Check
     held = f"{count} of {count} are, at most {worst_m:.3f} m off" if ends else "nothing did"
     exceptions = f", except {', '.join(false_executed)}" if false_executed else ""
     return Check(
-        "promise",
-        f"what ended EXECUTED is true{exceptions}",
+        "criterion",
+        f"every EXECUTED is true{exceptions}",
         "; ".join(violations) or held,
-        broken == set(false_executed) and not unseen,
+        broken == set(false_executed) and not unobserved,
     )
 
 
@@ -168,7 +168,7 @@ def _true_end(
     first = _index(poses, record.time_of(entry.report_at(Stage.STARTED) or executed))
     last = _index(poses, end_s)
     if first is None or last is None:
-        return _unseen(label, end_s)
+        return _without_pose(label, end_s)
     target = _target(request, _start(poses, first, last, request))
     end = poses[last].pose
     off_m = end.point.distance_m(target.point)
@@ -199,12 +199,12 @@ def _target(request: Motion, start: Pose) -> _Target:
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
     at = _index(poses, end_s)
     if at is None:
-        return _unseen(label, end_s)
+        return _without_pose(label, end_s)
     first, last = _index(poses, end_s - SPEED_OVER_S), _index(poses, end_s + SPEED_OVER_S)
     before = poses[max(0, at - 1 if first is None else min(first, at - 1))]
     after = poses[min(len(poses) - 1, at + 1 if last is None else max(last, at + 1))]
     if not 0 < after.time_s - before.time_s <= 2 * MAX_SAMPLE_GAP_S:
-        return _unseen(label, end_s)
+        return _without_pose(label, end_s)
     speed_mps = _speed_mps(before, poses[at], after)
     wrong = f"ended at {speed_mps:.2f} m/s" if speed_mps > STANDING_MPS else ""
     return TrueEnd(label, end_s, wrong=wrong)
@@ -243,8 +243,10 @@ def reported_error(record: Record, time_s: float) -> tuple[float | None, float |
     return true.point.distance_m(Point(x, y)), abs(wrap_rad(true.heading_rad - heading))
 
 
-def _unseen(label: str, end_s: float) -> TrueEnd:
-    return TrueEnd(label, end_s, wrong=f"ended at {end_s:.2f} s: no true pose is known", seen=False)
+def _without_pose(label: str, end_s: float) -> TrueEnd:
+    return TrueEnd(
+        label, end_s, wrong=f"ended at {end_s:.2f} s: no true pose is known", observed=False
+    )
 
 
 def _index(poses: Sequence[TruePose], time_s: float) -> int | None:

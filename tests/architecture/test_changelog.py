@@ -11,7 +11,7 @@ TOWNCRIER = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["to
 FRAGMENTS = CHECKOUT / TOWNCRIER["directory"]
 NAME = re.compile(rf"{TOWNCRIER['issue_pattern']}\.({'|'.join(TOWNCRIER['fragment'])})\.md")
 MAX_SENTENCES = 3
-MAX_WORDS = 30
+MAX_SENTENCE = 30
 """Of a sentence."""
 
 
@@ -27,8 +27,8 @@ def faults(name: str, text: str) -> list[str]:
     sentences = re.split(r"(?<=[.!?])\s+", text.strip())
     if len(sentences) > MAX_SENTENCES:
         found.append(f"it has {len(sentences)} sentences, more than {MAX_SENTENCES}")
-    if max(len(sentence.split()) for sentence in sentences) > MAX_WORDS:
-        found.append(f"a sentence has more than {MAX_WORDS} words")
+    if max(len(sentence.split()) for sentence in sentences) > MAX_SENTENCE:
+        found.append(f"a sentence has more than {MAX_SENTENCE} words")
     return found
 
 
@@ -60,7 +60,7 @@ def test_a_fragment_that_is_right_passes() -> None:
         ("a.fixed.md", "A stop:\n- is confirmed.\n"),
         ("a.fixed.md", "One.\n\nTwo.\n"),
         ("a.fixed.md", "One. Two. Three. Four.\n"),
-        ("a.fixed.md", "Word " * MAX_WORDS + "word.\n"),
+        ("a.fixed.md", "Word " * MAX_SENTENCE + "word.\n"),
     ],
 )
 def test_a_fragment_that_is_wrong_is_found(name: str, text: str) -> None:

@@ -60,11 +60,11 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
         (KeyboardInterrupt(), 130),
     ],
 )
-def test_exit_code_tells_how_it_ended(run: Run, error: BaseException, code: int) -> None:
+def test_exit_code_reports_the_kind_of_end(run: Run, error: BaseException, code: int) -> None:
     result = run(error)
     assert result.exit_code == code
-    said = error.strerror if isinstance(error, OSError) else None
-    assert (said or str(error)) in result.output
+    message = error.strerror if isinstance(error, OSError) else None
+    assert (message or str(error)) in result.output
     assert "Traceback" not in result.output
 
 
@@ -73,13 +73,13 @@ def test_a_fault_is_not_hidden(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "message"),
     [("fly", "No such command 'fly'."), ("comand", "Did you mean 'command'?")],
 )
-def test_unknown_command_is_a_usage_error(typed: str, said: str) -> None:
+def test_unknown_command_is_a_usage_error(typed: str, message: str) -> None:
     result = CliRunner().invoke(cli.main, [typed])
     assert result.exit_code == 2
-    assert said in result.output
+    assert message in result.output
 
 
 def test_a_command_imports_no_other() -> None:
@@ -87,9 +87,9 @@ def test_a_command_imports_no_other() -> None:
     assert imported(others, "completion", "--help") == ["0"]
 
 
-def test_help_lists_every_command_and_imports_no_room() -> None:
-    rooms = ["executive", "trees", "sim", "adapters.mal", "adapters.mrs", "adapters.bundle"]
-    assert imported(rooms, "--help") == ["0"]
+def test_help_lists_every_command_and_imports_no_package() -> None:
+    packages = ["executive", "trees", "sim", "adapters.mal", "adapters.mrs", "adapters.bundle"]
+    assert imported(packages, "--help") == ["0"]
     listed = CliRunner().invoke(cli.main, ["--help"]).output
     names = "bench command demo mal scenario status test tree video watch"
     for name in names.split():
@@ -125,7 +125,7 @@ PROGRAMS = {
 }
 SCENARIO = """
 title: A title with the signs ± → ✓ and ü
-lasts: 1
+duration: 1
 timeline: [{at: 0.1, command: stop, label: halt}]
 expect:
   - {command: halt, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
@@ -145,7 +145,7 @@ def _program(text: str, folder: Path) -> list[str]:
     return [sys.executable, "-c", text.replace("{scenario}", str(path))]
 
 
-def test_who_reads_no_more_ends_it_quietly(program: list[str]) -> None:
+def test_a_closed_output_ends_it_quietly(program: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with open(writer, "wb") as closed:
@@ -156,8 +156,8 @@ def test_who_reads_no_more_ends_it_quietly(program: list[str]) -> None:
 def test_a_full_disk_is_one_line(program: list[str]) -> None:
     with open("/dev/full", "wb") as full:
         ended = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, cwd=CHECKOUT)
-    said = "Error: output cannot be written: No space left on device\n"
-    assert (ended.returncode, ended.stderr.decode()) == (1, said)
+    message = "Error: output cannot be written: No space left on device\n"
+    assert (ended.returncode, ended.stderr.decode()) == (1, message)
 
 
 def test_a_closed_output_is_none(program: list[str]) -> None:
@@ -178,7 +178,7 @@ def test_a_terminal_without_utf_8_is_written_to(
     assert ended.stdout
 
 
-def test_each_sign_of_the_product_is_spelled_where_it_is_lacking() -> None:
+def test_each_glyph_of_the_product_is_spelled_out_if_it_is_missing() -> None:
     sources = (
         path.read_text(encoding="utf-8")
         for package in ("executive", "trees", "adapters", "sim")

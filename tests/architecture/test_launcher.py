@@ -42,6 +42,7 @@ esac
 COMMAND = """#!/bin/sh
 echo "started with: $*"
 echo "PYTHONPATH=${PYTHONPATH-unset} PROFILE=${FASTRTPS_DEFAULT_PROFILES_FILE-unset}"
+echo "FAST_DDS_3=${FASTDDS_DEFAULT_PROFILES_FILE-unset}"
 echo "INSTALLED=${ROVER_INSTALLED-no}"
 exit 5
 """
@@ -172,7 +173,7 @@ def test_moved_checkout_gets_a_new_environment(bench: Bench, tmp_path: Path) -> 
     assert bench.steps() == ["venv", "pip", "pip"]
 
 
-def test_failed_install_says_why_and_is_done_anew(bench: Bench) -> None:
+def test_failed_install_reports_the_reason_and_is_repeated(bench: Bench) -> None:
     bench.broken.touch()
     failed = bench.start()
     assert failed.returncode == 1
@@ -235,10 +236,13 @@ def test_refuses_a_sourced_ros_that_does_not_fit(bench: Bench, sourced: dict[str
     assert bench.steps() == []
 
 
-def test_a_fitting_ros_has_an_environment_without_wheels(bench: Bench, tmp_path: Path) -> None:
+@pytest.mark.parametrize("distribution", ["jazzy", "kilted", "lyrical", "rolling"])
+def test_a_fitting_ros_has_an_environment_without_wheels(
+    distribution: str, bench: Bench, tmp_path: Path
+) -> None:
     (tmp_path / "ros").mkdir()
     (tmp_path / "ros" / "rclpy.py").touch()
-    started = bench.start(env={"ROS_DISTRO": "jazzy", "PYTHONPATH": str(tmp_path / "ros")})
+    started = bench.start(env={"ROS_DISTRO": distribution, "PYTHONPATH": str(tmp_path / "ros")})
     assert f"PYTHONPATH={tmp_path / 'ros'} PROFILE=unset" in started.stdout, started.stderr
     assert not (bench.checkout / ".venv").exists()
     wanted = (bench.checkout / ".venv-ros" / "requirements.txt").read_text()
@@ -251,8 +255,11 @@ def test_with_wheels_nothing_of_another_ros_gets_in(bench: Bench) -> None:
     started = bench.start(env={"PYTHONPATH": "/elsewhere", "LD_LIBRARY_PATH": "/elsewhere"})
     assert "PYTHONPATH=unset" in started.stdout
     assert f"PROFILE={bench.checkout}/config/fastdds.xml" in started.stdout
+    assert f"FAST_DDS_3={bench.checkout}/config/fastdds.xml" in started.stdout
 
 
-def test_keeps_the_profile_that_the_user_chose(bench: Bench) -> None:
-    started = bench.start(env={"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profile.xml"})
+@pytest.mark.parametrize("name", ["FASTRTPS", "FASTDDS"])
+def test_preserves_the_profile_chosen_by_the_user(name: str, bench: Bench) -> None:
+    started = bench.start(env={f"{name}_DEFAULT_PROFILES_FILE": "/my/profile.xml"})
     assert "PROFILE=/my/profile.xml" in started.stdout
+    assert "FAST_DDS_3=/my/profile.xml" in started.stdout

@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-ROOMS = ("executive", "trees", "adapters", "sim")
+PACKAGES = ("executive", "trees", "adapters", "sim")
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 COMMANDS = PROJECT["entry-points"]["rover.commands"]
 CHECKOUT_COMMANDS = tomllib.loads((CHECKOUT / "tests" / "commands.toml").read_text())
@@ -45,10 +45,10 @@ print(shown)
 """
 
 
-def files(room: str) -> list[Path]:
+def files(package: str) -> list[Path]:
     return [
         path.relative_to(CHECKOUT)
-        for path in (CHECKOUT / room).rglob("*")
+        for path in (CHECKOUT / package).rglob("*")
         if path.is_file() and path.suffix not in {".pyc", ".md"}
     ]
 
@@ -57,7 +57,7 @@ def files(room: str) -> list[Path]:
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the wheel in a copy and return the folder where it is unpacked."""
     copy = tmp_path_factory.mktemp("copy")
-    for name in (*FRAME, *ROOMS):
+    for name in (*FRAME, *PACKAGES):
         if (CHECKOUT / name).is_dir():
             shutil.copytree(CHECKOUT / name, copy / name)
         else:
@@ -91,7 +91,7 @@ def test_installed_commands_are_those_of_the_project() -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [*COMMANDS.items(), *CHECKOUT_COMMANDS.items()])
-def test_command_is_what_its_entry_point_says(name: str, value: str) -> None:
+def test_command_is_that_of_its_entry_point(name: str, value: str) -> None:
     command = EntryPoint(name, value, "rover.commands").load()
     assert isinstance(command, click.Command)
     assert command.name == name
@@ -108,7 +108,7 @@ def test_a_command_of_a_checkout_does_all_that_the_installed_one_does() -> None:
 
 
 @pytest.mark.parametrize("name", PROJECT["scripts"])
-def test_script_is_what_its_entry_point_says(name: str) -> None:
+def test_script_is_that_of_its_entry_point(name: str) -> None:
     (entry,) = entry_points(group="console_scripts", name=name)
     assert callable(entry.load())
 
@@ -119,28 +119,28 @@ def test_colcon_can_read_the_project() -> None:
     )
     project = ast.literal_eval(read.stdout)
     assert project["metadata"]["name"] == PROJECT["name"]
-    assert set(ROOMS) <= set(project["packages"])
+    assert set(PACKAGES) <= set(project["packages"])
     assert len(project["entry_points"]["console_scripts"]) == len(PROJECT["scripts"])
     assert f"share/{ROS_NAME}" in dict(project["data_files"])
 
 
 def test_our_top_level_names_are_ours_alone() -> None:
     owners = packages_distributions()
-    assert [set(owners[room]) for room in ROOMS] == [{PROJECT["name"]}] * len(ROOMS)
+    assert [set(owners[package]) for package in PACKAGES] == [{PROJECT["name"]}] * len(PACKAGES)
 
 
 def test_every_folder_with_code_is_a_typed_package() -> None:
-    for room in ROOMS:
-        assert (CHECKOUT / room / "py.typed").is_file()
-        folders = {path.parent for path in files(room) if path.suffix == ".py"}
+    for package in PACKAGES:
+        assert (CHECKOUT / package / "py.typed").is_file()
+        folders = {path.parent for path in files(package) if path.suffix == ".py"}
         assert [
             str(path) for path in folders if not (CHECKOUT / path / "__init__.py").exists()
         ] == []
 
 
 def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
-    for room in ROOMS:
-        assert {str(path) for path in files(room)} - wheel == set()
+    for package in PACKAGES:
+        assert {str(path) for path in files(package)} - wheel == set()
     share = f"{ROS_NAME}-{PROJECT['version']}.data/data/share/"
     settings = {
         f"{share}{ROS_NAME}/{path}" for folder in ("config", "launch") for path in files(folder)
@@ -151,7 +151,7 @@ def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
 
 def test_wheel_brings_no_other_top_level_name(wheel: set[str]) -> None:
     tops = {name.split("/")[0] for name in wheel}
-    assert {top for top in tops if not top.startswith(ROS_NAME)} == set(ROOMS)
+    assert {top for top in tops if not top.startswith(ROS_NAME)} == set(PACKAGES)
 
 
 def rover(installed: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -200,7 +200,7 @@ def test_names_no_host() -> None:
 
 
 @pytest.mark.parametrize("wanted", WANTED)
-def test_holds_what_pyproject_asks_for(wanted: str) -> None:
+def test_holds_the_files_required_by_pyproject(wanted: str) -> None:
     requirement = Requirement(wanted)
     pinned = [Requirement(entry.split("\\")[0]) for entry in entries()]
     versions = [

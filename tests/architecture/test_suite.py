@@ -1,11 +1,15 @@
 """What `rover test` runs: attacks, in proportion, and the files of tests on ROS."""
 
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
+from executive.settings import names_in
 from tests import suite
 from tests.benchmarks.commands import bench
+from tests.support import patience
 
 
 def test_every_attack_is_a_benchmark_and_runs_in_full_as_that_does() -> None:
@@ -35,8 +39,38 @@ def test_files_of_tests_on_ros_are_found_by_their_mark(tmp_path: Path) -> None:
     assert suite.ros_files(tmp_path / "nowhere") == ()
 
 
-def test_byte_code_is_kept_while_checks_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_suite_leaves_out_what_a_user_keeps_in_the_configuration(tmp_path: Path) -> None:
+    config = tmp_path / "checkout" / "config"
+    shutil.copytree(patience.shipped_config(tmp_path), config)
+    shipped = patience.shipped_names(config)
+    for command in (("init", "-q"), ("add", ".")):
+        subprocess.run(("git", *command), cwd=config, check=True)
+    for name in ("scout.yaml", "scout.ros.yaml", "scenarios/mine.yaml"):
+        (config / name).write_text("asset: scout\n")
+    assert "scout" in names_in(config)
+    assert patience.shipped_names(config) == shipped
+    assert "mine" not in patience.shipped_names(config / "scenarios")
+    copy = patience.patient_config(tmp_path / "copy", config)
+    assert names_in(copy) == shipped
+    assert not list(copy.rglob("scout*"))
+
+
+def test_byte_code_is_retained_while_checks_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     monkeypatch.setenv("ROVER_CI", "1")
     assert "PYTHONDONTWRITEBYTECODE" not in suite.environment()
     assert suite.environment()["ROVER_CI"] == "1"
+
+
+def test_folders_of_tests_lie_in_memory_where_it_is_large(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    name = "PYTEST_DEBUG_TEMPROOT"
+    monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(suite, "MEMORY", tmp_path)
+    monkeypatch.setattr(suite, "LEAST_FREE_OCTETS", 0)
+    assert suite.environment()[name] == str(tmp_path)
+    monkeypatch.setattr(suite, "LEAST_FREE_OCTETS", 1 << 60)
+    assert name not in suite.environment()
+    monkeypatch.setattr(suite, "MEMORY", tmp_path / "none")
+    assert name not in suite.environment()

@@ -28,14 +28,14 @@ def spin_node() -> None:
     for topic in ("camera/pan/command", "camera/tilt/command", "camera/speed/command"):
         node.create_publisher(Float64, topic, 1)
     for kind, topic in (
-        (Odometry, "odom"),
-        (BatteryState, "battery"),
+        (Odometry, "platform/odom/filtered"),
+        (BatteryState, "platform/bms/state"),
         (Float64, "camera/pan/state"),
         (Float64, "camera/tilt/state"),
-        (Imu, "imu/data"),
-        (JointState, "joint_states"),
+        (Imu, "sensors/imu_0/data"),
+        (JointState, "platform/joint_states"),
         (Odometry, "visual_odometry"),
-        (LaserScan, "scan"),
+        (LaserScan, "sensors/lidar2d_0/scan"),
     ):
         qos = rclpy.qos.qos_profile_sensor_data
         node.create_subscription(kind, topic, lambda _: None, qos)

@@ -27,41 +27,41 @@ def measure(count: int, octets: int = 100) -> list[Figure]:
     """Return the figures of embedded agents, with bundles of this many octets."""
     figures = []
     for part in (_throughput, _recovery, _queue):
-        with workplace() as place:
-            figures += part(place, count, octets)
+        with workplace() as workspace:
+            figures += part(workspace, count, octets)
     return figures
 
 
-def _said(peer: Victim, what: str) -> dict[str, Any]:
+def _values(peer: Victim, what: str) -> dict[str, Any]:
     """Wait until a peer says something; return what it adds to it."""
     line = peer.wait(f'(?m)^{{"what": "{what}".*}}$', _LIMIT_S)[0]
     return dict(json.loads(line))
 
 
-def _pair(place: Workplace, count: int, octets: int, *more: str) -> tuple[Victim, Victim]:
+def _pair(workspace: Workplace, count: int, octets: int, *more: str) -> tuple[Victim, Victim]:
     one, two = free_udp_ports(2)
-    far = place.start(
-        "receiver", PEER, "receive", place.folder / "in.db",
+    far = workspace.start(
+        "receiver", PEER, "receive", workspace.folder / "in.db",
         "--listen", two, "--peer", one, "--count", count,
     )  # fmt: skip
-    _said(far, "listens")
-    near = place.start(
-        "sender", PEER, "send", place.folder / "out.db", "--listen", one, "--peer", two,
+    _values(far, "listens")
+    near = workspace.start(
+        "sender", PEER, "send", workspace.folder / "out.db", "--listen", one, "--peer", two,
         "--count", count, "--octets", octets, *more,
     )  # fmt: skip
     return far, near
 
 
-def _throughput(place: Workplace, count: int, octets: int) -> list[Figure]:
-    far, near = _pair(place, count, octets)
-    began_s = _said(near, "begins")["time_s"]
-    put, came = _said(near, "all are on the disk"), _said(far, "all came")
-    handed_on = _said(near, "all are handed on")
-    if came["different"] != count:
-        raise RuntimeError(f"{came['different']} different bundles came, not {count}")
+def _throughput(workspace: Workplace, count: int, octets: int) -> list[Figure]:
+    far, near = _pair(workspace, count, octets)
+    began_s = _values(near, "begins")["time_s"]
+    put, arrived = _values(near, "all are on the disk"), _values(far, "all came")
+    handed_on = _values(near, "all are handed on")
+    if arrived["different"] != count:
+        raise RuntimeError(f"{arrived['different']} different bundles came, not {count}")
     beside = f"{count} of {octets} octets, one commit before each answer, both ends"
-    commits = _commits_per_s(place.folder)
-    rate = count / (came["time_s"] - began_s)
+    commits = _commits_per_s(workspace.folder)
+    rate = count / (arrived["time_s"] - began_s)
     return [
         Figure("bundles, durable, end to end", rate, "1/s", beside, Goal(3000.0, at_least=True)),
         Figure("bundles over one commit each", rate / commits, "ratio", "SQLite alone, same disk"),
@@ -69,17 +69,17 @@ def _throughput(place: Workplace, count: int, octets: int) -> list[Figure]:
         Figure("send, median, 256 at once", put["median_ms"], "ms", beside),
         Figure("send, p99, 256 at once", put["p99_ms"], "ms", beside),
         Figure("sender, resident memory", handed_on["resident_mb"], "MB", beside),
-        Figure("receiver, resident memory", came["resident_mb"], "MB", beside),
+        Figure("receiver, resident memory", arrived["resident_mb"], "MB", beside),
     ]
 
 
-def _recovery(place: Workplace, _: int, octets: int) -> list[Figure]:
-    contact = place.folder / "contact"
-    far, near = _pair(place, _DARK, octets, "--dark-until", str(contact))
-    _said(near, "all are on the disk")
+def _recovery(workspace: Workplace, _: int, octets: int) -> list[Figure]:
+    contact = workspace.folder / "contact"
+    far, near = _pair(workspace, _DARK, octets, "--dark-until", str(contact))
+    _values(near, "all are on the disk")
     contact.touch()
-    up_s = _said(near, "the link is up")["time_s"]
-    first_s, all_s = (_said(far, what)["time_s"] for what in ("the first came", "all came"))
+    up_s = _values(near, "the link is up")["time_s"]
+    first_s, all_s = (_values(far, what)["time_s"] for what in ("the first came", "all came"))
     beside = f"{_DARK} queued in the dark"
     return [
         Figure("first bundle after link-up", first_s - up_s, "s", beside, Goal(1.0)),
@@ -87,13 +87,13 @@ def _recovery(place: Workplace, _: int, octets: int) -> list[Figure]:
     ]
 
 
-def _queue(place: Workplace, _: int, octets: int) -> list[Figure]:
-    store = place.folder / "queue.db"
+def _queue(workspace: Workplace, _: int, octets: int) -> list[Figure]:
+    store = workspace.folder / "queue.db"
     filled = ("fill", store, "--count", _QUEUE, "--octets", octets)
     subprocess.run(
         [sys.executable, "-m", PEER, *map(str, filled)], check=True, cwd=CHECKOUT, timeout=_LIMIT_S
     )
-    started = _said(place.start("queue", PEER, "start", store), "started")
+    started = _values(workspace.start("queue", PEER, "start", store), "started")
     if started["queued"] != _QUEUE:
         raise RuntimeError(f"{started['queued']} bundles are queued, not {_QUEUE}")
     beside = f"{_QUEUE} queued"

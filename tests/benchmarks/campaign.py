@@ -44,9 +44,9 @@ _NOTHING: Final = RunMetrics(
 )
 
 
-def measure(runs: int, trivial: int, tell: Callable[[str], None]) -> list[Figure]:
+def measure(runs: int, trivial: int, log: Callable[[str], None]) -> list[Figure]:
     """Return throughput beside that of a pool of processes, and the cost of many runs."""
-    return [*_throughput(runs, tell), *_many(trivial, tell)]
+    return [*_throughput(runs, log), *_many(trivial, log)]
 
 
 def _campaign(runs: int) -> Campaign:
@@ -58,11 +58,11 @@ def _campaign(runs: int) -> Campaign:
             Variation(key="seed", distribution=Integers((0, 1_000_000))),
             Variation(key="world.friction", distribution=Uniform(Interval(0.45, 0.75))),
         ),
-        hold=(Success(success=0.5),),
+        criteria=(Success(success=0.5),),
     )
 
 
-def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
+def _throughput(runs: int, log: Callable[[str], None]) -> Iterator[Figure]:
     """Play the same runs by Dask and by a pool, in turn."""
     campaign, mark = _campaign(runs), fingerprint(SCENARIO)
     jobs = [Job(run, SCENARIO, draw(campaign, run).changes, mark) for run in range(runs)]
@@ -74,9 +74,9 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
 
     def rate(played: Iterator[JobResult | JobFailed], to: list[float]) -> None:
         began_s = time.perf_counter()
-        said = sorted(played, key=lambda result: result.run)
+        message = sorted(played, key=lambda result: result.run)
         to.append(runs / (time.perf_counter() - began_s))
-        found = [result.digest for result in said if isinstance(result, JobResult)]
+        found = [result.digest for result in message if isinstance(result, JobResult)]
         assert len(found) == runs, f"{len(found)} of {runs} runs were played"
         digests.add(repr(found))
 
@@ -89,7 +89,7 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
         list(results(two, run_job, warm))
         list(pool.imap_unordered(run_job, warm))
         for number in range(1, ROUNDS + 1):
-            tell(f"campaign: {runs} runs by a pool, by {WORKERS} workers and by one,"
+            log(f"campaign: {runs} runs by a pool, by {WORKERS} workers and by one,"
                  f" {number} of {ROUNDS} ...")  # fmt: skip
             rate(pool.imap_unordered(run_job, jobs), pools)
             rate(results(two, run_job, jobs), twos)
@@ -116,7 +116,7 @@ class _Clocked:
         self._process = psutil.Process()
         self._done = 0
         self.times_s = [time.perf_counter()]
-        self.most_octets = 0
+        self.max_octets = 0
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Begin."""
@@ -126,27 +126,27 @@ class _Clocked:
         """Count one more."""
         self._done += 1
         if self._done % 500 == 0:
-            self.most_octets = max(self.most_octets, self._process.memory_info().rss)
+            self.max_octets = max(self.max_octets, self._process.memory_info().rss)
         if self._done % self._every == 0:
             self.times_s.append(time.perf_counter())
 
 
-def _many(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
+def _many(runs: int, log: Callable[[str], None]) -> Iterator[Figure]:
     """Play runs that take no time, whole: drawn, given to workers, written."""
-    tell(f"campaign: {runs} runs of no duration ...")
+    log(f"campaign: {runs} runs of no duration ...")
     clocked = _Clocked(runs)
     with tempfile.TemporaryDirectory() as folder, local_cluster(WORKERS) as client:
         campaign = _campaign(runs)
         data = open_output(Path(folder), campaign, campaign_path("normal"), resume=True)
         CampaignSession(
             campaign, data, partial(results, client, play_nothing), clocked
-        ).to_the_end()
+        ).run_missing()
         written = len(set(data.numbers()))
     took_s = [after - before for before, after in pairwise(clocked.times_s)]
     over = f"{runs} runs that take no time, scheduler and client in one process"
     yield Figure("campaign, runs of no duration", runs / sum(took_s), "runs/s", over)
     yield Figure(
-        "campaign, scheduler and client", clocked.most_octets / MIB, "MiB", over, Goal(500.0)
+        "campaign, scheduler and client", clocked.max_octets / MIB, "MiB", over, Goal(500.0)
     )
     yield Figure(
         "campaign, rate of the last tenth over the first",

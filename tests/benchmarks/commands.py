@@ -23,8 +23,9 @@ JSON: Final = click.option(
     help="Write every figure with unit, comparison and goal to a JSON file.",
 )
 SEED: Final = click.option("--seed", type=int, default=1, show_default=True)
-KEEP: Final = click.option(
+OUTPUT: Final = click.option(
     "--keep",
+    "folder",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="An empty folder for journals, records and logs.  [default: they are deleted]",
 )
@@ -109,7 +110,7 @@ def benchmark(example: str, *options: Callable[[Any], Any]) -> Callable[[Measure
     return declare
 
 
-def tell(line: str) -> None:
+def log(line: str) -> None:
     """Say how it goes on, beside the figures."""
     click.echo(line, err=True)
 
@@ -125,7 +126,7 @@ def echo(count: int) -> "list[Figure]":
     """Octets of a stop to zero on cmd_vel, beside a bare echo."""
     from tests.benchmarks import onboard
 
-    tell(f"stop: {count} stops and echoes in turn ...")
+    log(f"stop: {count} stops and echoes in turn ...")
     return onboard.measure_stops(count)
 
 
@@ -141,7 +142,7 @@ def stop(count: int, names: tuple[str, ...]) -> "list[Figure]":
     """How soon a stop acts, whatever else the executive is made to do (about 8 minutes)."""
     from tests.benchmarks import stop
 
-    return stop.measure(count, names, tell)
+    return stop.measure(count, names, log)
 
 
 @benchmark(
@@ -154,7 +155,7 @@ def sliding_stops(ice: int, firm: int, seed: int) -> "list[Figure]":
     """Stops on ice, slopes and firm ground: whether the rover truly stands when it says so."""
     from tests.benchmarks import sliding_stops
 
-    return sliding_stops.measure(ice, firm, seed, tell)
+    return sliding_stops.measure(ice, firm, seed, log)
 
 
 @benchmark("footprint")
@@ -162,7 +163,7 @@ def footprint() -> "list[Figure]":
     """CPU and memory of the executive's process, beside a bare node."""
     from tests.benchmarks import onboard
 
-    tell("footprint: 20 s of driving ...")
+    log("footprint: 20 s of driving ...")
     return onboard.measure_footprint()
 
 
@@ -187,8 +188,8 @@ def mal(seconds: float, subscribers: int) -> "list[Figure]":
     """Requests, notifications and a transfer on loopback, beside plain asyncio TCP."""
     from tests.benchmarks import mal
 
-    tell("MAL: requests, notifications, transfers ...")
-    return mal.measure(duration_s=seconds, most_subscribers=subscribers)
+    log("MAL: requests, notifications, transfers ...")
+    return mal.measure(duration_s=seconds, max_subscribers=subscribers)
 
 
 @benchmark(
@@ -200,7 +201,7 @@ def console(pages: int, seconds: float) -> "list[Figure]":
     """CPU of the console for its pages, and how soon a value is there, from a rover on MAL."""
     from tests.benchmarks import console
 
-    return console.measure(pages, seconds, tell)
+    return console.measure(pages, seconds, log)
 
 
 @benchmark(
@@ -215,8 +216,8 @@ def console_page(loads: int, samples: int, pages: int, seconds: float) -> "list[
     from tests.benchmarks import console, console_page
 
     return [
-        *console_page.measure(loads, samples, tell),
-        *console.measure(pages, seconds, tell),
+        *console_page.measure(loads, samples, log),
+        *console.measure(pages, seconds, log),
     ]
 
 
@@ -231,7 +232,7 @@ def console_fleet(rovers: int, values: float, pages: int, seconds: float) -> "li
     """CPU and memory of a console of many rovers, how soon all are found, a page with all."""
     from tests.benchmarks import console_fleet
 
-    return console_fleet.measure(rovers, values, pages, seconds, tell)
+    return console_fleet.measure(rovers, values, pages, seconds, log)
 
 
 @benchmark("hostile --connections 200", count("--connections", 1000))
@@ -239,7 +240,7 @@ def hostile(count: int) -> "list[Figure]":
     """Memory, and the round trip of who was there first, while a thousand connections attack."""
     from tests.benchmarks import hostile
 
-    tell(f"hostile: {count} connections, three kinds of them ...")
+    log(f"hostile: {count} connections, three kinds of them ...")
     return hostile.measure(count)
 
 
@@ -261,7 +262,7 @@ def previews(count: int, names: Sequence[str], seed: int) -> "list[Figure]":
     """Preview random motions and drive them in lock step: duration, end and energy."""
     from tests.benchmarks import previews
 
-    return previews.measure(count, dict.fromkeys(names), seed, _settings(), tell)
+    return previews.measure(count, dict.fromkeys(names), seed, _settings(), log)
 
 
 @benchmark(
@@ -283,7 +284,7 @@ def lockstep() -> "list[Figure]":
     """Speed and repeatability of the lock step."""
     from tests.benchmarks import lock_step
 
-    tell("lock step: six runs ...")
+    log("lock step: six runs ...")
     return lock_step.measure()
 
 
@@ -305,7 +306,8 @@ def lockstep() -> "list[Figure]":
         help="What drives; may be given several times.",
     ),
     click.option(
-        "--most",
+        "--max-ratio",
+        "maximum",
         type=click.FloatRange(0.0, min_open=True),
         help="Greatest sum of times over best known.  [default: 1.45]",
     ),
@@ -316,20 +318,20 @@ def lockstep() -> "list[Figure]":
     ),
 )
 def locomotion(
-    path: Path | None, names: Sequence[str], most: float | None, plots: Path | None
+    path: Path | None, names: Sequence[str], maximum: float | None, plots: Path | None
 ) -> "list[Figure]":
     """Drive to goals in lock step: times against best known and a lower bound, true errors."""
     from tests.benchmarks import locomotion
     from tests.benchmarks.locomotion_drawing import draw
 
     goals = locomotion.read_goals(path or locomotion.OWN_GOALS)
-    bound = most or (1.45 if path else 1.35)
+    bound = maximum or (1.45 if path else 1.35)
     rows = []
     for name in (*OWN, *COMPETITORS) if "all" in names else dict.fromkeys(names):
-        measured = locomotion.measure(goals, name, _settings(), tell)
+        measured = locomotion.measure(goals, name, _settings(), log)
         rows.append(locomotion.figures(measured, bound))
         if plots is not None:
-            tell(f"drawn: {draw(measured, plots)}")
+            log(f"drawn: {draw(measured, plots)}")
     return locomotion.side_by_side(rows)
 
 
@@ -338,7 +340,7 @@ def bundle(count: int) -> "list[Figure]":
     """Embedded bundle agents: durable throughput, recovery, memory, restart."""
     from tests.benchmarks import bundle
 
-    tell(f"bundles: {count} between two agents, 100000 in a queue ...")
+    log(f"bundles: {count} between two agents, 100000 in a queue ...")
     return bundle.measure(count)
 
 
@@ -353,7 +355,7 @@ def campaign(runs: int, trivial: int) -> "list[Figure]":
     """Campaigns: Dask beside a pool of processes, one worker and two, memory (about 8 minutes)."""
     from tests.benchmarks import campaign
 
-    return campaign.measure(runs, trivial, tell)
+    return campaign.measure(runs, trivial, log)
 
 
 @benchmark("storm --commands 5000", count("--commands", 100_000), SEED)
@@ -361,8 +363,8 @@ def storm(count: int, seed: int) -> "list[Figure]":
     """Random commands, repeats, late arrivals and crashes, against the promises of the core."""
     from tests.stress import core_storm
 
-    tell(f"storm: {count} commands ...")
-    return core_storm.measure(_settings(), count, seed, tell)
+    log(f"storm: {count} commands ...")
+    return core_storm.measure(_settings(), count, seed, log)
 
 
 @benchmark("authority --interleavings 5000", count("--interleavings", 100_000), SEED)
@@ -370,8 +372,8 @@ def authority(count: int, seed: int) -> "list[Figure]":
     """Operators after one authority, over crashes: is there one holder, and does a stop act?"""
     from tests.stress import authority_storm
 
-    tell(f"authority: {count} interleavings ...")
-    return authority_storm.measure(_settings(), count, seed, tell)
+    log(f"authority: {count} interleavings ...")
+    return authority_storm.measure(_settings(), count, seed, log)
 
 
 @benchmark(
@@ -391,16 +393,16 @@ def mutants(count: int, seed: int, recordings: Path | None) -> "list[Figure]":
     """
     from tests.benchmarks import mutants
 
-    return mutants.measure(count, seed, recordings, tell)
+    return mutants.measure(count, seed, recordings, log)
 
 
-@benchmark("replays --runs 20", count("--runs", 500), SEED, KEEP)
-def replays(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+@benchmark("replays --runs 20", count("--runs", 500), SEED, OUTPUT)
+def replays(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     """Recorded runs with faults, crashes and random commands: does a replay decide the same?"""
     from tests.stress import replays
 
-    tell(f"replays: {count} runs ...")
-    return replays.measure(count, seed, tell, keep)
+    log(f"replays: {count} runs ...")
+    return replays.measure(count, seed, log, folder)
 
 
 @benchmark("fuzz --messages 50000", count("--messages", 1_000_000), SEED)
@@ -408,8 +410,8 @@ def fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
     from tests.stress import mal_fuzz
 
-    tell(f"fuzz: {count} messages ...")
-    return mal_fuzz.measure(_settings(), count, seed, tell)
+    log(f"fuzz: {count} messages ...")
+    return mal_fuzz.measure(_settings(), count, seed, log)
 
 
 @benchmark("bundle-fuzz --messages 10000", count("--messages", 300_000, least=100), SEED)
@@ -417,17 +419,17 @@ def bundle_fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong bundles, LTP segments and TCPCL streams against a node."""
     from tests.stress import bundle_fuzz
 
-    tell(f"bundle fuzz: {count} wrong messages ...")
-    return bundle_fuzz.measure(count, seed, tell)
+    log(f"bundle fuzz: {count} wrong messages ...")
+    return bundle_fuzz.measure(count, seed, log)
 
 
-@benchmark("recording-fuzz --recordings 500", count("--recordings", 20_000), SEED, KEEP)
-def recording_fuzz(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+@benchmark("recording-fuzz --recordings 500", count("--recordings", 20_000), SEED, OUTPUT)
+def recording_fuzz(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     """Damaged and hostile recordings against all who read them (some hours)."""
     from tests.stress import recording_fuzz
 
-    tell(f"recording fuzz: {count} wrong recordings ...")
-    return recording_fuzz.measure(count, seed, tell, keep)
+    log(f"recording fuzz: {count} wrong recordings ...")
+    return recording_fuzz.measure(count, seed, log, folder)
 
 
 @benchmark("mops-fuzz --messages 10000", count("--messages", 150_000, least=100), SEED)
@@ -435,17 +437,17 @@ def mops_fuzz(count: int, seed: int) -> "list[Figure]":
     """Texts of wrong MOPS strings against all who read them."""
     from tests.stress import mops_fuzz
 
-    tell(f"MOPS fuzz: {count} texts ...")
-    return mops_fuzz.measure(_settings(), count, seed, tell)
+    log(f"MOPS fuzz: {count} texts ...")
+    return mops_fuzz.measure(_settings(), count, seed, log)
 
 
-@benchmark("kills --kills 5", count("--kills", 50), SEED, KEEP)
-def kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+@benchmark("kills --kills 5", count("--kills", 50), SEED, OUTPUT)
+def kills(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     """Kill -9 for client, broker and executive: does the client's view equal the ledger?"""
     from tests.stress import kills
 
-    tell(f"kills: {count}, about {4 * count + 20} s ...")
-    return kills.measure(count, seed, tell, keep)
+    log(f"kills: {count}, about {4 * count + 20} s ...")
+    return kills.measure(count, seed, log, folder)
 
 
 @benchmark("dead-men --kills 5", count("--kills", 20), SEED)
@@ -453,17 +455,17 @@ def dead_men(count: int, seed: int) -> "list[Figure]":
     """Kill -9 for who commands a rover in motion: how soon does it stand? (about 15 minutes)."""
     from tests.stress import dead_men
 
-    tell(f"dead men: {count} kills of each kind ...")
-    return dead_men.measure(count, seed, tell)
+    log(f"dead men: {count} kills of each kind ...")
+    return dead_men.measure(count, seed, log)
 
 
-@benchmark("bundle-kills --kills 20", count("--kills", 100), SEED, KEEP)
-def bundle_kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+@benchmark("bundle-kills --kills 20", count("--kills", 100), SEED, OUTPUT)
+def bundle_kills(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     """Kill -9 for two bundle agents: what was taken arrives, and once."""
     from tests.stress import bundle_kills
 
-    tell(f"bundle kills: {count} ...")
-    return bundle_kills.measure(count, seed, tell, keep)
+    log(f"bundle kills: {count} ...")
+    return bundle_kills.measure(count, seed, log, folder)
 
 
 @benchmark("campaign-kills --kills 5", count("--kills", 20), SEED)
@@ -471,8 +473,8 @@ def campaign_kills(count: int, seed: int) -> "list[Figure]":
     """Kill -9 for the workers of a campaign: every run is there, once, and the same."""
     from tests.stress import campaign_kills
 
-    tell(f"campaign kills: {count} ...")
-    return campaign_kills.measure(count, seed, tell)
+    log(f"campaign kills: {count} ...")
+    return campaign_kills.measure(count, seed, log)
 
 
 @benchmark(
@@ -487,14 +489,14 @@ def campaign_kills(count: int, seed: int) -> "list[Figure]":
     click.option("--kills", type=click.IntRange(0), default=20, show_default=True),
     click.option("--loss", type=click.FloatRange(0.0, 0.9), default=0.1, show_default=True),
     SEED,
-    KEEP,
+    OUTPUT,
 )
-def relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None) -> "list[Figure]":
+def relay(messages: int, kills: int, loss: float, seed: int, folder: Path | None) -> "list[Figure]":
     """Orbiter and rover-relay killed over a bad link: is a message lost, or executed twice?"""
     from tests.stress import relay_storm
 
-    tell(f"relay: {messages} messages each way, {kills} kills ...")
-    return relay_storm.measure(relay_storm.Plan(messages, kills, loss, seed), tell, keep)
+    log(f"relay: {messages} messages each way, {kills} kills ...")
+    return relay_storm.measure(relay_storm.Plan(messages, kills, loss, seed), log, folder)
 
 
 @benchmark(
@@ -507,4 +509,4 @@ def relay_drain(commands: int, samples: int, refused: int) -> "list[Figure]":
     """Commands by the relay after a contact begins, and a stop behind them."""
     from tests.benchmarks import relay_drain
 
-    return relay_drain.measure(commands, samples, refused, tell)
+    return relay_drain.measure(commands, samples, refused, log)

@@ -115,7 +115,7 @@ class Proportional(_Turning):
 
 
 LOOKAHEAD_S: Final = 0.8
-LOOKAHEAD_LEAST_M, LOOKAHEAD_MOST_M = 0.3, 0.9
+LOOKAHEAD_MIN_M, LOOKAHEAD_MAX_M = 0.3, 0.9
 TURN_FIRST_RAD: Final = pi / 4
 REGULATED_RADIUS_M: Final = 0.5
 BRAKE_SHARE: Final = 0.8
@@ -143,7 +143,7 @@ class PurePursuit(_Turning):
         if self._arrived:
             return Velocity(0.0, self._turn(last_rad) if abs(last_rad) > self._near_rad else 0.0)
         reach_m = LOOKAHEAD_S * abs(seen.velocity.travel_mps)
-        reach_m = min(max(reach_m, LOOKAHEAD_LEAST_M), LOOKAHEAD_MOST_M)
+        reach_m = min(max(reach_m, LOOKAHEAD_MIN_M), LOOKAHEAD_MAX_M)
         ahead_m, aside_m = self._carrot(pose, reach_m)
         apart_m = hypot(ahead_m, aside_m)
         if ahead_m <= 0.0 or abs(aside_m) > apart_m * sin(TURN_FIRST_RAD):

@@ -25,10 +25,10 @@ START_S = 60.0
 CPU = Goal(10.0)
 
 
-def measure(pages: int, duration_s: float, tell: Callable[[str], None]) -> list[Figure]:
+def measure(pages: int, duration_s: float, progress: Callable[[str], None]) -> list[Figure]:
     """Measure a console with some pages, each of which gets all values."""
     with tempfile.TemporaryDirectory() as folder, closing(Aboard(Path(folder) / "rover")) as rover:
-        tell(f"console: {pages} pages, {VALUES_HZ} values/s, {duration_s:g} s ...")
+        progress(f"console: {pages} pages, {VALUES_HZ} values/s, {duration_s:g} s ...")
         with console_of(rover.uri, Path(folder)) as (log, pid):
             return asyncio.run(_measure(rover, log, pid, pages, duration_s))
 
@@ -61,18 +61,18 @@ async def _measure(
             sockets.append(socket)
         await _until_up(sockets)
         delays_s: list[list[float]] = [[] for _ in sockets]
-        heard = [
-            asyncio.create_task(_hear(socket, delays))
+        received = [
+            asyncio.create_task(_receive(socket, delays))
             for socket, delays in zip(sockets, delays_s, strict=True)
         ]
-        source = asyncio.create_task(_tell_values(rover))
+        source = asyncio.create_task(_publish_values(rover))
         await asyncio.sleep(SETTLE_S)
         for delays in delays_s:
             delays.clear()
         began_s, before = time.monotonic(), process.cpu_times()
         await asyncio.sleep(duration_s)
         took_s, after = time.monotonic() - began_s, process.cpu_times()
-        for task in (source, *heard):
+        for task in (source, *received):
             task.cancel()
     used_s = after.user + after.system - before.user - before.system
     every = [delay for delays in delays_s for delay in delays]
@@ -106,17 +106,17 @@ async def _until_up(sockets: list[ClientWebSocketResponse]) -> None:
                 pass
 
 
-async def _tell_values(rover: Aboard) -> None:
+async def _publish_values(rover: Aboard) -> None:
     """Have the rover send so many values a second, each with the time at which it is sent."""
     while True:
         now_s = time.time()
         values = [ParameterValue(each, now_s, now_s % 1.0) for each in PARAMETERS]
-        await asyncio.to_thread(rover.do, lambda bench, sent=values: bench.link.telemetry(sent))
+        await asyncio.to_thread(rover.do, lambda bench, new=values: bench.link.send_telemetry(new))
         await asyncio.sleep(len(PARAMETERS) / VALUES_HZ - (time.time() - now_s))
 
 
-async def _hear(socket: ClientWebSocketResponse, delays_s: list[float]) -> None:
+async def _receive(socket: ClientWebSocketResponse, delays_s: list[float]) -> None:
     while True:
         batch = json.loads(await socket.receive_str())
         now_s = time.time()
-        delays_s += [now_s - said["utc"] for said in batch if said["ty"] == "tm"]
+        delays_s += [now_s - message["utc"] for message in batch if message["ty"] == "tm"]

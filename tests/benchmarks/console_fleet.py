@@ -50,11 +50,11 @@ FRAMES = """async ms => {
 
 
 def measure(
-    rovers: int, values_hz: float, pages: int, duration_s: float, tell: Callable[[str], None]
+    rovers: int, values_hz: float, pages: int, duration_s: float, progress: Callable[[str], None]
 ) -> list[Figure]:
     """Measure a console of so many rovers, with some pages, each of which hears all."""
     with tempfile.TemporaryDirectory() as folder, _fleet(Path(folder), rovers, values_hz) as uri:
-        tell(f"console: {rovers} rovers, {pages} pages, {duration_s:g} s ...")
+        progress(f"console: {rovers} rovers, {pages} pages, {duration_s:g} s ...")
         began_s = time.monotonic()
         with console_of(uri, Path(folder)) as (log, pid):
             return asyncio.run(_measure(log, pid, began_s, rovers, pages, duration_s))
@@ -131,15 +131,15 @@ async def _until_up(socket: ClientWebSocketResponse, rovers: int) -> None:
     up: set[str] = set()
     async with asyncio.timeout(LIMIT_S):
         while len(up) < rovers:
-            for said in json.loads(await socket.receive_str()):
-                if said["ty"] == "link" and said["state"] == "up":
-                    up.add(said["asset"])
+            for message in json.loads(await socket.receive_str()):
+                if message["ty"] == "link" and message["state"] == "up":
+                    up.add(message["asset"])
 
 
 async def _count(socket: ClientWebSocketResponse, count: list[int]) -> None:
     while True:
         batch = json.loads(await socket.receive_str())
-        count[0] += sum(said["ty"] == "tm" for said in batch)
+        count[0] += sum(message["ty"] == "tm" for message in batch)
 
 
 async def _show(address: str, rovers: int, duration_s: float) -> list[Figure]:

@@ -76,19 +76,19 @@ NUMBERS = """async ([count, limit_ms, bits, square]) => {
 }"""
 
 
-def measure(loads: int, samples: int, tell: Callable[[str], None]) -> list[Figure]:
+def measure(loads: int, samples: int, log: Callable[[str], None]) -> list[Figure]:
     """Load each page so often without a cache, and watch so many values, and pictures, on it."""
-    with workplace() as place:
+    with workplace() as workspace:
         camera, ground = free_udp_ports(2)
-        url = _console(place, camera, ground)
+        url = _console(workspace, camera, ground)
         with visitors() as people, _pictures(camera) as taken_s:
-            tell(f"console page: {loads} loads of each, {samples} values and pictures ...")
+            log(f"console page: {loads} loads of each, {samples} values and pictures ...")
             loaded = {name: _loads(people, f"{url}{path}", loads) for name, path in PAGES.items()}
             delays_ms = {
                 name: _values(people, f"{url}{path}", samples) for name, path in PAGES.items()
             }
             drawn = _drawn(people, f"{url}{CAMERA}", samples)
-        place.check()
+        workspace.check()
     figures = []
     for name in PAGES:
         usable_s, loaded_mb = (quantile(each, 0.5) for each in zip(*loaded[name], strict=True))
@@ -111,20 +111,20 @@ def measure(loads: int, samples: int, tell: Callable[[str], None]) -> list[Figur
     ]
 
 
-def _console(place: Workplace, camera: int, ground: int) -> str:
+def _console(workspace: Workplace, camera: int, ground: int) -> str:
     """Start a rover, and a console of it; return the address of that."""
-    place.start("simulation", "sim.ros.process", "--world", "flat", "--camera", "off")
-    executive = place.start(
+    workspace.start("simulation", "sim.ros.process", "--world", "flat", "--camera", "off")
+    executive = workspace.start(
         "executive", "adapters.onboard.process",
-        "--port", 0, "--data", place.folder / "executive",
+        "--port", 0, "--data", workspace.folder / "executive",
         "--video-from", f"{HOST}:{camera}", "--video-to", f"{HOST}:{ground}",
     )  # fmt: skip
     with Octets(executive.port()) as commands:
-        commands.ask(SetStatusInterval(len(Parameter) / VALUES_HZ))
-    console = place.start(
+        commands.request(SetStatusInterval(len(Parameter) / VALUES_HZ))
+    console = workspace.start(
         "console", "adapters.console.process",
         "--to", f"{HOST}:{executive.port()}", "--video", f"jackal={HOST}:{ground}",
-        "--port", 0, "--data", place.folder / "console",
+        "--port", 0, "--data", workspace.folder / "console",
         up=r"(?m)^(http://\S+)$",
     )  # fmt: skip
     return console.wait()[1]

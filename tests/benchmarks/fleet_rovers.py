@@ -19,7 +19,7 @@ STEP_S: Final = 0.1
 DRIVE_EACH_S: Final = 20.0
 """Each rover is commanded so often, forward and back."""
 STEPS: Final = round(DRIVE_EACH_S / STEP_S)
-WAY_M: Final = 2.0
+DISTANCE_M: Final = 2.0
 
 
 def main(folder: str, first: str, count: str, values_hz: str, at: str = "") -> None:
@@ -40,8 +40,8 @@ def main(folder: str, first: str, count: str, values_hz: str, at: str = "") -> N
             layer = at or (rovers[0].uri if rovers else None)
             rover = Aboard(Path(folder) / name, asset=name, service_layer=layer)
             rovers.append(running.enter_context(closing(rover)))
-            tell = SetStatusInterval(len(Parameter) / float(values_hz))
-            rover.do(partial(LinkedBench.submit, request=tell, number=1))
+            log = SetStatusInterval(len(Parameter) / float(values_hz))
+            rover.do(partial(LinkedBench.submit, request=log, number=1))
         print(rovers[0].uri, flush=True)
         began_s, step = time.monotonic(), 0
         while True:
@@ -55,7 +55,7 @@ def main(folder: str, first: str, count: str, values_hz: str, at: str = "") -> N
 def _live(bench: LinkedBench, step: int | None) -> None:
     if step is not None:
         is_back = step // STEPS % 2
-        bench.submit(MoveForward(-WAY_M if is_back else WAY_M), step + 2)
+        bench.submit(MoveForward(-DISTANCE_M if is_back else DISTANCE_M), step + 2)
     bench.run(STEP_S)
 
 

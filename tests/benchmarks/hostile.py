@@ -19,8 +19,8 @@ SERVICE: Final = "MotionControl"
 OPERATION: Final = "getPose"
 MB: Final = 1e6
 MS: Final = 1000.0
-MOST_GROWTH_MB: Final = 20.0
-MOST_P99_MS: Final = 50.0
+MAX_GROWTH_MB: Final = 20.0
+MAX_P99_MS: Final = 50.0
 POLITE: Final = 10
 """How far attackers, who would have a computer of their own, step back on this one."""
 ATTACKS: Final = "attacks"
@@ -35,8 +35,8 @@ MESSAGE_OCTETS: Final = 1 << 20
 async def attack(port: int, count: int, kind: str) -> None:
     """Hold connections that send half a message, nothing at all, or requests without end."""
     os.nice(POLITE)
-    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    _, maximum = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (maximum, maximum))
     operation = mrs_specification().operation(SERVICE, OPERATION)
     header = Header.of(
         operation, InteractionStage.REQUEST, 1, "maltcp://h:1/x", f"maltcp://h:{port}/MRS"
@@ -74,14 +74,14 @@ async def _round_trips_s(consumer: Consumer, duration_s: float) -> list[float]:
 
 
 async def _under(
-    kind: str, place: Workplace, provider: Victim, count: int, duration_s: float
+    kind: str, workspace: Workplace, provider: Victim, count: int, duration_s: float
 ) -> list[Figure]:
     process = psutil.Process(provider.child.pid)
     uri = f"maltcp://127.0.0.1:{provider.port()}/MRS"
     consumer = await Consumer.connect(mrs_specification(), uri, "first")
     await _round_trips_s(consumer, WARM_UP_S)
     before_mb = process.memory_info().rss / MB
-    attackers = place.start(
+    attackers = workspace.start(
         kind.replace(" ", "-"), "tests.benchmarks.hostile", provider.port(), count, kind, up=ATTACKS
     )
     attackers.wait()
@@ -96,13 +96,13 @@ async def _under(
     await consumer.close()
     beside = f"{count} connections, {kind}; {len(taken_s)} round trips in {duration_s:g} s"
     median_ms, p99_ms = (MS * quantile(taken_s, ratio) for ratio in (0.5, 0.99))
-    gained, bound = after_mb - before_mb, Goal(MOST_GROWTH_MB)
+    gained, bound = after_mb - before_mb, Goal(MAX_GROWTH_MB)
     return [
         Figure(f"{kind}: memory before", before_mb, "MB", beside),
         Figure(f"{kind}: memory while they are there", during_mb, "MB", beside),
         Figure(f"{kind}: memory gained when they are gone", gained, "MB", beside, bound),
         Figure(f"{kind}: round trip, median", median_ms, "ms", beside),
-        Figure(f"{kind}: round trip, p99", p99_ms, "ms", beside, Goal(MOST_P99_MS)),
+        Figure(f"{kind}: round trip, p99", p99_ms, "ms", beside, Goal(MAX_P99_MS)),
         Figure(f"{kind}: round trip, max", MS * max(taken_s), "ms", beside),
     ]
 
@@ -116,11 +116,11 @@ def measure(count: int, duration_s: float = 10.0) -> list[Figure]:
     """
     figures = []
     for kind in ("half messages", "silent", "requests"):
-        with workplace() as place:
-            provider = place.start(
-                "provider", "tests.benchmarks.mal_peers", "provider", place.folder / "files"
+        with workplace() as workspace:
+            provider = workspace.start(
+                "provider", "tests.benchmarks.mal_peers", "provider", workspace.folder / "files"
             )
-            figures += asyncio.run(_under(kind, place, provider, count, duration_s))
+            figures += asyncio.run(_under(kind, workspace, provider, count, duration_s))
     return figures
 
 

@@ -30,15 +30,15 @@ class PaddedTree(RoverTree):
         super().__init__(context)
         missing = TREE_NODES - len(list(self.root.iterate())) - 2
         conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
-        hang = Condition("hang", lambda: hang_if_asked(data / HANG))
+        hang = Condition("hang", lambda: hang_on_request(data / HANG))
         self.root.prepend_child(Selector("padding", memory=False, children=[hang, *conditions]))
 
 
-def hang_if_asked(path: Path) -> bool:
+def hang_on_request(path: Path) -> bool:
     if path.exists():
-        asked_s = float(path.read_text(encoding="ascii"))
+        requested_s = float(path.read_text(encoding="ascii"))
         path.unlink()
-        time.sleep(asked_s)
+        time.sleep(requested_s)
     return False
 
 

@@ -28,7 +28,7 @@ def measure() -> list[Figure]:
     _play()
     runs = [_play() for _ in range(RUNS)]
     factor = quantile([speed for speed, _ in runs], 0.5)
-    alike = RUNS if len({said for _, said in runs}) == 1 else 0
+    alike = RUNS if len({message for _, message in runs}) == 1 else 0
     scenario = f"{SCENARIO}, the making of the rover included"
     every = Goal(RUNS, at_least=True)
     return [

@@ -325,10 +325,10 @@ class _Race:
         for fact in self.rover.facts():
             self.status.observe(fact)
         if self._steps % round(self._settings.tick_s / STEP_S) == 0:
-            wanted = STANDING if competitor is None else self._ask(competitor)
+            wanted = STANDING if competitor is None else self._request(competitor)
             self._mover.commit(wanted, self.time_s, self._settings.tick_s)
 
-    def _ask(self, competitor: Competitor) -> Velocity:
+    def _request(self, competitor: Competitor) -> Velocity:
         ahead_m = self._settings.turn_drive.control_point_m
         pose = _control(self.status.pose, ahead_m)
         began_s = process_time()
@@ -370,14 +370,14 @@ def _race_one(
     return run, race.took_s
 
 
-def measure(goals: Goals, name: str, settings: Settings, tell: Callable[[str], None]) -> Measured:
+def measure(goals: Goals, name: str, settings: Settings, log: Callable[[str], None]) -> Measured:
     """Drive to goals with one controller.
 
     Args:
         goals: what to drive to, under which limits.
         name: what drives, of `OWN` or `COMPETITORS`.
         settings: the asset.
-        tell: called with a line after each goal.
+        log: called with a line after each goal.
     """
     runs: list[Run] = []
     first_s: list[float] = []
@@ -388,7 +388,7 @@ def measure(goals: Goals, name: str, settings: Settings, tell: Callable[[str], N
     def add(run: Run) -> None:
         runs.append(run)
         best_s, true_cm = run.goal.best_known_time_s, 100 * run.true_error_m
-        tell(
+        log(
             f"{name} {run.goal.id}: {'done' if run.done else 'NOT DONE'} in {run.time_s:.2f} s"
             f" (best known {best_s:.2f} s), true error {true_cm:.2f} cm"
         )

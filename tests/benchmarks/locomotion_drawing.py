@@ -6,12 +6,23 @@ from typing import Final
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sim.drawing import DONE, FAINT, GRID, INK, MOTION, WRONG, line, mark, sheet, write_drawing
+from sim.drawing import (
+    DONE,
+    FAINT,
+    GRID,
+    INK,
+    MOTION,
+    WRONG,
+    line,
+    mark,
+    styled_figure,
+    write_drawing,
+)
 from tests.benchmarks.locomotion import LIMIT_S, Measured, Run
 
 WIDTH_PX: Final = 1240
 _TOP, _BOTTOM, _LEFT, _RIGHT, _GAP, _ROW = 90, 60, 70, 40, 110, 24
-_SMALLEST_PX: Final = 420
+_MIN_PX: Final = 420
 
 
 def draw(measured: Measured, folder: Path) -> Path:
@@ -22,10 +33,10 @@ def draw(measured: Measured, folder: Path) -> Path:
 def drawing(measured: Measured) -> Figure:
     """Return the drawing of a controller: a map of its true paths, and a row for each goal."""
     runs = measured.runs
-    height_px = max(_SMALLEST_PX, len(runs) * _ROW) + _TOP + _BOTTOM
+    height_px = max(_MIN_PX, len(runs) * _ROW) + _TOP + _BOTTOM
     done = sum(run.reached for run in runs)
     title = f"{measured.name}: {done} of {len(runs)} goals, {measured.sum_ratio:.3f} of best known"
-    with sheet(WIDTH_PX, height_px, title) as figure:
+    with styled_figure(WIDTH_PX, height_px, title) as figure:
         half_px = (WIDTH_PX - _LEFT - _RIGHT - _GAP) / 2
         bottom, high = _BOTTOM / height_px, 1 - (_TOP + _BOTTOM) / height_px
         left = figure.add_axes((_LEFT / WIDTH_PX, bottom, half_px / WIDTH_PX, high))

@@ -43,9 +43,9 @@ def lower_bound_s(
     It holds for a rover that moves as commanded. One that turns faster than commanded, as skid
     steering does on curves, may rotate in less time.
     """
-    way_m = max(start.point.distance_m(goal.point) - within_m, 0.0)
+    distance_m = max(start.point.distance_m(goal.point) - within_m, 0.0)
     turn_rad = max(abs(wrap_rad(goal.heading_rad - start.heading_rad)) - within_rad, 0.0)
-    low_s = max(duration_s(turn_rad, rotate), duration_s(way_m, travel))
+    low_s = max(duration_s(turn_rad, rotate), duration_s(distance_m, travel))
     bearing_rad = start.point.bearing_rad(goal.point)
     from_rad = start.heading_rad - bearing_rad
     to_rad = goal.heading_rad - bearing_rad
@@ -62,14 +62,14 @@ def lower_bound_s(
             total_m += speed * min(ahead, behind) * step_s
         return total_m
 
-    if reach_m(low_s) >= way_m:
+    if reach_m(low_s) >= distance_m:
         return low_s
     high_s = 2.0 * low_s + 1.0
-    while reach_m(high_s) < way_m:
+    while reach_m(high_s) < distance_m:
         low_s, high_s = high_s, 2.0 * high_s
     while high_s - low_s > EXACT_S:
         middle_s = (low_s + high_s) / 2.0
-        if reach_m(middle_s) < way_m:
+        if reach_m(middle_s) < distance_m:
             low_s = middle_s
         else:
             high_s = middle_s

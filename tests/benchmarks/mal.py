@@ -66,12 +66,12 @@ async def requests(uri: str, echo_port: int, samples: int) -> list[Figure]:
 
 
 async def _crowd(consumer: Consumer, samples: int) -> float:
-    async def ask() -> None:
+    async def query() -> None:
         for _ in range(samples // AT_ONCE):
             await consumer.request(SERVICE, OPERATION)
 
     began_s = time.perf_counter()
-    await asyncio.gather(*(ask() for _ in range(AT_ONCE)))
+    await asyncio.gather(*(query() for _ in range(AT_ONCE)))
     return samples // AT_ONCE * AT_ONCE / (time.perf_counter() - began_s)
 
 
@@ -91,19 +91,19 @@ class Listener:
     """One subscriber, and what it got."""
 
     def __init__(self) -> None:
-        self.heard: set[tuple[int, str]] = set()
+        self.received: set[tuple[int, str]] = set()
         self.delays_s: list[float] = []
 
-    def hear(self, _: UpdateHeader, value: ParameterValue) -> None:
+    def receive(self, _: UpdateHeader, value: ParameterValue) -> None:
         assert value.value is not None
         self.delays_s.append((time.monotonic_ns() - value.timestamp) / 1e9)
-        self.heard.add((int(value.value.value), value.name))
+        self.received.add((int(value.value.value), value.name))
 
 
-async def fan_out(uri: str, provider_pid: int, duration_s: float, most: int) -> list[Figure]:
+async def fan_out(uri: str, provider_pid: int, duration_s: float, maximum: int) -> list[Figure]:
     """Return latency, losses and the provider's CPU for 1, 10 and the most subscribers."""
     figures = []
-    for count in sorted({1, min(10, most), most}):
+    for count in sorted({1, min(10, maximum), maximum}):
         figures += await _to(count, uri, psutil.Process(provider_pid), duration_s)
     return figures
 
@@ -113,11 +113,11 @@ async def _to(count: int, uri: str, provider: psutil.Process, duration_s: float)
     listeners = [Listener() for _ in consumers]
     for consumer, listener in zip(consumers, listeners, strict=True):
         subscription = Subscription(subscriptionId="bench")
-        await consumer.subscribe("Monitoring", "monitorValue", subscription, listener.hear)
+        await consumer.subscribe("Monitoring", "monitorValue", subscription, listener.receive)
     await asyncio.sleep(SETTLE_S)
     for listener in listeners:
         listener.delays_s.clear()
-        listener.heard.clear()
+        listener.received.clear()
     began_s, before_s = time.monotonic(), cpu_s(provider)
     await asyncio.sleep(duration_s)
     cpu = 100 * (cpu_s(provider) - before_s) / (time.monotonic() - began_s)
@@ -134,13 +134,13 @@ async def _to(count: int, uri: str, provider: psutil.Process, duration_s: float)
 
 def _lost(listeners: list[Listener]) -> int:
     """Count what is missing of the rounds before and after which everybody heard something."""
-    rounds = [[number for number, _ in listener.heard] for listener in listeners]
+    rounds = [[number for number, _ in listener.received] for listener in listeners]
     whole = {
         (number, parameter.value)
         for number in range(max(map(min, rounds)) + 1, min(map(max, rounds)))
         for parameter in Parameter
     }
-    return sum(len(whole - listener.heard) for listener in listeners)
+    return sum(len(whole - listener.received) for listener in listeners)
 
 
 MB: Final = 1e6
@@ -194,7 +194,7 @@ async def _by_tcp(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
 
 
 def measure(
-    samples: int = 3000, transfers: int = 7, duration_s: float = 5.0, most_subscribers: int = 50
+    samples: int = 3000, transfers: int = 7, duration_s: float = 5.0, max_subscribers: int = 50
 ) -> list[Figure]:
     """Return the figures of requests, of notifications and of a transfer.
 
@@ -202,16 +202,16 @@ def measure(
         samples: how many requests and echoes, in turn.
         transfers: how many transfers each way, in turn.
         duration_s: how long notifications are taken, for each number of subscribers.
-        most_subscribers: that there are at once.
+        max_subscribers: that there are at once.
     """
-    with workplace() as place:
-        files = place.folder / "files"
-        provider = place.start("provider", "tests.benchmarks.mal_peers", "provider", files)
-        echo = place.start("echo", "tests.benchmarks.mal_peers", "echo")
-        source = place.start("source", "tests.benchmarks.mal_peers", "source", files / FILE)
+    with workplace() as workspace:
+        files = workspace.folder / "files"
+        provider = workspace.start("provider", "tests.benchmarks.mal_peers", "provider", files)
+        echo = workspace.start("echo", "tests.benchmarks.mal_peers", "echo")
+        source = workspace.start("source", "tests.benchmarks.mal_peers", "source", files / FILE)
         uri = f"maltcp://127.0.0.1:{provider.port()}/MRS"
         return [
             *asyncio.run(requests(uri, echo.port(), samples)),
-            *asyncio.run(fan_out(uri, provider.child.pid, duration_s, most_subscribers)),
+            *asyncio.run(fan_out(uri, provider.child.pid, duration_s, max_subscribers)),
             *asyncio.run(transfer(uri, source.port(), transfers)),
         ]

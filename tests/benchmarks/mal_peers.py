@@ -36,13 +36,13 @@ def serve_file(offer: ServedOperations, root: Path) -> FileServices:
     (root / FILE).write_bytes(os.urandom(TRANSFER_OCTETS))
     folder = FileFolder(root, lambda _event: None)
 
-    async def nobody() -> None:
+    async def absent() -> None:
         return None
 
-    return FileServices(offer, folder, load_settings("jackal"), nobody)
+    return FileServices(offer, folder, load_settings("jackal"), absent)
 
 
-async def publish(tell: Callable[..., None]) -> None:
+async def publish(log: Callable[..., None]) -> None:
     """Send every parameter at a rate: the value is the number of the round, the timestamp now."""
     loop = asyncio.get_running_loop()
     began_s, number = loop.time(), 0
@@ -56,7 +56,7 @@ async def publish(tell: Callable[..., None]) -> None:
                 validity=Validity.VALID,
                 value=TypedAttribute(AttributeType.DOUBLE, float(number)),
             )
-            tell(value, keys=("bench", parameter.value))
+            log(value, keys=("bench", parameter.value))
 
 
 async def serve_provider(root: Path) -> None:
@@ -65,10 +65,10 @@ async def serve_provider(root: Path) -> None:
     offer = ServedOperations()
     offer.serve("MotionControl", "getPose", get_pose)
     serve_file(offer, root)
-    tell = offer.broadcast("Monitoring", "monitorValue", "bench", ("bench",), droppable=True)
+    log = offer.broadcast("Monitoring", "monitorValue", "bench", ("bench",), droppable=True)
     await offer.provider.start()
     print(f"listens at {offer.provider.uri}", flush=True)
-    await publish(tell)
+    await publish(log)
 
 
 async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

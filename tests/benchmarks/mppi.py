@@ -21,7 +21,7 @@ STEP_S: Final = 0.1
 TEMPERATURE: Final = 0.15
 NOISE: Final = np.array([0.5, 0.9])
 """Of travel and rotation, of which it keeps `KEPT` from step to step; less near the goal."""
-KEPT: Final = 0.7
+RETAINED: Final = 0.7
 NEAR_M: Final = 1.0
 """From where on the heading of the goal counts, and the noise decreases."""
 LEAST_NOISE: Final = 0.2
@@ -37,7 +37,7 @@ class Mppi:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._most = np.array([task.travel_speed_mps, task.rotate_speed_radps])
+        self._maximum = np.array([task.travel_speed_mps, task.rotate_speed_radps])
         accelerations = [task.travel_acceleration_mps2, task.rotate_acceleration_radps2]
         self._slew = STEP_S * np.array(accelerations)
         self._random = np.random.default_rng(0)
@@ -67,9 +67,11 @@ class Mppi:
         """Return sequences of velocities within the limits: samples, steps, travel and rotation."""
         noise = self._random.standard_normal((SAMPLES, STEPS, 2)) * (ratio * NOISE)
         for step in range(1, STEPS):
-            noise[:, step] = KEPT * noise[:, step - 1] + (1.0 - KEPT**2) ** 0.5 * noise[:, step]
+            noise[:, step] = (
+                RETAINED * noise[:, step - 1] + (1.0 - RETAINED**2) ** 0.5 * noise[:, step]
+            )
         noise[0] = 0.0
-        tried: Figures = np.clip(self._mean + noise, -self._most, self._most)
+        tried: Figures = np.clip(self._mean + noise, -self._maximum, self._maximum)
         tried[1] = 0.0
         before = np.broadcast_to([sent.travel_mps, sent.rotate_radps], (SAMPLES, 2))
         for step in range(STEPS):
@@ -87,6 +89,6 @@ class Mppi:
         off_m = np.hypot(x_m - goal.x_m, y_m - goal.y_m)
         off_rad = np.abs(np.angle(np.exp(1j * (pose.heading_rad + turned - goal.heading_rad))))
         costs = off_m + HEADING_M * off_rad * np.exp(-((off_m / NEAR_M) ** 2))
-        fast = SPEED_COST * np.abs(tried[:, -1] / self._most).sum(axis=1)
+        fast = SPEED_COST * np.abs(tried[:, -1] / self._maximum).sum(axis=1)
         total: Figures = costs.sum(axis=1) * STEP_S + LAST * STEP_S * (costs[:, -1] + fast)
         return total

@@ -21,13 +21,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from tests.benchmarks.mutation import PROBE, ROOMS
+from tests.benchmarks.mutation import PACKAGES, PROBE
 
 if TYPE_CHECKING:
     from adapters.recording.replay import Difference
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
-MOST_OCTETS: Final = 4 << 30
+MAX_OCTETS: Final = 4 << 30
 """Of memory: a mutant may fill lists for ever."""
 
 
@@ -58,10 +58,10 @@ def difference_in(path: Path) -> str:
         found = replay(path).difference
     except RecordingError as error:
         return str(error)
-    return "" if found is None else _told(found)
+    return "" if found is None else _shown(found)
 
 
-def _told(found: "Difference") -> str:
+def _shown(found: "Difference") -> str:
     return f"{found.time_s:.2f} s, {found.entry}: {' | '.join(found.lines)}"
 
 
@@ -78,7 +78,7 @@ def _traced(path: str, do: Callable[[], str]) -> Traced:
     from coverage import Coverage
 
     began_s = time.process_time()
-    source = [str(CHECKOUT / room) for room in ROOMS]
+    source = [str(CHECKOUT / package) for package in PACKAGES]
     coverage = Coverage(data_file=None, config_file=False, source=source)
     with coverage.collect():
         difference = do()
@@ -94,9 +94,9 @@ _met: set[str] = set()
 """In this process."""
 
 
-def _compared(place: str, how: str, left: Any, right: Any) -> Any:
+def _compared(location: str, how: str, left: Any, right: Any) -> Any:
     if left == right:
-        _met.add(place)
+        _met.add(location)
     return getattr(operator, _OPERATORS.get(how, how))(left, right)
 
 
@@ -105,7 +105,7 @@ _OPERATORS: Final = {"lte": "le", "gte": "ge"}
 
 def main() -> None:
     """Do what the command line asks for."""
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_OCTETS, MOST_OCTETS))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_OCTETS, MAX_OCTETS))
     paths = [Path(line) for line in sys.stdin.read().splitlines()]
     if sys.argv[1] == "check":
         limit_s = int(sys.argv[2])

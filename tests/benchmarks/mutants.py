@@ -29,13 +29,13 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode, Scenario
 from sim.scenario.reading import load_scenario, scenario_folder
 from tests.benchmarks.mutant_replays import Traced
-from tests.benchmarks.mutation import ROOMS, Mutant, MutantKind, probes, sample, uses
-from tests.stress.findings import Tell
+from tests.benchmarks.mutation import PACKAGES, Mutant, MutantKind, probes, sample, uses
+from tests.stress.findings import Log
 from tests.suite import CHECKOUT, CORE_TESTS, environment
 from tests.support.figures import Figure, Goal
 
 NOTICED: Final = Goal(80, at_least=True)
-COPIED: Final = (*ROOMS, "adapters", "config", "tests/benchmarks")
+COPIED: Final = (*PACKAGES, "adapters", "config", "tests/benchmarks")
 EQUIVALENT: Final = Path(__file__).with_name("equivalent-mutants.yaml")
 PATIENCE: Final = 4.0
 """Times what the traced replays took, and this many seconds more: what takes longer hangs."""
@@ -59,14 +59,14 @@ class Verdict:
     noticed: str
 
 
-def measure(number: int, seed: int, folder: Path | None, tell: Tell) -> list[Figure]:
+def measure(number: int, seed: int, folder: Path | None, log: Log) -> list[Figure]:
     """Return how many of so many mutants are noticed, and tell of those that are not.
 
     Args:
         number: how many mutants.
         seed: of which.
         folder: of recordings, which are made where it is empty; None for a temporary one.
-        tell: called with a line on how it goes on, and with some on each that is not noticed.
+        log: called with a line on how it goes on, and with some on each that is not noticed.
 
     Raises:
         ChildProcessError: the tests of the core fail, or replays of the unchanged core.
@@ -75,35 +75,35 @@ def measure(number: int, seed: int, folder: Path | None, tell: Tell) -> list[Fig
         recordings = folder or Path(scratch, "recordings")
         recordings.mkdir(exist_ok=True)
         if not any(recordings.glob(f"*{SUFFIX}")):
-            record_all(recordings, tell)
+            record_all(recordings, log)
         tree = _copied(Path(scratch, "checkout"))
-        tell("tracing which lines each recording reaches, and which bounds ...")
+        log("tracing which lines each recording reaches, and which bounds ...")
         imported, *traced = traces(tree, sorted(recordings.glob(f"*{SUFFIX}")))
         traced.sort(key=lambda each: each.took_s)
         usable = [each for each in traced if not each.difference]
-        tell(f"{len(usable)} of {len(traced)} recordings are replayed equally; the control ...")
+        log(f"{len(usable)} of {len(traced)} recordings are replayed equally; the control ...")
         control = bool(_difference(tree, usable))
         drawn = sample(CHECKOUT, number, seed)
         known = known_equivalents()
         tried = [each for each in drawn if key_of(each) not in known]
-        verdicts = [_judge(tree, each, imported, usable, tell) for each in tried]
+        verdicts = [_judge(tree, each, imported, usable, log) for each in tried]
     return _figures(verdicts, len(drawn) - len(tried), len(usable), len(traced), control, seed)
 
 
-def record_all(folder: Path, tell: Tell) -> None:
+def record_all(folder: Path, log: Log) -> None:
     """Record scenarios in lock step, some runs of each campaign, and the tests of the core.
 
     Raises:
         ChildProcessError: a test fails.
     """
-    tell("recording the scenarios and some runs of each campaign ...")
+    log("recording the scenarios and some runs of each campaign ...")
     for name, scenario in (*_scenarios(), *_runs_of_campaigns()):
         with (
             closing(RunFile(folder / f"{name}{SUFFIX}")) as tape,
             tempfile.TemporaryDirectory() as data,
         ):
             run_in_lock_step(scenario, Path(data), tape)
-    tell("recording the tests of the core ...")
+    log("recording the tests of the core ...")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     chosen = ["-m", "not ros and not at_length", "--hypothesis-seed=0", *CORE_TESTS]
     done = subprocess.run(
@@ -170,7 +170,7 @@ def traces(tree: Path, paths: Sequence[Path]) -> list[Traced]:
         shutil.copyfile(CHECKOUT / path, tree / path)
     if done.returncode != 0:
         raise ChildProcessError(f"the recordings cannot be traced:\n{done.stderr[-2000:]}")
-    unknown = [place for _, left_out in probed.values() for place in left_out]
+    unknown = [location for _, left_out in probed.values() for location in left_out]
     found = (Traced(**json.loads(line)) for line in done.stdout.splitlines())
     return [replace(each, met=[*each.met, *unknown]) for each in found]
 
@@ -187,38 +187,38 @@ def _difference(tree: Path, recordings: Sequence[Traced]) -> str:
 
 
 def _judge(
-    tree: Path, mutant: Mutant, imported: Traced, recordings: Sequence[Traced], tell: Tell
+    tree: Path, mutant: Mutant, imported: Traced, recordings: Sequence[Traced], log: Log
 ) -> Verdict:
     """Have the recordings replayed that reach what a mutant changes; the fastest first."""
-    places = _places(mutant)
-    if places is None or _reaches(imported, places):
+    locations = _locations(mutant)
+    if locations is None or _reaches(imported, locations):
         reaching = list(recordings)
     else:
-        reaching = [each for each in recordings if _reaches(each, places)]
+        reaching = [each for each in recordings if _reaches(each, locations)]
     if mutant.probe:
-        reaching = [each for each in reaching if mutant.place in each.met]
+        reaching = [each for each in reaching if mutant.location in each.met]
     source = (CHECKOUT / mutant.path).read_bytes()
     noticed = ""
     if reaching:
-        place = tree / mutant.path
-        place.write_bytes(mutant.applied(source))
+        location = tree / mutant.path
+        location.write_bytes(mutant.applied(source))
         try:
             noticed = _difference(tree, reaching)
         finally:
-            place.write_bytes(source)
+            location.write_bytes(source)
     if not noticed:
         how = f"reached by {len(reaching)} recordings" if reaching else "not reached"
-        tell("\n    ".join([f"not noticed, {how}: {mutant}", *_diff(mutant)]))
+        log("\n    ".join([f"not noticed, {how}: {mutant}", *_diff(mutant)]))
     return Verdict(mutant, len(reaching), noticed)
 
 
-def _reaches(traced: Traced, places: Mapping[str, Collection[int]]) -> bool:
+def _reaches(traced: Traced, locations: Mapping[str, Collection[int]]) -> bool:
     return any(
-        not set(lines).isdisjoint(traced.lines.get(path, ())) for path, lines in places.items()
+        not set(lines).isdisjoint(traced.lines.get(path, ())) for path, lines in locations.items()
     )
 
 
-def _places(mutant: Mutant) -> dict[str, set[int]] | None:
+def _locations(mutant: Mutant) -> dict[str, set[int]] | None:
     """Return the lines that lead through what a mutant changes; None for all."""
     if mutant.within:
         return {mutant.path: set(range(mutant.first, mutant.last + 1))}

@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-ROOMS: Final = ("executive", "trees")
+PACKAGES: Final = ("executive", "trees")
 NO_RULES: Final = (
     "executive/record/",  # the ledger, and what else is kept
     "executive/values/clock.py",  # time and the order of arrivals are inputs
@@ -27,7 +27,6 @@ NO_RULES: Final = (
     "executive/motion/minimum_time.py",  # the solver, whose plans are inputs of the core
     "executive/motion/motion_model.py",
     "executive/motion/obstacle_constraints.py",
-    "executive/motion/initial_guess.py",
     "executive/motion/optimal_control.py",
     "executive/values/reasons.py",  # their numbers, by which they are known to the ground
     "executive/core/recording.py",  # the recorder
@@ -37,7 +36,7 @@ NO_RULES: Final = (
     "trees/snapshot.py",
 )
 """What decides nothing in a run: files, and folders."""
-SAYS_NOTHING: Final = ("_LOG.", "assert_never(")
+WITHOUT_EFFECT: Final = ("_LOG.", "assert_never(")
 """Calls that no decision depends on."""
 GREATER: Final = 1.2
 PROBE: Final = "_compared"
@@ -97,7 +96,7 @@ class Mutant:
         return f"{self.path}:{self.first}: {self.kind.value}"
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Where the first octet that is replaced is; what its probe tells."""
         return f"{self.path}:{self.start}"
 
@@ -139,7 +138,7 @@ def probes(checkout: Path) -> dict[str, tuple[bytes, list[str]]]:
         begun, left_out = len(source), []
         for each in sorted(there, key=lambda each: each.start, reverse=True):
             if each.end > begun:
-                left_out.append(each.place)
+                left_out.append(each.location)
                 continue
             source = source[: each.start] + each.probe.encode() + source[each.end :]
             begun = each.start
@@ -150,8 +149,8 @@ def probes(checkout: Path) -> dict[str, tuple[bytes, list[str]]]:
 def uses(checkout: Path, constant: str) -> dict[str, set[int]] | None:
     """Return the lines of functions that use a constant; None where modules or classes do, too."""
     found: dict[str, set[int]] = {}
-    for room in ROOMS:
-        for path in sorted((checkout / room).rglob("*.py")):
+    for package in PACKAGES:
+        for path in sorted((checkout / package).rglob("*.py")):
             source = path.read_text(encoding="utf-8")
             if not re.search(rf"\b{constant}\b", source):
                 continue
@@ -185,15 +184,15 @@ class _Uses(ast.NodeVisitor):
 
 def mutants(checkout: Path) -> Iterator[Mutant]:
     """Yield all mutants, file by file."""
-    for room in ROOMS:
-        for path in sorted((checkout / room).rglob("*.py")):
+    for package in PACKAGES:
+        for path in sorted((checkout / package).rglob("*.py")):
             name = path.relative_to(checkout).as_posix()
             if not name.startswith(NO_RULES):
                 yield from _Finder(name, path.read_bytes()).found
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Location:
     """Where a node stands: the lines of its statement, whether in a function, and what it sets."""
 
     first: int
@@ -212,7 +211,7 @@ class _Finder(ast.NodeVisitor):
         self._lines = [0]
         for line in source.splitlines(keepends=True):
             self._lines.append(self._lines[-1] + len(line))
-        self._place = _Place(1, 1, within=False)
+        self._location = _Location(1, 1, within=False)
         self._scope: tuple[str, ...] = ()
         self._in_class = False
         self.visit(ast.parse(source))
@@ -220,21 +219,21 @@ class _Finder(ast.NodeVisitor):
     def visit(self, node: ast.AST) -> None:
         """Look at a node, and at all below it."""
         if isinstance(node, ast.stmt):
-            within = self._place.within
+            within = self._location.within
             constant = "" if within or self._in_class else _target(node)
-            self._place = _Place(node.lineno, _end_of_head(node), within, constant)
+            self._location = _Location(node.lineno, _end_of_head(node), within, constant)
         super().visit(node)
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         """Look into a function: what stands in its head is run where it is defined."""
-        outer, outer_scope = self._place, self._scope
+        outer, outer_scope = self._location, self._scope
         self._scope = (*outer_scope, node.name)
         self.visit(node.args)
-        self._place = _Place(node.lineno, node.lineno, within=True)
+        self._location = _Location(node.lineno, node.lineno, within=True)
         for part in node.body:
             self.visit(part)
-            self._place = _Place(node.lineno, node.lineno, within=True)
-        self._place, self._scope = outer, outer_scope
+            self._location = _Location(node.lineno, node.lineno, within=True)
+        self._location, self._scope = outer, outer_scope
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         """Look into a class, but not at what makes a dataclass of it."""
@@ -298,7 +297,7 @@ class _Finder(ast.NodeVisitor):
     def visit_Expr(self, node: ast.Expr) -> None:
         """Leave out a call whose result nobody takes."""
         if isinstance(node.value, ast.Call):
-            if ast.unparse(node.value).startswith(SAYS_NOTHING):
+            if ast.unparse(node.value).startswith(WITHOUT_EFFECT):
                 return
             self._put(MutantKind.CALL, node, "pass")
         self.generic_visit(node)
@@ -312,9 +311,9 @@ class _Finder(ast.NodeVisitor):
 
     def visit_match_case(self, node: ast.match_case) -> None:
         """Leave out a case."""
-        outer = self._place
-        self._place = _Place(node.pattern.lineno, node.pattern.end_lineno or 0, outer.within)
-        if not ast.unparse(node.body[0]).startswith(SAYS_NOTHING):
+        outer = self._location
+        self._location = _Location(node.pattern.lineno, node.pattern.end_lineno or 0, outer.within)
+        if not ast.unparse(node.body[0]).startswith(WITHOUT_EFFECT):
             with self._done_in(node.body):
                 if node.guard is None:
                     end = self._at(node.pattern.end_lineno, node.pattern.end_col_offset)
@@ -322,14 +321,14 @@ class _Finder(ast.NodeVisitor):
                 else:
                     self._put(MutantKind.CASE, node.guard, "False")
         self.generic_visit(node)
-        self._place = outer
+        self._location = outer
 
     @contextmanager
     def _done_in(self, body: Sequence[ast.stmt]) -> Iterator[None]:
-        outer, first = self._place, body[0]
-        self._place = replace(outer, first=first.lineno, last=_end_of_head(first))
+        outer, first = self._location, body[0]
+        self._location = replace(outer, first=first.lineno, last=_end_of_head(first))
         yield
-        self._place = outer
+        self._location = outer
 
     def _replace(self, kind: MutantKind, node: ast.expr, other: ast.expr) -> None:
         self._put(kind, node, ast.unparse(other))
@@ -339,24 +338,24 @@ class _Finder(ast.NodeVisitor):
         left, (right,), (operator,) = node.left, node.comparators, node.ops
         sides = f"{ast.unparse(left)}, {ast.unparse(right)}"
         lines = "\n" * ((node.end_lineno or node.lineno) - node.lineno)
-        place = f"{self._path}:{start}"  # as of the mutant
-        return f"{PROBE}({place!r}, {type(operator).__name__.lower()!r}, {sides}{lines})"
+        location = f"{self._path}:{start}"  # as of the mutant
+        return f"{PROBE}({location!r}, {type(operator).__name__.lower()!r}, {sides}{lines})"
 
     def _put(self, kind: MutantKind, node: ast.expr | ast.stmt, text: str, probe: str = "") -> None:
         start = self._at(node.lineno, node.col_offset)
         self._add(kind, start, self._at(node.end_lineno, node.end_col_offset), text, probe)
 
     def _add(self, kind: MutantKind, start: int, end: int, text: str, probe: str = "") -> None:
-        place = self._place
+        location = self._location
         self.found.append(
             Mutant(
                 kind,
                 self._path,
                 ".".join(self._scope),
-                place.first,
-                place.last,
-                place.within,
-                place.constant,
+                location.first,
+                location.last,
+                location.within,
+                location.constant,
                 start,
                 end,
                 text,

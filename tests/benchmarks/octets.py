@@ -60,7 +60,7 @@ class Octets:
         header, _ = decode_message(start + self._exactly(int.from_bytes(start, "big") - 4))
         return not header.is_error
 
-    def ask(self, request: Request) -> bool:
+    def request(self, request: Request) -> bool:
         """Send a new command and return whether it was taken."""
         self.send(self.command(request))
         return self.reply()

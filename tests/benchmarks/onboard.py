@@ -10,7 +10,7 @@ from math import cos, sin
 from pathlib import Path
 
 import psutil
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -26,11 +26,11 @@ from tests.support.victims import workplace
 ODOMETRY_S = 0.02
 
 
-class StandIn:
-    """Moves exactly as told on `/jackal/executive_vel`, and listens to `/echo/cmd_vel` too.
+class Substitute:
+    """Moves exactly as told on `/jackal/executive/cmd_vel`, and listens to `/echo/cmd_vel` too.
 
     Attributes:
-        moving: set while the last velocity on `/jackal/executive_vel` was not zero.
+        moving: set while the last velocity on `/jackal/executive/cmd_vel` was not zero.
     """
 
     def __init__(self, node: Node) -> None:
@@ -40,15 +40,17 @@ class StandIn:
         self._twist = Twist()
         self._x_m = self._y_m = self._heading_rad = 0.0
         self._clock = node.get_clock()
-        self._odometry = node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
-        node.create_subscription(Twist, "executive_vel", self._drive, 1)
+        self._odometry = node.create_publisher(
+            Odometry, "platform/odom/filtered", qos_profile_sensor_data
+        )
+        node.create_subscription(TwistStamped, "executive/cmd_vel", self._drive, 1)
         node.create_subscription(Twist, "/echo/cmd_vel", self._echo, 1)
         node.create_timer(ODOMETRY_S, self._publish)
 
     def expect_zero(self, name: str) -> None:
         self._zero[name].clear()
 
-    def zero_came(self, name: str, timeout_s: float) -> bool:
+    def zero_arrived(self, name: str, timeout_s: float) -> bool:
         return self._zero[name].wait(timeout_s)
 
     def wait_zero(self, name: str, timeout_s: float) -> float:
@@ -57,13 +59,13 @@ class StandIn:
         Raises:
             TimeoutError: none came.
         """
-        if not self.zero_came(name, timeout_s):
+        if not self.zero_arrived(name, timeout_s):
             raise TimeoutError(f"no zero velocity from {name} within {timeout_s} s")
         return self._zero_at_s[name]
 
-    def _drive(self, twist: Twist) -> None:
+    def _drive(self, message: TwistStamped) -> None:
         now_s = time.perf_counter()
-        self._twist = twist
+        self._twist = twist = message.twist
         if twist.linear.x == 0.0 and twist.angular.z == 0.0:
             if not self._zero["jackal"].is_set():
                 self._zero_at_s["jackal"] = now_s
@@ -92,14 +94,14 @@ class StandIn:
 
 
 @contextmanager
-def stand_in(domain: int) -> Iterator[StandIn]:
+def substitute(domain: int) -> Iterator[Substitute]:
     """Yield a stand-in that moves in a ROS domain until the `with` ends."""
     ended = threading.Event()
     with (
         ros_node("stand_in", "jackal", domain_id=domain) as node,
         single_threaded(node) as executor,
     ):
-        rover = StandIn(node)
+        rover = Substitute(node)
 
         def spin() -> None:
             while not ended.is_set():
@@ -122,10 +124,10 @@ MS = 1000.0
 
 def measure_stops(samples: int) -> list[Figure]:
     """Return the figures of stops and echoes taken in turn, in one run."""
-    with workplace() as place:
-        executive = place.start("executive", "tests.benchmarks.large_tree", place.folder)
-        echo = place.start("echo", "tests.benchmarks.bare_ros", "echo")
-        with stand_in(place.domain) as rover:
+    with workplace() as workspace:
+        executive = workspace.start("executive", "tests.benchmarks.large_tree", workspace.folder)
+        echo = workspace.start("echo", "tests.benchmarks.bare_ros", "echo")
+        with substitute(workspace.domain) as rover:
             stops_ms, echoes_ms = _in_turn(
                 Octets(executive.port()), Octets(echo.port()), rover, samples
             )
@@ -143,7 +145,7 @@ def measure_stops(samples: int) -> list[Figure]:
 
 
 def _in_turn(
-    commands: Octets, echoes: Octets, rover: StandIn, samples: int
+    commands: Octets, echoes: Octets, rover: Substitute, samples: int
 ) -> tuple[list[float], list[float]]:
     with commands, echoes:
         _wait_until_driven(commands, rover)
@@ -158,26 +160,26 @@ def _in_turn(
     return stops_ms, echoes_ms
 
 
-def _wait_until_driven(commands: Octets, rover: StandIn) -> None:
+def _wait_until_driven(commands: Octets, rover: Substitute) -> None:
     """Drive for the first time: until odometry and velocities find their way, that is refused."""
     deadline_s = time.monotonic() + ANSWER_S
     while not rover.moving.wait(0.2):
         if time.monotonic() > deadline_s:
             raise TimeoutError("the executive does not drive")
-        commands.ask(DriveFor(0.5, 0.0, 60.0))
+        commands.request(DriveFor(0.5, 0.0, 60.0))
 
 
-def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
+def _wait_until_echoed(echoes: Octets, rover: Substitute) -> None:
     """Have an echo heard for the first time: until its topic is found, it is lost."""
     deadline_s = time.monotonic() + ANSWER_S
     rover.expect_zero("echo")
-    while not rover.zero_came("echo", 0.2):
+    while not rover.zero_arrived("echo", 0.2):
         if time.monotonic() > deadline_s:
             raise TimeoutError("the echo is not heard")
         echoes.send(echoes.command(Stop()))
 
 
-def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
+def _stop(commands: Octets, rover: Substitute, chance: random.Random) -> float:
     message = commands.command(Stop())
     time.sleep(chance.uniform(0.0, 0.06))
     rover.expect_zero("jackal")
@@ -185,14 +187,14 @@ def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
     commands.send(message)
     delay_s = rover.wait_zero("jackal", ANSWER_S) - began_s
     commands.reply()
-    commands.ask(Resume())
-    commands.ask(DriveFor(0.5, 0.0, 60.0))
+    commands.request(Resume())
+    commands.request(DriveFor(0.5, 0.0, 60.0))
     if not rover.moving.wait(ANSWER_S):
         raise TimeoutError("the executive does not drive after a stop")
     return delay_s
 
 
-def _echo(echoes: Octets, rover: StandIn) -> float:
+def _echo(echoes: Octets, rover: Substitute) -> float:
     message = echoes.command(Stop())
     rover.expect_zero("echo")
     began_s = time.perf_counter()
@@ -206,38 +208,38 @@ MB = 1e6
 
 def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
     """Return CPU and memory of both, driving, with all sensors, and the size of the recording."""
-    with workplace() as place:
-        asset = _all_sensors(place.folder)
-        place.start(
+    with workplace() as workspace:
+        asset = _all_sensors(workspace.folder)
+        workspace.start(
             "simulation", "sim.ros.process", "--asset", asset, "--world", "flat", "--camera", "off"
         )
-        executive = place.start(
+        executive = workspace.start(
             "executive", "adapters.onboard.process",
-            "--asset", asset, "--port", 0, "--data", place.folder / "data",
+            "--asset", asset, "--port", 0, "--data", workspace.folder / "data",
         )  # fmt: skip
-        bare = place.start("bare", "tests.benchmarks.bare_ros", "node")
+        bare = workspace.start("bare", "tests.benchmarks.bare_ros", "node")
         with (
-            ros_node("witness", "jackal", domain_id=place.domain) as node,
+            ros_node("witness", "jackal", domain_id=workspace.domain) as node,
             single_threaded(node) as executor,
             Octets(executive.port()) as commands,
         ):
-            sent: list[Twist] = []
-            node.create_subscription(Twist, "executive_vel", sent.append, 1)
+            sent: list[TwistStamped] = []
+            node.create_subscription(TwistStamped, "executive/cmd_vel", sent.append, 1)
 
             def drives() -> bool:
                 sent.clear()
                 executor.spin_once(timeout_sec=0.2)
-                return any(twist.linear.x for twist in sent)
+                return any(each.twist.linear.x for each in sent)
 
             deadline_s = time.monotonic() + START_S
             while not drives() and time.monotonic() < deadline_s:
-                commands.ask(DriveFor(0.5, 0.1, 60.0))
+                commands.request(DriveFor(0.5, 0.1, 60.0))
             time.sleep(SETTLE_S)
             measured = [psutil.Process(each.child.pid) for each in (executive, bare)]
             before = [cpu_s(process) for process in measured]
-            recorded = _recorded_octets(place.folder)
+            recorded = _recorded_octets(workspace.folder)
             time.sleep(duration_s)
-            recorded = _recorded_octets(place.folder) - recorded
+            recorded = _recorded_octets(workspace.folder) - recorded
             ours, theirs = (
                 100 * (cpu_s(process) - began) / duration_s
                 for process, began in zip(measured, before, strict=True)

@@ -75,9 +75,9 @@ def random_motion(random: Random, controller: Controller | None, drive: DriveLim
             return MoveTo(_waypoint(random, random.random() < 0.7, near_m), controller)
         case 2:
             count = random.randint(2, 4)
-            places = [_waypoint(random, False, near_m) for _ in range(count - 1)]
+            positions = [_waypoint(random, False, near_m) for _ in range(count - 1)]
             last = _waypoint(random, random.random() < 0.7, near_m)
-            return FollowPath((*places, last), controller)
+            return FollowPath((*positions, last), controller)
         case 3:
             return MoveForward(random.choice((-1.0, 1.0)) * random.uniform(0.2, 3.0))
         case 4:
@@ -115,13 +115,13 @@ def _drive_one(lockstep: LockStep, motion: Motion, number: int) -> Outcome | Non
     lockstep.run(REST_S)
     if _stage(lockstep, number) is not Stage.EXECUTED:
         return None
-    foretold, became = _seen_from(preview.end, seen), _seen_from(rover.true_pose, true)
+    predicted, became = _seen_from(preview.end, seen), _seen_from(rover.true_pose, true)
     return Outcome(
         motion,
         preview,
         took_s - preview.duration_s,
-        hypot(became.x_m - foretold.x_m, became.y_m - foretold.y_m),
-        abs(wrap_rad(became.heading_rad - foretold.heading_rad)),
+        hypot(became.x_m - predicted.x_m, became.y_m - predicted.y_m),
+        abs(wrap_rad(became.heading_rad - predicted.heading_rad)),
         0.0 if preview.energy_j is None else took_j - preview.energy_j,
     )
 
@@ -129,9 +129,9 @@ def _drive_one(lockstep: LockStep, motion: Motion, number: int) -> Outcome | Non
 def _seen_from(pose: Pose, start: Pose) -> Pose:
     """Return a pose as seen from another."""
     apart_m, bearing_rad = start.point.distance_m(pose.point), start.point.bearing_rad(pose.point)
-    place = Pose(heading_rad=bearing_rad - start.heading_rad).ahead(apart_m)
+    position = Pose(heading_rad=bearing_rad - start.heading_rad).ahead(apart_m)
     heading_rad = wrap_rad(pose.heading_rad - start.heading_rad)
-    return Pose(place.x_m, place.y_m, heading_rad=heading_rad)
+    return Pose(position.x_m, position.y_m, heading_rad=heading_rad)
 
 
 def _previewed(lockstep: LockStep, motion: Motion) -> Preview | Refusal:
@@ -154,7 +154,7 @@ def _stage(lockstep: LockStep, number: int) -> Stage:
 
 
 def measure(
-    count: int, names: Iterable[str], seed: int, settings: Settings, tell: Callable[[str], None]
+    count: int, names: Iterable[str], seed: int, settings: Settings, log: Callable[[str], None]
 ) -> list[Figure]:
     """Preview and drive so many random motions by each controller, or as MOCUP's brick does.
 
@@ -168,7 +168,7 @@ def measure(
             controller = OWN[name].choice
             asset = replace(settings, controller=controller)
         motions = [random_motion(random, controller, asset.drive) for _ in range(count)]
-        tell(f"previews: {count} motions, {name} ...")
+        log(f"previews: {count} motions, {name} ...")
         figures += _figures(name, drive(asset, motions, seed))
     return figures
 

@@ -40,7 +40,7 @@ ORBITER, ROVER = Ipn(1, 1), Ipn(2, 1)
 HERE: Final = "127.0.0.1"
 SOURCE: Final = "MOE"
 LIMIT_S: Final = 120.0
-LOOK_S: Final = 0.005
+POLL_S: Final = 0.005
 MS: Final = 1000.0
 DICTIONARY: Final = load_dictionary()
 
@@ -100,20 +100,20 @@ class Ground:
         """Stop; return after how many seconds zero is commanded."""
         sent_s = time.perf_counter()
         await self.took(await self.send(Stop()))
-        came_s = await self._first(self.wire, "", sent_s)
-        return await self._first(self.witness, stop_witness.ZERO, came_s) - came_s
+        arrival_s = await self._first(self.wire, "", sent_s)
+        return await self._first(self.witness, stop_witness.ZERO, arrival_s) - arrival_s
 
     async def _first(self, teller: Victim, word: str, after_s: float) -> float:
         """Wait for the first line of a word and a time after another; return that time."""
         times_s: list[float] = []
 
-        def told() -> bool:
+        def reported() -> bool:
             lines = teller.child.log.read_text(encoding="utf-8").split("\n")[1:-1]
-            said = (line.removeprefix(word) for line in lines if line.startswith(word))
-            times_s.extend(at_s for each in said if (at_s := float(each)) > after_s)
+            text = (line.removeprefix(word) for line in lines if line.startswith(word))
+            times_s.extend(at_s for each in text if (at_s := float(each)) > after_s)
             return bool(times_s)
 
-        await until(told, f"{teller.name}: {word}")
+        await until(reported, f"{teller.name}: {word}")
         return times_s[0]
 
     def dawn(self) -> float:
@@ -132,7 +132,7 @@ async def until(done: Callable[[], bool], what: str) -> None:
     while not done():
         if time.monotonic() > deadline_s:
             raise TimeoutError(what)
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(POLL_S)
 
 
 @asynccontextmanager
@@ -147,52 +147,54 @@ async def orbiter(store: Path, port: int, rover_port: int) -> AsyncIterator[Bund
         await agent.close()
 
 
-def measure(commands: int, samples: int, refused: int, tell: Callable[[str], None]) -> list[Figure]:
+def measure(commands: int, samples: int, refused: int, log: Callable[[str], None]) -> list[Figure]:
     """Return the figures.
 
     Args:
         commands: how many wait for the contact whose drain is measured.
         samples: stops behind each of the queues.
         refused: bundles that hold no command, before a stop.
-        tell: is told of each step.
+        log: is told of each step.
     """
     orbiter_port, to_orbiter, to_rover, rover_port = ports = free_udp_ports(4)
-    with workplace() as place:
+    with workplace() as workspace:
         settings = RelaySettings(
             asset="JACKAL",
             eid=str(ROVER),
             orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, to_rover))),
             listen=Listen(ltp=Address(HERE, rover_port)),
         )
-        config = place.folder / "jackal.relay.yaml"
+        config = workspace.folder / "jackal.relay.yaml"
         config.write_text(yaml.safe_dump(cattrs.unstructure(settings)), encoding="utf-8")
-        data = ("--data", place.folder / "aboard")
-        executive = place.start(
+        data = ("--data", workspace.folder / "aboard")
+        executive = workspace.start(
             "executive", "adapters.onboard.process", "--relay", "--port", 0, *data
         )
         executive.wait()
-        relay = place.start(
+        relay = workspace.start(
             "relay", "adapters.relay.rover.process", "--config", config, *data,
             up="relays for JACKAL",
         )  # fmt: skip
         relay.wait()
-        witness = place.start(
+        witness = workspace.start(
             "witness", "tests.benchmarks.stop_witness", stop_witness.EVERY, up=stop_witness.WATCHES
         )
-        wire = place.start("wire", "tests.benchmarks.stop_arrivals", *ports, up=stop_arrivals.JOINS)
+        wire = workspace.start(
+            "wire", "tests.benchmarks.stop_arrivals", *ports, up=stop_arrivals.JOINS
+        )
         for each in (witness, wire):
             each.wait()
 
         async def session() -> list[Figure]:
-            async with orbiter(place.folder / "orbiter.db", orbiter_port, to_orbiter) as agent:
+            async with orbiter(workspace.folder / "orbiter.db", orbiter_port, to_orbiter) as agent:
                 ground = Ground(agent, wire, witness)
                 listening = asyncio.create_task(ground.listen())
                 try:
                     await ground.took(await ground.send(Resume()))
-                    figures = await _drain(ground, commands, tell)
+                    figures = await _drain(ground, commands, log)
                     for behind in (0, 100, 1000, 3000):
-                        figures += await _stops(ground, behind, samples, tell)
-                    figures += await _stops_behind_refused(ground, refused, samples, tell)
+                        figures += await _stops(ground, behind, samples, log)
+                    figures += await _stops_behind_refused(ground, refused, samples, log)
                 finally:
                     listening.cancel()
                     await asyncio.gather(listening, return_exceptions=True)
@@ -201,8 +203,8 @@ def measure(commands: int, samples: int, refused: int, tell: Callable[[str], Non
         return asyncio.run(session())
 
 
-async def _drain(ground: Ground, commands: int, tell: Callable[[str], None]) -> list[Figure]:
-    tell(f"{commands} commands that waited for contact ...")
+async def _drain(ground: Ground, commands: int, log: Callable[[str], None]) -> list[Figure]:
+    log(f"{commands} commands that waited for contact ...")
     numbers = await ground.dark(commands, SetTravelSpeed(0.25))
     began_utc_s = ground.dawn()
     took_s = max([await ground.took(number) for number in numbers]) - began_utc_s
@@ -216,9 +218,9 @@ async def _drain(ground: Ground, commands: int, tell: Callable[[str], None]) -> 
 
 
 async def _stops(
-    ground: Ground, behind: int, samples: int, tell: Callable[[str], None]
+    ground: Ground, behind: int, samples: int, log: Callable[[str], None]
 ) -> list[Figure]:
-    tell(f"stops behind {behind} commands ...")
+    log(f"stops behind {behind} commands ...")
     delays_s = []
     for _ in range(samples):
         await ground.dark(behind, SetTravelSpeed(0.25))
@@ -230,9 +232,9 @@ async def _stops(
 
 
 async def _stops_behind_refused(
-    ground: Ground, refused: int, samples: int, tell: Callable[[str], None]
+    ground: Ground, refused: int, samples: int, log: Callable[[str], None]
 ) -> list[Figure]:
-    tell(f"stops behind {refused} refused bundles ...")
+    log(f"stops behind {refused} refused bundles ...")
     delays_s = []
     for _ in range(samples):
         ground.agent.override(Ipn(ROVER.node, 0), ContactOverride.DOWN)

@@ -19,7 +19,7 @@ _DAY: Final = Situation(
     duplicate=0.0,
     eclipse_s=DAY_S / 12 / 3,
     contact_s=DAY_S / 12 * 2 / 3,
-    ask_again_s=120.0,
+    retransmit_after_s=120.0,
     period_s=DAY_S,
 )
 

@@ -27,7 +27,7 @@ SENSORS: Final = ("imu", "second", "gaps")
 """Beside wheels and IMU: nothing, a second odometry, one with a gap in its frames at the stop."""
 MOVING_MPS: Final = 0.05
 LIMIT_S: Final = 25.0
-STANDS: Final = 1.1
+STATIONARY: Final = 1.1
 """Friction over slope on which a rover can be parked. One that slides since before it was started
 never stood: its accelerometer cannot tell the slide from the bias that it learns at rest."""
 STOP: Final = Identity("MOE", 9)
@@ -87,7 +87,7 @@ class Outcome:
     off_m: float
     slid_m: float
     uncertain_m: float
-    told: str
+    reported: str
 
     @property
     def executed(self) -> bool:
@@ -138,7 +138,9 @@ def world_of(case: Case) -> World:
     return World(
         slope_rad=case.slope_rad,
         friction=case.friction,
-        patches=firm if case.firm_start or case.friction <= STANDS * tan(case.slope_rad) else (),
+        patches=firm
+        if case.firm_start or case.friction <= STATIONARY * tan(case.slope_rad)
+        else (),
         start=StartPose(heading_rad=case.heading_rad),
     )
 
@@ -172,9 +174,9 @@ class Run:
         self.submit(Identity("MOE", 1), SetTravelSpeed(case.speed_mps))
         lock.run(0.1)
         if case.after_s is None:
-            way_m = case.speed_mps * 2.0
+            distance_m = case.speed_mps * 2.0
             request: Request = (
-                MoveForward(way_m)
+                MoveForward(distance_m)
                 if case.rotate_radps == 0.0
                 else DriveFor(case.speed_mps, case.rotate_radps, 2.5)
             )
@@ -190,7 +192,7 @@ class Run:
         lock, case = self.lock, self.case
         before_mps, began_s = self.true_mps, lock.time_s
         gap_until_s = began_s + (case.gap_s if case.sensors == "gaps" else -1.0)
-        stood_s = None if identity == GO else began_s
+        standstill_s = None if identity == GO else began_s
         if case.sensors == "gaps":
             lock.rover.inject(faults.SecondOdometryLost())
         while not self.ended(identity) and lock.time_s < began_s + LIMIT_S:
@@ -199,7 +201,7 @@ class Run:
                 lock.rover.clear(faults.SecondOdometryLost)
                 gap_until_s = -1.0
             if identity == GO and lock.executive.velocity.travel_mps != 0.0:
-                stood_s = lock.time_s
+                standstill_s = lock.time_s
         last, true_mps = self.last(identity), self.true_mps
         pose = lock.executive.status.pose
         off_m = pose.point.distance_m(lock.rover.true_pose.point)
@@ -208,12 +210,12 @@ class Run:
         uncertain_m = lock.executive.status.uncertainty.position_m
         lock.executive.simulate_crash()
         assert last.stage is not None
-        told = [
+        reported = [
             r.text
             for r in lock.downlink_record.reports
             if r.identity == identity and r.stage is Stage.PROGRESS
         ]
-        took_s = lock.time_s - (stood_s or began_s)
+        took_s = lock.time_s - (standstill_s or began_s)
         reason = "" if last.reason is None else last.reason.name
         return Outcome(
             last.stage.name,
@@ -225,7 +227,7 @@ class Run:
             off_m,
             slid_m,
             uncertain_m,
-            told[-1] if told else "",
+            reported[-1] if reported else "",
         )
 
 
@@ -235,13 +237,13 @@ def play(case: Case) -> Outcome:
         return Run(case, Path(folder)).play()
 
 
-def measure(ice: int, firm: int, seed: int, tell: Callable[[str], object]) -> list[Figure]:
+def measure(ice: int, firm: int, seed: int, log: Callable[[str], object]) -> list[Figure]:
     """Play so many cases on ice and on firm ground; return what came of them."""
     groups: dict[tuple[str, str], list[Outcome]] = defaultdict(list)
     for case in cases(ice, firm, seed):
         outcome = play(case)
         if outcome.false:
-            tell(f"false: {case}: {outcome}")
+            log(f"false: {case}: {outcome}")
         what = "motion" if case.after_s is None else "stop"
         groups[f"{case.ground} {what}", case.sensors].append(outcome)
     return [figure for names, found in sorted(groups.items()) for figure in _figures(names, found)]

@@ -34,11 +34,11 @@ from tests.support.figures import Figure, Goal, quantile
 from tests.support.victims import Victim, Workplace, workplace
 
 P99_MS: Final = 20.0
-MOST_MS: Final = 50.0
+MAX_MS: Final = 50.0
 LIMIT_S: Final = 10.0
 """A stop that does not act for so long counts as one that does not."""
 START_S: Final = 30.0
-LOOK_S: Final = 0.01
+POLL_S: Final = 0.01
 PHASE_S: Final = 0.06
 """Of a tick and more, so that stops meet it anywhere."""
 HANGS_S: Final = 5.0
@@ -54,9 +54,9 @@ PLAN: Final = f"""<root BTCPP_format="4"><BehaviorTree ID="Main">
 """The camera turns a little first, so that the rover is at speed when the settings come."""
 HELD_S: Final = 1.0
 """For which a rover has to stand against another publisher; inputs of the mux end after 0.5 s."""
-STANDS_S: Final = 0.5
-_TRUE: Final = {stop_witness.STANDS, stop_witness.MOVES, stop_witness.ROLLS}
-Tell = Callable[[str], object]
+STATIONARY_S: Final = 0.5
+_TRUE: Final = {stop_witness.STATIONARY, stop_witness.MOVES, stop_witness.ROLLS}
+Log = Callable[[str], object]
 
 
 class Rig:
@@ -66,12 +66,12 @@ class Rig:
         data: folder of the executive.
     """
 
-    def __init__(self, place: Workplace, data: Path) -> None:
-        self.place, self.data = place, data
+    def __init__(self, workspace: Workplace, data: Path) -> None:
+        self.position, self.data = workspace, data
         (data / "files").mkdir(parents=True)
-        place.start("simulation", "sim.ros.process", "--world", "flat", "--camera", "off")
-        self.executive = place.start("executive", "tests.benchmarks.large_tree", data)
-        self._witness = place.start(
+        workspace.start("simulation", "sim.ros.process", "--world", "flat", "--camera", "off")
+        self.executive = workspace.start("executive", "tests.benchmarks.large_tree", data)
+        self._witness = workspace.start(
             "witness", "tests.benchmarks.stop_witness", up=stop_witness.WATCHES
         )
         self._random, self._plans = Random(1), 0
@@ -81,9 +81,9 @@ class Rig:
 
     def load(self, kind: str) -> Victim:
         """Start a load and wait until it is on."""
-        place = self.place
-        load = place.start(
-            "load", "tests.benchmarks.stop_load", kind, self.executive.port(), place.folder,
+        workspace = self.position
+        load = workspace.start(
+            "load", "tests.benchmarks.stop_load", kind, self.executive.port(), workspace.folder,
             up=stop_load.LOADS,
         )  # fmt: skip
         load.wait()
@@ -100,20 +100,20 @@ class Rig:
 
     def drive(self) -> None:
         """Resume and drive; raises TimeoutError if the rover cannot be brought to move."""
-        self._insist(lambda: self.commands.ask(DriveFor(SPEED_MPS, 0.3, 60.0)))
+        self._insist(lambda: self.commands.request(DriveFor(SPEED_MPS, 0.3, 60.0)))
 
     def run_plan(self) -> None:
         """Drive by a plan that also changes settings all the time."""
 
         def start() -> None:
             for old in (AbortPlan, RemovePlan):
-                self.commands.ask(old(f"load-{self._plans}"))
+                self.commands.request(old(f"load-{self._plans}"))
             self._plans += 1
             plan_id = f"load-{self._plans}"
             text = PLAN.replace("{pan}", ("0.2", "-0.2")[self._plans % 2])
             plan = PlanDefinition(plan_id, "load", "BTCPP4", text.encode())
-            self.commands.ask(SubmitPlan(plan))
-            self.commands.ask(ActivatePlan(plan_id))
+            self.commands.request(SubmitPlan(plan))
+            self.commands.request(ActivatePlan(plan_id))
 
         self._insist(start)
 
@@ -122,7 +122,7 @@ class Rig:
         self.drive()
         (self.data / HANG).write_text(str(HANGS_S))
         while (self.data / HANG).exists():
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
 
     def stop(self, number: int | None = None, phase_s: float = PHASE_S) -> tuple[float, float]:
         """Stop; return after how many seconds zero is commanded, and the rover stands.
@@ -138,8 +138,8 @@ class Rig:
         # Looking for news all the time would take from the time of the rover's processes.
         self.commands.reply()
         zero_s = self._seen(stop_witness.ZERO, stop_witness.DRIVEN, LIMIT_S)
-        stands_s = self._seen(stop_witness.STANDS, stop_witness.ROLLS, LIMIT_S)
-        return max(0.0, zero_s - began_s), max(0.0, stands_s - began_s)
+        stationary_s = self._seen(stop_witness.STATIONARY, stop_witness.ROLLS, LIMIT_S)
+        return max(0.0, zero_s - began_s), max(0.0, stationary_s - began_s)
 
     def release(self) -> None:
         """Resume, and wait until somebody else drives the rover."""
@@ -153,24 +153,24 @@ class Rig:
         self.commands.send(message)
         self.commands.reply()
         while time.perf_counter() < began_s + LIMIT_S:
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
             word, at_s = next((each for each in self._changes() if each[0] in _TRUE), ("", 0.0))
-            if word == stop_witness.STANDS and time.perf_counter() - at_s > HELD_S:
+            if word == stop_witness.STATIONARY and time.perf_counter() - at_s > HELD_S:
                 return max(0.0, at_s - began_s)
         return math.inf
 
     def _insist(self, start: Callable[[], object], by_others: bool = False) -> None:
         deadline_s = time.monotonic() + START_S
         while time.monotonic() < deadline_s:
-            self.commands.ask(Resume())
+            self.commands.request(Resume())
             start()
             # The witness, too, has to have found an executive that was started again.
-            rolls_s = self._seen(stop_witness.ROLLS, stop_witness.STANDS, 1.0)
+            rolls_s = self._seen(stop_witness.ROLLS, stop_witness.STATIONARY, 1.0)
             if math.isfinite(rolls_s) and (
                 by_others or math.isfinite(self._seen(stop_witness.DRIVEN, stop_witness.ZERO, 1.0))
             ):
                 return
-            self.place.check()
+            self.position.check()
         raise TimeoutError("the executive does not drive")
 
     def _seen(self, wanted: str, other: str, limit_s: float) -> float:
@@ -182,7 +182,7 @@ class Rig:
             )
             if word == wanted:
                 return at_s
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         return math.inf
 
     def _changes(self) -> Iterator[tuple[str, float]]:
@@ -236,13 +236,13 @@ FAILURES: Final = 3
 RESTARTS: Final = 5
 
 
-def measure(samples: int, names: Sequence[str], tell: Tell) -> list[Figure]:
+def measure(samples: int, names: Sequence[str], log: Log) -> list[Figure]:
     """Return how soon stops act under each condition.
 
     Args:
         samples: stops for a condition; a few take a part of it, repeated numbers ten times as many.
         names: short names of the conditions; none for all.
-        tell: called with a line on each condition.
+        log: called with a line on each condition.
 
     Raises:
         SettingsError: there is no such condition.
@@ -252,19 +252,19 @@ def measure(samples: int, names: Sequence[str], tell: Tell) -> list[Figure]:
     figures = []
     for name in names or NAMES:
         with ExitStack() as stack:
-            place = stack.enter_context(workplace())
+            workspace = stack.enter_context(workplace())
             if name == FULL_DISK:
-                figures += _on_a_full_disk(place, stack, tell)
+                figures += _on_a_full_disk(workspace, stack, log)
             else:
-                rig = stack.enter_context(closing(Rig(place, place.folder / "data")))
+                rig = stack.enter_context(closing(Rig(workspace, workspace.folder / "data")))
                 if name in OTHERS:
-                    figures += _against(name, rig, samples, tell)
+                    figures += _against(name, rig, samples, log)
                     continue
-                figures += _under(conditions()[name], rig, samples, tell)
+                figures += _under(conditions()[name], rig, samples, log)
     return figures
 
 
-def _under(condition: Condition, rig: Rig, samples: int, tell: Tell) -> list[Figure]:
+def _under(condition: Condition, rig: Rig, samples: int, log: Log) -> list[Figure]:
     if condition.load == "fetch":
         (rig.data / "files" / stop_load.FILE).write_bytes(bytes(LARGE_OCTETS))
     rig.drive()
@@ -274,21 +274,21 @@ def _under(condition: Condition, rig: Rig, samples: int, tell: Tell) -> list[Fig
     for _ in range(wanted):
         condition.move(rig)
         taken.append(rig.stop(condition.number, condition.phase_s))
-        rig.place.check()
+        rig.position.check()
         if sum(math.isinf(zero_s) for zero_s, _ in taken) == FAILURES:
             break
     rates = load.child.log.read_text(encoding="utf-8").split(stop_load.RATE)[1:] if load else []
     beside = f"; load {mean(float(each.split()[0]) for each in rates):.0f}/s" if rates else ""
-    return _figures(condition.name, taken, beside, tell)
+    return _figures(condition.name, taken, beside, log)
 
 
-def _on_a_full_disk(place: Workplace, stack: ExitStack, tell: Tell) -> list[Figure]:
+def _on_a_full_disk(workspace: Workplace, stack: ExitStack, log: Log) -> list[Figure]:
     try:
-        disk = stack.enter_context(small_disk(place.folder / "disk"))
+        disk = stack.enter_context(small_disk(workspace.folder / "disk"))
     except NoDiskError as why:
-        tell(f"no disk is filled, for none can be made here: {why}")
+        log(f"no disk is filled, for none can be made here: {why}")
         return []
-    rig = stack.enter_context(closing(Rig(place, disk.folder / "data")))
+    rig = stack.enter_context(closing(Rig(workspace, disk.folder / "data")))
     taken, held = list[tuple[float, float]](), 0
     for _ in range(RESTARTS):
         rig.drive()
@@ -297,55 +297,55 @@ def _on_a_full_disk(place: Workplace, stack: ExitStack, tell: Tell) -> list[Figu
         rig.executive.child.kill()
         disk.empty()
         rig.restart()
-        held += not rig.commands.ask(MoveForward(1.0))
+        held += not rig.commands.request(MoveForward(1.0))
     name, beside = "a full disk", "kill -9 and a start with room again"
     return [
-        *_figures(name, taken, "", tell),
+        *_figures(name, taken, "", log),
         Figure(f"{name}: latched after it", held, "starts", beside, Goal(RESTARTS, at_least=True)),
     ]
 
 
-def _against(name: str, rig: Rig, samples: int, tell: Tell) -> list[Figure]:
+def _against(name: str, rig: Rig, samples: int, log: Log) -> list[Figure]:
     """Stop while somebody else publishes velocities on an input of the mux."""
     load, taken = rig.load(name), list[float]()
     for _ in range(samples):
         OTHERS[name](rig)
         taken.append(rig.stop_for_good())
-        rig.place.check()
+        rig.position.check()
     rates = load.child.log.read_text(encoding="utf-8").split(stop_load.RATE)[1:]
     beside = f"{samples} stops, others at {mean(float(each.split()[0]) for each in rates):.0f} Hz"
-    within = sum(each <= STANDS_S for each in taken)
-    median_ms, most_ms = 1000 * quantile(taken, 0.5), 1000 * max(taken)
+    within = sum(each <= STATIONARY_S for each in taken)
+    median_ms, max_ms = 1000 * quantile(taken, 0.5), 1000 * max(taken)
     what = f"others on {name}"
-    tell(
-        f"{what:<36} n {samples:4}  stands within {STANDS_S:g} s {within:4}"
-        f"  after: median {median_ms:4.0f}  max {most_ms:4.0f} ms; {beside}"
+    log(
+        f"{what:<36} n {samples:4}  stands within {STATIONARY_S:g} s {within:4}"
+        f"  after: median {median_ms:4.0f}  max {max_ms:4.0f} ms; {beside}"
     )
     goal = Goal(samples, at_least=True)
     return [
-        Figure(f"{what}: stands within {STANDS_S:g} s", within, "stops", beside, goal),
+        Figure(f"{what}: stands within {STATIONARY_S:g} s", within, "stops", beside, goal),
         Figure(f"{what}: stands after, median", median_ms, "ms", beside),
-        Figure(f"{what}: stands after, max", most_ms, "ms", beside),
+        Figure(f"{what}: stands after, max", max_ms, "ms", beside),
     ]
 
 
 def _figures(
-    name: str, taken: Sequence[tuple[float, float]], beside: str, tell: Tell
+    name: str, taken: Sequence[tuple[float, float]], beside: str, log: Log
 ) -> list[Figure]:
-    zeros_ms, stands_ms = ([1000 * each for each in row] for row in zip(*taken, strict=True))
+    zeros_ms, stationary_ms = ([1000 * each for each in row] for row in zip(*taken, strict=True))
     acted = sum(map(math.isfinite, zeros_ms))
-    median_ms, p99_ms, most_ms = quantile(zeros_ms, 0.5), quantile(zeros_ms, 0.99), max(zeros_ms)
-    tell(
+    median_ms, p99_ms, max_ms = quantile(zeros_ms, 0.5), quantile(zeros_ms, 0.99), max(zeros_ms)
+    log(
         f"{name:<36} n {len(taken):4}  acted {acted:4}  aboard after: median {median_ms:6.1f}"
-        f"  p99 {p99_ms:6.1f}  max {most_ms:6.1f} ms  stands: median"
-        f" {quantile(stands_ms, 0.5):4.0f}  max {max(stands_ms):4.0f} ms{beside}"
+        f"  p99 {p99_ms:6.1f}  max {max_ms:6.1f} ms  stands: median"
+        f" {quantile(stationary_ms, 0.5):4.0f}  max {max(stationary_ms):4.0f} ms{beside}"
     )
     beside = f"{len(taken)} stops while driving{beside}"
     return [
         Figure(f"{name}: acted", acted, "stops", beside, Goal(len(taken), at_least=True)),
         Figure(f"{name}: aboard after, median", median_ms, "ms", beside),
         Figure(f"{name}: aboard after, p99", p99_ms, "ms", beside, Goal(P99_MS)),
-        Figure(f"{name}: aboard after, max", most_ms, "ms", beside, Goal(MOST_MS)),
-        Figure(f"{name}: stands after, median", quantile(stands_ms, 0.5), "ms", beside),
-        Figure(f"{name}: stands after, max", max(stands_ms), "ms", beside),
+        Figure(f"{name}: aboard after, max", max_ms, "ms", beside, Goal(MAX_MS)),
+        Figure(f"{name}: stands after, median", quantile(stationary_ms, 0.5), "ms", beside),
+        Figure(f"{name}: stands after, max", max(stationary_ms), "ms", beside),
     ]

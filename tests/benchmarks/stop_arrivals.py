@@ -13,7 +13,7 @@ from typing import Final
 JOINS: Final = "joins"
 HERE: Final = "127.0.0.1"
 _STOP: Final = b"|STOP|"
-_LONGEST: Final = 65_535
+_MAX_OCTETS: Final = 65_535
 
 
 def main(orbiter: int, to_orbiter: int, to_rover: int, rover: int) -> None:
@@ -32,12 +32,12 @@ def main(orbiter: int, to_orbiter: int, to_rover: int, rover: int) -> None:
     while True:
         ready, _, _ = select.select((up, down), (), ())
         if up in ready:
-            datagram = up.recv(_LONGEST)
+            datagram = up.recv(_MAX_OCTETS)
             if _STOP in datagram:
                 print(time.perf_counter(), flush=True)
             down.sendto(datagram, (HERE, rover))
         if down in ready:
-            up.sendto(down.recv(_LONGEST), (HERE, orbiter))
+            up.sendto(down.recv(_MAX_OCTETS), (HERE, orbiter))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ DEAF: Final = 40
 OTHER_HZ: Final = 50
 OTHER_MPS: Final = 0.5
 REGISTRATIONS_EACH: Final = 255
-TELL_S: Final = 1.0
+REPORT_S: Final = 1.0
 YIELDS: Final = 10
 """Niceness: the load stands for other computers, and is to take no time of the rover's."""
 PAUSE_S: Final = 0.5
@@ -45,7 +45,7 @@ class Count:
     def one(self) -> None:
         self._count += 1
         now_s = time.monotonic()
-        if now_s - self._since_s >= TELL_S:
+        if now_s - self._since_s >= REPORT_S:
             print(f"{RATE}{self._count / (now_s - self._since_s):.0f}", flush=True)
             self._count, self._since_s = 0, now_s
 
@@ -91,12 +91,12 @@ async def connect(port: int, _: Path) -> None:
         resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1])
     )
     with Octets(port) as octets:
-        asks = octets.message("Status", "getStatus", InteractionStage.REQUEST)
+        requests = octets.message("Status", "getStatus", InteractionStage.REQUEST)
     held = []
     for _each in range(CONNECTIONS):
         with suppress(OSError):
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(asks)
+            writer.write(requests)
             held.append((reader, writer))
     _loads()
     print(f"{RATE}{len(held)}", flush=True)
@@ -143,16 +143,16 @@ async def register(port: int, _: Path) -> None:
 
 async def publish(topic: str) -> None:
     """Publish velocities on a topic of the rover, whatever anybody else does."""
-    from geometry_msgs.msg import Twist
+    from geometry_msgs.msg import TwistStamped
 
     from adapters.ros import ros_node
     from executive.settings import config_folder
 
-    count, velocity = Count(), Twist()
-    velocity.linear.x = OTHER_MPS
+    count, velocity = Count(), TwistStamped()
+    velocity.twist.linear.x = OTHER_MPS
     parameters = config_folder() / "jackal.ros.yaml"
     with ros_node("other", "jackal", parameters=parameters) as node:
-        publisher = node.create_publisher(Twist, topic, 1)
+        publisher = node.create_publisher(TwistStamped, topic, 1)
         _loads()
         next_s = time.monotonic()
         while True:
@@ -169,7 +169,7 @@ async def external(_: int, __: Path) -> None:
 
 async def joystick(_: int, __: Path) -> None:
     """Publish on the input of the mux above the executive's."""
-    await publish("joy_vel")
+    await publish("joy_teleop/cmd_vel")
 
 
 KINDS: Final[dict[str, Callable[[int, Path], Awaitable[None]]]] = {

@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Final
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 
 from adapters.ros import declare_topics, ros_node, single_threaded
@@ -16,7 +16,7 @@ from executive.settings import config_folder
 
 WATCHES: Final = "watches"
 EVERY: Final = "every"
-ZERO, DRIVEN, STANDS, MOVES, ROLLS = "zero", "driven", "stands", "moves", "rolls"
+ZERO, DRIVEN, STATIONARY, MOVES, ROLLS = "zero", "driven", "stands", "moves", "rolls"
 STILL_MPS: Final = 0.02
 STILL_RADPS: Final = 0.02
 ROLLS_MPS: Final = 0.4
@@ -41,22 +41,24 @@ def main() -> None:
         topics = declare_topics(node)
         commanded, true = Changes(EVERY in sys.argv), Changes()
 
-        def hear(twist: Twist) -> None:
+        def receive(message: TwistStamped) -> None:
+            twist = message.twist
             commanded.are(DRIVEN if twist.linear.x or twist.angular.z else ZERO)
 
         def see(odometry: Odometry) -> None:
             speed = odometry.twist.twist
             if abs(speed.linear.x) < STILL_MPS and abs(speed.angular.z) < STILL_RADPS:
-                true.are(STANDS)
+                true.are(STATIONARY)
             elif speed.linear.x > ROLLS_MPS:
                 true.are(ROLLS)
             else:
                 true.are(MOVES)
 
         for kind, topic, take in (
-            (Twist, topics.cmd_vel, hear),
+            (TwistStamped, topics.cmd_vel, receive),
             (Odometry, topics.ground_truth, see),
         ):
+            assert topic is not None
             node.create_subscription(kind, topic.name, take, topic.qos)
         print(WATCHES, flush=True)
         with single_threaded(node) as executor:

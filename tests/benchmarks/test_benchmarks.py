@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from executive.motion.initial_guess import initial_guesses
 from executive.motion.locomotion import Bounds
+from executive.motion.polylines import initial_guesses
 from executive.values.geometry import Pose
 from tests.benchmarks import console_fleet, mal
 from tests.benchmarks.commands import bench
@@ -59,7 +59,7 @@ def test_a_strangers_goals_are_driven_and_written_down(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["mpc", "brick"])
-def test_previews_are_compared_with_what_becomes_of_the_motions(tmp_path: Path, name: str) -> None:
+def test_previews_are_compared_with_the_results_of_the_motions(tmp_path: Path, name: str) -> None:
     out = tmp_path / "figures.json"
     arguments = ["previews", "--motions", "2", "--controller", name, "--seed", "1"]
     result = CliRunner().invoke(bench, [*arguments, "--json", str(out)])
@@ -85,14 +85,14 @@ def test_mpc_is_measured_with_its_planning(tmp_path: Path) -> None:
     assert values["mpc: plan of a tick, median"] > 0.0
 
 
-def test_controllers_stand_side_by_side_and_each_is_drawn(tmp_path: Path) -> None:
+def test_controllers_are_listed_side_by_side_and_each_is_drawn(tmp_path: Path) -> None:
     goals = [GOALS["goals"][0], GOALS["goals"][0] | {"id": "back", "x_m": -0.5, "y_m": 0.2}]  # type: ignore[index]
     (tmp_path / "goals.json").write_text(json.dumps(GOALS | {"goals": goals}))
     names = ["turn-drive", *COMPETITORS]
-    asked = [word for name in names for word in ("--controller", name)]
+    requested = [word for name in names for word in ("--controller", name)]
     paths = ["--goals", str(tmp_path / "goals.json"), "--json", str(tmp_path / "figures.json")]
     result = CliRunner().invoke(
-        bench, ["locomotion", *asked, *paths, "--most", "9", "--plots", str(tmp_path)]
+        bench, ["locomotion", *requested, *paths, "--max-ratio", "9", "--plots", str(tmp_path)]
     )
     assert result.exit_code == 0, result.output
     rows = json.loads((tmp_path / "figures.json").read_text())
@@ -154,7 +154,7 @@ def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("{", "is not JSON"),
         ("[]", "must be an object"),
@@ -169,11 +169,13 @@ def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_goals_file_that_cannot_be_gets_one_error(tmp_path: Path, text: str, says: str) -> None:
+def test_a_goals_file_that_cannot_be_gets_one_error(
+    tmp_path: Path, text: str, message: str
+) -> None:
     (tmp_path / "goals.json").write_text(text)
     result = CliRunner().invoke(bench, ["locomotion", "--goals", str(tmp_path / "goals.json")])
     assert result.exit_code == 2
-    assert says in result.output
+    assert message in result.output
     assert "goals.json" in result.output
     assert "Traceback" not in result.output
 
@@ -187,7 +189,7 @@ def test_a_missing_goals_file_and_an_unknown_controller_are_named(tmp_path: Path
     assert "turn-drive" in unknown.output
 
 
-def test_a_folder_for_figures_that_is_not_there_is_named_before_anything_is_measured(
+def test_a_missing_folder_for_figures_is_named_before_any_measurement(
     tmp_path: Path,
 ) -> None:
     result = CliRunner().invoke(bench, ["lockstep", "--json", str(tmp_path / "none" / "f.json")])
@@ -211,7 +213,7 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
-    ("asked", "figures"),
+    ("requested", "figures"),
     [
         (("echo",), {"stop to zero, median", "echo, median"}),
         (
@@ -221,10 +223,10 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
     ],
 )
 def test_a_stop_is_measured_over_real_processes(
-    asked: tuple[str, ...], figures: set[str], tmp_path: Path
+    requested: tuple[str, ...], figures: set[str], tmp_path: Path
 ) -> None:
     out = tmp_path / "figures.json"
-    result = CliRunner().invoke(bench, [*asked, "--samples", "10", "--json", str(out)])
+    result = CliRunner().invoke(bench, [*requested, "--samples", "10", "--json", str(out)])
     assert out.is_file(), result.output
     assert result.exit_code in (0, 1), result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}

@@ -59,17 +59,17 @@ CHANGED = {
 
 
 def test_rules_are_changed_one_at_a_time_and_texts_are_not(tmp_path: Path) -> None:
-    place = tmp_path / "executive" / "rules.py"
-    place.parent.mkdir()
-    place.write_text(RULES)
-    without = place.parent / "settings" / "asset_settings.py"
+    path = tmp_path / "executive" / "rules.py"
+    path.parent.mkdir()
+    path.write_text(RULES)
+    without = path.parent / "settings" / "asset_settings.py"
     without.parent.mkdir()
     without.write_text(RULES)
     found = list(mutants_of(tmp_path))
-    assert {"|".join(each.diff(place.read_bytes())) for each in found} == CHANGED
+    assert {"|".join(each.diff(path.read_bytes())) for each in found} == CHANGED
     assert len(found) == len(CHANGED)
     for each in found:
-        ast.parse(each.applied(place.read_bytes()))
+        ast.parse(each.applied(path.read_bytes()))
     heads = {each.text: (each.first, each.last, each.within) for each in found}
     assert heads["6.0"] == (6, 6, False)
     assert heads["self.age_s > LONGEST_S"] == (19, 21, True)
@@ -77,9 +77,9 @@ def test_rules_are_changed_one_at_a_time_and_texts_are_not(tmp_path: Path) -> No
 
 
 def test_where_a_bound_itself_is_met_is_probed_in_place(tmp_path: Path) -> None:
-    place = tmp_path / "executive" / "rules.py"
-    place.parent.mkdir()
-    place.write_text(RULES)
+    path = tmp_path / "executive" / "rules.py"
+    path.parent.mkdir()
+    path.write_text(RULES)
     ((source, left_out),) = probes(tmp_path).values()
     assert left_out == []
     assert source.decode().count("_compared('executive/rules.py:") == 2
@@ -95,14 +95,14 @@ def test_a_sample_has_as_many_of_each_kind_and_is_that_of_its_seed() -> None:
     assert set(drawn) != set(sample(CHECKOUT, 35, 2))
 
 
-def test_what_is_known_to_decide_the_same_is_one_mutant_each() -> None:
+def test_equivalent_decisions_are_one_mutant_each() -> None:
     known = mutants.known_equivalents()
     paths = {path for path, *_ in known}
     found = Counter(mutants.key_of(each) for each in mutants_of(CHECKOUT) if each.path in paths)
     assert {key: found[key] for key in known} == dict.fromkeys(known, 1)
 
 
-def test_what_a_recording_exercises_is_noticed(
+def test_code_exercised_by_a_recording_is_detected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recordings = tmp_path / "recordings"
@@ -113,13 +113,13 @@ def test_what_a_recording_exercises_is_noticed(
     noticed = mutant("executive/motion/arbiter.py", "+ pass", of="self._driver.commit(")
     missed = mutant("executive/obstacles/detour.py", "+ pass", of="push_all(start, ")
     monkeypatch.setattr(mutants, "sample", lambda *_: [noticed, missed])
-    told: list[str] = []
-    figures = {f.name: f for f in mutants.measure(2, 1, recordings, told.append)}
+    shown: list[str] = []
+    figures = {f.name: f for f in mutants.measure(2, 1, recordings, shown.append)}
     assert figures["mutants: noticed"].value == 50.0
     assert not figures["mutants: noticed"].met
     assert figures["mutants: reached by a recording"].value == 1
     assert figures["mutants: no change, noticed"].value == 0
-    (survivor,) = (line for line in told if line.startswith("not noticed"))
+    (survivor,) = (line for line in shown if line.startswith("not noticed"))
     assert survivor.splitlines() == [
         f"not noticed, not reached: {missed}",
         "    - push_all(start, 0.0, None)",

@@ -31,7 +31,7 @@ def is_end(reply: Message) -> bool:
 
 
 @dataclass(frozen=True)
-class Said:
+class Reply:
     at_s: float
     message: Message
 
@@ -47,8 +47,8 @@ class Rig:
 
     def __init__(self, seed: int = 0) -> None:
         self.brick = Firmware(DICTIONARY, SETTINGS, Pose(), Random(seed))
-        self.replies: list[Said] = []
-        self.telemetry: list[Said] = []
+        self.replies: list[Reply] = []
+        self.telemetry: list[Reply] = []
         self.stuck = False
         self.points = SetPoints(0.0, 0.0, 0.0, 0.0)
         self._stream = MopsStream(lambda line: pytest.fail(line))
@@ -64,14 +64,14 @@ class Rig:
     def turning(self) -> bool:
         return (self.points.left_radps, self.points.right_radps) != (0.0, 0.0)
 
-    def say(self, name: str, *inputs: str) -> Message:
+    def send(self, name: str, *inputs: str) -> Message:
         """Give it a command, and return that."""
         self._numbers += 1
         message = command(name, self._numbers, *inputs)
-        self.hear(encode(message))
+        self.receive(encode(message))
         return message
 
-    def hear(self, octets: bytes) -> None:
+    def receive(self, octets: bytes) -> None:
         self.brick.receive(octets, self.time_s)
 
     def run(self, duration_s: float) -> None:
@@ -88,11 +88,15 @@ class Rig:
         self.points = self.brick.step(self.time_s, senses, PERIOD_S)
         for message in self._stream.feed(self.brick.transmit()):
             telemetry = message.code == SPELLING.telemetry.code
-            (self.telemetry if telemetry else self.replies).append(Said(self.time_s, message))
+            (self.telemetry if telemetry else self.replies).append(Reply(self.time_s, message))
 
-    def answers(self, asked: Message) -> list[Said]:
+    def answers(self, requested: Message) -> list[Reply]:
         """Return the replies to a command."""
-        return [said for said in self.replies if said.message.moe_inputs_id == asked.moe_inputs_id]
+        return [
+            reply
+            for reply in self.replies
+            if reply.message.moe_inputs_id == requested.moe_inputs_id
+        ]
 
     def measured(self) -> dict[str, str]:
         """Return the newest telemetry, by parameter."""

@@ -26,7 +26,7 @@ OTHERS = {
     "resume": st.just(()),
 }
 NAMES = (*sorted(MOTIONS | OTHERS), *sorted(MOTIONS) * 2, *["stop"] * 8)
-LONGEST_S = 15.0
+MAX_DURATION_S = 15.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Witness:
 
     def __init__(self, seed: int) -> None:
         self.rig = Rig(seed)
-        self.asked: list[Message] = []
+        self.requested: list[Message] = []
         self.ended: set[int] = set()
         self.octets: list[tuple[float, str]] = []
         self._seen = 0
@@ -68,28 +68,28 @@ class Witness:
 
     @property
     def open(self) -> set[int]:
-        return {number(message) for message in self.asked} - self.ended
+        return {number(message) for message in self.requested} - self.ended
 
     @property
     def stops(self) -> set[int]:
-        return {number(message) for message in self.asked if message.command == "STOP"}
+        return {number(message) for message in self.requested if message.command == "STOP"}
 
     def play(self, act: Act) -> None:
         self.run(act.wait)
-        message = command(act.name, len(self.asked) + 1, *act.inputs)
+        message = command(act.name, len(self.requested) + 1, *act.inputs)
         octets = act.garbage + encode(message)
-        self.rig.hear(octets[: act.cut])
+        self.rig.receive(octets[: act.cut])
         whole = act.cut >= len(octets)
         self.run(0 if whole else act.pause)
         before = self.open
-        self.asked.append(message)
-        self.rig.hear(octets[act.cut :])
+        self.requested.append(message)
+        self.rig.receive(octets[act.cut :])
         self.run(1)
         if act.name == "stop":
             assert not self.rig.turning
             assert self.open <= self.stops
             for stopped in before - self.stops:
-                assert not self.rig.answers(self.asked[stopped - 1])[-1].message.executed
+                assert not self.rig.answers(self.requested[stopped - 1])[-1].message.executed
         elif before:
             answers = self.rig.answers(message)
             assert len(answers) == 1
@@ -98,10 +98,10 @@ class Witness:
     def run(self, periods: int) -> None:
         for _ in range(periods):
             self.rig.step()
-            self._look()
+            self._poll()
 
     def finish(self) -> None:
-        for _ in range(round(LONGEST_S / PERIOD_S)):
+        for _ in range(round(MAX_DURATION_S / PERIOD_S)):
             if not self.open:
                 break
             self.run(1)
@@ -109,14 +109,14 @@ class Witness:
         assert self.open == set()
         assert not self.rig.turning
 
-    def _look(self) -> None:
-        for said in self.rig.replies[self._seen :]:
+    def _poll(self) -> None:
+        for received in self.rig.replies[self._seen :]:
             self._seen += 1
-            reply = said.message
-            self.octets.append((said.at_s, str(reply)))
+            reply = received.message
+            self.octets.append((received.at_s, str(reply)))
             assert number(reply) in self.open, "one end each, and nothing after it"
-            asked = self.asked[number(reply) - 1]
-            assert (reply.code, reply.command) == (asked.code, asked.command)
+            requested = self.requested[number(reply) - 1]
+            assert (reply.code, reply.command) == (requested.code, requested.command)
             if not is_end(reply):
                 assert self._begun is None, "one at a time"
                 self._begun = number(reply)

@@ -18,7 +18,8 @@ from std_msgs.msg import String, UInt64
 from adapters.mops.codec import Message, decode, fingerprint
 from adapters.mops.dictionary import CommandConditions, load_dictionary
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import Notification, Stage
+from adapters.mrs.spec import ReceivedReport
+from adapters.mrs.spec.types import Stage
 from adapters.ros import Topic, publish_heartbeat, ros_node, single_threaded
 from executive.commands.catalogue import (
     Command,
@@ -60,7 +61,7 @@ def rover_nxt(cable: Path, name: str = "nxt") -> Iterator[Running]:
     command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(cable))
     process = Running(log, *command, "--data", str(cable.parent / "nxt"))
     try:
-        process.said("brick connected")
+        process.output("brick connected")
         yield process
     finally:
         process.clean_up()
@@ -71,10 +72,10 @@ class RelayEnd:
 
     def __init__(self, node: Node) -> None:
         self._commands = node.create_publisher(String, "mops/relay/command", 100)
-        publish_heartbeat(node, Topic("mops/relay/command", QoSProfile(depth=1)))  # type: ignore[no-untyped-call]
-        self.heard: list[Message] = []
-        self._kept = node.create_publisher(UInt64, "mops/relay/kept", 100)
-        node.create_subscription(String, "mops/relay/notification", self._hear, 100)
+        publish_heartbeat(node, Topic("mops/relay/command", String, QoSProfile(depth=1)))  # type: ignore[no-untyped-call]
+        self.received: list[Message] = []
+        self._stored = node.create_publisher(UInt64, "mops/relay/notification_ack", 100)
+        node.create_subscription(String, "mops/relay/notification", self._receive, 100)
 
     def send(self, command: Command) -> None:
         conditions = CommandConditions(command.authority)
@@ -83,19 +84,19 @@ class RelayEnd:
 
     async def ended(self, command: Command) -> str:
         """Send a command until its end is heard, and return that."""
-        return await self.until_heard(command, "EXECUTED", "REJECTED")
+        return await self.until_received(command, "EXECUTED", "REJECTED")
 
-    async def until_heard(self, command: Command, *stages: str) -> str:
+    async def until_received(self, command: Command, *stages: str) -> str:
         """Send a command until one of these stages is its last one, and return that."""
         async with asyncio.timeout(LIMIT_S):
-            while not (heard := self.stages(command)) or heard[-1] not in stages:
+            while not (received := self.stages(command)) or received[-1] not in stages:
                 self.send(command)
                 await asyncio.sleep(0.2)
-        return heard[-1]
+        return received[-1]
 
     def stages(self, command: Command) -> list[str]:
         number = command.identity.command_id
-        return [m.outputs[0] for m in self.heard if m.moe_inputs_id == number]
+        return [m.outputs[0] for m in self.received if m.moe_inputs_id == number]
 
     async def until(self, done: Callable[[], bool]) -> None:
         async with asyncio.timeout(LIMIT_S):
@@ -107,11 +108,11 @@ class RelayEnd:
 
     @property
     def ready(self) -> bool:
-        return self._commands.get_subscription_count() > 0 and bool(self.heard)
+        return self._commands.get_subscription_count() > 0 and bool(self.received)
 
-    def _hear(self, text: String) -> None:
-        self.heard.append(decode(text.data.encode()))
-        self._kept.publish(UInt64(data=fingerprint(text.data)))
+    def _receive(self, text: String) -> None:
+        self.received.append(decode(text.data.encode()))
+        self._stored.publish(UInt64(data=fingerprint(text.data)))
 
 
 @contextmanager
@@ -141,18 +142,17 @@ async def ground(uri: str, relay: RelayEnd) -> AsyncIterator[MrsClient]:
                 if value.name == "POS_X" and value.value is not None:
                     break
         await relay.until(lambda: relay.ready)
-        await relay.until(lambda: any(m.command == "HOUSEKEEPING" for m in relay.heard))
+        await relay.until(lambda: any(m.command == "HOUSEKEEPING" for m in relay.received))
         yield client
 
 
 async def along(client: MrsClient) -> float:
-    values = {value.name: value.value for value in await client.get_value()}
-    x = values["POS_X"]
-    assert x is not None
-    return float(x.value)
+    (x,) = await client.get_value("POS_X")
+    assert isinstance(x.value, float)
+    return x.value
 
 
-async def under_way(client: MrsClient, start_m: float) -> None:
+async def active(client: MrsClient, start_m: float) -> None:
     """Wait until the rover has gone a little way."""
     async with asyncio.timeout(LIMIT_S):
         while abs(await along(client) - start_m) < 0.1:
@@ -178,9 +178,9 @@ def both(cable: Path, session: Callable[[MrsClient, RelayEnd], Awaitable[T]]) ->
 async def directly_first(client: MrsClient, relay: RelayEnd) -> None:
     start_m = await along(client)
     command, waiting = client.command(MoveForward(DISTANCE_M)), client.command(MoveForward(0.1))
-    told: list[Notification] = []
-    ends = [asyncio.create_task(client.run(each, told.append)) for each in (command, waiting)]
-    await relay.until(lambda: any(each.stage is Stage.STARTED for each in told))
+    reported: list[ReceivedReport] = []
+    ends = [asyncio.create_task(client.run(each, reported.append)) for each in (command, waiting)]
+    await relay.until(lambda: any(each.report.stage is Stage.STARTED for each in reported))
     relay.send(command)
     relay.send(waiting)
     await relay.until(lambda: all(end.done() for end in ends))
@@ -192,25 +192,25 @@ async def directly_first(client: MrsClient, relay: RelayEnd) -> None:
     assert await along(client) - start_m == pytest.approx(DISTANCE_M + 0.1, abs=0.03)
     async with asyncio.timeout(LIMIT_S):
         async for value in await client.telemetry():
-            if value.name == "NXT_COMMANDS" and value.value and value.value.value > 0.0:
+            if value.name == "NXT_COMMANDS" and value.value:
                 break
 
 
 async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
     start_m = await along(client)
-    move, look = client.command(MoveForward(-0.5)), client.command(SetCameraAngles(0.3, 0.1))
-    for command in (move, look):
+    move, poll = client.command(MoveForward(-0.5)), client.command(SetCameraAngles(0.3, 0.1))
+    for command in (move, poll):
         relay.send(command)
         if command is move:
             await relay.until(lambda: "STARTED" in relay.stages(move))
-            await under_way(client, start_m)
+            await active(client, start_m)
         else:
-            await relay.executed(look)
+            await relay.executed(poll)
         end = asyncio.create_task(client.run(command))
         await relay.until(end.done)
         assert end.result().executed
         if command is move:
-            assert "received over another link first" in (end.result().notifications[-1].text or "")
+            assert "received over another link first" in end.result().reports[-1].text
         await relay.executed(command)
     assert await along(client) - start_m == pytest.approx(-0.5, abs=0.03)
 
@@ -226,12 +226,12 @@ async def at_once_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
         RotateBy(-0.1),
     )
     commands = [client.command(request) for request in requests]
-    relay.heard.clear()
+    relay.received.clear()
     for command in commands:
         relay.send(command)
     await relay.executed(commands[-1])
     numbers = [command.identity.command_id for command in commands]
-    assert [m.moe_inputs_id for m in relay.heard if m.executed] == numbers
+    assert [m.moe_inputs_id for m in relay.received if m.executed] == numbers
     for command in commands[1:]:
         assert relay.stages(command)[0] == "RECEIVED"
     assert await along(client) - start_m == pytest.approx(0.1, abs=0.03)
@@ -239,12 +239,12 @@ async def at_once_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
 
 async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
     start_m = await along(client)
-    told: list[Notification] = []
+    reported: list[ReceivedReport] = []
     ends = [
-        asyncio.create_task(client.run(client.command(MoveForward(2.0)), told.append))
+        asyncio.create_task(client.run(client.command(MoveForward(2.0)), reported.append))
         for _ in range(2)
     ]
-    await relay.until(lambda: any(each.stage is Stage.STARTED for each in told))
+    await relay.until(lambda: any(each.report.stage is Stage.STARTED for each in reported))
     relay.send(client.command(Stop()))
     await relay.until(lambda: all(end.done() for end in ends))
     assert [end.result().stage for end in ends] == [Stage.CANCELLED, Stage.CANCELLED]
@@ -254,7 +254,7 @@ async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
     assert abs(await along(client) - start_m) < 1.0
 
 
-def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path) -> None:
+def test_a_command_by_both_links_is_executed_once_and_reported_on_both(cable: Path) -> None:
     async def session(client: MrsClient, relay: RelayEnd) -> None:
         await directly_first(client, relay)
         await by_the_relay_first(client, relay)
@@ -264,7 +264,9 @@ def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path)
     both(cable, session)
 
 
-def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cable: Path) -> None:
+def test_the_relay_receives_the_end_despite_failures_of_executive_and_rover_nxt(
+    cable: Path,
+) -> None:
     with (
         rover(cable),
         rover_nxt(cable) as nxt,
@@ -286,20 +288,20 @@ def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cab
         with rover_nxt(cable, "nxt again"):
             with executive(cable.parent, *MOCUP) as (_, uri):
 
-                async def go_on() -> Command:
+                async def proceed() -> Command:
                     await relay.until(lambda: relay.stages(command)[-1] == "FAILED")
                     # The stop of the new executive may come to the brick after that report; a
                     # motion that was executed came after the stop.
                     async with ground(uri, relay) as client, asyncio.timeout(LIMIT_S):
                         while not (await client.run(client.command(MoveForward(-0.1)))).executed:
                             pass
-                    goes_on = Command(Identity("MOE", 1 << 20), MoveForward(-0.8), "relay")
-                    await relay.until_heard(goes_on, "STARTED")
-                    return goes_on
+                    continued = Command(Identity("MOE", 1 << 20), MoveForward(-0.8), "relay")
+                    await relay.until_received(continued, "STARTED")
+                    return continued
 
-                goes_on = asyncio.run(go_on())
+                continued = asyncio.run(proceed())
             with executive(cable.parent, *MOCUP):
-                asyncio.run(relay.executed(goes_on))
+                asyncio.run(relay.executed(continued))
 
 
 def next_to(command: Command, steps: int) -> Command:
@@ -307,7 +309,7 @@ def next_to(command: Command, steps: int) -> Command:
     return replace(command, identity=Identity(command.identity.source, number))
 
 
-def test_the_relay_commands_by_the_authority_that_the_executive_told_last(cable: Path) -> None:
+def test_the_relay_commands_by_the_last_authority_from_the_executive(cable: Path) -> None:
     others = ("--host", "0.0.0.0", "--clear-text")
 
     async def session(uri: str, relay: RelayEnd) -> Command:

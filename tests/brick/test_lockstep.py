@@ -24,7 +24,7 @@ from sim.rover.faults import (
     BrickSilent,
     EncoderScale,
     HeadStuck,
-    LeftStuck,
+    LeftWheelsStuck,
     MotorDead,
     OdometryJump,
     OdometryLost,
@@ -49,12 +49,12 @@ class Mocup:
         self._numbers = 0
         self.lock.run(0.5)
 
-    def ask(self, request: Request) -> int:
+    def request(self, request: Request) -> int:
         self._numbers += 1
         self.lock.submit(Command(Identity("MOE", self._numbers), request, "direct"))
         return self._numbers
 
-    def life(self, number: int) -> list[Report]:
+    def lifecycle(self, number: int) -> list[Report]:
         return [
             report
             for report in self.lock.downlink_record.reports
@@ -62,13 +62,13 @@ class Mocup:
         ]
 
     def ended(self, number: int) -> bool:
-        life = self.life(number)
-        return bool(life) and life[-1].stage is not None and life[-1].stage.terminal
+        lifecycle = self.lifecycle(number)
+        return bool(lifecycle) and lifecycle[-1].stage is not None and lifecycle[-1].stage.terminal
 
     def do(self, request: Request) -> Report:
-        number = self.ask(request)
-        assert self.lock.run_until(lambda: self.ended(number), 90.0), self.life(number)
-        return self.life(number)[-1]
+        number = self.request(request)
+        assert self.lock.run_until(lambda: self.ended(number), 90.0), self.lifecycle(number)
+        return self.lifecycle(number)[-1]
 
 
 @pytest.fixture
@@ -76,16 +76,16 @@ def mocup(tmp_path: Path) -> Mocup:
     return Mocup(tmp_path)
 
 
-def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Mocup) -> None:
-    moving = mocup.ask(MoveForward(5.0))
+def test_a_stop_halts_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Mocup) -> None:
+    moving = mocup.request(MoveForward(5.0))
     mocup.lock.run(2.0)
     assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.2, abs=0.01)
-    stop = mocup.ask(Stop())
+    stop = mocup.request(Stop())
     mocup.lock.run(0.1)
     assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
     assert mocup.lock.run_until(lambda: mocup.ended(stop), 2.0)
-    assert mocup.life(stop)[-1].stage is Stage.EXECUTED
-    assert mocup.life(moving)[-1].stage is Stage.CANCELLED
+    assert mocup.lifecycle(stop)[-1].stage is Stage.EXECUTED
+    assert mocup.lifecycle(moving)[-1].stage is Stage.CANCELLED
     assert mocup.do(Resume()).stage is Stage.EXECUTED
     assert mocup.do(MoveForward(0.2)).stage is Stage.EXECUTED
 
@@ -93,69 +93,69 @@ def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Moc
 @pytest.mark.parametrize(
     ("fault", "request_", "reason", "within_s"),
     [
-        (LeftStuck(), MoveForward(3.0), Reason.OFF_COMMAND, 0.8),
+        (LeftWheelsStuck(), MoveForward(3.0), Reason.OFF_COMMAND, 0.8),
         (WheelsStuck(), RotateBy(6.0), Reason.OFF_COMMAND, 0.8),
         (EncoderScale(0.75), MoveForward(3.0), Reason.OFF_COMMAND, 2.5),
         (EncoderScale(1.3), RotateBy(6.0), Reason.OFF_COMMAND, 1.2),
         (OdometryZeroTwist(), MoveForward(3.0), Reason.OFF_COMMAND, 0.6),
-        (OdometryRepeated(), MoveForward(3.0), Reason.ODOMETRY_INCONSISTENT, 0.6),
+        (OdometryRepeated(), MoveForward(3.0), Reason.ODOMETRY_FROZEN, 1.0),
         (OdometryJump(0.15), MoveForward(3.0), Reason.ODOMETRY_JUMPED, 0.3),
         (BrickSilent(), MoveForward(3.0), Reason.ODOMETRY_STALE, 1.2),
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_a_fault_under_way_fails_the_command_with_figures(
+def test_a_fault_during_a_motion_fails_the_command_with_figures(
     mocup: Mocup, fault: SimulatedFault, request_: Request, reason: Reason, within_s: float
 ) -> None:
-    number = mocup.ask(request_)
+    number = mocup.request(request_)
     mocup.lock.run(2.0)
     mocup.rover.inject(fault)
     assert mocup.lock.run_until(lambda: mocup.ended(number), within_s)
-    ended = mocup.life(number)[-1]
+    ended = mocup.lifecycle(number)[-1]
     assert (ended.stage, ended.reason) == (Stage.FAILED, reason)
     assert any(figure.name == "bound" for figure in ended.figures)
     mocup.lock.run(1.0)
     assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
 
 
-def test_a_rover_that_does_not_say_when_it_begins_is_watched_later(
+def test_a_rover_that_does_not_report_its_start_is_watched_later(
     mocup: Mocup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.mocup.plugin.MotionStarted", lambda _: MotionStarted(-1))
     assert mocup.do(MoveForward(2.0)).stage is Stage.EXECUTED
-    number = mocup.ask(MoveForward(2.0))
+    number = mocup.request(MoveForward(2.0))
     mocup.lock.run(6.0)
     mocup.rover.inject(OdometryZeroTwist())
     assert mocup.lock.run_until(lambda: mocup.ended(number), 0.8)
-    assert mocup.life(number)[-1].reason is Reason.OFF_COMMAND
+    assert mocup.lifecycle(number)[-1].reason is Reason.OFF_COMMAND
 
 
 @pytest.mark.parametrize("request_", [MoveForward(-1.0), RotateBy(3.0), RotateBy(-6.0)])
-def test_that_the_brick_has_begun_may_be_heard_late(mocup: Mocup, request_: Request) -> None:
-    number, status = mocup.ask(request_), mocup.lock.executive.status
+def test_a_late_start_report_of_the_brick_is_accepted(mocup: Mocup, request_: Request) -> None:
+    number, status = mocup.request(request_), mocup.lock.executive.status
     assert mocup.lock.run_until(lambda: status.motion_started is not None, 2.0)
     status.motion_started_at_s += 1.0
     assert mocup.lock.run_until(lambda: mocup.ended(number), 30.0)
-    assert mocup.life(number)[-1].stage is Stage.EXECUTED, mocup.life(number)[-1]
+    assert mocup.lifecycle(number)[-1].stage is Stage.EXECUTED, mocup.lifecycle(number)[-1]
 
 
-def test_what_the_brick_gives_up_fails_the_command(mocup: Mocup) -> None:
+def test_a_command_aborted_by_the_brick_fails(mocup: Mocup) -> None:
     mocup.rover.inject(WheelsStuck())
     assert mocup.do(MoveForward(0.1)).reason is Reason.MOTION_NOT_EXECUTED
 
 
 @pytest.mark.parametrize("before_end_s", [0.2, 0.3, 0.4, 0.5])
 def test_what_ends_with_another_heading_fails(mocup: Mocup, before_end_s: float) -> None:
-    number = mocup.ask(MoveForward(0.3))
+    number = mocup.request(MoveForward(0.3))
     mocup.lock.run(2.2 - before_end_s)
     mocup.rover.inject(MotorDead(Side.LEFT))
     assert mocup.lock.run_until(lambda: mocup.ended(number), 10.0)
     off_rad = abs(mocup.rover.true_pose.heading_rad)
-    assert off_rad < 0.1 or mocup.life(number)[-1].stage is Stage.FAILED
+    assert off_rad < 0.1 or mocup.lifecycle(number)[-1].stage is Stage.FAILED
 
 
 @pytest.mark.parametrize("velocity", [Velocity(0.2), Velocity(-0.15, 0.1)])
-def test_a_velocity_that_is_held_leads_as_far_as_it_says(mocup: Mocup, velocity: Velocity) -> None:
+def test_a_held_velocity_covers_its_stated_distance(mocup: Mocup, velocity: Velocity) -> None:
     start = mocup.rover.brick.machine.odometry.pose
     ended = mocup.do(DriveFor(velocity.travel_mps, velocity.rotate_radps, 2.0))
     assert ended.stage is Stage.EXECUTED, ended
@@ -177,16 +177,16 @@ def test_a_head_that_is_stuck_fails_its_command(mocup: Mocup) -> None:
     assert mocup.do(SetCameraAngles(0.5, 0.2)).reason is Reason.PAN_TILT_DEADLINE
 
 
-def test_lost_telemetry_makes_it_stand(mocup: Mocup) -> None:
-    mocup.ask(MoveForward(5.0))
+def test_lost_telemetry_halts_the_rover(mocup: Mocup) -> None:
+    mocup.request(MoveForward(5.0))
     mocup.lock.run(2.0)
     mocup.rover.inject(OdometryLost())
     mocup.lock.run(1.5)
     assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
 
 
-def test_an_executive_that_comes_back_commands_the_brick_again(mocup: Mocup) -> None:
-    mocup.ask(MoveForward(5.0))
+def test_a_restarted_executive_commands_the_brick_again(mocup: Mocup) -> None:
+    mocup.request(MoveForward(5.0))
     mocup.lock.run(2.0)
     mocup.lock.kill()
     mocup.lock.start()

@@ -18,14 +18,14 @@ LINE: Script = (("moveForward", "1.0"),)
 BACK: Script = (("moveForward", "-1.0"),)
 TURN: Script = (("rotateBy", repr(pi / 2)),)
 SQUARE: Script = (*LINE, *TURN) * 4
-PLACE: Script = (("moveTo", "1.0", "1.0", "0.0", ""),)
+TARGET: Script = (("moveTo", "1.0", "1.0", "0.0", ""),)
 SETTINGS: Script = (("setTravelSpeed", "0.2"), ("setRotateSpeed", "1.0"))
 UNEVEN = World(ground=SoilShape(amplitude_m=0.1, seed=2))
 
 
 def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
     """Give the commands one after the other; return all that the brick said."""
-    said = b""
+    reply = b""
     for number, (name, *inputs) in enumerate((*SETTINGS, *script), 1):
         rover.receive(str(command(name, number, *inputs)).encode())
         answer = b""
@@ -33,8 +33,8 @@ def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
             assert rover.time_s < 120.0, answer
             rover.advance(0.02)
             answer += rover.brick.transmit()
-        said += answer
-    return said
+        reply += answer
+    return reply
 
 
 def errors(rover: SimulatedMocup) -> tuple[float, float]:
@@ -52,7 +52,7 @@ def errors(rover: SimulatedMocup) -> tuple[float, float]:
         (BACK, (0.0, 0.005), (0.0, 0.2)),
         (TURN, (0.0, 0.002), (0.8, 2.0)),
         (SQUARE, (0.04, 0.11), (3.6, 8.0)),
-        (PLACE, (0.01, 0.03), (0.0, 0.5)),
+        (TARGET, (0.01, 0.03), (0.0, 0.5)),
     ],
 )
 def test_odometry_errs_as_much_as_the_track_is_misjudged(
@@ -84,7 +84,7 @@ def test_a_run_repeats_bit_for_bit() -> None:
     assert run(lambda rover: rover.advance(0.02)) != run(lambda rover: rover.advance(0.04))
 
 
-def test_camera_and_battery_are_as_told() -> None:
+def test_camera_and_battery_are_as_reported() -> None:
     rover = SimulatedMocup(World())
     carry_out(rover, (("setCameraRotateSpeed", "1.0"), ("setCameraAngles", "1.0", "-0.5")))
     rover.advance(1.5)
@@ -98,7 +98,7 @@ def test_camera_and_battery_are_as_told() -> None:
     assert jpeg(rover)[:2] == b"\xff\xd8"
 
 
-def test_telemetry_that_fails_comes_back() -> None:
+def test_failed_telemetry_recovers() -> None:
     rover = SimulatedMocup(World())
     rover.inject(OdometryLost())
     rover.advance(1.0)

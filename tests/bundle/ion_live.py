@@ -35,9 +35,9 @@ def missing() -> str | None:
     absent = [program for program in PROGRAMS if shutil.which(program) is None]
     if absent:
         return f"NASA ION is not on the PATH: {', '.join(absent)}"
-    asked = [PYTHON, "-c", "import pyion"]
+    requested = [PYTHON, "-c", "import pyion"]
     environment = {**os.environ, "PYION_BP_VERSION": "BPv7"}
-    if subprocess.run(asked, env=environment, capture_output=True, check=False).returncode:
+    if subprocess.run(requested, env=environment, capture_output=True, check=False).returncode:
         return f"{PYTHON} cannot import pyion; ION_PYTHON names one that can"
     return None
 
@@ -50,15 +50,15 @@ class IonNode:
         port: where its LTP engine listens.
         others: the LTP ports of its neighbours.
         durable: whether its database is in a file, and outlives it.
-        most_octets: what is longer is fragmented; 0 for nothing.
+        max_octets: what is longer is fragmented; 0 for nothing.
     """
 
     def __init__(
         self, folder: Path, number: int, port: int, others: Mapping[int, int],
-        durable: bool = False, most_octets: int = 0,
+        durable: bool = False, max_octets: int = 0,
     ) -> None:  # fmt: skip
         self.number, self._port, self._others = number, port, others
-        self._most_octets = most_octets
+        self._max_octets = max_octets
         self.list, self.home = folder, folder / str(number)
         self._key, self._flags = next(_keys), 7 if durable else 1
 
@@ -111,20 +111,20 @@ class IonNode:
 
     async def run(self, program: str, *arguments: str, limit_s: float, typed: str = "") -> None:
         """Run a program of ION's to its end; one that does not end is left alone, and said so."""
-        heard = self.home / f"{program}.typed"
-        heard.write_text(typed, encoding="ascii")
+        script = self.home / f"{program}.typed"
+        script.write_text(typed, encoding="ascii")
         # Daemons that it starts keep what it says into open: a pipe would never end.
-        with (self.home / f"{program}.said").open("w+b") as said, heard.open("rb") as typing:
+        with (self.home / f"{program}.said").open("w+b") as printout, script.open("rb") as typing:
             process = subprocess.Popen(
                 [program, *arguments], cwd=self.home, env=self.environment,
-                stdin=typing, stdout=said, stderr=subprocess.STDOUT,
+                stdin=typing, stdout=printout, stderr=subprocess.STDOUT,
             )  # fmt: skip
             try:
                 await asyncio.to_thread(process.wait, limit_s)
             except subprocess.TimeoutExpired as error:
                 raise AssertionError(f"{program} hangs and is left: {process.pid}") from error
-            said.seek(0)
-            assert process.returncode == 0, f"{program} {arguments}: {said.read().decode()}"
+            printout.seek(0)
+            assert process.returncode == 0, f"{program} {arguments}: {printout.read().decode()}"
 
     @asynccontextmanager
     async def sink(self, service: int) -> AsyncIterator[Path]:
@@ -186,7 +186,7 @@ class IonNode:
                 *(f"a endpoint ipn:{own}.{service} q" for service in (1, 2)),
                 "a protocol ltp",
                 f"a induct ltp {own} ltpcli",
-                *(f"a outduct ltp {other} ltpclo {self._most_octets}" for other in self._others),
+                *(f"a outduct ltp {other} ltpclo {self._max_octets}" for other in self._others),
                 "r 'ipnadmin node.ipnrc'",
                 "s",
             ],
@@ -206,10 +206,10 @@ def _works_in(process: Path, folder: Path) -> bool:
 
 @asynccontextmanager
 async def ion_node(
-    folder: Path, number: int, port: int, others: Mapping[int, int], most_octets: int = 0
+    folder: Path, number: int, port: int, others: Mapping[int, int], max_octets: int = 0
 ) -> AsyncIterator[IonNode]:
     """Have a node of ION for the time of a with."""
-    node = IonNode(folder, number, port, others, most_octets=most_octets)
+    node = IonNode(folder, number, port, others, max_octets=max_octets)
     node.write()
     try:
         await node.start()

@@ -8,7 +8,7 @@ import os
 import sys
 from collections import deque
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, closing, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -69,6 +69,7 @@ class IonNodes:
     closed: list[str] = field(default_factory=list)
     count: int = 0
     changed: asyncio.Condition = field(default_factory=asyncio.Condition)
+    serving: set[asyncio.Task[None]] = field(default_factory=set)
 
     def bring(self, source: str, to: str, payload: bytes) -> None:
         """Have a bundle arrive."""
@@ -91,11 +92,11 @@ class IonNodes:
         """Remove it; a process that is attached stays so."""
         _LIBC.shmctl(self.memory.pop(node), _REMOVE, None)
 
-    async def restart(self, node: int, anew: bool) -> None:
+    async def restart(self, node: int, fresh: bool) -> None:
         """End a node and start it: who is attached hears nothing; what waits stays or not."""
         async with self.changed:
             self.remove_memory(node)
-            if anew:
+            if fresh:
                 for eid in [eid for eid in self.waiting if _node(eid) == node]:
                     del self.waiting[eid]
             self.make_memory(node)
@@ -108,22 +109,30 @@ class IonNodes:
                 setattr(self.faults[node], name, value)
             self.changed.notify_all()
 
-    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Take a connection."""
+        self.serving.add(asyncio.create_task(self._serve(reader, writer)))
+
+    async def end(self) -> None:
+        """Hang up on who still waits for an answer."""
+        for each in self.serving:
+            each.cancel()
+        await asyncio.gather(*self.serving, return_exceptions=True)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one question, unless who asked has died."""
-        question = json.loads(await reader.readline())
-        self.folders.add(question["folder"])
-        gone = asyncio.ensure_future(reader.read())
-        answering = asyncio.ensure_future(self._answer(question))
-        await asyncio.wait((gone, answering), return_when=asyncio.FIRST_COMPLETED)
-        with suppress(OSError, asyncio.CancelledError):
+        with closing(writer):
+            question = json.loads(await reader.readline())
+            self.folders.add(question["folder"])
+            closed = asyncio.ensure_future(reader.read())
+            answering = asyncio.ensure_future(self._answer(question))
+            await asyncio.wait((closed, answering), return_when=asyncio.FIRST_COMPLETED)
             if answering.done():
                 writer.write(json.dumps(answering.result()).encode() + b"\n")
+            answering.cancel()
+            closed.cancel()
+            with suppress(OSError):
                 await writer.drain()
-            else:
-                answering.cancel()
-                await answering
-        gone.cancel()
-        writer.close()
 
     async def _answer(self, question: Answer) -> Answer:
         faults = self.faults[question["node"]]
@@ -155,7 +164,10 @@ class IonNodes:
             return {"error": "undefined"}
         memory = self.memory[int(node)]
         first = not any(
-            other.eid == eid and other.pid != pid and other.memory == memory and _lives(other.pid)
+            other.eid == eid
+            and other.pid != pid
+            and other.memory == memory
+            and _is_running(other.pid)
             for other in self.handles.values()
         )
         self.count += 1
@@ -202,7 +214,7 @@ def _node(eid: str) -> int:
     return int(eid.removeprefix("ipn:").split(".")[0])
 
 
-def _lives(pid: int) -> bool:
+def _is_running(pid: int) -> bool:
     with suppress(OSError):
         os.kill(pid, 0)
         return True
@@ -224,6 +236,7 @@ async def ion_nodes(folder: Path, *numbers: int) -> AsyncIterator[IonNodes]:
         yield nodes
     finally:
         server.close()
+        await nodes.end()
         for number in list(nodes.memory):
             nodes.remove_memory(number)
         for name, value in before.items():
@@ -242,7 +255,7 @@ def bpadmin(folder: Path, node: int) -> None:
         f"sys.path.insert(0, {str(PYION_MODEL / 'pyion')!r})\n"
         "import model\n"
         "sys.stdin.read()\n"
-        f"answer = model.ask(op='ask', node={node})\n"
+        f"answer = model.request(op='ask', node={node})\n"
         "print(': ION database not found.' if 'error' in answer else"
         f" ': ipn:{node}.1  -1\\trule: q')\n"
     )

@@ -90,7 +90,7 @@ class TestedNode:
         taken = []
         while fetched := self.node.fetch():
             taken.append(fetched.payload)
-            self.node.delivered(fetched)
+            self.node.mark_delivered(fetched)
         self.commit()
         return taken
 
@@ -119,8 +119,8 @@ def carry(
     while sent := outgoing(expedited=True) or outgoing():
         for octets in change([each.octets for each in sent]):
             carried += len(octets)
-            receiver.node.receiving.arrived(str(sender.settings.node), octets)
+            receiver.node.receiving.receive(str(sender.settings.node), octets)
         assert receiver.commit() is None
-        sender.node.sending.handed_on(sent)
+        sender.node.sending.mark_forwarded(sent)
         sender.commit()
     return carried

@@ -41,7 +41,9 @@ from tests.support.ports import free_udp_ports
 
 
 @pytest.mark.parametrize("acknowledge", [True, False])
-async def test_tcpcl_brings_both_ways_whoever_dials(tmp_path: Path, acknowledge: bool) -> None:
+async def test_tcpcl_transfers_in_both_directions_for_either_dialler(
+    tmp_path: Path, acknowledge: bool
+) -> None:
     waits = TcpclLink(None, acknowledge=acknowledge)
     async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
         address = port_of(two.agent.listens.tcpcl)
@@ -149,7 +151,7 @@ async def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
             (to_two,) = one.agent.health().neighbours
             assert to_two.traffic.retransmitted > 0
             assert to_two.traffic.round_trip_s is not None
-        server.close()
+        await cutter.close(server)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +168,7 @@ async def test_tcpcl_hangs_up_on_strangers(tmp_path: Path, octets: bytes) -> Non
         writer.close()
 
 
-async def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothing(
+async def test_ends_that_do_not_agree_on_acknowledgements_report_it_and_lose_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     waits = TcpclLink(None, acknowledge=False)
@@ -179,7 +181,7 @@ async def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothin
             assert one.notices == []
 
 
-async def test_who_is_not_there_is_told_of_once_and_dialled_until_there(
+async def test_an_absent_peer_is_reported_once_and_dialled_until_present(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with socket.socket() as held:  # bound, and nobody listens
@@ -242,11 +244,11 @@ async def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Pa
         await asyncio.sleep(0)
 
 
-async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_told_of_once(
+async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_reported_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     ports = [Address("127.0.0.1", port) for port in free_udp_ports(2)]
-    told = "segments of LTP engine 9 dropped: it is no neighbour"
+    reported = "segments of LTP engine 9 dropped: it is no neighbour"
     as_router = LtpLink(ports[1], answer_s=0.1)
     async with running(tmp_path, 9, 2, as_router, Listen(ltp=ports[0])) as router:
         for via in (None, "ipn:9.0"):
@@ -254,10 +256,10 @@ async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_told_of
             async with running(tmp_path, 2, 1, to_one, Listen(ltp=ports[1])) as two:
                 if via is None:
                     await router.agent.send(TWO, b"x")
-                    await two.until(lambda: told in caplog.text)
+                    await two.until(lambda: reported in caplog.text)
                     await router.agent.send(TWO, b"y")
                     await asyncio.sleep(0.3)
-                    assert caplog.text.count(told) == 1
+                    assert caplog.text.count(reported) == 1
                 else:
                     assert sorted(await two.take(2)) == [b"x", b"y"]
                     assert two.agent.health().neighbours[0].last_received_s is not None
@@ -330,26 +332,26 @@ async def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Pat
         async with running(tmp_path, number, 1, back, listen) as other:
             await other.agent.send(ONE, b"x")
             assert (await one.take_one()).source == Ipn(number, 1)
-        heard = [each.last_received_s is not None for each in one.agent.health().neighbours]
-        assert heard == [True, number == 3]
+        received = [each.last_received_s is not None for each in one.agent.health().neighbours]
+        assert received == [True, number == 3]
     await one.agent.close()
 
 
 @pytest.mark.parametrize("link", [LtpLink, UdpLink])
-async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
+async def test_an_unknown_name_is_reported_once_and_resolved_beside_the_loop(
     tmp_path: Path,
     link: type[LtpLink] | type[UdpLink],
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    known, asked = False, 0
+    known, requested = False, 0
     look_up = socket.getaddrinfo
 
     def names(host: str, *others: object, **more: object) -> object:
-        nonlocal asked
+        nonlocal requested
         if host == "orbiter.example" and others[-1] != socket.AI_NUMERICHOST:
             assert threading.current_thread() is not threading.main_thread()
-            asked += 1
+            requested += 1
             if not known:
                 raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
             host = "127.0.0.1"
@@ -362,11 +364,11 @@ async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the
     key = "ltp" if link is LtpLink else "udp"
     async with running(tmp_path, 1, 2, to_two, Listen(**{key: ANY})) as one:
         await one.agent.send(TWO, b"x")
-        await one.until(lambda: asked > 1)
+        await one.until(lambda: requested > 1)
         assert not one.agent.health().neighbours[0].contact
         assert one.agent.health().queued == 1
-        told = "ipn:2.0 at orbiter.example"
-        assert [told in record.message for record in caplog.records].count(True) == 1
+        reported = "ipn:2.0 at orbiter.example"
+        assert [reported in record.message for record in caplog.records].count(True) == 1
         to_one = link(getattr(one.agent.listens, key))
         two_listens = Listen(**{key: Address("127.0.0.1", port)})
         async with running(tmp_path, 2, 1, to_one, two_listens) as two:
@@ -382,14 +384,14 @@ async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the
 async def test_a_burst_of_datagrams_finds_a_large_buffer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, link: LtpLink | UdpLink, listen: Listen
 ) -> None:
-    asked: dict[int, int] = {}
+    requested: dict[int, int] = {}
     set_option = socket.socket.setsockopt
 
     def note(here: socket.socket, level: int, option: int, value: int) -> None:
         if here.type is socket.SOCK_DGRAM and level == socket.SOL_SOCKET:
-            asked[option] = value
+            requested[option] = value
         set_option(here, level, option, value)
 
     monkeypatch.setattr(socket.socket, "setsockopt", note)
     async with running(tmp_path, 1, 2, link, listen):
-        assert asked[socket.SO_RCVBUF] >= 4 << 20
+        assert requested[socket.SO_RCVBUF] >= 4 << 20

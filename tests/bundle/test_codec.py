@@ -151,7 +151,7 @@ def test_a_bundle_that_the_standard_forbids_is_refused(parts: tuple[Primary, Blo
 
 
 @pytest.mark.parametrize("parts", ALLOWED.values(), ids=ALLOWED)
-def test_a_bundle_that_looks_like_one_of_these_is_taken(parts: tuple[Primary, Block]) -> None:
+def test_a_bundle_resembling_one_of_these_is_accepted(parts: tuple[Primary, Block]) -> None:
     primary, *blocks = parts
     bundle = Bundle(primary, tuple(blocks))
     assert decode_bundle(encode_bundle(bundle)) == bundle
@@ -173,7 +173,7 @@ def test_what_broke_other_agents_is_refused(octets: str) -> None:
     ],
     ids=["creation time 0 with age", "block type 8 (but no CRC)"],
 )
-def test_what_others_refused_wrongly(octets: str) -> None:
+def test_bundles_wrongly_refused_by_others(octets: str) -> None:
     encoded = bytes.fromhex(octets)
     if encoded[1] == 0x89:
         assert encode_bundle(decode_bundle(encoded)) == encoded
@@ -201,7 +201,7 @@ def test_check_sums_have_their_published_values(crc: object, known: str) -> None
 
 
 @given(bundles())
-def test_a_bundle_comes_back(bundle: Bundle) -> None:
+def test_a_bundle_survives_the_round_trip(bundle: Bundle) -> None:
     assert decode_bundle(encode_bundle(bundle)) == bundle
 
 
@@ -243,7 +243,7 @@ def test_garbage_is_refused(garbage: bytes, at: int, bundle: Bundle) -> None:
 
 
 @given(EIDS)
-def test_an_endpoint_comes_back_from_octets_and_from_text(eid: Eid) -> None:
+def test_an_endpoint_survives_octets_and_text(eid: Eid) -> None:
     assert decode_eid(encode_eid(eid)) == eid
     assert parse_eid(str(eid)) == eid
 
@@ -254,7 +254,7 @@ def test_other_text_is_no_endpoint(text: str) -> None:
         parse_eid(text)
 
 
-def test_nodes_and_nobody() -> None:
+def test_nodes_and_null_endpoint() -> None:
     assert node_of(Ipn(5, 1)) == Ipn(5, 0)
     assert node_of(Dtn("//rover/mops")) == Dtn("//rover/")
     assert is_null(Ipn(0, 0))
@@ -266,7 +266,7 @@ def test_nodes_and_nobody() -> None:
 
 
 @given(REPORTS)
-def test_a_status_report_comes_back(report: StatusReport) -> None:
+def test_a_status_report_survives_the_round_trip(report: StatusReport) -> None:
     assert decode_report(encode_report(report)) == report
 
 
@@ -275,7 +275,7 @@ def test_an_unknown_administrative_record_is_none_of_ours() -> None:
 
 
 @given(st.integers(0, 2**64 - 1))
-def test_a_number_comes_back_and_is_not_read_before_its_end(value: int) -> None:
+def test_a_number_survives_the_round_trip_and_is_not_read_before_its_end(value: int) -> None:
     encoded = encode_sdnv(value)
     reader = SdnvReader(encoded + b"x")
     assert (reader.number(), reader.remaining) == (value, 1)
@@ -290,7 +290,7 @@ def test_a_number_of_more_than_64_bits_is_refused(octets: bytes) -> None:
 
 
 @given(SEGMENTS)
-def test_a_segment_comes_back(segment: Segment) -> None:
+def test_a_segment_survives_the_round_trip(segment: Segment) -> None:
     assert decode_segment(encode_segment(segment)) == segment
 
 
@@ -301,20 +301,20 @@ def test_extensions_of_a_segment_are_skipped() -> None:
 
 
 @given(CONTACT_HEADERS, st.lists(MESSAGES), st.integers(1, 7))
-def test_messages_come_back_however_the_stream_is_cut(
+def test_messages_survive_any_fragmentation_of_the_stream(
     header: ContactHeader, messages: list[Message], size: int
 ) -> None:
-    said = [header, *messages]
-    stream = b"".join(map(encode_message, said))
+    text = [header, *messages]
+    stream = b"".join(map(encode_message, text))
     reader = MessageReader(1000)
-    heard = [
+    received = [
         message
         for at in range(0, len(stream), size)
         for message in reader.feed(stream[at : at + size])
     ]
-    assert heard == said
+    assert received == text
 
 
-def test_a_segment_that_is_too_long_is_refused_before_it_has_come() -> None:
+def test_a_segment_that_is_too_long_is_refused_before_it_has_arrived() -> None:
     with pytest.raises(DecodeError, match="101 octets exceeds 100 octets"):
         MessageReader(100).feed(HEADER + b"\x13" + encode_sdnv(101))

@@ -42,7 +42,7 @@ def plan() -> ContactPlan:
     return parse_plan(IONRC, 1000.0)
 
 
-def test_a_plan_says_when_there_is_contact(plan: ContactPlan) -> None:
+def test_a_plan_lists_the_times_of_contact(plan: ContactPlan) -> None:
     contact = plan.contact(1, 2, 1000.0)
     assert contact
     assert (contact.end_utc_s, contact.rate_octets_s) == (1600.0, 125_000)
@@ -54,13 +54,13 @@ def test_a_plan_says_when_there_is_contact(plan: ContactPlan) -> None:
     assert plan.contact(1, 2, NOON_UTC_S + 3660.0)
 
 
-def test_a_plan_says_when_the_next_contact_is(plan: ContactPlan) -> None:
+def test_a_plan_gives_the_next_contact(plan: ContactPlan) -> None:
     assert plan.next_contact_utc_s(1, 2, 0.0) == 1000.0
     assert plan.next_contact_utc_s(1, 2, 1000.0) == NOON_UTC_S
     assert plan.next_contact_utc_s(2, 1, 1000.0) == inf
 
 
-def test_a_range_holds_both_ways(plan: ContactPlan) -> None:
+def test_a_range_holds_in_both_directions(plan: ContactPlan) -> None:
     assert plan.light_time_s(1, 2, 1000.0) == plan.light_time_s(2, 1, 1000.0) == 3.0
     assert plan.light_time_s(1, 2, 5000.0) == 0.0
 
@@ -81,7 +81,7 @@ def test_a_range_holds_both_ways(plan: ContactPlan) -> None:
         ("a plan 2 udp", "neither `a contact"),
     ],
 )
-def test_what_is_wrong_with_a_line_is_said(tmp_path: Path, line: str, fault: str) -> None:
+def test_an_invalid_line_is_reported_with_its_error(tmp_path: Path, line: str, fault: str) -> None:
     path = tmp_path / "plan.ionrc"
     path.write_text("# plan\n" + line + "\n")
     with pytest.raises(ContactPlanError, match=f"line 2: {fault}") as error:
@@ -98,7 +98,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("neighbour", [Ipn(2, 0), Dtn("//orbiter/")])
-def test_what_the_operator_says_goes_before_the_plan(neighbour: Eid) -> None:
+def test_the_operators_override_precedes_the_plan(neighbour: Eid) -> None:
     gate = ContactGate(Ipn(1, 0), neighbour, ContactPlan(), lambda: 0.0)
     assert gate.state().contact == isinstance(neighbour, Dtn)
     gate.override = ContactOverride.UP
@@ -114,7 +114,7 @@ def test_nothing_is_sent_between_contacts_and_all_of_it_in_them(tmp_path: Path) 
         for one, other in ((1, 2), (2, 1))
     )
     plan = parse_plan("\n".join([*lines, "a range +0 +1000 1 2 2"]), START_UTC_S)
-    weather = Weather(0.1, least_delay_s=2.0, most_delay_s=2.0)
+    weather = Weather(0.1, least_delay_s=2.0, max_delay_s=2.0)
     world = World(tmp_path, 11, weather, LtpLink(Address("nowhere", 0)), plan=plan)
     to_two = feed(world, world.one, 200, until_s=5.0)
     late = [b"late %d" % number for number in range(50)]
@@ -216,16 +216,16 @@ def test_a_plan_that_makes_no_sense_is_not_the_first(deployed: Deployed) -> None
 
 
 @pytest.mark.parametrize("broken", [b"", b"yesterday\n" + PLAN.encode(), b"\xff\n" + PLAN.encode()])
-def test_what_cannot_be_read_begins_anew(deployed: Deployed, broken: bytes) -> None:
+def test_an_unreadable_override_starts_empty(deployed: Deployed, broken: bytes) -> None:
     deployed.write(PLAN)
     deployed.start(START_S)
-    (kept,) = deployed.data.iterdir()
-    kept.write_bytes(broken)
+    (stored,) = deployed.data.iterdir()
+    stored.write_bytes(broken)
     assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]
     assert deployed.start(START_S + 20) == [(START_S + 70, START_S + 130)]
 
 
-def test_a_full_disk_is_told_with_the_folder(deployed: Deployed) -> None:
+def test_a_full_disk_is_reported_with_the_folder(deployed: Deployed) -> None:
     deployed.write(PLAN)
     (deployed.data / "orbiter.begun.new").symlink_to("/dev/full")
     with pytest.raises(BundleError, match=rf"{deployed.data} cannot be written: No space left"):
@@ -248,13 +248,13 @@ def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
     ],
     ids=["both ways", "empty", "only up", "only down", "other nodes", "past"],
 )
-def test_a_way_that_a_plan_never_opens_is_warned_of(
+def test_a_path_that_a_plan_never_opens_causes_a_warning(
     deployed: Deployed, caplog: pytest.LogCaptureFixture, plan: str, closed: list[tuple[int, int]]
 ) -> None:
     deployed.write(plan)
     deployed.start(START_S)
-    told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
-    assert len(told) == len(closed)
-    for text, (sender, receiver) in zip(told, closed, strict=True):
+    reported = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert len(reported) == len(closed)
+    for text, (sender, receiver) in zip(reported, closed, strict=True):
         assert "contacts.ionrc: " in text
         assert f"no further contact is planned from node {sender} to node {receiver};" in text

@@ -25,7 +25,7 @@ def test_it_overtakes_in_the_outbox_on_the_link_and_in_the_inbox(pair: Pair) -> 
     one.put(Ipn(2, 1), STOP, expedited=True)
     (stop,) = one.node.sending.outgoing("ipn:2.0", 1000, 10_000, expedited=True)
     for outgoing in (*first, stop):
-        two.node.receiving.arrived("ipn:1.0", outgoing.octets)
+        two.node.receiving.receive("ipn:1.0", outgoing.octets)
     two.commit()
     assert two.node.fetch(only_expedited=True) is not None
     assert two.node.fetch(only_expedited=True) is None
@@ -33,7 +33,7 @@ def test_it_overtakes_in_the_outbox_on_the_link_and_in_the_inbox(pair: Pair) -> 
     assert two.take()[:2] == [STOP, b"000000"]
 
 
-def test_the_block_that_says_so_is_that_of_ion_and_every_fragment_has_it(pair: Pair) -> None:
+def test_the_expedited_block_is_that_of_ion_and_every_fragment_has_it(pair: Pair) -> None:
     one, _ = pair
     one.put(Ipn(2, 1), bytes(4000), expedited=True)
     sent = one.node.sending.outgoing("ipn:2.0", 10_000, 1400, expedited=True)
@@ -62,8 +62,8 @@ def test_it_is_forwarded_first_and_sent_again_after_a_restart(tmp_path: Path, cl
     assert again.stored.confirm
 
 
-def test_room_is_kept_for_it_in_every_store(tmp_path: Path, clock: Clock) -> None:
-    limits = StoreLimits(most_octets=100_000)
+def test_space_is_reserved_for_it_in_every_store(tmp_path: Path, clock: Clock) -> None:
+    limits = StoreLimits(max_octets=100_000)
     one = TestedNode(tmp_path, settings_of(1, 2), clock, limits)
     two = TestedNode(tmp_path, settings_of(2, 1), clock, limits)
     one.put(Ipn(2, 1), STOP, expedited=True)
@@ -75,12 +75,12 @@ def test_room_is_kept_for_it_in_every_store(tmp_path: Path, clock: Clock) -> Non
             node.put(destination, b"x")
         for _ in range(100):
             node.put(destination, STOP, expedited=True)
-    two.node.receiving.arrived("ipn:1.0", stop.octets)
+    two.node.receiving.receive("ipn:1.0", stop.octets)
     two.commit()
     assert two.take() == [STOP]
 
 
-def test_what_is_kept_for_it_ends_too(tmp_path: Path, clock: Clock) -> None:
+def test_its_reservation_is_bounded_too(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock, StoreLimits(100_000, 0, 200_000))
     with suppress(StoreFull):
         for _ in range(1000):
@@ -91,7 +91,7 @@ def test_what_is_kept_for_it_ends_too(tmp_path: Path, clock: Clock) -> None:
 
 
 def test_it_overtakes_thousands_on_a_slow_ltp_link_that_loses(tmp_path: Path) -> None:
-    world = World(tmp_path, 3, Weather(0.1, least_delay_s=0.2, most_delay_s=0.4))
+    world = World(tmp_path, 3, Weather(0.1, least_delay_s=0.2, max_delay_s=0.4))
     for number in range(3000):
         world.one.node.put(Ipn(2, 1), b"%05d" % number + bytes(200))
     world.run(1.0)

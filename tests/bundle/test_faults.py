@@ -34,7 +34,7 @@ def check_complete(world: World, to_one: list[bytes], to_two: list[bytes]) -> No
     assert sorted(world.two.application.had.values()) == sorted(to_two)
 
 
-def test_many_fragments_of_a_long_unit_find_their_way(tmp_path: Path) -> None:
+def test_many_fragments_of_a_long_unit_arrive(tmp_path: Path) -> None:
     world = World(tmp_path, 6, Weather(0.1, 0.1, 0.0, 0.01, 0.2))
     payload = world.chance.randbytes(1_000_000)
     world.one.put(payload)
@@ -42,7 +42,7 @@ def test_many_fragments_of_a_long_unit_find_their_way(tmp_path: Path) -> None:
     assert list(world.two.application.had.values()) == [payload]
 
 
-def test_a_disk_that_fills_in_mid_commit_is_told_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_a_disk_that_fills_in_mid_commit_is_reported_and_nothing_is_lost(tmp_path: Path) -> None:
     world = World(tmp_path, 8, Weather(0.05), BLOCKS)
     world.two.database.read("PRAGMA max_page_count = 60")
     to_two = feed(world, world.one, 300, until_s=1.0, octets=1000)
@@ -80,7 +80,7 @@ LASTS_S = 1800.0
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
-def test_many_messages_arrive_once_whatever_happens(
+def test_many_messages_arrive_once_despite_all_faults(
     tmp_path: Path, loss: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.CRITICAL)

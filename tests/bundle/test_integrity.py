@@ -48,12 +48,12 @@ TARGETS = st.sampled_from([(0,), (1,), (0, 1)])
 
 
 @given(KEYS, TARGETS)
-def test_what_is_signed_is_verified_on_the_wire(key: Key, targets: tuple[int, ...]) -> None:
+def test_a_signed_bundle_is_verified_on_the_wire(key: Key, targets: tuple[int, ...]) -> None:
     octets = encode_bundle(sign(PLAIN, key, Ipn(1, 0), targets))
     checks = verify(octets, decode_bundle(octets), key)
-    assert [(check.target, check.fault) for check in checks] == [(n, "") for n in targets]
+    assert [(check.target, check.error) for check in checks] == [(n, "") for n in targets]
     other = replace(key, octets=SECRET[::-1])
-    assert all(check.fault for check in verify(octets, decode_bundle(octets), other))
+    assert all(check.error for check in verify(octets, decode_bundle(octets), other))
 
 
 @given(KEYS, TARGETS, st.data())
@@ -63,18 +63,18 @@ def test_no_changed_octet_passes(key: Key, targets: tuple[int, ...], data: st.Da
     with suppress(DecodeError):
         bundle = decode_bundle(bytes(octets))
         checks = verify(bytes(octets), bundle, key)
-        sound = {check.target for check in checks if not check.fault}
+        sound = {check.target for check in checks if not check.error}
         assert 1 not in sound or (bundle.payload, bundle.primary.source) == (b"drive", Ipn(1, 1))
         assert 0 not in sound or replace(bundle.primary, crc=Crc.NONE) == replace(
             PRIMARY, crc=Crc.NONE
         )
 
 
-def test_the_two_forms_are_not_taken_for_each_other() -> None:
+def test_the_two_variants_are_not_confused() -> None:
     for one, other in (IntegrityVariant, reversed(IntegrityVariant)):
         octets = encode_bundle(sign(PLAIN, Key(SECRET, one), Ipn(1, 0), (1,)))
         (check,) = verify(octets, decode_bundle(octets), Key(SECRET, other))
-        assert check.fault == "HMAC does not match"
+        assert check.error == "HMAC does not match"
 
 
 def asb(
@@ -103,7 +103,7 @@ def asb(
 def check(*contents: bytes, key: Key = Key(SECRET, IntegrityVariant.ION)) -> str:  # noqa: B008 - frozen
     bibs = [Block(BlockType.INTEGRITY, 2 + n, data) for n, data in enumerate(contents)]
     octets = encode_bundle(replace(PLAIN, blocks=(*bibs, *PLAIN.blocks)))
-    return verify(octets, decode_bundle(octets), key)[0].fault
+    return verify(octets, decode_bundle(octets), key)[0].error
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def check(*contents: bytes, key: Key = Key(SECRET, IntegrityVariant.ION)) -> str
         (asb(), "HMAC does not match"),
     ],
 )
-def test_what_is_not_rightly_signed_is_named(content: bytes, fault: str) -> None:
+def test_an_invalid_signature_is_named(content: bytes, fault: str) -> None:
     assert fault in check(content)
 
 
@@ -156,7 +156,7 @@ def test_a_session_key_is_unwrapped_with_the_key() -> None:
         replace(signed, blocks=(replace(signed.blocks[0], data=data), *signed.blocks[1:]))
     )
     (found,) = verify(octets, decode_bundle(octets), Key(SECRET, IntegrityVariant.ION))
-    assert not found.fault
+    assert not found.error
 
 
 def security(node: int, *, key: bytes = SECRET, **policy: object) -> Security:
@@ -176,7 +176,7 @@ def signed_pair(tmp_path: Path, clock: Clock) -> tuple[TestedNode, TestedNode]:
     )
 
 
-def test_signed_bundles_their_fragments_and_their_reports_go_both_ways(
+def test_signed_bundles_their_fragments_and_their_reports_pass_in_both_directions(
     signed_pair: tuple[TestedNode, TestedNode],
 ) -> None:
     one, two = signed_pair
@@ -200,7 +200,7 @@ def test_signed_bundles_their_fragments_and_their_reports_go_both_ways(
     assert one.node.refusals.count == two.node.refusals.count == 0
 
 
-def test_what_is_signed_elsewhere_is_forwarded_as_it_is_and_not_cut(
+def test_a_foreign_signed_bundle_is_forwarded_unchanged_and_not_cut(
     tmp_path: Path, clock: Clock
 ) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock, security=security(1))
@@ -228,7 +228,7 @@ def test_a_payload_that_leaves_the_primary_block_out_is_refused_unless_allowed(
         folder.mkdir()
         guard = security(2, covers_primary=covers)
         two = TestedNode(folder, settings_of(2, 1), clock, security=guard)
-        two.node.receiving.arrived("ipn:1.0", encode_bundle(bundle))
+        two.node.receiving.receive("ipn:1.0", encode_bundle(bundle))
         two.commit()
         assert two.take() == ([] if covers else [b"drive"])
 
@@ -244,8 +244,10 @@ def test_refusals_are_counted_and_logged_now_and_then(
         carry(one, two)
         clock.utc_ms += 10_000
     assert (two.node.refusals.count, two.take()) == (100, [])
-    told = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
-    assert [text.split(": ", 1)[1] for text in told] == [
+    reported = [
+        record.getMessage() for record in caplog.records if record.levelno == logging.WARNING
+    ]
+    assert [text.split(": ", 1)[1] for text in reported] == [
         "the payload is not signed",
         "the payload is not signed (49 more since the last such line)",
     ]

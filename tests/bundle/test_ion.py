@@ -31,14 +31,14 @@ from tests.bundle.worlds import (
     TWO,
     attached,
     bridge_of,
-    gone,
+    ended,
     payloads_of,
     send_all,
     stat_of,
 )
 
 
-async def test_ion_hears_the_lifetime_and_has_its_endpoint_closed(tmp_path: Path) -> None:
+async def test_ion_receives_the_lifetime_and_has_its_endpoint_closed(tmp_path: Path) -> None:
     async with ion_nodes(tmp_path, 1, 2) as nodes:
         async with attached(tmp_path, 1) as one, attached(tmp_path, 2) as two:
             await one.agent.send(TWO, b"x", lifetime_s=3600.0)
@@ -64,7 +64,7 @@ async def test_what_ion_refuses_waits_and_is_offered_again(tmp_path: Path) -> No
         assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
 
 
-async def test_an_ion_without_room_holds_up_what_is_sent_and_nothing_else(tmp_path: Path) -> None:
+async def test_an_ion_without_space_blocks_only_its_own_transmissions(tmp_path: Path) -> None:
     async with (
         ion_nodes(tmp_path, 1, 2) as nodes,
         attached(tmp_path, 1) as one,
@@ -119,13 +119,13 @@ async def test_an_ion_that_is_started_later_is_found(
             assert one.agent.health().neighbours[0].contact
 
 
-async def test_who_has_no_pyion_hears_what_to_do(tmp_path: Path) -> None:
+async def test_a_missing_pyion_is_reported_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(BundleError, match=r"cannot import pyion: .*Build the pyion of your"):
         async with attached(tmp_path, 1):
             pass
 
 
-async def test_who_names_no_interpreter_hears_so(tmp_path: Path) -> None:
+async def test_a_missing_interpreter_setting_is_reported(tmp_path: Path) -> None:
     none = tmp_path / "none"
     text = tmp_path / "text"
     text.write_text("no program")
@@ -151,7 +151,7 @@ def test_a_daemon_has_one_endpoint(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_a_bridge_that_is_asked_to_end_closes_its_endpoint_and_another_follows(
+async def test_a_bridge_ends_on_request_and_closes_its_endpoint_and_another_follows(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     async with (
@@ -161,14 +161,14 @@ async def test_a_bridge_that_is_asked_to_end_closes_its_endpoint_and_another_fol
     ):
         first = bridge_of(nodes, "ipn:2.1")
         os.kill(first, number)
-        await gone(first)
+        await ended(first)
         assert nodes.closed == ["ipn:2.1"]
         await one.agent.send(TWO, b"meanwhile")
         assert await two.take(1) == [b"meanwhile"]
         assert bridge_of(nodes, "ipn:2.1") != first
 
 
-async def test_what_ion_has_forgotten_and_the_agent_has_not_comes_from_the_spool(
+async def test_data_lost_by_ion_but_not_by_the_agent_is_resent_from_the_spool(
     tmp_path: Path,
 ) -> None:
     left = Received("ipn:2.1", DTN_NOW_MS, 7, b"left")
@@ -196,7 +196,7 @@ def test_half_a_spool_is_no_unit(tmp_path: Path) -> None:
     assert Spool(path).load() is None
 
 
-async def test_a_locked_database_is_noticed_and_nobody_is_killed(
+async def test_a_locked_database_is_detected_without_killing_a_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bpadmin(tmp_path, 1)
@@ -216,9 +216,9 @@ async def test_a_locked_database_is_noticed_and_nobody_is_killed(
         assert bridge_of(nodes, "ipn:1.1") == bridge
 
 
-@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("fresh", [False, True])
 async def test_an_ion_that_is_started_again_is_noticed_and_attached_to_again(
-    tmp_path: Path, anew: bool
+    tmp_path: Path, fresh: bool
 ) -> None:
     """The bridge heard nothing, "contact" stayed, and 40 of 40 units went into lost memory."""
     async with (
@@ -226,9 +226,9 @@ async def test_an_ion_that_is_started_again_is_noticed_and_attached_to_again(
         attached(tmp_path, 1, QUICK) as one,
         attached(tmp_path, 2, QUICK) as two,
     ):
-        for life in range(3):
-            await nodes.restart(1, anew)
-            payloads = [b"%d-%02d" % (life, number) for number in range(20)]
+        for run in range(3):
+            await nodes.restart(1, fresh)
+            payloads = [b"%d-%02d" % (run, number) for number in range(20)]
             await send_all(one, TWO, payloads)
             assert sorted(await two.take(20)) == payloads
             await two.agent.send(ONE, b"back")
@@ -251,7 +251,9 @@ async def test_an_ion_that_has_ended_is_no_contact(
         await one.until(lambda: one.agent.health().neighbours[0].contact)
 
 
-async def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(tmp_path: Path) -> None:
+async def test_a_bridge_that_hangs_is_detected_requested_to_end_and_never_killed(
+    tmp_path: Path,
+) -> None:
     """A process that is stopped stands for one that waits within ION, holding Python's lock."""
     async with (
         ion_nodes(tmp_path, 1, 2) as nodes,
@@ -267,13 +269,13 @@ async def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(tmp_
             assert ") T " in stat_of(bridge)
         finally:
             os.kill(bridge, signal.SIGCONT)
-        await gone(bridge)
+        await ended(bridge)
         assert nodes.closed == ["ipn:1.1"]
         assert await two.take(1) == [b"x"]
         await one.until(lambda: one.agent.health().neighbours[0].contact)
 
 
-async def test_who_closes_while_ion_hangs_leaves_the_bridge_to_end_by_itself(
+async def test_closing_while_ion_hangs_leaves_the_bridge_to_end_by_itself(
     tmp_path: Path,
 ) -> None:
     async with ion_nodes(tmp_path, 1, 2) as nodes:
@@ -282,7 +284,7 @@ async def test_who_closes_while_ion_hangs_leaves_the_bridge_to_end_by_itself(
             await nodes.change(1, locked=True)
         assert ") S " in stat_of(bridge)
         await nodes.change(1, locked=False)
-        await gone(bridge)
+        await ended(bridge)
         assert nodes.closed == ["ipn:1.1"]
 
 
@@ -310,7 +312,7 @@ def test_a_stream_cut_anywhere_holds_the_frames_that_were_written(
 
 
 @given(st.binary())
-def test_what_is_no_frame_is_refused(body: bytes) -> None:
+def test_an_invalid_frame_is_refused(body: bytes) -> None:
     try:
         frame = decode_frame(body)
     except DecodeError:

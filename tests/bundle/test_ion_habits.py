@@ -51,13 +51,15 @@ def recorded(source_port: str) -> bytes:
     )
 
 
-def test_a_block_of_several_bundles_is_cut_and_what_comes_twice_comes_once(tmp_path: Path) -> None:
+def test_a_block_of_several_bundles_is_cut_and_a_duplicate_is_delivered_once(
+    tmp_path: Path,
+) -> None:
     clock = Clock()
     clock.utc_ms = DTN_EPOCH_UTC_MS + FROM_ION[2]["fields"]["creation"][0] + 5000
     node = TestedNode(tmp_path, settings_of(5, 1), clock)
     block = b"".join(bytes.fromhex(row["hex"]) for row in FROM_ION)
     for _ in range(2):
-        node.node.receiving.arrived("ipn:1.0", block)
+        node.node.receiving.receive("ipn:1.0", block)
         assert node.commit() is None
     assert node.take() == [b"001|MOPS|NXT|FORWARD|5||False|False|17|1#", b"custody requested msg\0"]
     assert node.node.receiving.malformed == 0
@@ -71,7 +73,7 @@ def test_its_report_confirms_a_bundle(tmp_path: Path) -> None:
     node.put(Ipn(1, 1), b"please-report-delivery", confirm=True)
     assert node.node.outbox.depth() == 1
     for _ in range(2):
-        node.node.receiving.arrived("ipn:1.0", bytes.fromhex(report["hex"]))
+        node.node.receiving.receive("ipn:1.0", bytes.fromhex(report["hex"]))
         assert node.commit() is None
     assert node.node.outbox.depth() == 0
     assert set(node.fates()) == {DeliveryStatus.DELIVERED}
@@ -80,10 +82,10 @@ def test_its_report_confirms_a_bundle(tmp_path: Path) -> None:
 class Wire(asyncio.Transport):
     """The connection to ION: keeps what was written to it."""
 
-    said = b""
+    output = b""
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        self.said += data
+        self.output += data
 
     def is_closing(self) -> bool:
         return False
@@ -135,21 +137,21 @@ async def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_com
     tmp_path: Path,
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    (header,) = MessageReader(1000).feed(caller.wire.said)
+    (header,) = MessageReader(1000).feed(caller.wire.output)
     assert isinstance(header, ContactHeader)
     assert header.eid == "ipn:2.0"
-    caller.wire.said = b""
+    caller.wire.output = b""
     for octet in recorded("47794"):
         caller.session.data_received(bytes((octet,)))
-    assert caller.wire.said == b""
+    assert caller.wire.output == b""
     caller.commit()
-    assert caller.wire.said == recorded("4502")[:4]
+    assert caller.wire.output == recorded("4502")[:4]
     fetched = caller.node.fetch()
     assert fetched
     assert fetched.payload == b"001|MOE|NXT|FORWARD|5||False|False|17|3#"
 
 
-async def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Path) -> None:
+async def test_acknowledged_bundles_are_handed_on_and_the_rest_is_returned(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
     lengths = caller.put(5)
     for length in lengths[:2]:
@@ -160,20 +162,20 @@ async def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_pa
     assert [notice.status for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
 
 
-async def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Path) -> None:
+async def test_without_acknowledgements_none_is_sent_and_none_is_awaited(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None, acknowledge=False, keepalive_s=0))
     caller.put(5)
     caller.commit()
     assert len(caller.notices) == 5
-    said = len(caller.wire.said)
+    message = len(caller.wire.output)
     caller.session.data_received(recorded("47794"))
     caller.commit()
-    assert len(caller.wire.said) == said
+    assert len(caller.wire.output) == message
     assert caller.session.next_s == inf
 
 
 @pytest.mark.parametrize("message", [AckSegment(1 << 20), AckSegment(7)])
-async def test_an_acknowledgement_of_what_was_not_sent_ends_the_session(
+async def test_an_acknowledgement_without_transfer_ends_the_session(
     tmp_path: Path, message: AckSegment
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
@@ -182,19 +184,19 @@ async def test_an_acknowledgement_of_what_was_not_sent_ends_the_session(
     assert caller.session.stage is SessionStage.OVER
 
 
-async def test_a_silent_session_is_kept_alive_and_then_given_up(tmp_path: Path) -> None:
+async def test_a_silent_session_sends_keepalives_and_then_times_out(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    before = caller.wire.said
+    before = caller.wire.output
     caller.now_s = 15.0
     caller.session.tick()
-    assert caller.wire.said == before + b"\x40"
+    assert caller.wire.output == before + b"\x40"
     caller.now_s = 30.0
     caller.session.tick()
     assert caller.session.stage is SessionStage.OVER
 
 
 @pytest.mark.parametrize("message", [Shutdown(), Shutdown(0, 10), RefuseBundle(2)])
-async def test_what_was_refused_or_shut_down_comes_back(
+async def test_refused_transfers_and_shut_down_sessions_return_their_bundles(
     tmp_path: Path, message: Shutdown | RefuseBundle
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
@@ -202,16 +204,16 @@ async def test_what_was_refused_or_shut_down_comes_back(
     caller.session.data_received(encode_message(message))
     assert caller.session.stage is SessionStage.OVER
     assert caller.waiting() == 3
-    assert caller.wire.said.endswith(encode_message(Shutdown()))
+    assert caller.wire.output.endswith(encode_message(Shutdown()))
 
 
-async def test_what_there_is_no_room_for_is_not_acknowledged(tmp_path: Path) -> None:
+async def test_a_bundle_that_does_not_fit_is_not_acknowledged(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.wire.said = b""
+    caller.wire.output = b""
     caller.node.database.full = True
     caller.session.data_received(recorded("47794"))
     caller.commit()
-    assert caller.wire.said == encode_message(Shutdown())
+    assert caller.wire.output == encode_message(Shutdown())
     assert caller.session.stage is SessionStage.OVER
 
 
@@ -221,7 +223,7 @@ async def test_refusal_is_requested_beside_acknowledgements_only(
 ) -> None:
     """RFC 7242, 4.1, allows the flag beside that for acknowledgements only; measured with ION."""
     caller = Caller(tmp_path, TcpclLink(None, acknowledge=acknowledge))
-    (header,) = MessageReader(1000).feed(caller.wire.said)
+    (header,) = MessageReader(1000).feed(caller.wire.output)
     assert isinstance(header, ContactHeader)
     both = ContactFlag.ACKNOWLEDGE | ContactFlag.REFUSE
     assert header.flags == (both if acknowledge else 0)
@@ -234,12 +236,12 @@ async def test_a_bundle_is_refused_where_both_ends_acknowledge_and_understand_it
 ) -> None:
     link = TcpclLink(None, acknowledge=acknowledge and bool(theirs & 1))
     caller = Caller(tmp_path, link, encode_message(ContactHeader(theirs, 15, "ipn:1.0")))
-    caller.wire.said = b""
+    caller.wire.output = b""
     caller.node.database.full = True
     caller.session.data_received(recorded("47794"))
     caller.commit()
     refusal = encode_message(RefuseBundle(2)) if acknowledge and theirs == 0x5 else b""
-    assert caller.wire.said == refusal + encode_message(Shutdown())
+    assert caller.wire.output == refusal + encode_message(Shutdown())
 
 
 def test_its_fragments_with_block_number_0_are_put_together(tmp_path: Path) -> None:
@@ -257,13 +259,13 @@ def test_its_fragments_with_block_number_0_are_put_together(tmp_path: Path) -> N
     assert isinstance(destination, Ipn)
     settings = NodeSettings(destination, (destination,), ())
     node = TestedNode(tmp_path, settings, clock)
-    node.node.receiving.arrived("ipn:1.0", octets)
+    node.node.receiving.receive("ipn:1.0", octets)
     begin, end = primary.part.offset, primary.part.offset + len(fragment.payload)
     for at, length in ((0, begin), (end, primary.part.total - end)):
         if length:
             rest = replace(fragment.blocks[-1], data=bytes(length))
             part = replace(primary, part=FragmentRange(at, primary.part.total))
-            node.node.receiving.arrived("ipn:1.0", encode_bundle(Bundle(part, (rest,))))
+            node.node.receiving.receive("ipn:1.0", encode_bundle(Bundle(part, (rest,))))
     node.commit()
     (whole,) = node.take()
     assert whole[begin:end] == fragment.payload

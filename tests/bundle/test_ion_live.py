@@ -44,7 +44,7 @@ q
 
 @asynccontextmanager
 async def beside_ion(
-    folder: Path, *, most_octets: int = 0, security: Security | None = None
+    folder: Path, *, max_octets: int = 0, security: Security | None = None
 ) -> AsyncIterator[tuple[IonNode, Running]]:
     """Node 1 of ION, and our embedded agent as node 2, with LTP between them."""
     ports = free_udp_ports(2)
@@ -53,7 +53,7 @@ async def beside_ion(
     listen = Listen(ltp=Address(HERE, ports[1]))
     agent = BundleAgent(settings, folder / "ours.db", listen=listen, security=security)
     async with (
-        ion_node(folder / "nodes", 1, ports[0], {2: ports[1]}, most_octets) as node,
+        ion_node(folder / "nodes", 1, ports[0], {2: ports[1]}, max_octets) as node,
         opened(agent) as ours,
     ):
         yield node, ours
@@ -98,7 +98,7 @@ async def test_attached_to_ion_and_embedded_exchange_everything_once(tmp_path: P
         assert (last.payload, last.source) == (b"last", ION)
 
 
-async def test_what_arrives_while_nobody_is_attached_is_there_afterwards(tmp_path: Path) -> None:
+async def test_a_bundle_that_arrives_while_detached_is_delivered_later(tmp_path: Path) -> None:
     async with beside_ion(tmp_path) as (node, ours):
         async with attached(tmp_path, node) as theirs:
             await theirs.agent.send(OURS, b"first")
@@ -123,7 +123,7 @@ async def test_the_second_at_an_endpoint_of_ion_waits(
 async def test_the_fragments_of_ion_are_put_together(tmp_path: Path) -> None:
     chance = random.Random(1)
     files = [chance.randbytes(20_000) for _ in range(5)]
-    async with beside_ion(tmp_path, most_octets=1500) as (node, ours):
+    async with beside_ion(tmp_path, max_octets=1500) as (node, ours):
         for number, content in enumerate(files):
             (node.home / f"{number}.sent").write_bytes(content)
             await node.run("bpsendfile", "ipn:1.2", str(OURS), f"{number}.sent", limit_s=LIMIT_S)

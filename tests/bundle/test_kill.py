@@ -21,7 +21,7 @@ LIMIT_S = 60.0
 
 
 @contextmanager
-def meanwhile(have: Callable[[], AbstractAsyncContextManager[T]]) -> Iterator[T]:
+def during(have: Callable[[], AbstractAsyncContextManager[T]]) -> Iterator[T]:
     """Have something on a loop of its own for the time of a with."""
     there: list[T] = []
     ready, over = threading.Event(), threading.Event()
@@ -42,7 +42,7 @@ def meanwhile(have: Callable[[], AbstractAsyncContextManager[T]]) -> Iterator[T]
         thread.join()
 
 
-def test_no_kill_loses_or_doubles_anything(tmp_path: Path) -> None:
+def test_no_kill_loses_or_duplicates_a_bundle(tmp_path: Path) -> None:
     taken, *faults = measure(3, 1, print, tmp_path)
     assert taken.value > 3
     assert all(figure.met for figure in faults)
@@ -51,9 +51,9 @@ def test_no_kill_loses_or_doubles_anything(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_nor_does_it_where_ion_carries_and_no_endpoint_stays_open(tmp_path: Path) -> None:
     """The agents are killed, their bridges end by themselves."""
-    with meanwhile(lambda: ion_nodes(tmp_path, 1, 2)) as nodes:
-        with workplace(tmp_path) as place:
-            taken, findings = kill_at_random(place, (ION, ION), ION_KILLS, 1, print)
+    with during(lambda: ion_nodes(tmp_path, 1, 2)) as nodes:
+        with workplace(tmp_path) as workspace:
+            taken, findings = kill_at_random(workspace, (ION, ION), ION_KILLS, 1, print)
         assert taken > ION_KILLS
         assert not findings.counts
         deadline_s = time.monotonic() + LIMIT_S

@@ -18,6 +18,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import NONE, Ipn
 from adapters.bundle.codec.errors import StoreError, StoreFull
+from adapters.bundle.node import store
 from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.nodes import Clock, Pair, TestedNode, carry, nothing, settings_of
@@ -25,7 +26,7 @@ from tests.bundle.nodes import Clock, Pair, TestedNode, carry, nothing, settings
 DAY_MS = 86_400_000
 
 
-def test_what_is_put_is_delivered_once_and_in_order(pair: Pair) -> None:
+def test_a_queued_bundle_is_delivered_once_and_in_order(pair: Pair) -> None:
     one, two = pair
     payloads = [b"%d" % number for number in range(100)]
     for payload in payloads:
@@ -37,7 +38,7 @@ def test_what_is_put_is_delivered_once_and_in_order(pair: Pair) -> None:
     assert one.node.outbox.depth() == 0
 
 
-def test_what_was_committed_survives_a_crash_and_what_was_not_does_not(pair: Pair) -> None:
+def test_only_committed_bundles_survive_a_crash(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"kept")
     one.node.put(Ipn(2, 1), b"lost")
@@ -53,13 +54,13 @@ def test_nothing_goes_out_before_it_is_committed(pair: Pair) -> None:
     assert one.node.sending.outgoing("ipn:2.0", 1000, 1000) == []
 
 
-def test_what_was_sent_and_not_handed_on_is_sent_again_after_a_crash_and_not_delivered_twice(
+def test_a_sent_bundle_without_handover_is_sent_again_after_a_crash_and_not_delivered_twice(
     pair: Pair,
 ) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x")
     (sent,) = one.node.sending.outgoing("ipn:2.0", 1000, 1000)
-    two.node.receiving.arrived("ipn:1.0", sent.octets)
+    two.node.receiving.receive("ipn:1.0", sent.octets)
     two.commit()
     one.restart()
     assert two.take() == [b"x"]
@@ -68,7 +69,7 @@ def test_what_was_sent_and_not_handed_on_is_sent_again_after_a_crash_and_not_del
     assert two.take() == []
 
 
-def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(pair: Pair) -> None:
+def test_a_fetched_undelivered_bundle_is_delivered_again_after_a_crash(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x")
     carry(one, two)
@@ -80,7 +81,7 @@ def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(pair: Pair
     assert two.take() == [b"x"]
 
 
-def test_a_number_is_never_given_twice_whatever_the_clock_does(pair: Pair, clock: Clock) -> None:
+def test_a_number_is_never_assigned_twice_despite_clock_changes(pair: Pair, clock: Clock) -> None:
     one, _ = pair
     chance = random.Random(1)
     given = []
@@ -102,7 +103,7 @@ def test_the_order_of_creation_is_that_of_putting_though_the_clock_steps_back(
     assert (second.time_ms, second.sequence) == (first.time_ms, first.sequence + 1)
 
 
-def test_a_lifetime_ends_and_is_told(pair: Pair, clock: Clock) -> None:
+def test_an_expired_lifetime_is_reported(pair: Pair, clock: Clock) -> None:
     one, _ = pair
     one.put(Ipn(2, 1), b"short", lifetime_s=10.0)
     one.put(Ipn(2, 1), b"long")
@@ -117,7 +118,7 @@ def test_a_lifetime_ends_and_is_told(pair: Pair, clock: Clock) -> None:
     assert one.node.expired == 1
 
 
-def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
+def test_an_unfetched_bundle_ends_with_its_lifetime_and_is_reported(
     pair: Pair, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
     one, two = pair
@@ -130,7 +131,7 @@ def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
     assert "expired before its delivery" in caplog.text
 
 
-def test_what_is_to_be_confirmed_stays_until_it_is(pair: Pair, clock: Clock) -> None:
+def test_a_bundle_to_be_confirmed_remains_until_confirmed(pair: Pair, clock: Clock) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x", confirm=True)
     carry(one, two)
@@ -144,7 +145,7 @@ def test_what_is_to_be_confirmed_stays_until_it_is(pair: Pair, clock: Clock) -> 
     assert carry(one, two) == 0
 
 
-def test_what_was_lost_often_does_not_wait_for_hours(pair: Pair, clock: Clock) -> None:
+def test_a_frequently_lost_bundle_does_not_wait_for_hours(pair: Pair, clock: Clock) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x", confirm=True)
     for _ in range(10):
@@ -168,7 +169,7 @@ def test_a_clock_that_is_set_back_makes_no_pause_longer(pair: Pair, clock: Clock
     assert two.take() == [b"x"]
 
 
-def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_again(
+def test_an_unconfirmed_bundle_is_resent_with_longer_pauses_and_confirmed_again(
     pair: Pair, clock: Clock
 ) -> None:
     one, two = pair
@@ -208,18 +209,18 @@ def test_fragments_in_any_order_and_twice_become_one_whole(pair: Pair) -> None:
     assert one.node.outbox.depth() == 0
 
 
-def test_a_fragment_that_came_back_goes_alone(pair: Pair) -> None:
+def test_a_returned_fragment_is_sent_alone(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), bytes(5000))
     sent = one.node.sending.outgoing("ipn:2.0", 10_000, 1400)
     assert len(sent) == 4
     assert all(len(outgoing.octets) <= 1400 for outgoing in sent)
-    one.node.sending.handed_on(sent[1:])
+    one.node.sending.mark_forwarded(sent[1:])
     one.node.sending.requeue("ipn:2.0", sent[:1])
     one.commit()
     assert one.node.outbox.depth() == 1
     for outgoing in sent[1:]:
-        two.node.receiving.arrived("ipn:1.0", outgoing.octets)
+        two.node.receiving.receive("ipn:1.0", outgoing.octets)
     two.commit()
     assert two.take() == []
     carry(one, two)
@@ -239,6 +240,23 @@ def test_fragments_of_what_never_becomes_whole_end_with_the_lifetime(
     assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
 
 
+def test_each_incomplete_unit_is_counted_as_expired(
+    pair: Pair, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "_FORGET_BATCH", 2)
+    one, two = pair
+    for _ in range(4):
+        one.put(Ipn(2, 1), bytes(5000), lifetime_s=10.0)
+        carry(one, two, bundle_octets=1400, change=lambda octets: octets[1:])
+    assert two.database.read("SELECT count(DISTINCT key) FROM fragments") == [(4,)]
+    clock.utc_ms += 10_000
+    two.tick()
+    assert two.node.expired == 2
+    two.tick()
+    assert two.node.expired == 4
+    assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
+
+
 def test_a_node_between_forwards(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2, hop_limit=3), clock)
     two = TestedNode(tmp_path, settings_of(2, 3, 1), clock)
@@ -246,14 +264,14 @@ def test_a_node_between_forwards(tmp_path: Path, clock: Clock) -> None:
     one.put(Ipn(3, 1), b"x", confirm=True)
     carry(one, two)
     two.restart()
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def listen(octets: list[bytes]) -> list[bytes]:
-        heard.extend(octets)
+        received.extend(octets)
         return octets
 
     carry(two, three, change=listen)
-    bundle = decode_bundle(heard[0])
+    bundle = decode_bundle(received[0])
     block = bundle.block(BlockType.HOP_COUNT)
     assert block
     assert decode_hop_count(block.data) == HopCount(3, 1)
@@ -264,7 +282,7 @@ def test_a_node_between_forwards(tmp_path: Path, clock: Clock) -> None:
     assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED]
 
 
-def test_who_comes_later_may_be_reached_through_another(tmp_path: Path, clock: Clock) -> None:
+def test_a_later_neighbour_may_be_reached_through_another(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
     one.put(Ipn(3, 1), b"x")
     one.settings = settings_of(1, 2, 3)
@@ -272,26 +290,26 @@ def test_who_comes_later_may_be_reached_through_another(tmp_path: Path, clock: C
     assert one.node.outbox.depth("ipn:3.0") == 1
 
 
-def test_what_is_forwarded_keeps_its_octets_but_for_what_forwarding_changes(pair: Pair) -> None:
+def test_a_forwarded_bundle_changes_only_its_forwarding_blocks(pair: Pair) -> None:
     one, _ = pair
     one.put(Ipn(2, 1), b"x")
     (sent,) = one.node.sending.outgoing("ipn:2.0", 1000, 1000)
     assert encode_bundle(decode_bundle(sent.octets)) == sent.octets
 
 
-def test_a_listener_that_raises_keeps_nobody_else_from_hearing(pair: Pair) -> None:
+def test_a_listener_that_raises_does_not_affect_the_others(pair: Pair) -> None:
     one, _ = pair
-    heard: list[object] = []
+    received: list[object] = []
 
     def fail(_: object) -> None:
         raise ZeroDivisionError
 
     one.node.put(Ipn(2, 1), b"x")
-    for listener in (heard.append, fail, heard.append):
+    for listener in (received.append, fail, received.append):
         one.node.transaction.on_commit(listener)
     with pytest.raises(ZeroDivisionError):
         one.node.transaction.commit()
-    assert heard == [None, None]
+    assert received == [None, None]
     assert not one.node.transaction.pending
 
 
@@ -307,7 +325,7 @@ def test_long_bundles_are_not_all_read_at_once(pair: Pair) -> None:
 
 def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
-    two = TestedNode(tmp_path, settings_of(2, 1, most_payload_octets=4999), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1, max_payload_octets=4999), clock)
     one.put(Ipn(2, 1), bytes(5000), confirm=True)
     carry(one, two, bundle_octets=1400)
     carry(two, one)
@@ -315,7 +333,7 @@ def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -
     assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
 
 
-def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
+def test_a_bundle_that_cannot_be_cut_for_its_link_is_deleted_and_reported(
     pair: Pair, caplog: pytest.LogCaptureFixture
 ) -> None:
     one, two = pair
@@ -328,7 +346,7 @@ def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
 
 
 @pytest.mark.parametrize("destination", [Ipn(2, 9), Ipn(9, 1)])
-def test_what_cannot_go_on_is_deleted_and_told(pair: Pair, destination: Ipn) -> None:
+def test_a_bundle_that_cannot_proceed_is_deleted_and_reported(pair: Pair, destination: Ipn) -> None:
     one, two = pair
     one.put(destination, b"x", confirm=True)
     carry(one, two)
@@ -337,9 +355,7 @@ def test_what_cannot_go_on_is_deleted_and_told(pair: Pair, destination: Ipn) -> 
     assert two.take() == []
 
 
-def test_a_bundle_may_be_forwarded_as_often_as_its_hop_limit_says(
-    tmp_path: Path, clock: Clock
-) -> None:
+def test_a_bundle_may_be_forwarded_up_to_its_hop_limit(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2, hop_limit=1), clock)
     two = TestedNode(tmp_path, settings_of(2, 3, 1), clock)
     three = TestedNode(tmp_path, settings_of(3, 4, 2), clock)
@@ -353,26 +369,26 @@ def test_a_bundle_may_be_forwarded_as_often_as_its_hop_limit_says(
 
 def test_a_full_store_takes_nothing_more_and_loses_nothing(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
-    two = TestedNode(tmp_path, settings_of(2, 1), clock, StoreLimits(most_octets=400_000))
+    two = TestedNode(tmp_path, settings_of(2, 1), clock, StoreLimits(max_octets=400_000))
     for _ in range(100):
         one.put(Ipn(2, 1), bytes(5000))
     taken = 0
     while sent := one.node.sending.outgoing("ipn:2.0", 1, 10_000):
         try:
-            two.node.receiving.arrived("ipn:1.0", sent[0].octets)
+            two.node.receiving.receive("ipn:1.0", sent[0].octets)
         except StoreFull:
             one.node.sending.requeue("ipn:2.0", sent)
             taken += len(two.take())
         assert two.commit() is None
         if not two.node.inbox.depth():
             continue
-        one.node.sending.handed_on(sent)
+        one.node.sending.mark_forwarded(sent)
         one.commit()
     assert taken
     assert taken + len(two.take()) >= 100
 
 
-def test_a_disk_that_fills_refuses_what_was_not_committed(tmp_path: Path, clock: Clock) -> None:
+def test_a_full_disk_refuses_uncommitted_bundles(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
     one.put(Ipn(2, 1), b"first")
     one.database.read("PRAGMA max_page_count = 40")
@@ -384,17 +400,17 @@ def test_a_disk_that_fills_refuses_what_was_not_committed(tmp_path: Path, clock:
                 assert one.commit() is None
     assert put < 999
     assert isinstance(one.commit(), StoreError)
-    kept = one.node.outbox.depth()
-    assert kept == 1 + put // 10 * 10
+    stored = one.node.outbox.depth()
+    assert stored == 1 + put // 10 * 10
     with pytest.raises(StoreFull):
         one.node.put(Ipn(2, 1), b"x")
     one.database.read("PRAGMA max_page_count = 4000")
     one.commit()
     one.put(Ipn(2, 1), b"x")
-    assert one.node.outbox.depth() == kept + 1
+    assert one.node.outbox.depth() == stored + 1
 
 
-def test_what_is_malformed_is_dropped_and_counted(pair: Pair) -> None:
+def test_a_malformed_bundle_is_dropped_and_counted(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"good")
     carry(one, two, change=lambda octets: [b"".join(octets) + b"\x9f\x00"])
@@ -402,16 +418,14 @@ def test_what_is_malformed_is_dropped_and_counted(pair: Pair) -> None:
     assert two.node.receiving.malformed == 1
 
 
-def test_a_destination_that_nobody_reaches_is_an_error_of_the_caller(
-    tmp_path: Path, clock: Clock
-) -> None:
+def test_an_unreachable_destination_is_an_error_of_the_caller(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1), clock)
     for destination in (Ipn(2, 1), Ipn(1, 2), Ipn(0, 0), NONE):
         with pytest.raises(ValueError, match="no neighbour"):
             one.node.put(destination, b"x")
 
 
-def test_a_store_takes_again_once_its_disk_has_room_though_nothing_was_written_meanwhile(
+def test_a_store_accepts_again_once_its_disk_has_space_without_any_write(
     tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
@@ -425,21 +439,23 @@ def test_a_store_takes_again_once_its_disk_has_room_though_nothing_was_written_m
     one.put(Ipn(2, 1), b"again")
 
 
-def test_a_store_whose_folder_is_gone_takes_nothing_more(
+def test_a_store_without_its_folder_accepts_nothing_further(
     tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
 
-    def gone(path: Path) -> None:
+    def fail_without_folder(path: Path) -> None:
         raise FileNotFoundError(path)
 
-    monkeypatch.setattr(os, "statvfs", gone)
+    monkeypatch.setattr(os, "statvfs", fail_without_folder)
     one.put(Ipn(2, 1), b"the last that goes in")
     with pytest.raises(StoreFull):
         one.node.put(Ipn(2, 1), b"one too many")
 
 
-def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path: Path) -> None:
+def test_an_expired_bundle_is_reported_and_not_sent_though_the_link_opens_first(
+    tmp_path: Path,
+) -> None:
     clock = Clock()
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
     two = TestedNode(tmp_path, settings_of(2, 1), clock)
@@ -452,7 +468,7 @@ def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path:
     assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.EXPIRED]
 
 
-def test_what_is_to_live_for_ever_lives_as_long_as_can_be_said(tmp_path: Path) -> None:
+def test_an_unlimited_lifetime_is_the_maximum_that_can_be_encoded(tmp_path: Path) -> None:
     clock = Clock()
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
     two = TestedNode(tmp_path, settings_of(2, 1), clock)

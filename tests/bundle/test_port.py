@@ -21,11 +21,11 @@ from tests.bundle.worlds import (
     world,
 )
 
-every_way = pytest.mark.parametrize("kind", [Kind.EMBEDDED, Kind.ION])
+every_kind = pytest.mark.parametrize("kind", [Kind.EMBEDDED, Kind.ION])
 
 
 @pytest.mark.parametrize("kind", Kind)
-async def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
+async def test_a_sent_message_arrives_once_with_its_sender_and_both_are_notified(
     kind: Kind, tmp_path: Path
 ) -> None:
     async with world(kind, tmp_path) as there, there.both() as (one, two):
@@ -51,7 +51,7 @@ async def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
         assert one.agent.queued_octets(to_two.node) == 0
 
 
-@every_way
+@every_kind
 async def test_payloads_are_octets_of_any_kind_and_length(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.both() as (one, two):
         for payload in (b"\0", bytes(range(256)), b"\xff" * 100_000):
@@ -59,8 +59,8 @@ async def test_payloads_are_octets_of_any_kind_and_length(kind: Kind, tmp_path: 
             assert await two.take(1) == [payload]
 
 
-@every_way
-async def test_what_is_sent_in_the_dark_outlives_its_agent_and_comes_after_it(
+@every_kind
+async def test_a_message_sent_without_contact_outlives_its_agent_and_arrives_later(
     kind: Kind, tmp_path: Path
 ) -> None:
     payloads = payloads_of(20)
@@ -79,8 +79,10 @@ async def test_what_is_sent_in_the_dark_outlives_its_agent_and_comes_after_it(
             assert await two.take(1) == [b"nothing between"]
 
 
-@every_way
-async def test_what_an_application_does_not_keep_comes_again(kind: Kind, tmp_path: Path) -> None:
+@every_kind
+async def test_a_message_not_retained_by_an_application_is_delivered_again(
+    kind: Kind, tmp_path: Path
+) -> None:
     async with world(kind, tmp_path) as there, there.agent(1) as one:
         async with there.agent(2) as two:
             await one.agent.send(TWO, b"x")
@@ -93,10 +95,8 @@ async def test_what_an_application_does_not_keep_comes_again(kind: Kind, tmp_pat
             assert await two.take(1) == [b"y"]
 
 
-@every_way
-async def test_what_outlives_its_lifetime_is_told_and_does_not_come(
-    kind: Kind, tmp_path: Path
-) -> None:
+@every_kind
+async def test_an_expired_message_is_reported_and_not_delivered(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.both() as (one, two):
         one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
         assert not one.agent.health().neighbours[0].contact
@@ -109,11 +109,11 @@ async def test_what_outlives_its_lifetime_is_told_and_does_not_come(
         assert await two.take(1) == [b"in time"]
 
 
-@every_way
+@every_kind
 async def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
     kind: Kind, tmp_path: Path
 ) -> None:
-    limits = {1: StoreLimits(most_octets=150_000)}
+    limits = {1: StoreLimits(max_octets=150_000)}
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
         sent = 0
@@ -129,9 +129,9 @@ async def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
         assert await two.take(1) == [b"again"]
 
 
-@every_way
+@every_kind
 async def test_a_receiver_that_is_full_loses_nothing(kind: Kind, tmp_path: Path) -> None:
-    limits = {2: StoreLimits(most_octets=100_000)}
+    limits = {2: StoreLimits(max_octets=100_000)}
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         payloads = [b"%04d" % number + bytes(8000) for number in range(15)]
         await send_all(one, TWO, payloads)
@@ -139,8 +139,8 @@ async def test_a_receiver_that_is_full_loses_nothing(kind: Kind, tmp_path: Path)
         assert sorted(await two.take(15)) == payloads
 
 
-@every_way
-async def test_an_agent_that_is_closed_says_so(kind: Kind, tmp_path: Path) -> None:
+@every_kind
+async def test_a_closed_agent_reports_it(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.agent(1) as one:
         waiting = asyncio.create_task(one.take(1))
         await asyncio.sleep(0)
@@ -151,16 +151,16 @@ async def test_an_agent_that_is_closed_says_so(kind: Kind, tmp_path: Path) -> No
             await one.agent.send(TWO, b"x")
 
 
-@every_way
-async def test_nobody_is_reached_who_is_no_neighbour(kind: Kind, tmp_path: Path) -> None:
+@every_kind
+async def test_only_neighbours_are_reached(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.agent(1) as one:
-        for nobody in (Ipn(3, 1), Ipn(1, 2), Ipn(0, 0)):
+        for absent in (Ipn(3, 1), Ipn(1, 2), Ipn(0, 0)):
             with pytest.raises(ValueError, match="no neighbour reaches"):
-                await one.agent.send(nobody, b"x")
+                await one.agent.send(absent, b"x")
 
 
 @pytest.mark.parametrize("kind", CONFIRMING)
-async def test_what_is_to_be_confirmed_is_kept_until_its_receiver_has_it(
+async def test_a_message_to_be_confirmed_is_retained_until_its_receiver_has_it(
     kind: Kind, tmp_path: Path
 ) -> None:
     async with world(kind, tmp_path) as there, there.both() as (one, two):
@@ -174,7 +174,7 @@ async def test_what_is_to_be_confirmed_is_kept_until_its_receiver_has_it(
 
 
 @pytest.mark.parametrize("kind", ATTACHED_BY_PAYLOAD)
-async def test_what_nobody_can_confirm_is_refused(kind: Kind, tmp_path: Path) -> None:
+async def test_a_message_that_cannot_be_confirmed_is_refused(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.agent(1) as one:
         with pytest.raises(ValueError, match="offers no confirmation"):
             await one.agent.send(TWO, b"x", confirm=True)

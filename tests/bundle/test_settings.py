@@ -22,7 +22,7 @@ OWN = Ipn(1, 1)
 
 
 @pytest.mark.parametrize(
-    ("made", "name", "least", "most"),
+    ("made", "name", "least", "maximum"),
     [
         (partial(LtpLink, TO), "segment_octets", 10, 65_000),
         (partial(TcpclLink, TO), "keepalive_s", 0, 65_535),
@@ -33,11 +33,11 @@ OWN = Ipn(1, 1)
     ],
 )
 def test_a_figure_is_within_its_bounds(
-    made: Callable[..., object], name: str, least: float, most: float
+    made: Callable[..., object], name: str, least: float, maximum: float
 ) -> None:
-    for fitting in (least, most):
+    for fitting in (least, maximum):
         made(**{name: fitting})
-    for wrong in (least - 1, most + 1, -1e300, inf, nan):
+    for wrong in (least - 1, maximum + 1, -1e300, inf, nan):
         with pytest.raises(ValueError, match=f"^{name} must be "):
             made(**{name: wrong})
 

@@ -37,7 +37,7 @@ class Weather:
     duplicate: float = 0.0
     corrupt: float = 0.0
     least_delay_s: float = 0.01
-    most_delay_s: float = 0.01
+    max_delay_s: float = 0.01
     dark: tuple[tuple[float, float], ...] = ()
 
     def is_dark(self, now_s: float) -> bool:
@@ -159,7 +159,7 @@ class Side:
     def _read(self) -> None:
         while self.reads and (fetched := self.node.fetch()):
             self.application.give(fetched.identity, fetched.payload)
-            self.node.delivered(fetched)
+            self.node.mark_delivered(fetched)
 
     def _transmit(self, segments: list[Segment]) -> None:
         if self.transmits:
@@ -204,7 +204,7 @@ class World:
                 if chance.random() < weather.loss or weather.is_dark(self.now_s):
                     continue
                 carried = self._changed(datagram)
-                delay_s = chance.uniform(weather.least_delay_s, weather.most_delay_s)
+                delay_s = chance.uniform(weather.least_delay_s, weather.max_delay_s)
                 self.at(
                     self.now_s + delay_s,
                     lambda carried=carried: self._arrive(sender, carried),  # type: ignore[misc]

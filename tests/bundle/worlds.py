@@ -153,7 +153,7 @@ class World(ABC):
 
     def agent(self, number: int) -> AbstractAsyncContextManager[Running]:
         """Have a node's agent open for the time of a with."""
-        link, others = self._way(number)
+        link, others = self._link(number)
         limits = self._limits.get(number, StoreLimits())
         settings = settings_of(number, 3 - number, link, limits=limits)
         path = self._folder / f"{number}.db"
@@ -165,7 +165,7 @@ class World(ABC):
             yield one, two
 
     @abstractmethod
-    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+    def _link(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
         """Return the link to the other node, and what else its agent is made with."""
 
     @abstractmethod
@@ -190,7 +190,7 @@ class _Proxies(World):
         for proxy in self._proxies.values():
             await proxy.close()
 
-    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+    def _link(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
         link = LtpLink(self._fronts[3 - number], answer_s=0.1)
         return link, {"listen": Listen(ltp=self._proxies[number].target)}
 
@@ -212,7 +212,7 @@ class _Ion(World):
         super().__init__(folder, limits)
         self._nodes, self._settings = nodes, IonSettings(whole=whole, answer_s=2.0)
 
-    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+    def _link(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
         return DaemonLink(Ipn(3 - number, 1), self._settings.whole), {"daemon": self._settings}
 
     async def darken(self, dark: bool = True) -> None:
@@ -241,7 +241,7 @@ async def world(
             yield _Ion(folder, limits, nodes, whole=kind is Kind.ION_WHOLE)
 
 
-QUICK = IonSettings(answer_s=1.5, look_s=0.1)
+QUICK = IonSettings(answer_s=1.5, poll_period_s=0.1)
 PATIENT = IonSettings(answer_s=20.0)
 
 
@@ -258,7 +258,7 @@ def bridge_of(nodes: IonNodes, eid: str) -> int:
     return max(handle.pid for handle in nodes.handles.values() if handle.eid == eid)
 
 
-async def gone(pid: int) -> None:
+async def ended(pid: int) -> None:
     async with asyncio.timeout(LIMIT_S):
         while Path(f"/proc/{pid}/stat").exists() and ") Z " not in stat_of(pid):
             await asyncio.sleep(0.02)

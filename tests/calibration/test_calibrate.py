@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from adapters.calibration import Calibration, calibrate, plan_xml, read_drive, with_figures
+from adapters.calibration import Calibration, calibrate, plan_xml, read_drive
 from executive.commands import PlanDefinition
 from executive.plans import check_plan
-from executive.settings import MpcSettings, SettingsError, load_settings
+from executive.settings import MpcSettings, load_settings
 from executive.values.reasons import Refusal
 from sim.calibration.commands import calibrate as command
 from sim.calibration.drive import drive_pattern
@@ -34,6 +34,11 @@ def found(recording: Path) -> Calibration:
 
 def test_what_was_fitted_by_hand_is_found_again(found: Calibration) -> None:
     figures, jackal = found.settings, JACKAL.mpc
+    turn_drive = JACKAL.turn_drive
+    assert figures["turn_drive.latency_s"] == pytest.approx(turn_drive.latency_s, abs=0.015)
+    assert figures["turn_drive.control_point_m"] == pytest.approx(
+        turn_drive.control_point_m, abs=0.005
+    )
     assert figures["mpc.command_delay_s"] == pytest.approx(jackal.command_delay_s, abs=0.005)
     assert jackal.odometry_slip is not None
     for name, law in (("slip", jackal.slip), ("odometry_slip", jackal.odometry_slip)):
@@ -62,7 +67,9 @@ def test_the_command_writes_what_it_found(recording: Path, tmp_path: Path) -> No
     settings = load_settings(str(out))
     assert settings.mpc.slip.gain_m == told["mpc.slip.gain_m"]
     assert settings.mpc.yaw.lag_s == told["mpc.yaw.lag_s"]
-    assert replace(settings, mpc=JACKAL.mpc, sensors=JACKAL.sensors) == JACKAL
+    assert settings.turn_drive.latency_s == told["turn_drive.latency_s"]
+    fitted = {name: getattr(JACKAL, name) for name in ("mpc", "sensors", "turn_drive")}
+    assert replace(settings, **fitted) == JACKAL
     comments = [line for line in out.read_text().splitlines() if line.startswith("#")]
     assert comments == [
         line for line in Path("config/jackal.yaml").read_text().splitlines() if line.startswith("#")
@@ -91,33 +98,3 @@ def test_the_pattern_is_a_plan_that_the_rover_takes() -> None:
     assert printed == plan_xml(JACKAL.drive)
     checked = check_plan(PlanDefinition("a", "a", "BTCPP4", printed.encode()), JACKAL)
     assert not isinstance(checked, Refusal)
-
-
-YAML = """\
-# about
-mpc:  # of it
-  delay: 0.05 # s
-  slip: {offset: 1, gain: 2}
-last: 3
-"""
-
-
-@pytest.mark.parametrize(
-    ("figures", "wanted"),
-    [
-        ({"mpc.delay": 0.06}, YAML.replace("0.05", "0.06")),
-        ({"mpc.slip.gain": 2.5}, YAML.replace("2}", "2.5}")),
-        ({"mpc.slip.lag": 0.1}, YAML.replace("2}", "2, lag: 0.1}")),
-        ({"mpc.known.gain": 7}, YAML.replace("last", "  known: {gain: 7}\nlast")),
-        ({"new.a.b": 1, "new.c": 2}, YAML.rstrip("\n") + "\nnew: {a: {b: 1}, c: 2}\n"),
-        ({"mpc.delay": 1, "last": 4}, YAML.replace("0.05", "1").replace("3", "4")),
-    ],
-)
-def test_only_figures_change_in_the_yaml(figures: dict[str, float], wanted: str) -> None:
-    assert with_figures(YAML, figures) == wanted
-
-
-@pytest.mark.parametrize("text", ["just words", "mpc: 3"])
-def test_what_has_no_place_for_figures_is_refused(text: str) -> None:
-    with pytest.raises(SettingsError):
-        with_figures(text, {"mpc.delay": 1.0})

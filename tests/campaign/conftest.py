@@ -7,7 +7,7 @@ import pytest
 
 SHORT = """\
 title: A short way
-lasts: 4
+duration: 4
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 0.4}}, label: go}
 expect:
@@ -22,8 +22,8 @@ vary:
   seed: {integers: [0, 1000]}
   world.friction: {uniform: [0.45, 0.75]}
   command.go.distance: {choice: [0.2, 0.4]}
-  inject: {choice: [none, left_stuck], weights: [3, 1], at: {uniform: [0.5, 1]}}
-hold:
+  inject: {choice: [none, left_wheels_stuck], weights: [3, 1], at: {uniform: [0.5, 1]}}
+criteria:
   - {success: 0.2}
 """
 Write = Callable[..., str]

@@ -31,7 +31,7 @@ from tests.support.certificates import certified
 from tests.support.processes import Running
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ("executive", "trees", "adapters", "sim", "config")
+PACKAGES = ("executive", "trees", "adapters", "sim", "config")
 ADDRESS = r"Scheduler at:\s+(t(?:cp|ls)://127.0.0.1:\d+)"
 REGISTERED = "Registered to"
 
@@ -53,7 +53,7 @@ class Watcher:
 
 def play(campaign: Campaign, out: str, jobs: Play, watcher: Watcher) -> RunTable:
     runs = open_output(Path(out), campaign, Path("mine.yaml"), resume=True)
-    CampaignSession(campaign, runs, jobs, watcher).to_the_end()
+    CampaignSession(campaign, runs, jobs, watcher).run_missing()
     return runs
 
 
@@ -85,7 +85,7 @@ def test_runs_are_alike_without_workers_and_on_some_that_die(
         two = timeless(play(campaign, "two", partial(results, client, run_job), killed))
     assert two == here
     assert [run.run for run in here] == list(range(12))
-    assert {run.holds for run in here} == {True, False}
+    assert {run.passed for run in here} == {True, False}
 
     assert list(scratch.iterdir()) == []
     left = [child for child in psutil.Process().children(recursive=True) if child not in processes]
@@ -117,9 +117,9 @@ def test_ctrl_c_waits_until_the_cluster_can_be_closed(
             happened.append("closed")
 
     monkeypatch.setattr("sim.campaign.cluster._started", started)
-    status, said = rover_campaign("--jobs", "1")
-    assert (status, happened) == (130, ["started", "closed"]), said
-    assert "Interrupted. 0 runs are saved in out; resume with: rover campaign mine.yaml" in said
+    status, message = rover_campaign("--jobs", "1")
+    assert (status, happened) == (130, ["started", "closed"]), message
+    assert "Interrupted. 0 runs are saved in out; resume with: rover campaign mine.yaml" in message
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def far(tmp_path: Path) -> Iterator[Far]:
     folder.mkdir()
     options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with dask(folder / "scheduler.log", "scheduler", *options) as scheduler:
-        yield Far(scheduler, scheduler.said(ADDRESS))
+        yield Far(scheduler, scheduler.output(ADDRESS))
 
 
 def test_a_cluster_is_reached_by_tls(write: Write, tmp_path: Path) -> None:
@@ -170,11 +170,13 @@ def test_a_cluster_is_reached_by_tls(write: Write, tmp_path: Path) -> None:
         for key, value in tls.items():
             patch.setenv("DASK_" + key.replace(".", "__").replace("-", "_").upper(), value)
         with dask(folder / "scheduler.log", "scheduler", *options) as scheduler:
-            far = Far(scheduler, scheduler.said(ADDRESS))
+            far = Far(scheduler, scheduler.output(ADDRESS))
             assert far.address.startswith("tls://")
             with worker(far, "first"):
-                status, said = rover_campaign("--on", far.address, "--runs", "2", "--keep", "0")
-    assert status == 0, said
+                status, message = rover_campaign(
+                    "--scheduler", far.address, "--runs", "2", "--saved", "0"
+                )
+    assert status == 0, message
     assert RunTable(Path("out"), ()).numbers() == [0, 1]
 
 
@@ -184,7 +186,7 @@ def worker(far: Far, name: str, path: Path = ROOT) -> Iterator[Running]:
     log = far.scheduler.log.with_name(f"{name}.log")
     options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--no-nanny")
     with dask(log, "worker", far.address, *options, path=path) as process:
-        process.said(REGISTERED)
+        process.output(REGISTERED)
         yield process
 
 
@@ -198,8 +200,8 @@ def rover_campaign(*arguments: str) -> tuple[int, str]:
 def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
     campaign = load_campaign(write(("[3, 1]", "[1, 0]")))  # no run fails: none is drawn
     with worker(far, "first"):
-        status, said = rover_campaign("--on", far.address)
-        assert (status, "12 of 12" in said or "12/12" in said) == (0, True), said
+        status, message = rover_campaign("--scheduler", far.address)
+        assert (status, "12 of 12" in message or "12/12" in message) == (0, True), message
         runs = RunTable(Path("out"), ())
         assert runs.numbers() == list(range(12))
         given = draw(campaign, 3)
@@ -208,31 +210,33 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
         assert runs.frame("digest")["digest"][3] == here.digest
 
         # The scheduler is lost in the middle; the rest is played here.
-        far_again = ["--on", far.address, "--runs", "400", "--resume"]
+        far_again = ["--scheduler", far.address, "--runs", "400", "--resume"]
         with pytest.MonkeyPatch.context() as patch:
             lose = Watcher(5, lambda: far.scheduler.send(signal.SIGKILL))
             patch.setattr(
                 "sim.campaign.progress.ProgressBar.on_run", lambda _, run: lose.on_run(run)
             )
-            status, said = rover_campaign(*far_again)
+            status, message = rover_campaign(*far_again)
     assert status == 2
-    assert "Error: the scheduler is lost" in said
-    assert "resume with: rover campaign mine.yaml --out out --resume --runs 400" in said
-    kept = len(runs.numbers())
-    assert 12 + 5 <= kept < 400
-    status, said = rover_campaign("--jobs", "1", "--runs", str(kept + 4), "--resume")
-    assert status == 0, said
+    assert "Error: the scheduler is lost" in message
+    assert "resume with: rover campaign mine.yaml --out out --resume --runs 400" in message
+    stored = len(runs.numbers())
+    assert 12 + 5 <= stored < 400
+    status, message = rover_campaign("--jobs", "1", "--runs", str(stored + 4), "--resume")
+    assert status == 0, message
     assert sorted(runs.numbers()) == sorted(set(runs.numbers()))
-    assert len(runs.numbers()) == kept + 4
+    assert len(runs.numbers()) == stored + 4
 
 
-def test_no_worker_is_told_and_one_of_other_software_refused(
+def test_a_missing_worker_is_reported_and_one_of_other_software_refused(
     write: Write, far: Far, tmp_path: Path
 ) -> None:
     load_campaign(write())
     other = tmp_path / "other"
-    for room in ROOMS:
-        shutil.copytree(ROOT / room, other / room, ignore=shutil.ignore_patterns("__pycache__"))
+    for package in PACKAGES:
+        shutil.copytree(
+            ROOT / package, other / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     with (other / "trees" / "__init__.py").open("a") as changed:
         changed.write("# another version\n")
     with pytest.MonkeyPatch.context() as patch:
@@ -240,45 +244,45 @@ def test_no_worker_is_told_and_one_of_other_software_refused(
         def interrupt(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(CampaignSession, "to_the_end", interrupt)
-        status, said = rover_campaign("--on", far.address)
+        patch.setattr(CampaignSession, "run_missing", interrupt)
+        status, message = rover_campaign("--scheduler", far.address)
         assert status == 130
-        assert "no worker connected yet; waiting for one" in said
+        assert "no worker connected yet; waiting for one" in message
     with worker(far, "other", other):
-        status, said = rover_campaign("--on", far.address, "--resume")
+        status, message = rover_campaign("--scheduler", far.address, "--resume")
         assert status == 2
-        assert "Error: worker tcp://127.0.0.1:" in said
-        assert " has code " in said
-        assert "0 runs are saved in out" in said
+        assert "Error: worker tcp://127.0.0.1:" in message
+        assert " has code " in message
+        assert "0 runs are saved in out" in message
         with worker(far, "ours"), pytest.raises(ClusterError, match="has code"):
             cluster_at(far.address).__enter__()
 
 
-def test_a_worker_that_comes_later_with_another_scenario_is_refused(write: Write) -> None:
+def test_a_worker_that_joins_later_with_another_scenario_is_refused(write: Write) -> None:
     campaign = load_campaign(write())
-    told = run_job(Job(0, campaign.scenarios[0], (), "another"))
-    assert not isinstance(told, JobResult)
-    assert "another version of scenario short.yaml" in told.reason
+    reported = run_job(Job(0, campaign.scenarios[0], (), "another"))
+    assert not isinstance(reported, JobResult)
+    assert "another version of scenario short.yaml" in reported.reason
 
 
 @pytest.mark.parametrize(
-    ("address", "said"),
+    ("address", "message"),
     [
         ("tcp://127.0.0.1:1", "no Dask scheduler answers at tcp://127.0.0.1:1"),
         ("127.0.0.1:8786", "'127.0.0.1:8786' is no address of a scheduler, as tcp://HOST:8786"),
         ("tls://127.0.0.1:1", "no Dask scheduler answers at tls://127.0.0.1:1"),
     ],
 )
-def test_nobody_there_is_one_error(
-    write: Write, monkeypatch: pytest.MonkeyPatch, address: str, said: str
+def test_an_absent_scheduler_is_one_error(
+    write: Write, monkeypatch: pytest.MonkeyPatch, address: str, message: str
 ) -> None:
     write()
     monkeypatch.setattr("sim.campaign.cluster.CONNECT_S", 0.5)
-    status, told = rover_campaign("--on", address)
-    assert (status, said in told) == (2, True), told
+    status, reported = rover_campaign("--scheduler", address)
+    assert (status, message in reported) == (2, True), reported
 
 
-def test_software_tells_what_is_different() -> None:
+def test_software_fingerprint_names_the_difference() -> None:
     ours = Software("0.1.0", "abc", "3.11", "2.4.6", "4.0.1")
     assert ours.differences(ours) == ""
     other = replace(ours, code="abd", mujoco="4.0.2")

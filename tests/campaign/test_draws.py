@@ -33,7 +33,11 @@ SLOPE = Variation(key="world.slope", distribution=Grid((0, 0.1, 0.2)))
 FAULTS = Variation(
     key="inject",
     distribution=Choice(
-        ("none", FaultDraw("left_stuck"), FaultDraw("tip", (("by", Uniform(Interval(1, 2))),)))
+        (
+            "none",
+            FaultDraw("left_wheels_stuck"),
+            FaultDraw("tip", (("by", Uniform(Interval(1, 2))),)),
+        )
     ),
     at=Uniform(Interval(1, 8)),
 )
@@ -41,11 +45,13 @@ HOLD = (Success(success=0.9),)
 
 
 def campaign(*vary: Variation, seed: int = 0, scenarios: tuple[str, ...] = ("a", "b")) -> Campaign:
-    return Campaign(title="", scenarios=scenarios, runs=10, seed=seed, vary=tuple(vary), hold=HOLD)
+    return Campaign(
+        title="", scenarios=scenarios, runs=10, seed=seed, vary=tuple(vary), criteria=HOLD
+    )
 
 
 @given(st.integers(0, 2**40), st.integers(0, 10**7))
-def test_a_quantity_is_drawn_alike_whatever_else_varies(seed: int, run: int) -> None:
+def test_a_quantity_is_drawn_alike_independently_of_others(seed: int, run: int) -> None:
     alone = draw(campaign(FRICTION, seed=seed), run)
     beside = draw(campaign(FAULTS, SEED, FRICTION, SLOPE, seed=seed), run)
     assert alone == draw(campaign(FRICTION, seed=seed), run)
@@ -84,8 +90,8 @@ def test_a_normal_distribution_is_cut_by_drawing_again() -> None:
     assert 1.9 < max(drawn) < 2.0
 
 
-def test_each_combination_of_a_grid_comes_as_often() -> None:
-    faults = Grid(("none", FaultDraw("left_stuck"), FaultDraw("right_stuck")))
+def test_each_combination_of_a_grid_occurs_equally_often() -> None:
+    faults = Grid(("none", FaultDraw("left_wheels_stuck"), FaultDraw("right_wheels_stuck")))
     whole = campaign(Variation(key="inject", distribution=faults, at=Grid((1.0, 2.0))), SLOPE)
     assert whole.combinations == 36
     seen = Counter(
@@ -96,7 +102,7 @@ def test_each_combination_of_a_grid_comes_as_often() -> None:
     assert len(seen) == 2 * 3 * (2 + 2 + 1)
 
 
-def test_weights_say_how_often() -> None:
+def test_weights_determine_the_frequency() -> None:
     choice = Variation(key="seed", distribution=Choice((1, 2), (1.0, 3.0)))
     drawn = Counter(draw(campaign(choice), run).values[0] for run in range(1000))
     assert 700 < drawn[2] < 800
@@ -120,11 +126,11 @@ def test_faults_have_columns_for_their_time_and_parameters() -> None:
     _, onset, at_s, by = by_fault["tip"].values
     assert onset == "abrupt"
     assert by_fault["tip"].changes == (Override("inject", f"{{tip: {{by: {by}}}, at: {at_s}}}"),)
-    assert by_fault["left_stuck"].values[3] is None
+    assert by_fault["left_wheels_stuck"].values[3] is None
 
 
-def test_a_fault_that_ends_says_after_what_time() -> None:
-    lasting = replace(FAULTS, lasts=Uniform(Interval(1, 2)))
+def test_a_fault_that_ends_has_the_duration_drawn() -> None:
+    lasting = replace(FAULTS, duration=Uniform(Interval(1, 2)))
     assert [each.name for each in quantities(campaign(lasting))][:4] == [
         "inject",
         "inject.onset",
@@ -137,19 +143,19 @@ def test_a_fault_that_ends_says_after_what_time() -> None:
     _, _, at_s, for_s, by = drawn.values
     assert isinstance(for_s, float)
     assert 1 <= for_s <= 2
-    said = f"{{tip: {{by: {by}}}, at: {at_s}, for: {for_s}}}"
-    assert drawn.changes == (Override("inject", said),)
+    message = f"{{tip: {{by: {by}}}, at: {at_s}, for: {for_s}}}"
+    assert drawn.changes == (Override("inject", message),)
 
 
-def test_the_command_says_the_changes() -> None:
+def test_the_command_lists_the_changes() -> None:
     drawn = draw(campaign(FAULTS, SEED, FRICTION), 5)
-    words = shlex.split(drawn.command)
-    assert words[:3] == ["rover", "scenario", drawn.scenario]
-    said = dict(zip(words[3::2], words[4::2], strict=True))
-    assert set(said) == {"--set", "--seed"}
-    options = list(zip(words[3::2], words[4::2], strict=True))
-    told = [Override("seed", v) if k == "--seed" else Override.parse(v) for k, v in options]
-    assert tuple(told) == drawn.changes
+    text = shlex.split(drawn.command)
+    assert text[:3] == ["rover", "scenario", drawn.scenario]
+    message = dict(zip(text[3::2], text[4::2], strict=True))
+    assert set(message) == {"--set", "--seed"}
+    options = list(zip(text[3::2], text[4::2], strict=True))
+    reported = [Override("seed", v) if k == "--seed" else Override.parse(v) for k, v in options]
+    assert tuple(reported) == drawn.changes
 
 
 @given(st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.integers(), st.booleans()))
@@ -169,7 +175,7 @@ def spread(distribution: Distribution) -> set[object]:
     return {draw(campaign(varied), run).values[0] for run in range(200)}
 
 
-def test_a_choice_comes_as_it_is() -> None:
+def test_a_choice_is_passed_unchanged() -> None:
     assert spread(Choice((0.5, 1))) == {0.5, 1.0}
     assert spread(Choice((True, "5", 2))) == {"true", "5", "2"}
 

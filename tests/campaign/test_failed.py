@@ -46,7 +46,7 @@ def campaign(write: Write) -> Campaign:
 @pytest.fixture
 def runs(campaign: Campaign) -> RunTable:
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).run_missing()
     return found
 
 
@@ -54,47 +54,47 @@ def here(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
     return map(run_and_archive, jobs)
 
 
-def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: RunTable) -> None:
+def test_artifacts_of_failed_runs_are_stored_once(campaign: Campaign, runs: RunTable) -> None:
     failed = [run.run for run in runs.read(failed=True)]
     assert len(failed) == 2
     first = Keeper()
     assert save_failed_runs(campaign, runs, here, OUT, 1, first) == []
     assert (first.total, first.done) == (1, 1)
-    kept = OUT / FOLDER / f"run-{failed[0]:06d}"
+    stored = OUT / FOLDER / f"run-{failed[0]:06d}"
     left = {"map.png", "timeline.png", "reports.jsonl", "run.mcap", "plot.png"}
-    assert left <= {path.name for path in kept.iterdir()}
-    assert replay(kept / "run.mcap").difference is None
-    assert any("ledger" in path.name for path in kept.rglob("*"))
+    assert left <= {path.name for path in stored.iterdir()}
+    assert replay(stored / "run.mcap").difference is None
+    assert any("ledger" in path.name for path in stored.rglob("*"))
     again = Keeper()
     save_failed_runs(campaign, runs, here, OUT, 100, again)
     assert again.total == 1
 
 
-def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
+def test_the_report_shows_stored_runs_and_plays_only_the_missing_ones(
     campaign: Campaign, runs: RunTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played = []
 
-    def count(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
-        played.append(kept.name)
-        return run_recorded(name, scenario, kept)
+    def count(name: str, scenario: Scenario, stored: Path) -> ScenarioResult:
+        played.append(stored.name)
+        return run_recorded(name, scenario, stored)
 
     monkeypatch.setattr("sim.campaign.report.failures.run_recorded", count)
     write_report(OUT, campaign, runs, judge(campaign, runs))
     shown = sorted(played)
-    once_more = (OUT / "report.html").read_text()
+    repeated = (OUT / "report.html").read_text()
     save_failed_runs(campaign, runs, here, OUT, 1, Keeper())
-    (kept,) = (OUT / FOLDER).iterdir()
-    assert kept.name in shown
-    for told, again in (
-        (runs_digest(runs, kept.name), [name for name in shown if name != kept.name]),
+    (stored,) = (OUT / FOLDER).iterdir()
+    assert stored.name in shown
+    for reported, again in (
+        (runs_digest(runs, stored.name), [name for name in shown if name != stored.name]),
         ("other", shown),
     ):
-        (kept / DIGEST).write_text(told)
+        (stored / DIGEST).write_text(reported)
         played.clear()
         page = write_report(OUT, campaign, runs, judge(campaign, runs)).read_text()
         assert sorted(played) == again
-        assert page == once_more
+        assert page == repeated
 
 
 def runs_digest(runs: RunTable, folder: str) -> str:
@@ -112,7 +112,7 @@ def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: RunTable) ->
     assert save_failed_runs(campaign, runs, other, OUT, 1, Keeper()) == failed[:1]
 
 
-def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
+def test_a_run_that_raises_an_error_has_failed_and_the_others_continue(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(play: Play) -> Play:
@@ -125,19 +125,19 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
 
     seed = int(draw(campaign, 1).changes[-2].value)
     monkeypatch.setattr("sim.campaign.worker.run_once", broken(run_once))
-    for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
-        monkeypatch.setattr(f"{place}.run_recorded", broken(run_recorded))
+    for module in ("sim.campaign.worker", "sim.campaign.report.failures"):
+        monkeypatch.setattr(f"{module}.run_recorded", broken(run_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).run_missing()
     assert found.numbers() == [0, 1]
     broke = list(found.read())[1]
-    assert not broke.holds
+    assert not broke.passed
     assert broke.failed_findings[0].startswith(
-        "run: expected no ZeroDivisionError, seen by nothing"
+        "run: expected no ZeroDivisionError, observed by nothing"
     )
     assert save_failed_runs(campaign, found, here, OUT, 100, Keeper()) == []
-    kept = OUT / FOLDER / "run-000001" / "error.txt"
-    assert kept.read_text().endswith("ZeroDivisionError: by\nnothing\n")
+    stored = OUT / FOLDER / "run-000001" / "error.txt"
+    assert stored.read_text().endswith("ZeroDivisionError: by\nnothing\n")
     page = write_report(OUT, campaign, found, judge(campaign, found)).read_text()
     assert "It ended with ZeroDivisionError(" in page
 
@@ -148,17 +148,15 @@ def test_an_error_of_the_machine_is_no_failed_run(
     def full(*_: object) -> ScenarioResult:
         raise OSError(28, "No space left on device")
 
-    for way in ("run_once", "run_recorded"):
-        monkeypatch.setattr(f"sim.campaign.worker.{way}", full)
+    for function in ("run_once", "run_recorded"):
+        monkeypatch.setattr(f"sim.campaign.worker.{function}", full)
     job = job_of(draw(campaign, 0))
-    for told in (run_job(job), run_and_archive(job)):
-        assert isinstance(told, JobFailed)
-        assert "No space left on device" in told.reason
+    for reported in (run_job(job), run_and_archive(job)):
+        assert isinstance(reported, JobFailed)
+        assert "No space left on device" in reported.reason
 
 
-def test_a_run_that_cannot_be_played_any_more_is_one_error(
-    campaign: Campaign, runs: RunTable
-) -> None:
+def test_a_run_that_cannot_be_repeated_is_one_error(campaign: Campaign, runs: RunTable) -> None:
     def refuse(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
         return (JobFailed(job.run, "no such world") for job in jobs)
 

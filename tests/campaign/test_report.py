@@ -35,7 +35,7 @@ from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
 
 SHORT: Final = """\
 title: A short way
-lasts: 4
+duration: 4
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 0.4}}, label: go}
 expect:
@@ -51,10 +51,10 @@ vary:
   seed: {integers: [0, 1000]}
   world.friction: {uniform: [0.45, 0.75]}
   inject:
-    choice: [none, wheels_stuck, {slip: {factor: {uniform: [0.1, 0.4]}}}]
+    choice: [none, wheels_stuck, {low_friction: {factor: {uniform: [0.1, 0.4]}}}]
     weights: [3, 2, 1]
     at: {uniform: [0.5, 1]}
-hold:
+criteria:
   - {success: 0.99}
   - {quantile: 0.5, of: duration_s, below: 100}
   - {quantile: 0.9, of: energy_j, below: 1000, where: inject != none}
@@ -65,13 +65,11 @@ scenario: brief.yaml
 runs: 40
 vary:
   seed: {integers: [0, 1000]}
-hold:
+criteria:
   - {success: 0.9}
 """
 
-AGAIN: Final = (
-    "rover campaign mine.yaml --out 'out 1' --resume --runs 1 --keep 3 --on tcp://scheduler:8786"
-)
+AGAIN: Final = "rover campaign mine.yaml --out 'out 1' --resume --runs 1 --saved 3 --scheduler tcp://scheduler:8786"
 
 
 class Watching:
@@ -116,7 +114,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Reported:
         patch.chdir(folder)
         campaign = read(folder, CAMPAIGN)
         runs = RunTable(folder, quantities(campaign))
-        CampaignSession(campaign, runs, lambda jobs: map(run_job, jobs), Watching()).to_the_end()
+        CampaignSession(campaign, runs, lambda jobs: map(run_job, jobs), Watching()).run_missing()
         return report(folder, campaign, runs)
 
 
@@ -125,7 +123,7 @@ class Reader(HTMLParser):
 
     def __init__(self, page: str) -> None:
         super().__init__()
-        self.said: list[str] = []
+        self.output: list[str] = []
         self.references: list[str] = []
         self.elements: list[str] = []
         self.feed(page)
@@ -138,25 +136,25 @@ class Reader(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if data.strip():
-            self.said.append(" ".join(data.split()))
+            self.output.append(" ".join(data.split()))
 
 
-def test_the_verdict_comes_first_then_each_hold_with_figure_and_confidence(
+def test_the_verdict_is_first_then_each_criterion_with_figure_and_confidence(
     reported: Reported,
 ) -> None:
-    said = Reader(reported.page).said
-    assert said.index("The campaign does not hold.") < said.index("Criteria")
+    message = Reader(reported.page).output
+    assert message.index("The campaign failed.") < message.index("Criteria")
     succeeded = f"{reported.verdict.succeeded} of 14 runs succeed"
-    assert any(words.startswith(succeeded) for words in said)
+    assert any(text.startswith(succeeded) for text in message)
     for judged in reported.verdict.judged:
-        place = said.index(judged.hold)
-        assert said[place + 1] == judged.judgement.value
-        assert said[place + 3] == f"{judged.kept} of {judged.runs}"
-        assert "95 % confidence" in said[place + 4]
+        index = message.index(judged.criterion)
+        assert message[index + 1] == judged.judgement.value
+        assert message[index + 3] == f"{judged.passed} of {judged.runs}"
+        assert "95 % confidence" in message[index + 4]
 
 
 def test_what_people_wrote_is_escaped(reported: Reported) -> None:
-    assert 'Short <b>ways</b> & "quotes"' in Reader(reported.page).said
+    assert 'Short <b>ways</b> & "quotes"' in Reader(reported.page).output
     assert "<b>ways" not in reported.page
 
 
@@ -171,12 +169,12 @@ def test_it_needs_nothing_beside_it(reported: Reported) -> None:
 def test_it_shows_success_against_all_that_varies_and_the_distributions(
     reported: Reported,
 ) -> None:
-    said = Reader(reported.page).said
+    message = Reader(reported.page).output
     for heading in ("scenario", "world.friction", "inject", "inject.at", "duration, s"):
-        assert heading in said, heading
-    assert "inject.factor of slip" in said
-    assert "seed" not in said
-    assert any(words.endswith("of 14 runs have it.") for words in said), "of inject.at"
+        assert heading in message, heading
+    assert "inject.factor of low_friction" in message
+    assert "seed" not in message
+    assert any(text.endswith("of 14 runs have it.") for text in message), "of inject.at"
 
 
 def test_failures_are_grouped_and_each_is_counted_once(reported: Reported) -> None:
@@ -184,9 +182,9 @@ def test_failures_are_grouped_and_each_is_counted_once(reported: Reported) -> No
     failed = list(reported.runs.read(failed=True))
     assert sum(group.runs for group in groups) == len(failed) > 1
     assert [group.runs for group in groups] == sorted((g.runs for g in groups), reverse=True)
-    said = Reader(reported.page).said
+    message = Reader(reported.page).output
     for group in groups:
-        assert {group.expected, group.example.command} <= set(said)
+        assert {group.expected, group.example.command} <= set(message)
 
 
 def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them(
@@ -200,19 +198,19 @@ def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them
     reader = Reader(reported.page)
     assert reader.elements.count("img") == 2 * len(shown)
     for run, why in shown:
-        assert run.command in reader.said
-        assert any(why in words for words in reader.said)
-        kept = reported.folder / "worst" / f"run-{run.run:06d}"
-        assert (kept / "reports.jsonl").is_file()
-        assert (kept / "data" / "ledger.sqlite").is_file()
+        assert run.command in reader.output
+        assert any(why in text for text in reader.output)
+        stored = reported.folder / "worst" / f"run-{run.run:06d}"
+        assert (stored / "reports.jsonl").is_file()
+        assert (stored / "data" / "ledger.sqlite").is_file()
     assert "not identical bit for bit" not in reported.page
 
 
-def test_no_more_runs_are_shown_than_asked_for(reported: Reported) -> None:
+def test_at_most_the_requested_runs_are_shown(reported: Reported) -> None:
     assert len(select_runs(reported.runs, failure_groups(reported.runs), 1)) == 1
 
 
-def test_a_run_that_is_not_alike_when_it_is_repeated_is_told(
+def test_a_run_that_differs_when_it_is_repeated_is_reported(
     reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -227,10 +225,10 @@ def alike(run: CampaignRun, number: int) -> CampaignRun:
     """Return a run under another number, that succeeded and has hardly a figure."""
     none = dict.fromkeys(("duration_s", "true_error_m", "true_error_rad", "detection_s"))
     figures = replace(run.figures, **none, false_executed=0)  # type: ignore[arg-type]
-    return replace(run, run=number, scenario="brief.yaml", holds=True, figures=figures)
+    return replace(run, run=number, scenario="brief.yaml", passed=True, figures=figures)
 
 
-def test_what_there_is_none_of_is_said_in_words(
+def test_empty_sections_are_stated_in_text(
     reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -239,24 +237,24 @@ def test_what_there_is_none_of_is_said_in_words(
     first = replace(next(reported.runs.read()), varied={"seed": 1}, failed_findings=())
     runs.add([alike(first, number) for number in range(40)])
     steady = report(tmp_path, replace(campaign, runs=39), runs)
-    said = Reader(steady.page).said
-    assert "The campaign holds." in said
-    assert any("more than the 39 requested" in words for words in said)
-    assert "No run failed." in said
-    assert "Nothing varies except the seed." in said
-    assert said.count("No run has this figure.") == 7
-    assert any(words.startswith("It is ") for words in said), "the distance, alike in all runs"
-    assert any(words.startswith("No run failed, and no run has a figure") for words in said)
+    message = Reader(steady.page).output
+    assert "The campaign passed." in message
+    assert any("more than the 39 requested" in text for text in message)
+    assert "No run failed." in message
+    assert "Nothing varies except the seed." in message
+    assert message.count("No run has this figure.") == 7
+    assert any(text.startswith("It is ") for text in message), "the distance, alike in all runs"
+    assert any(text.startswith("No run failed, and no run has a figure") for text in message)
     assert steady.junit.failures == steady.junit.skipped == 0
 
 
 def test_a_campaign_is_as_good_as_the_worst_of_what_must_hold(reported: Reported) -> None:
     first = reported.verdict.judged[0]
     for worst, others in (
-        (CriterionStatus.HOLDS, ()),
-        (CriterionStatus.UNDECIDED, (CriterionStatus.HOLDS,)),
-        (CriterionStatus.FAILS, (CriterionStatus.UNDECIDED, CriterionStatus.HOLDS)),
-        (CriterionStatus.EMPTY, (CriterionStatus.HOLDS, CriterionStatus.FAILS)),
+        (CriterionStatus.PASSED, ()),
+        (CriterionStatus.UNDECIDED, (CriterionStatus.PASSED,)),
+        (CriterionStatus.FAILED, (CriterionStatus.UNDECIDED, CriterionStatus.PASSED)),
+        (CriterionStatus.EMPTY, (CriterionStatus.PASSED, CriterionStatus.FAILED)),
     ):
         judged = tuple(replace(first, judgement=each) for each in (*others, worst))
         assert judgement_of(replace(reported.verdict, judged=judged)) is worst
@@ -265,11 +263,11 @@ def test_a_campaign_is_as_good_as_the_worst_of_what_must_hold(reported: Reported
 def test_junit_has_a_case_for_each_scenario_and_hold_and_each_failed_run(
     reported: Reported,
 ) -> None:
-    assert not reported.verdict.holds
+    assert not reported.verdict.passed
     suites = {suite.name: list(suite) for suite in reported.junit}
     assert list(suites) == ["all runs", "brief.yaml", "briefer.yaml"]
     for cases in suites.values():
-        assert [case.name for case in cases][:3] == [str(h) for h in reported.campaign.hold]
+        assert [case.name for case in cases][:3] == [str(h) for h in reported.campaign.criteria]
     failed = {f"run {run.run}": run for run in reported.runs.read(failed=True)}
     cases = [case for name in ("brief.yaml", "briefer.yaml") for case in suites[name][3:]]
     assert {case.name for case in cases} == set(failed)
@@ -288,9 +286,9 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     failed = next(reported.runs.read(failed=True))
     failed = replace(failed, scenario="brief.yaml", varied={"seed": 1})
     many = MAX_CASES + 50
-    runs.add([replace(failed, run=number, holds=number >= many) for number in range(2 * many)])
+    runs.add([replace(failed, run=number, passed=number >= many) for number in range(2 * many)])
     verdict = judge(campaign, runs)
-    assert verdict.holds
+    assert verdict.passed
     junit = JUnitXml.fromfile(str(write_campaign_junit(tmp_path, campaign, runs, verdict)))
     assert junit.failures == junit.errors == 0
     assert junit.skipped == MAX_CASES + 1
@@ -300,23 +298,23 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     assert isinstance(last.result[0], Skipped)
 
 
-def test_junit_holds_a_scenario_to_what_its_runs_can_tell(
+def test_junit_rates_a_scenario_only_by_its_runs(
     reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Twenty runs are too few for 0.9, one hold is about the other scenario, and one fails."""
     monkeypatch.chdir(tmp_path)
-    holds = """hold:
+    holds = """criteria:
   - {success: 0.9}
   - {success: 0.9, where: scenario == brief.yaml}
   - {quantile: 0.5, of: distance_m, above: 100}
 """
-    campaign = read(tmp_path, CAMPAIGN.partition("hold:")[0] + holds)
+    campaign = read(tmp_path, CAMPAIGN.partition("criteria:")[0] + holds)
     runs = RunTable(tmp_path, quantities(campaign))
     first = alike(next(reported.runs.read()), 0)
     names = ["brief.yaml"] * 29 + ["briefer.yaml"] * 20
     runs.add([replace(first, run=run, scenario=name) for run, name in enumerate(names)])
     verdict = judge(campaign, runs)
-    assert [each.judgement.value for each in verdict.judged] == ["holds", "holds", "fails"]
+    assert [each.judgement.value for each in verdict.judged] == ["passed", "passed", "failed"]
     junit = JUnitXml.fromfile(str(write_campaign_junit(tmp_path, campaign, runs, verdict)))
     found = {
         suite.name: [[type(result) for result in case.result] for case in suite] for suite in junit
@@ -343,7 +341,7 @@ def test_figures_that_differ_by_the_last_bit_are_alike(
 
 
 @pytest.mark.parametrize(
-    ("trouble", "status", "said"),
+    ("trouble", "status", "message"),
     [
         (KeyboardInterrupt(), 130, "1 runs are saved in out 1; resume with: " + AGAIN),
         (OSError(28, "No space left on device"), 2, "cannot be written (No space left on device)"),
@@ -355,7 +353,7 @@ def test_a_report_that_is_cut_short_costs_no_run(
     monkeypatch: pytest.MonkeyPatch,
     trouble: BaseException,
     status: int,
-    said: str,
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, CAMPAIGN)
@@ -369,7 +367,7 @@ def test_a_report_that_is_cut_short_costs_no_run(
     monkeypatch.setattr("sim.campaign.commands._cluster", lambda *_: nullcontext())
     monkeypatch.setattr("sim.campaign.cluster.results", lambda *_: iter(()))
     done = CliRunner().invoke(command, shlex.split(AGAIN)[2:])
-    assert (done.exit_code, said in done.output) == (status, True), done.output
+    assert (done.exit_code, message in done.output) == (status, True), done.output
     assert Path("out 1/verdict.json").is_file()
     assert runs.numbers() == [0]
 
@@ -433,7 +431,7 @@ def test_nothing_sticks_out_on_a_phone(reported: Reported, tmp_path: Path) -> No
 
 
 @pytest.mark.usefixtures("browser")
-def test_what_a_page_asks_for_and_what_goes_wrong_in_it_would_be_found(tmp_path: Path) -> None:
+def test_a_failing_page_or_missing_resource_would_be_detected(tmp_path: Path) -> None:
     page = tmp_path / "bad.html"
     page.write_text('<img src="http://example.org/x.png"><script>missing()</script>')
     opened = open_page(page, tmp_path, (400, 400), tmp_path / "bad.png")

@@ -47,7 +47,7 @@ RUN = CampaignRun(
     seed=1,
     varied={"inject": "none", "world.friction": 0.5},
     figures=FIGURES,
-    holds=True,
+    passed=True,
     failed_findings=(),
     digest="",
     seconds=0.4,
@@ -62,7 +62,7 @@ VARIED = (
 def judged(folder: Path, hold: Criterion, *runs: CampaignRun) -> CriterionResult:
     data = RunTable(folder, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(runs)])
-    campaign = Campaign(title="", scenarios=("locomotion",), runs=1, hold=(hold,))
+    campaign = Campaign(title="", scenarios=("locomotion",), runs=1, criteria=(hold,))
     (found,) = judge(campaign, data).judged
     return found
 
@@ -75,7 +75,7 @@ def seen(*values: float | None, **figures: float | None) -> list[CampaignRun]:
 
 
 def outcomes(held: int, failed: int) -> list[CampaignRun]:
-    return [RUN] * held + [replace(RUN, holds=False, failed_findings=("pose",))] * failed
+    return [RUN] * held + [replace(RUN, passed=False, failed_findings=("pose",))] * failed
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.floats(0.0, 1.0))
@@ -89,13 +89,13 @@ def test_a_quantile_is_not_exceeded_by_its_share(values: list[float], share: flo
 @pytest.mark.parametrize(
     ("held", "failed", "judgement"),
     [
-        (299, 0, CriterionStatus.HOLDS),
+        (299, 0, CriterionStatus.PASSED),
         (298, 0, CriterionStatus.UNDECIDED),
-        (472, 1, CriterionStatus.HOLDS),
+        (472, 1, CriterionStatus.PASSED),
         (471, 1, CriterionStatus.UNDECIDED),
-        (90, 10, CriterionStatus.FAILS),
+        (90, 10, CriterionStatus.FAILED),
         (97, 3, CriterionStatus.UNDECIDED),
-        (0, 1, CriterionStatus.FAILS),
+        (0, 1, CriterionStatus.FAILED),
     ],
 )
 def test_success_is_judged_with_confidence(
@@ -104,19 +104,19 @@ def test_success_is_judged_with_confidence(
     hold = Success(success=0.99)
     found = judged(tmp_path, hold, *outcomes(held, failed))
     assert found.judgement is judgement
-    assert (found.kept, found.runs) == (held, held + failed)
+    assert (found.passed, found.runs) == (held, held + failed)
     sides = [binomtest(held, held + failed, alternative=side) for side in ("greater", "less")]
-    least, most = (side.proportion_ci(0.95) for side in sides)
-    assert (found.low, found.high) == pytest.approx((least.low, most.high))
+    least, maximum = (side.proportion_ci(0.95) for side in sides)
+    assert (found.low, found.high) == pytest.approx((least.low, maximum.high))
 
 
-def test_it_is_told_how_many_runs_it_takes(tmp_path: Path) -> None:
+def test_the_required_number_of_runs_is_reported(tmp_path: Path) -> None:
     found = judged(tmp_path, Success(success=0.99), *outcomes(20, 0))
     assert "299 runs are needed if all meet it" in found.text
 
 
 @pytest.mark.parametrize(
-    ("failed", "judgement"), [(0, CriterionStatus.HOLDS), (1, CriterionStatus.FAILS)]
+    ("failed", "judgement"), [(0, CriterionStatus.PASSED), (1, CriterionStatus.FAILED)]
 )
 def test_a_share_of_one_is_all_of_them(
     tmp_path: Path, failed: int, judgement: CriterionStatus
@@ -127,31 +127,31 @@ def test_a_share_of_one_is_all_of_them(
 def test_a_quantile_is_judged_with_confidence(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
     fast, slow = seen(*[0.3] * 60), seen(1.0)
-    assert judged(tmp_path / "1", hold, *fast).judgement is CriterionStatus.HOLDS
+    assert judged(tmp_path / "1", hold, *fast).judgement is CriterionStatus.PASSED
     assert judged(tmp_path / "2", hold, *fast[:20]).judgement is CriterionStatus.UNDECIDED
     found = judged(tmp_path / "3", hold, *fast[:10], *slow * 10)
-    assert (found.judgement, found.figure, found.kept) == (CriterionStatus.FAILS, 1.0, 10)
+    assert (found.judgement, found.figure, found.passed) == (CriterionStatus.FAILED, 1.0, 10)
 
 
 def test_a_quantile_may_be_bounded_below(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.1, of="detection_s", above=1.0)
     found = judged(tmp_path, hold, *seen(*[2.0] * 60))
-    assert found.judgement is CriterionStatus.HOLDS
-    assert found.wanted == pytest.approx(0.9)
+    assert found.judgement is CriterionStatus.PASSED
+    assert found.required == pytest.approx(0.9)
 
 
-def test_a_run_without_the_figure_keeps_no_bound(tmp_path: Path) -> None:
+def test_a_run_without_the_figure_meets_no_bound(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
     found = judged(tmp_path, hold, *seen(*[0.3] * 30, *[None] * 30))
-    assert (found.judgement, found.missing, found.figure) == (CriterionStatus.FAILS, 30, None)
+    assert (found.judgement, found.missing, found.figure) == (CriterionStatus.FAILED, 30, None)
     assert found.text.startswith("no detection_s in 30 runs")
 
 
 @pytest.mark.parametrize("side", ["below", "above"])
-def test_a_figure_that_no_run_has_keeps_no_bound(tmp_path: Path, side: str) -> None:
+def test_a_figure_that_no_run_has_meets_no_bound(tmp_path: Path, side: str) -> None:
     hold = Quantile(quantile=0.5, of="detection_s", **{side: 1.0})  # type: ignore[arg-type]
     found = judged(tmp_path, hold, *seen(*[None] * 100))
-    assert (found.judgement, found.kept, found.runs) == (CriterionStatus.FAILS, 0, 100)
+    assert (found.judgement, found.passed, found.runs) == (CriterionStatus.FAILED, 0, 100)
     assert (found.missing, found.figure) == (100, None)
 
 
@@ -196,24 +196,29 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
     data = RunTable(tmp_path, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(outcomes(9, 1))])
     holds = (Success(success=0.5), Success(success=0.99))
-    campaign = Campaign(title="Ten", scenarios=("locomotion",), runs=10, hold=holds)
+    campaign = Campaign(title="Ten", scenarios=("locomotion",), runs=10, criteria=holds)
     verdict = judge(campaign, data)
     verdict.write(tmp_path)
-    told = json.loads((tmp_path / FILE).read_text())
-    assert (told["title"], told["runs"], told["succeeded"], told["holds"]) == ("Ten", 10, 9, False)
-    assert [each["judgement"] for each in told["judged"]] == ["holds", "undecided"]
-    assert not verdict.holds
-    assert CampaignVerdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).holds
+    reported = json.loads((tmp_path / FILE).read_text())
+    assert (reported["title"], reported["runs"], reported["succeeded"], reported["passed"]) == (
+        "Ten",
+        10,
+        9,
+        False,
+    )
+    assert [each["judgement"] for each in reported["judged"]] == ["passed", "undecided"]
+    assert not verdict.passed
+    assert CampaignVerdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).passed
 
 
 @pytest.mark.parametrize(
-    ("asked", "held", "failed", "notes"),
+    ("requested", "held", "failed", "notes"),
     [
         (8, 8, 0, ()),
         (6, 7, 1, ("all 8 existing runs are judged, more than the 6 requested",)),
-        (Until(until=0.5, most=100), 50, 50, ()),
+        (Until(until=0.5, max=100), 50, 50, ()),
         (
-            Until(until=0.1, confidence=0.9, most=100),
+            Until(until=0.1, confidence=0.9, max=100),
             50,
             50,
             ("after 100 runs the interval of the success rate is 0.1728 wide, with confidence 0.9,"
@@ -221,13 +226,13 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_as_asked_for_is_noted(
-    tmp_path: Path, asked: int | Until, held: int, failed: int, notes: tuple[str, ...]
+def test_an_unmet_criterion_is_noted(
+    tmp_path: Path, requested: int | Until, held: int, failed: int, notes: tuple[str, ...]
 ) -> None:
     data = RunTable(tmp_path, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(outcomes(held, failed))])
     campaign = Campaign(
-        title="", scenarios=("locomotion",), runs=asked, hold=(Success(success=0.1),)
+        title="", scenarios=("locomotion",), runs=requested, criteria=(Success(success=0.1),)
     )
     verdict = judge(campaign, data)
     verdict.write(tmp_path)

@@ -47,7 +47,7 @@ from tests.conformance.vectors import (
     report,
 )
 
-_MOST_SEGMENT_OCTETS: Final = 1 << 24
+_MAX_SEGMENT_OCTETS: Final = 1 << 24
 _LTP_TYPES: Final = {"red data": Data, "report segment": ReportSegment, "report-ack": ReportAck}
 
 
@@ -134,12 +134,12 @@ def _judge(octets: bytes, bundle: Bundle, row: Vector, wanted: set[int]) -> tupl
     )
     checks = verify(octets, bundle, Key(bytes.fromhex(row["key_hex"]), form), lenient=True)
     for check in checks:
-        if check.fault:
-            return "invalid", f"block {check.target}: {check.fault}"
+        if check.error:
+            return "invalid", f"block {check.target}: {check.error}"
     if missing := wanted - {check.target for check in checks}:
         return "invalid", f"block {min(missing)} is not signed, and has to be"
-    told = (f"block {check.target} with scope {check.scope}" for check in checks)
-    return "valid", f"{', '.join(told)}, form {form.value}"
+    reported = (f"block {check.target} with scope {check.scope}" for check in checks)
+    return "valid", f"{', '.join(reported)}, form {form.value}"
 
 
 def _check_hmac(row: Vector) -> Verdict:
@@ -243,7 +243,7 @@ def _check_segment(octets: bytes, row: Vector) -> Iterator[str]:
 
 
 def _check_contact_header(octets: bytes, row: Vector) -> Iterator[str]:
-    (header,) = MessageReader(_MOST_SEGMENT_OCTETS).feed(octets) or (None,)
+    (header,) = MessageReader(_MAX_SEGMENT_OCTETS).feed(octets) or (None,)
     if not isinstance(header, ContactHeader):
         yield "no whole contact header"
         return
@@ -273,16 +273,16 @@ def _check_streams(rows: list[Vector]) -> Iterator[Verdict]:
 
 def _check_direction(pieces: list[tuple[str, bytes]]) -> Iterator[Verdict]:
     """Check one direction of an established session; a message may span pieces."""
-    reader = MessageReader(_MOST_SEGMENT_OCTETS)
+    reader = MessageReader(_MAX_SEGMENT_OCTETS)
     reader.feed(encode_message(ContactHeader(0, 0, "")))
-    fed = said = b""
+    fed = message = b""
     for label, octets in pieces:
         fed += octets
         try:
-            said += b"".join(map(encode_message, reader.feed(octets)))
+            message += b"".join(map(encode_message, reader.feed(octets)))
         except DecodeError as error:
             yield Verdict(label, (str(error),))
             return
-        yield Verdict(label, () if fed.startswith(said) else ("encodes to other octets",))
-    if (missing := len(fed) - len(said)) > 0:
+        yield Verdict(label, () if fed.startswith(message) else ("encodes to other octets",))
+    if (missing := len(fed) - len(message)) > 0:
         yield Verdict(pieces[-1][0], (f"{missing} octets of no whole message",))

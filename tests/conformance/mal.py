@@ -76,9 +76,9 @@ def _verdicts(data: Vector, encoding: str | None) -> Iterator[Verdict]:
     messages = _Messages(read_specification(data["testSpecification"]))
     for index, vector in enumerate(data["vectors"]):
         if encoding in (None, str(vector.get("encoding"))):
-            told = ("encoding", "sender", "case", "stage")
-            words = [str(vector[name]) for name in told if name in vector]
-            label = f"{index} {' '.join(words)}"
+            reported = ("encoding", "sender", "case", "stage")
+            text = [str(vector[name]) for name in reported if name in vector]
+            label = f"{index} {' '.join(text)}"
             differences = messages.differences(vector)
             yield judge(label, differences, MalError, ValueError, RecursionError)
 

@@ -82,7 +82,7 @@ def test_a_wrong_status_report_is_found(tmp_path: Path, data: Any) -> None:
     assert "admin[1][1]: 9 wanted" in check_data(tmp_path, data).output
 
 
-def test_another_segment_than_was_said_is_found(tmp_path: Path, data: Any) -> None:
+def test_a_deviating_segment_is_found(tmp_path: Path, data: Any) -> None:
     data["ltp_segments"][0]["type"] = "report segment"
     assert check_data(tmp_path, data).exit_code == 1
 

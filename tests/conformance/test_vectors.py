@@ -47,7 +47,7 @@ MESSAGES = [
         *((mal, content) for content in MESSAGES),
     ],
 )
-def test_what_is_no_vector_file_is_refused_in_a_line(
+def test_an_invalid_vector_file_is_refused_in_a_line(
     tmp_path: Path, command: click.Group, content: str
 ) -> None:
     path = tmp_path / "vectors.json"

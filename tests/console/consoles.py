@@ -30,7 +30,7 @@ ALL = (
     "obj",
 )
 
-Said = dict[str, Any]
+JsonMessage = dict[str, Any]
 
 
 class Page:
@@ -38,41 +38,41 @@ class Page:
 
     def __init__(self, socket: ClientWebSocketResponse) -> None:
         self._socket = socket
-        self.got: list[Said] = []
-        self._looked = 0
+        self.got: list[JsonMessage] = []
+        self._checked = 0
 
-    async def until(self, wanted: Callable[[Said], bool]) -> Said:
+    async def until(self, wanted: Callable[[JsonMessage], bool]) -> JsonMessage:
         """Return the next message that is wanted, of those that were not looked at yet."""
         async with asyncio.timeout(LIMIT_S):
             while True:
-                while self._looked < len(self.got):
-                    self._looked += 1
-                    if wanted(self.got[self._looked - 1]):
-                        return self.got[self._looked - 1]
+                while self._checked < len(self.got):
+                    self._checked += 1
+                    if wanted(self.got[self._checked - 1]):
+                        return self.got[self._checked - 1]
                 self.got += await self.batch()
 
-    async def batch(self) -> list[Said]:
+    async def batch(self) -> list[JsonMessage]:
         message = await self._socket.receive()
         assert message.type is WSMsgType.TEXT, (message.type, self._socket.close_code)
-        batch: list[Said] = json.loads(message.data)
+        batch: list[JsonMessage] = json.loads(message.data)
         return batch
 
-    async def command(self, name: str, *states: str) -> Said:
+    async def command(self, name: str, *states: str) -> JsonMessage:
         """Return the command of an id when it is in one of the states."""
         return await self.until(
-            lambda said: said["ty"] == "cmd" and said["id"] == name and said["state"] in states
+            lambda text: text["ty"] == "cmd" and text["id"] == name and text["state"] in states
         )
 
-    async def is_up(self, asset: str = "jackal") -> Said:
+    async def is_up(self, asset: str = "jackal") -> JsonMessage:
         return await self.until(
-            lambda said: (said["ty"], said.get("asset"), said.get("state")) == ("link", asset, "up")
+            lambda text: (text["ty"], text.get("asset"), text.get("state")) == ("link", asset, "up")
         )
 
-    async def holds(self, operator: str | None) -> Said:
-        return await self.until(lambda said: said["ty"] == "auth" and said["operator"] == operator)
+    async def holds(self, operator: str | None) -> JsonMessage:
+        return await self.until(lambda text: text["ty"] == "auth" and text["operator"] == operator)
 
-    async def say(self, **said: Any) -> None:
-        await self._socket.send_json(said)
+    async def send(self, **text: Any) -> None:
+        await self._socket.send_json(text)
 
 
 class Operator:
@@ -89,34 +89,36 @@ class Operator:
         """Open a page."""
         async with self.session.ws_connect(f"{self.address}ws") as socket:
             page = Page(socket)
-            said = {"op": "hello", "console": "test", "operator": self.name} | hello
-            await page.say(**said, topics=topics or ALL)
-            await page.until(lambda said: said["ty"] == "hello")
+            text = {"op": "hello", "console": "test", "operator": self.name} | hello
+            await page.send(**text, topics=topics or ALL)
+            await page.until(lambda text: text["ty"] == "hello")
             yield page
 
-    async def get(self, path: str, **query: Any) -> Said:
-        status, answer = await self.ask("GET", path, params=query)
+    async def get(self, path: str, **query: Any) -> JsonMessage:
+        status, answer = await self.request("GET", path, params=query)
         assert status == 200, answer
         return answer
 
-    async def ask(self, method: str, path: str, **request: Any) -> tuple[int, Said]:
+    async def request(self, method: str, path: str, **request: Any) -> tuple[int, JsonMessage]:
         url = f"{self.address}{path}"
         async with self.session.request(method, url, **request) as answer:
             if answer.content_type != "application/json":
                 return answer.status, {}
             return answer.status, await answer.json()
 
-    async def post(self, path: str, **body: Any) -> tuple[int, Said]:
-        return await self.ask("POST", path, json=body)
+    async def post(self, path: str, **body: Any) -> tuple[int, JsonMessage]:
+        return await self.request("POST", path, json=body)
 
     async def send(
         self, name: str, command: str, asset: str = "jackal", **args: Any
-    ) -> tuple[int, Said]:
+    ) -> tuple[int, JsonMessage]:
         """Post a command under an id."""
         return await self.post("api/commands", id=name, asset=asset, name=command, args=args)
 
-    async def authority(self, act: str, asset: str = "jackal", **more: Any) -> tuple[int, Said]:
-        return await self.post(f"api/authority/{asset}", act=act, **more)
+    async def authority(
+        self, act: str, asset: str = "jackal", **more: Any
+    ) -> tuple[int, JsonMessage]:
+        return await self.post(f"api/authority/{asset}", action=act, **more)
 
 
 @asynccontextmanager
@@ -155,7 +157,7 @@ async def at_console(
         address = await opened.enter_async_context(served(folder, *all_uris, **options))
         found = []
         for name in names:
-            somebody = await opened.enter_async_context(operator(address, name))
-            somebody.page = await opened.enter_async_context(somebody.open_page(*topics))
-            found.append(somebody)
+            one_operator = await opened.enter_async_context(operator(address, name))
+            one_operator.page = await opened.enter_async_context(one_operator.open_page(*topics))
+            found.append(one_operator)
         yield tuple(found)

@@ -6,7 +6,7 @@ from enum import EnumType
 from types import NoneType, UnionType
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
-from adapters.console.archive.plans import PlanRevision
+from adapters.console.archive.objects import PlanRevision
 from adapters.console.messages import Message
 from adapters.console.requests.explaining import ExplanationBody
 from adapters.console.requests.files import FileEntry

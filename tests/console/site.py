@@ -25,7 +25,7 @@ OPTIONS: Final = (
     "--disable-component-update",
     "--disable-sync",
 )
-_TOLD_BY_THE_PAGE: Final = r"net::ERR_|status of (403|409|412|422|503)"
+_SHOWN_BY_THE_PAGE: Final = r"net::ERR_|status of (403|409|412|422|503)"
 """A server that is away, or what it refused: a browser writes both to its console as well."""
 _NAMED: Final = (  # the empty page that a browser begins with keeps nothing
     "if (origin !== 'null') sessionStorage.setItem('rover-console-operator', {name!r})"
@@ -59,7 +59,7 @@ class Site:
             arguments += ["--video", f"jackal=127.0.0.1:{self.video}"]
         number = len(list(self.folder.glob("console-*.log")))
         with running(self.folder / f"console-{number}.log", "rover-console", *arguments) as process:
-            process.said(re.escape(self.url))
+            process.output(re.escape(self.url))
             yield process
 
 
@@ -97,14 +97,14 @@ class Visitors:
         context.add_init_script(_NAMED.format(name=operator))
         page = context.new_page()
         page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.on("console", lambda said: self._hear(said))
+        page.on("console", lambda message: self._receive(message))
         page.on("request", lambda request: self._note(request))
         page.goto(url)
         return page
 
-    def _hear(self, said: ConsoleMessage) -> None:
-        if said.type == "error" and not re.search(_TOLD_BY_THE_PAGE, said.text):
-            self.errors.append(f"{said.text} {said.location['url']}")
+    def _receive(self, message: ConsoleMessage) -> None:
+        if message.type == "error" and not re.search(_SHOWN_BY_THE_PAGE, message.text):
+            self.errors.append(f"{message.text} {message.location['url']}")
 
     def _note(self, request: Request) -> None:
         if not re.match(r"(https?|wss?)://127\.0\.0\.1:|data:|blob:", request.url):

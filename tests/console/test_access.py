@@ -22,36 +22,36 @@ from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import at_console, operator, served
 from tests.support.certificates import certified
 
-NOBODY = "127.0.0.1:1"
+UNREACHABLE = "127.0.0.1:1"
 TOKENS = "# who may log in\nanna 0123456789abcdef\nBen the second fedcba9876543210\n"
 
 
 @contextmanager
-def refused(said: str) -> Iterator[None]:
+def refused(message: str) -> Iterator[None]:
     with pytest.raises(StartError) as raised:
         yield
-    assert said in str(raised.value)
+    assert message in str(raised.value)
 
 
 async def test_a_page_of_another_site_may_neither_post_nor_listen(tmp_path: Path) -> None:
     foreign = {"Origin": "http://evil.example"}
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
         own = {"Origin": address.rstrip("/")}
-        assert (await anna.ask("GET", "api/dictionary", headers=own))[0] == 200
+        assert (await anna.request("GET", "api/dictionary", headers=own))[0] == 200
         for method, path in (("GET", "api/dictionary"), ("POST", "api/stop/jackal"), ("GET", "ws")):
-            status, answer = await anna.ask(method, path, headers=foreign)
+            status, answer = await anna.request(method, path, headers=foreign)
             why = "requests of pages of http://evil.example are refused"
             assert (status, answer.get("error", why)) == (403, why)
         rebound = {"Host": "evil.example"}
-        assert (await anna.ask("GET", "api/dictionary", headers=rebound))[0] == 403
-        async with ClientSession() as without, without.post(f"{address}api/stop/jackal") as said:
-            assert said.status == 403
-            assert "X-Rover-Operator is needed" in (await said.json())["error"]
+        assert (await anna.request("GET", "api/dictionary", headers=rebound))[0] == 403
+        async with ClientSession() as without, without.post(f"{address}api/stop/jackal") as message:
+            assert message.status == 403
+            assert "X-Rover-Operator is needed" in (await message.json())["error"]
 
 
-async def test_answers_keep_browsers_from_loading_or_framing_anything_else(tmp_path: Path) -> None:
+async def test_response_headers_block_foreign_content_and_framing(tmp_path: Path) -> None:
     async with (
-        served(tmp_path, NOBODY) as address,
+        served(tmp_path, UNREACHABLE) as address,
         ClientSession() as browser,
         browser.get(address) as page,
     ):
@@ -66,7 +66,11 @@ BAD: list[tuple[dict[str, Any], str, tuple[Any, Any]]] = [
     ({"name": "moveForward", "args": {}}, "distance", (None, None)),
     ({"name": "moveForward", "args": {"distance": 1, "speed": 1}}, "speed", (None, None)),
     ({"name": "moveForward", "args": [1]}, "", (None, None)),
-    ({"name": "moveForward", "arrival": "later", "args": {"distance": 1}}, "arrival", (None, None)),
+    (
+        {"name": "moveForward", "preemption": "later", "args": {"distance": 1}},
+        "preemption",
+        (None, None),
+    ),
     ({"name": "moveTo", "args": {"x": 1, "y": 1, "controller": "pid"}}, "controller", (None, None)),
     ({"name": "followPath", "args": {"waypoints": []}}, "waypoints", (1, 100)),
     ({"name": "followPath", "args": {"waypoints": [{"x": 0, "y": 0, "heading": 7}]}},
@@ -98,10 +102,10 @@ async def test_bad_arguments_are_named_with_their_range(launch: Launch, tmp_path
 
 
 async def test_requests_that_make_no_sense_are_answered_by_what_to_do(tmp_path: Path) -> None:
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
 
         async def status(method: str, path: str, **request: Any) -> int:
-            code, answer = await anna.ask(method, path, **request)
+            code, answer = await anna.request(method, path, **request)
             assert answer["error"]
             return code
 
@@ -118,37 +122,39 @@ async def test_requests_that_make_no_sense_are_answered_by_what_to_do(tmp_path: 
         assert await status("GET", "api/tm/jackal/POS_X?strategy=all") == 422
         assert await status("GET", "api/notifications?limit=100000") == 422
         assert await status("POST", "api/tm:batch", json={"keys": [["jackal"]]}) == 422
-        assert await status("POST", "api/authority/jackal", json={"act": "grab"}) == 422
-        assert await status("POST", "api/authority/jackal", json={"act": "hand_over"}) == 422
-        assert await status("POST", "api/authority/jackal", json={"act": "request"}) == 404
+        assert await status("POST", "api/authority/jackal", json={"action": "grab"}) == 422
+        assert await status("POST", "api/authority/jackal", json={"action": "hand_over"}) == 422
+        assert await status("POST", "api/authority/jackal", json={"action": "request"}) == 404
         assert await status("GET", "api/objects/none") == 404
         assert await status("PUT", "api/objects/none", json={"value": 1}) == 428
-        assert await status("GET", "api/export?fmt=xls") == 422
+        assert await status("GET", "api/export?format=xls") == 422
         bad_name = {"X-Rover-Operator": "plan%3Ax"}
         assert await status("POST", "api/stop/jackal", headers=bad_name) == 422
 
 
 async def test_objects_are_shared_by_revision(tmp_path: Path) -> None:
-    async with at_console(tmp_path, NOBODY, "anna", "ben") as (anna, ben):
+    async with at_console(tmp_path, UNREACHABLE, "anna", "ben") as (anna, ben):
         new = {"If-None-Match": "*"}
-        first = await anna.ask("PUT", "api/objects/plot", json={"value": [1]}, headers=new)
+        first = await anna.request("PUT", "api/objects/plot", json={"value": [1]}, headers=new)
         assert first == (200, {"key": "plot", "revision": 1})
-        await ben.page.until(lambda said: (said["ty"], said.get("revision")) == ("obj", 1))
+        await ben.page.until(lambda message: (message["ty"], message.get("revision")) == ("obj", 1))
         match = {"If-Match": '"1"'}
-        changed = await ben.ask("PUT", "api/objects/plot", json={"value": [2]}, headers=match)
+        changed = await ben.request("PUT", "api/objects/plot", json={"value": [2]}, headers=match)
         assert changed[1]["revision"] == 2
-        late = await anna.ask("PUT", "api/objects/plot", json={"value": [3]}, headers=match)
+        late = await anna.request("PUT", "api/objects/plot", json={"value": [3]}, headers=match)
         assert (late[0], late[1]["revision"]) == (412, 2)
         found = await anna.get("api/objects/plot")
         assert (found["value"], found["operator"]) == ([2], "ben")
         assert (await anna.get("api/objects"))["objects"] == [{"key": "plot", "revision": 2}]
-        gone = await anna.ask("DELETE", "api/objects/plot", headers={"If-Match": '"2"'})
-        assert gone[0] == 204
+        closed = await anna.request("DELETE", "api/objects/plot", headers={"If-Match": '"2"'})
+        assert closed[0] == 204
 
 
-async def test_what_a_page_says_wrongly_closes_its_socket_with_the_reason(tmp_path: Path) -> None:
-    async with served(tmp_path, NOBODY) as address, ClientSession() as browser:
-        for said in (
+async def test_an_invalid_message_of_a_page_closes_its_socket_with_the_reason(
+    tmp_path: Path,
+) -> None:
+    async with served(tmp_path, UNREACHABLE) as address, ClientSession() as browser:
+        for message in (
             '{"op": "sub"}',
             "[]",
             "{",
@@ -157,18 +163,18 @@ async def test_what_a_page_says_wrongly_closes_its_socket_with_the_reason(tmp_pa
             '{"op": "hello", "console": "A", "resume": {"seq": %s}}' % ("1" * 5000),
         ):
             async with browser.ws_connect(f"{address}ws") as page:
-                await page.send_str(said)
+                await page.send_str(message)
                 await page.receive()
                 assert page.close_code == WSCloseCode.POLICY_VIOLATION
 
 
-async def test_with_tokens_only_who_has_one_gets_in_under_its_name(tmp_path: Path) -> None:
+async def test_with_tokens_only_a_holder_gets_in_under_its_name(tmp_path: Path) -> None:
     tokens = tmp_path / "tokens"
     tokens.write_text(TOKENS)
     ends = certified(tmp_path, "console")["console"]
     tls = (ends.certificate, ends.key)
     trusted = ssl.create_default_context(cafile=ends.authorities)
-    async with served(tmp_path, NOBODY, host="0.0.0.0", tokens=tokens, tls=tls) as address:
+    async with served(tmp_path, UNREACHABLE, host="0.0.0.0", tokens=tokens, tls=tls) as address:
         there = address.replace("0.0.0.0", "127.0.0.1")
         connector = TCPConnector(ssl=trusted)
         async with ClientSession(connector=connector, headers={"X-Rover-Operator": "x"}) as browser:
@@ -184,8 +190,8 @@ async def test_with_tokens_only_who_has_one_gets_in_under_its_name(tmp_path: Pat
                 assert (await answer.json())["operator"] == "Ben the second"
                 cookie = answer.headers["Set-Cookie"]
                 assert all(part in cookie for part in ("HttpOnly", "Secure", "SameSite=Strict"))
-            kept = {"Cookie": cookie.partition(";")[0]}
-            async with browser.ws_connect(f"{there}ws", headers=kept) as page:
+            stored = {"Cookie": cookie.partition(";")[0]}
+            async with browser.ws_connect(f"{there}ws", headers=stored) as page:
                 await page.send_json({"op": "hello", "console": "A", "operator": "anna"})
                 assert (await page.receive_json())[0]["operator"] == "Ben the second"
 
@@ -211,16 +217,16 @@ async def test_malformed_octets_before_a_login_are_an_error_of_the_client(
     line: bytes, head: bytes, status: bytes, tmp_path: Path
 ) -> None:
     (tmp_path / "tokens").write_text(TOKENS)
-    async with served(tmp_path, NOBODY, tokens=tmp_path / "tokens") as address:
-        said = await _answer(address, line, b"Host: localhost\r\n" + head)
-    assert said.split()[1] == status
+    async with served(tmp_path, UNREACHABLE, tokens=tmp_path / "tokens") as address:
+        message = await _answer(address, line, b"Host: localhost\r\n" + head)
+    assert message.split()[1] == status
 
 
 @pytest.mark.parametrize("host", [b"[", b"[::1", b"\xff"])
 async def test_a_malformed_host_is_no_host_of_this_computer(host: bytes, tmp_path: Path) -> None:
-    async with served(tmp_path, NOBODY) as address:
-        said = await _answer(address, b"GET /api/dictionary", b"Host: " + host)
-    assert said.split()[1] == FORBIDDEN
+    async with served(tmp_path, UNREACHABLE) as address:
+        message = await _answer(address, b"GET /api/dictionary", b"Host: " + host)
+    assert message.split()[1] == FORBIDDEN
 
 
 async def _answer(address: str, line: bytes, head: bytes) -> bytes:
@@ -228,10 +234,10 @@ async def _answer(address: str, line: bytes, head: bytes) -> bytes:
     reader, writer = await asyncio.open_connection(*urlsplit(address).netloc.split(":"))
     operator_and_length = b"X-Rover-Operator: anna\r\nContent-Length: 2\r\n"
     writer.write(line + b" HTTP/1.1\r\n" + operator_and_length + head + b"\r\n\r\n{}")
-    said = await reader.readline()
+    message = await reader.readline()
     writer.close()
     await writer.wait_closed()
-    return said
+    return message
 
 
 def test_guesses_wait_by_address_and_right_tokens_at_most_as_long() -> None:
@@ -248,7 +254,7 @@ def test_guesses_wait_by_address_and_right_tokens_at_most_as_long() -> None:
     assert guesses.wait_s("guesser", None) == 0.0
 
 
-def test_what_is_kept_of_guesses_is_bounded() -> None:
+def test_the_record_of_guesses_is_bounded() -> None:
     guesses = TokenGuesses(lambda: 0.0)
     for number in range(2 * MAX_PEERS):
         guesses.wait_s(str(number), None)
@@ -267,17 +273,17 @@ async def test_wrong_tokens_are_answered_later_and_later(
 
     monkeypatch.setattr(access, "asyncio", SimpleNamespace(sleep=sleep))
     (tmp_path / "tokens").write_text(TOKENS)
-    async with served(tmp_path, NOBODY, tokens=tmp_path / "tokens") as address:
+    async with served(tmp_path, UNREACHABLE, tokens=tmp_path / "tokens") as address:
         async with operator(address, "x", Authorization="Bearer guess") as guesser:
             for path in ("dictionary", "authority", "dictionary"):
-                assert (await guesser.ask("GET", f"api/{path}"))[0] == 401
+                assert (await guesser.request("GET", f"api/{path}"))[0] == 401
             assert (await guesser.post("api/login", token="guess"))[0] == 401
         assert [round(each, 1) for each in waits] == pytest.approx([0.5, 1.0, 1.5], abs=0.4)
         async with operator(address, "x", Authorization="Bearer 0123456789abcdef") as anna:
-            assert (await anna.ask("GET", "api/dictionary"))[0] == 200
-            assert (await anna.ask("POST", "api/stop/NOBODY"))[0] == 404
+            assert (await anna.request("GET", "api/dictionary"))[0] == 200
+            assert (await anna.request("POST", "api/stop/NOBODY"))[0] == 404
         async with operator(address, "x") as nameless:
-            assert (await nameless.ask("GET", "api/dictionary"))[0] == 401
+            assert (await nameless.request("GET", "api/dictionary"))[0] == 401
     assert len(waits) == 4, "neither who has proved a token waits nor who gives none"
 
 
@@ -285,47 +291,47 @@ async def test_a_stop_of_no_rover_is_not_logged_as_one(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO")
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
-        assert (await anna.ask("POST", "api/stop/NOBODY"))[0] == 404
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
+        assert (await anna.request("POST", "api/stop/NOBODY"))[0] == 404
     assert not [each for each in caplog.messages if "stop" in each]
 
 
 async def test_the_answer_to_a_head_has_no_body(tmp_path: Path) -> None:
     """The end of a compressed body would be taken for the next answer of the connection."""
-    async with served(tmp_path, NOBODY) as address:
+    async with served(tmp_path, UNREACHABLE) as address:
         host = urlsplit(address).netloc
         reader, writer = await asyncio.open_connection(*host.split(":"))
         head = f"HEAD / HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
         writer.write(f"{head}Connection: close\r\n\r\n".encode())
-        said, _, body = (await reader.read()).partition(b"\r\n\r\n")
+        message, _, body = (await reader.read()).partition(b"\r\n\r\n")
         writer.close()
         await writer.wait_closed()
-        assert (said.split(b"\r\n")[0], body) == (b"HTTP/1.1 200 OK", b"")
+        assert (message.split(b"\r\n")[0], body) == (b"HTTP/1.1 200 OK", b"")
 
 
-async def test_where_others_reach_it_the_start_says_what_is_needed(tmp_path: Path) -> None:
+async def test_if_reachable_by_others_the_start_reports_the_requirements(tmp_path: Path) -> None:
     with refused("--tokens FILE (lines NAME TOKEN) for login, and --tls-certificate PEM"):
-        async with served(tmp_path, NOBODY, host="0.0.0.0"):
+        async with served(tmp_path, UNREACHABLE, host="0.0.0.0"):
             pass
     with refused("--host no-such-host.invalid: Name or service not known"):
-        async with served(tmp_path, NOBODY, host="no-such-host.invalid"):
+        async with served(tmp_path, UNREACHABLE, host="no-such-host.invalid"):
             pass
-    async with served(tmp_path, NOBODY, host="[::1]") as address:
+    async with served(tmp_path, UNREACHABLE, host="[::1]") as address:
         assert address.startswith("http://[::1]:")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with refused("choose another with --port"):
-            async with served(tmp_path, NOBODY, port=taken.getsockname()[1]):
+            async with served(tmp_path, UNREACHABLE, port=taken.getsockname()[1]):
                 pass
-    async with served(tmp_path, NOBODY):
+    async with served(tmp_path, UNREACHABLE):
         with refused("another process"):
-            async with served(tmp_path, NOBODY):
+            async with served(tmp_path, UNREACHABLE):
                 pass
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "has no line NAME TOKEN"),
         ("anna short", "line 1: write NAME TOKEN"),
@@ -334,9 +340,9 @@ async def test_where_others_reach_it_the_start_says_what_is_needed(tmp_path: Pat
         ("anna 0123456789abcdef\nben 0123456789abcdef", "line 2: duplicate token"),
     ],
 )
-def test_a_file_of_tokens_that_makes_no_sense_is_told(text: str, said: str, tmp_path: Path) -> None:
+def test_an_invalid_token_file_is_reported(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "tokens").write_text(text)
-    with refused(said):
+    with refused(message):
         read_tokens(tmp_path / "tokens")
 
 
@@ -354,18 +360,18 @@ async def test_with_one_certificate_operators_take_turns(tmp_path: Path, launch:
         assert (await ben.send("b", "moveForward", distance=0.5))[0] == 403
         status, refusal = await ben.authority("request")
         assert (status, refusal["holder"]) == (403, "anna")
-        await anna.page.until(lambda said: said.get("asked_by") == "ben")
+        await anna.page.until(lambda message: message.get("requested_by") == "ben")
         assert (await anna.authority("hand_over", to="ben"))[1]["operator"] == "ben"
         assert (await anna.send("c", "moveForward", distance=0.5))[0] == 403
         assert (await ben.send("d", "moveForward", distance=0.5))[0] == 202
         await anna.page.command("d", "executed")
-        assert (await anna.ask("POST", "api/stop/jackal"))[0] == 202
-        await ben.page.until(lambda said: said.get("mode") == "STOPPED")
+        assert (await anna.request("POST", "api/stop/jackal"))[0] == 202
+        await ben.page.until(lambda message: message.get("mode") == "STOPPED")
 
 
 async def test_a_page_that_has_not_changed_is_answered_without_a_body(tmp_path: Path) -> None:
     """What came after the head would be taken for the next answer of the connection."""
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
         async with anna.session.get(f"{address}app/views/files.js") as first:
             assert first.headers["Content-Encoding"] == "deflate"
             tag = first.headers["ETag"]
@@ -373,7 +379,7 @@ async def test_a_page_that_has_not_changed_is_answered_without_a_body(tmp_path: 
         reader, writer = await asyncio.open_connection(*host.split(":"))
         head = f"GET /app/views/files.js HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
         writer.write(f"{head}If-None-Match: {tag}\r\nConnection: close\r\n\r\n".encode())
-        said, _, body = (await reader.read()).partition(b"\r\n\r\n")
+        message, _, body = (await reader.read()).partition(b"\r\n\r\n")
         writer.close()
         await writer.wait_closed()
-        assert (said.split(b"\r\n")[0], body) == (b"HTTP/1.1 304 Not Modified", b"")
+        assert (message.split(b"\r\n")[0], body) == (b"HTTP/1.1 304 Not Modified", b"")

@@ -22,24 +22,28 @@ from adapters.console.archive import (
     open_alarms,
     read_alarms,
 )
-from adapters.console.messages import AlarmStatus
+from adapters.console.messages import AlarmStatus, LinkKind
 from adapters.console.requests import AlarmRequests
+from adapters.console.rovers import notification_message as notified_of
+from adapters.mrs.spec import ReceivedReport
 from adapters.system import OPERATING_SYSTEM
+from executive.commands import Resume
 from tests.console.conftest import Launch
-from tests.console.consoles import Operator, Said, at_console
+from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.console.postgres import fresh
 from tests.console.test_archive import notified
 from tests.mrs.aboard import Aboard
+from tests.support.kinematic import Bench
 
 LOW_V, FULL_V = 20.0, 26.0
 BATTERY = "fault 905"
 VOLTAGE = "limit BATERY_VOLTAGE"
 
 
-def is_alarm(source: str, **wanted: object) -> Callable[[Said], bool]:
-    return lambda said: (
-        (said["ty"], said.get("source")) == ("alarm", source)
-        and all(said[name] == value for name, value in wanted.items())
+def is_alarm(source: str, **wanted: object) -> Callable[[JsonMessage], bool]:
+    return lambda message: (
+        (message["ty"], message.get("source")) == ("alarm", source)
+        and all(message[name] == value for name, value in wanted.items())
     )
 
 
@@ -48,15 +52,15 @@ def show(rover: Aboard, voltage_v: float) -> None:
     rover.do(lambda bench: setattr(bench, "voltage_v", voltage_v))
 
 
-async def acknowledge(operator: Operator, *alarms: Said) -> list[Said]:
+async def acknowledge(operator: Operator, *alarms: JsonMessage) -> list[JsonMessage]:
     seen = [[each["id"], each["occurrences"]] for each in alarms]
     status, answer = await operator.post("api/alarms/acknowledge", alarms=seen)
     assert status == 200
-    found: list[Said] = answer["alarms"]
+    found: list[JsonMessage] = answer["alarms"]
     return found
 
 
-async def test_an_alarm_stands_until_it_is_cleared_and_acknowledged(
+async def test_an_alarm_is_open_until_it_is_cleared_and_acknowledged(
     rover: Aboard, tmp_path: Path
 ) -> None:
     topics = ("link", "alarm", "cmd")
@@ -83,7 +87,9 @@ async def test_an_alarm_stands_until_it_is_cleared_and_acknowledged(
         (done,) = await acknowledge(ben, over)
         assert (done["operator"], done["cleared"]) == ("ben", over["cleared"])
         assert (await ben.send("go on", "resume"))[0] == 202
-        ended = await ben.page.until(lambda said: is_alarm(BATTERY)(said) and said["cleared"])
+        ended = await ben.page.until(
+            lambda message: is_alarm(BATTERY)(message) and message["cleared"]
+        )
         assert ended["operator"] == "anna"
         history = (await ben.get("api/alarms", asset="jackal"))["alarms"]
         assert {BATTERY, VOLTAGE} <= {each["source"] for each in history}
@@ -99,7 +105,9 @@ async def test_what_happens_once_is_over_at_once_and_counted(rover: Aboard, tmp_
         for number in (1, 2):
             await anna.send(f"far {number}", "activatePlan", plan_id="none")
             refused = await anna.page.until(
-                lambda said: said["ty"] == "alarm" and said["source"].startswith("command REJECTED")
+                lambda message: (
+                    message["ty"] == "alarm" and message["source"].startswith("command REJECTED")
+                )
             )
             assert refused["occurrences"] == number
             assert refused["command"] == f"far {number}"
@@ -119,8 +127,8 @@ async def test_consoles_at_one_database_show_the_same(
         at_console(tmp_path / "one", rover.uri, "anna", topics=topics, archive=url) as (anna,),
         at_console(tmp_path / "two", rover.uri, "ben", topics=topics, archive=url) as (ben,),
     ):
-        for somebody in (anna, ben):
-            await somebody.page.is_up()
+        for operator in (anna, ben):
+            await operator.page.is_up()
         show(rover, LOW_V)
         here = await anna.page.until(is_alarm(BATTERY))
         there = await ben.page.until(is_alarm(BATTERY))
@@ -132,7 +140,7 @@ async def test_consoles_at_one_database_show_the_same(
         assert len(alarms) == len({each["source"] for each in alarms})
 
 
-async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
+async def test_an_already_received_report_changes_nothing(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     raised = partial(
         AlarmRaised, "jackal", "fault 1", severity="ALARM", text="low", persistent=True
@@ -159,9 +167,9 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     assert await acknowledge(first, 9.0) == [again]
     (known,) = await acknowledge(again, 9.0)
     assert (known.operator, known.acknowledged) == ("anna", 9.0)
-    (anew,) = await change(raised(utc=10.0))
-    assert (anew.occurrences, anew.operator) == (3, None)
-    await acknowledge(anew, 11.0)
+    (again_,) = await change(raised(utc=10.0))
+    assert (again_.occurrences, again_.operator) == (3, None)
+    await acknowledge(again_, 11.0)
     assert await change(AlarmCleared("jackal", "fault 1", 12.0), raised(utc=10.0)) == []
     (other,) = await change(raised(utc=20.0))
     assert (other.id, other.occurrences) == (first.id + 1, 1)
@@ -171,25 +179,53 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     await archive.close()
 
 
-async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engine) -> None:
-    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    told: list[AlarmStatus] = []
-    alarms = AlarmRequests(archive, told.append, lambda *_: (None, None))
+async def test_no_alarm_depends_on_a_text(engine: Engine, tmp_path: Path) -> None:
+    """The battery is low, and charged again: the reports raise an alarm, and clear it."""
+    with Bench(tmp_path) as bench:
+        for number, voltage_v in enumerate((LOW_V, FULL_V), 1):
+            bench.voltage_v = voltage_v
+            bench.run(3.0)
+            bench.submit(Resume(), number)
+        reported = [
+            notified_of("jackal", LinkKind.DIRECT, ReceivedReport(each.sequence, each), each.utc_s)
+            for each in bench.received.reports
+        ]
+    archive, found = Archive(engine, OPERATING_SYSTEM.utc_s), []
+    for asset in ("as told", "reworded"):
+        alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
+        for each in reported:
+            alarms.on_report(
+                replace(each, asset=asset, text="x" if asset == "reworded" else each.text)
+            )
+        await alarms.close()
+        of_asset = await archive.read(partial(read_alarms, page=TablePage(asset, None, None, 9)))
+        found.append([(each.source, each.cleared, each.occurrences) for each in of_asset])
+    await archive.close()
+    assert found[0] == found[1]
+    cleared = [when for source, when, _ in found[0] if source == BATTERY]
+    assert len(cleared) == 1
+    assert cleared[0] is not None
 
-    def hear(utc: float, text: str) -> None:
+
+async def test_an_alarm_raised_during_a_write_is_not_lost(engine: Engine) -> None:
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
+    reported: list[AlarmStatus] = []
+    alarms = AlarmRequests(archive, reported.append, lambda *_: (None, None))
+
+    def receive(utc: float, text: str) -> None:
         alarms.on_report(replace(notified(1, utc), text=text))
 
-    hear(1.0, "dust")
-    looks = [asyncio.create_task(alarms.refresh()) for _ in range(3)]
+    receive(1.0, "dust")
+    polls = [asyncio.create_task(alarms.refresh()) for _ in range(3)]
     await asyncio.sleep(0)
-    hear(2.0, "wind")
-    await asyncio.gather(*looks)
+    receive(2.0, "wind")
+    await asyncio.gather(*polls)
     await alarms.refresh()
-    assert [each.text for each in told] == ["dust", "wind"]
+    assert [each.text for each in reported] == ["dust", "wind"]
     await archive.close()
 
 
-async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Engine) -> None:
+async def test_a_report_received_at_the_end_is_stored_and_blocks_nothing(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
     running = asyncio.create_task(alarms.run())

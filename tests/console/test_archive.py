@@ -43,7 +43,7 @@ from adapters.console.messages import (
     CommandState,
     CommandStatus,
     LinkKind,
-    Notified,
+    NotificationMessage,
     Quality,
     Sample,
     StageEntry,
@@ -59,8 +59,8 @@ def sample(utc: float, value: float | str | None, link: LinkKind = LinkKind.DIRE
     return Sample("jackal", "POS_X", link, utc, utc + 1, value, quality)
 
 
-def notified(sequence: int, utc: float = 100.0) -> Notified:
-    return Notified(
+def notified(sequence: int, utc: float = 100.0) -> NotificationMessage:
+    return NotificationMessage(
         "jackal", LinkKind.DIRECT, sequence, utc, utc, "EVENT", "WARNING", "dust", None, None, None,
         None, None, {"depth": float("inf")}, cursor=sequence,
     )  # fmt: skip
@@ -92,7 +92,7 @@ async def found(
     return [(each["utc"], each["value"], each["q"]) for each in answer]
 
 
-async def test_what_could_not_be_written_is_written_before_what_came_later(engine: Engine) -> None:
+async def test_an_unwritten_batch_is_written_before_later_ones(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
 
     def fail(_: Connection) -> None:
@@ -111,21 +111,21 @@ async def test_what_could_not_be_written_is_written_before_what_came_later(engin
 
 
 async def test_what_waits_when_writing_is_cancelled_is_written_at_the_end(engine: Engine) -> None:
-    archive, go_on = Archive(engine, OPERATING_SYSTEM.utc_s), Event()
-    before = asyncio.create_task(archive.write(lambda _: go_on.wait()))
+    archive, proceed = Archive(engine, OPERATING_SYSTEM.utc_s), Event()
+    before = asyncio.create_task(archive.write(lambda _: proceed.wait()))
     await asyncio.sleep(0)
     archive.put(notified(1))
     writing = asyncio.create_task(archive.flush())
     await asyncio.sleep(0)
     writing.cancel()
     await asyncio.wait((writing,))
-    go_on.set()
+    proceed.set()
     await before
     archive.put(notified(2))
     await archive.flush()
     everything = TablePage(None, None, None, 10)
-    kept = json.loads(await archive.read(partial(read_notifications, page=everything)))
-    assert sorted(each["cursor"] for each in kept) == [1, 2]
+    stored = json.loads(await archive.read(partial(read_notifications, page=everything)))
+    assert sorted(each["cursor"] for each in stored) == [1, 2]
     await archive.close()
 
 
@@ -191,7 +191,7 @@ async def test_an_outage_is_a_gap_however_long_the_time_is(engine: Engine) -> No
     await archive.close()
 
 
-HEARD = st.lists(
+RECEIVED = st.lists(
     st.tuples(
         st.builds(
             lambda minute, second: minute * 60.0 + second,
@@ -206,27 +206,27 @@ HEARD = st.lists(
 """Times, some of them twice, and values, in the order of their arrival."""
 
 
-def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
+def test_a_long_time_is_thinned_out_alike_in_any_order_of_reception(
     engine: Engine,
 ) -> None:
     @settings(max_examples=30, deadline=None)
     @given(
-        heard=HEARD,
+        received=RECEIVED,
         batch=st.integers(1, 9),
         size=st.integers(1, 6),
         cut=st.sampled_from([0, 0, 0, 5]),
     )
     def check(
-        heard: list[tuple[float, float | str | None]], batch: int, size: int, cut: int
+        received: list[tuple[float, float | str | None]], batch: int, size: int, cut: int
     ) -> None:
         first: dict[float, tuple[int, float | str | None]] = {}
-        for number, (utc, value) in enumerate(heard):
+        for number, (utc, value) in enumerate(received):
             first.setdefault(utc, (number, value))
         expected = {utc: value for utc, (number, value) in first.items() if number >= cut}
-        asyncio.run(compare(heard, batch, size, cut, thinned(expected, size)))
+        asyncio.run(compare(received, batch, size, cut, thinned(expected, size)))
 
     async def compare(
-        heard: list[tuple[float, float | str | None]],
+        received: list[tuple[float, float | str | None]],
         batch: int,
         size: int,
         cut: int,
@@ -234,10 +234,10 @@ def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
     ) -> None:
         archive = Archive(engine, OPERATING_SYSTEM.utc_s)
         await delete_old(archive, RetentionPolicy(days=0.0), 1e9)
-        for number, (utc, value) in enumerate(heard):
+        for number, (utc, value) in enumerate(received):
             quality = Quality.INVALID if value is None else Quality.GOOD
-            heard_s = 1000.0 + number
-            put = Sample("jackal", "POS_X", LinkKind.DIRECT, utc, heard_s, value, quality)
+            received_s = 1000.0 + number
+            put = Sample("jackal", "POS_X", LinkKind.DIRECT, utc, received_s, value, quality)
             archive.put(put)
             if number % batch == 0:
                 await archive.flush()
@@ -278,7 +278,7 @@ def thinned(
     return [(utc, samples[utc]) for utc in sorted(extremes | set(gaps.values()))]
 
 
-async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
+async def test_commands_notifications_and_records_are_read_as_they_were(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     began = command("one", CommandState.SENDING)
     assert await archive.claim_command(began)
@@ -299,11 +299,11 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
     assert await archive.read(partial(read_command, name="one")) == ended
     last = await archive.read(partial(last_commands, count=2))
     assert [each.id for each in last] == ["old", "c7", "c8"]
-    told = json.loads(
+    reported = json.loads(
         await archive.read(partial(read_notifications, page=TablePage("jackal", None, None, 2)))
     )
-    assert len(told) == 2
-    assert told[0]["figures"] == {"depth": "Infinity"}
+    assert len(reported) == 2
+    assert reported[0]["figures"] == {"depth": "Infinity"}
     every = partial(read_notifications, page=TablePage("jackal", None, None, 99))
     cursors = [each["cursor"] for each in json.loads(await archive.read(every))]
     assert sorted(cursor or 0 for cursor in cursors) == [0, 1, 2, 3, 4, 5, 6]
@@ -341,7 +341,7 @@ async def test_objects_change_by_their_revision_only(engine: Engine) -> None:
     await archive.close()
 
 
-async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine) -> None:
+async def test_excess_data_is_deleted_in_order_of_age(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     now_s = 100 * DAY_S
     for day in range(100):
@@ -357,21 +357,24 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
     await archive.flush()
     await archive.write(lambda connection: put_object(connection, "plot", "1", None, "anna", 1.0))
     await delete_old(archive, RetentionPolicy(days=30.0), now_s)
-    kept = await found(archive, size=10_000)
-    assert len(kept) == 30 * 50
-    assert kept[0][0] == 70 * DAY_S
+    stored = await found(archive, size=10_000)
+    assert len(stored) == 30 * 50
+    assert stored[0][0] == 70 * DAY_S
     wrong = SampleQuery("sim", "X", None, 0, to_us(9.0), Strategy.LATEST, 9)
     assert '"utc":5.0' in await archive.read(partial(read_samples, wanted=wrong))
     await delete_old(archive, RetentionPolicy(days=30.0, megabytes=0.04), now_s)
     fewer = await found(archive, size=10_000)
     assert 0 < len(fewer) < 1000
-    assert fewer[-1] == kept[-1]
+    assert fewer[-1] == stored[-1]
     await delete_old(archive, RetentionPolicy(days=0.001), now_s)
     assert await found(archive) == []
     known = partial(last_notification, asset="jackal", link=LinkKind.DIRECT)
     assert await archive.read(known) == (100, to_us(99 * DAY_S))
-    kept_commands = await archive.read(partial(last_commands, count=9))
-    assert [each.id for each in kept_commands] == ["open", "last"]  # revisions go on from the last
+    stored_commands = await archive.read(partial(last_commands, count=9))
+    assert [each.id for each in stored_commands] == [
+        "open",
+        "last",
+    ]  # revisions go on from the last
     assert await archive.read(list_objects) == [("plot", 1)]
     await archive.close()
 
@@ -403,19 +406,20 @@ def test_the_migrations_make_the_tables(engine: Engine) -> None:
         assert compare_metadata(context, METADATA) == []
 
 
-def test_an_archive_is_opened_again_and_a_newer_one_is_refused(
-    engine: Engine, tmp_path: Path
+@pytest.mark.parametrize("revision", ["0001", "9999"])
+def test_an_archive_is_opened_again_and_one_of_another_version_is_refused(
+    revision: str, engine: Engine, tmp_path: Path
 ) -> None:
     url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
     open_database(url, tmp_path).dispose()
     with engine.begin() as connection:
-        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-    with pytest.raises(StartError, match="newer version"):
+        connection.execute(text(f"UPDATE alembic_version SET version_num = '{revision}'"))
+    with pytest.raises(StartError, match=rf"another version \(revision {revision}\)"):
         open_database(url, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("url", "said"),
+    ("url", "message"),
     [
         ("nonsense", "no supported database: write sqlite:///FILE"),
         ("mysql://localhost/x", "no supported database"),
@@ -423,13 +427,15 @@ def test_an_archive_is_opened_again_and_a_newer_one_is_refused(
         ("postgresql://me:secret@127.0.0.1:1/x", "127.0.0.1:1/x cannot be opened"),
     ],
 )
-def test_a_database_that_cannot_be_opened_is_told(url: str, said: str, tmp_path: Path) -> None:
-    with pytest.raises(StartError, match=said) as raised:
+def test_a_database_that_cannot_be_opened_is_reported(
+    url: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(StartError, match=message) as raised:
         open_database(url, tmp_path)
     assert "secret" not in str(raised.value)
 
 
-def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_database_is_reported(tmp_path: Path) -> None:
     (tmp_path / "archive.sqlite").write_text("something else, and more than a header of it" * 9)
     with pytest.raises(StartError, match="not a database"):
         open_database(None, tmp_path)

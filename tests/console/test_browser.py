@@ -99,7 +99,7 @@ def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map
     command.locator(".head").click()
 
 
-def test_a_node_of_the_tree_leads_to_the_command_that_it_worked_on(page: Page) -> None:
+def test_a_node_of_the_tree_selects_its_command(page: Page) -> None:
     page.get_by_label("find a node").fill("drive")
     page.locator(".tree .name").filter(has_text="drive").click()
     expect(page.locator(".command.selected[data-name=moveTo]")).to_be_visible()
@@ -107,7 +107,7 @@ def test_a_node_of_the_tree_leads_to_the_command_that_it_worked_on(page: Page) -
     page.get_by_label("find a node").fill("")
 
 
-def test_the_time_strip_shows_what_was_done_when_and_selects_it(page: Page) -> None:
+def test_the_time_strip_shows_activities_by_time_and_selects_them(page: Page) -> None:
     layout = page.evaluate("location.hash")
     page.evaluate(f"location.hash = '#/browse/{STRIP}?hideInspector=true'")
     lanes = page.locator(".strip [data-lane]")
@@ -139,14 +139,14 @@ def test_the_time_strip_shows_what_was_done_when_and_selects_it(page: Page) -> N
 
 
 def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:
-    live = look_back(page, page.evaluate("Date.now() - 1000"))
+    live = show_past(page, page.evaluate("Date.now() - 1000"))
     expect(page.locator(".tree-view .why")).to_have_text(re.compile("^as of"))
     page.get_by_role("button", name="back to now").click()
     expect(page.get_by_text("(past)")).to_be_hidden()
     page.evaluate("hash => { location.hash = hash }", live)
 
 
-def test_a_recording_beside_a_rover_is_looked_at_in_its_own_time(
+def test_a_recording_beside_a_rover_is_displayed_in_its_own_time(
     site: Site, drive: Path, people: Visitors
 ) -> None:
     page = people.visit(f"{site.url}#/browse/rover:rovers?hideInspector=true", "bert")
@@ -185,8 +185,8 @@ def test_a_plan_from_a_file_is_submitted_and_removed(
 def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
     site: Site, page: Page, people: Visitors
 ) -> None:
-    place = f"{site.url}#/browse/rover:rovers/rover:jackal/rover:jackal~"
-    camera = people.visit(f"{place}video?hideInspector=true", "anna")
+    address = f"{site.url}#/browse/rover:rovers/rover:jackal/rover:jackal~"
+    camera = people.visit(f"{address}video?hideInspector=true", "anna")
     expect(camera.get_by_text("the rover sends them after")).to_be_visible()
     camera.get_by_role("button", name="video on").click()
     expect(camera.get_by_test_id("video")).to_have_attribute("data-frames", re.compile("^[2-9]"))
@@ -198,7 +198,7 @@ def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
     camera.get_by_role("button", name="video off").click()
     expect(camera.get_by_text("0 pictures/s")).to_be_visible()
     camera.get_by_role("button", name="take picture").click()
-    camera.goto(f"{place}files?hideInspector=true")
+    camera.goto(f"{address}files?hideInspector=true")
     camera.get_by_role("button", name="show", exact=True).first.click()
     expect(camera.get_by_role("figure").locator("img")).to_have_js_property("naturalWidth", 640)
     expect(camera.get_by_text(re.compile(r"POS_X -?[0-9.]+ m; .*CAM_PAN -[1-9]0"))).to_be_visible()
@@ -212,7 +212,7 @@ def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
     camera.context.close()
 
 
-def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, people: Visitors) -> None:
+def test_a_display_of_an_operator_is_stored_for_all(site: Site, people: Visitors) -> None:
     page = people.visit(f"{site.url}#/browse/shared:displays?hideInspector=true", "bert")
     # Once it stands, a view clicks on itself to be selected, which closes any menu.
     expect(page.locator("[s-selected]").first).to_be_attached()
@@ -221,15 +221,15 @@ def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, people: Vi
     page.get_by_label("Title", exact=True).first.fill("Speeds")
     page.get_by_role("button", name="Save", exact=True).click()
     expect(page.get_by_role("main").get_by_text("Speeds")).to_be_visible()
-    kept = page.request.get(f"{site.url}api/objects").json()["objects"]
+    stored = page.request.get(f"{site.url}api/objects").json()["objects"]
     values = [
-        page.request.get(f"{site.url}api/objects/{each['key']}").json()["value"] for each in kept
+        page.request.get(f"{site.url}api/objects/{each['key']}").json()["value"] for each in stored
     ]
     assert ("Speeds", "bert") in [(each["name"], each.get("createdBy")) for each in values]
     page.context.close()
 
 
-def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> None:
+def test_refusals_of_the_rover_and_invalid_input_are_reported(page: Page) -> None:
     choose(page, "moveForward")
     distance = page.get_by_label("distance", exact=True)
     distance.fill("1000")
@@ -242,12 +242,13 @@ def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> N
 def test_the_map_shows_how_uncertain_the_pose_is_and_was(
     site: Site, page: Page, people: Visitors
 ) -> None:
-    uncertain, words = page.get_by_test_id("uncertain"), page.locator(".map-view .pose")
+    uncertain, pose = page.get_by_test_id("uncertain"), page.locator(".map-view .pose")
     expect(uncertain).to_have_attribute("visibility", "hidden")
+    expect(pose).to_contain_text("in odom")
     confirm_pose(page, "0.6", "12")
     expect(uncertain).to_have_attribute("data-position", "0.600")
     expect(uncertain).to_have_attribute("visibility", "visible")
-    expect(words).to_contain_text("uncertain by 0.60 m and 12.0°")
+    expect(pose).to_contain_text("uncertain by 0.60 m and 12.0°")
     choose(page, "moveTo")
     page.get_by_label("x", exact=True).fill("2")
     page.get_by_label("y", exact=True).fill("1")
@@ -263,8 +264,8 @@ def test_the_map_shows_how_uncertain_the_pose_is_and_was(
     light.context.close()
     confirm_pose(page, "0", "0")
     expect(uncertain).to_have_attribute("visibility", "hidden")
-    live = look_back(page, then_ms)
-    expect(words).to_contain_text("uncertain by 0.60 m and 12.0°")
+    live = show_past(page, then_ms)
+    expect(pose).to_contain_text("uncertain by 0.60 m and 12.0°")
     expect(uncertain).to_have_attribute("visibility", "visible")
     page.get_by_role("button", name="back to now").click()
     expect(uncertain).to_have_attribute("visibility", "hidden")
@@ -296,9 +297,7 @@ def test_a_second_console_is_refused_and_then_granted(
     other.context.close()
 
 
-def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
-    site: Site, page: Page, people: Visitors
-) -> None:
+def test_a_stop_without_authority_stops_the_rover(site: Site, page: Page, people: Visitors) -> None:
     other = people.visit(f"{site.url}lite", "bert")
     choose(page, "moveForward")
     page.get_by_label("distance", exact=True).fill("20")
@@ -311,13 +310,13 @@ def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
     expect(page.get_by_test_id("holder")).to_have_text("you command")
     other.screenshot(path=picture("console-light"))
     cancelled = "tr[data-source^='command CANCELLED']"
-    for somebody in (page, other):
-        somebody.get_by_test_id("alarms").click()
-        expect(somebody.locator(cancelled)).to_have_attribute("data-acknowledged", "false")
+    for operator in (page, other):
+        operator.get_by_test_id("alarms").click()
+        expect(operator.locator(cancelled)).to_have_attribute("data-acknowledged", "false")
     page.screenshot(path=picture("console-alarms"))
     page.locator(cancelled).get_by_role("button", name="acknowledge").click()
-    for somebody in (page, other):
-        expect(somebody.locator(cancelled)).to_have_count(0)
+    for operator in (page, other):
+        expect(operator.locator(cancelled)).to_have_count(0)
     page.get_by_role("button", name="show closed alarms").click()
     expect(page.locator(cancelled)).to_contain_text("by anna")
     page.get_by_test_id("alarms").click()
@@ -328,13 +327,13 @@ def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
 
 
 def test_the_light_page_loads_without_open_mct(site: Site, people: Visitors) -> None:
-    asked: list[str] = []
+    requested: list[str] = []
     page = people.visit("about:blank", "bert", (420, 800))
-    page.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: requested.append(request.url))
     page.goto(f"{site.url}lite")
     expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile(r"^-?[0-9.]+$"))
     expect(page.get_by_test_id("stop")).to_be_visible()
-    assert not [url for url in asked if "vendor" in url]
+    assert not [url for url in requested if "vendor" in url]
     page.screenshot(path=picture("console-light-narrow"))
     page.context.close()
 
@@ -346,8 +345,8 @@ def test_a_page_recovers_by_itself_when_the_console_was_killed(
     own.folder.mkdir()
     with own.console() as process:
         page = people.visit(own.url, "anna")
-        heard = page.get_by_test_id("value-POS_X")
-        expect(heard).to_have_text(re.compile(r"^-?[0-9.]+$"))
+        received = page.get_by_test_id("value-POS_X")
+        expect(received).to_have_text(re.compile(r"^-?[0-9.]+$"))
         process.end(signal.SIGKILL)
     lost = page.get_by_text("No connection to rover-console")
     expect(lost).to_be_visible()
@@ -355,16 +354,16 @@ def test_a_page_recovers_by_itself_when_the_console_was_killed(
     people.errors.clear()  # a browser writes each attempt to connect to its console
     with own.console():
         expect(lost).to_be_hidden()
-        before = heard.get_attribute("title")
-        expect(heard).not_to_have_attribute("title", before or "")
+        before = received.get_attribute("title")
+        expect(received).not_to_have_attribute("title", before or "")
         page.context.close()
 
 
-def test_a_console_without_a_rover_says_how_to_start_one(
+def test_a_console_without_a_rover_shows_how_to_start_one(
     site: Site, people: Visitors, module_ros_domain: int
 ) -> None:
-    nobody = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
-    own = Site(site.folder / "alone", port_of(module_ros_domain), nobody)
+    absent = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
+    own = Site(site.folder / "alone", port_of(module_ros_domain), absent)
     own.folder.mkdir()
     with own.console():
         for path in ("", "lite"):
@@ -374,7 +373,7 @@ def test_a_console_without_a_rover_says_how_to_start_one(
             page.context.close()
 
 
-def test_what_is_served_is_light_enough_for_a_first_visit(site: Site) -> None:
+def test_the_served_files_are_light_enough_for_a_first_visit(site: Site) -> None:
     request = urllib.request.Request(
         f"{site.url}vendor/openmct/openmct.js", headers={"Accept-Encoding": "gzip"}
     )
@@ -396,7 +395,7 @@ def click_at(page: Page, x_m: float, y_m: float) -> None:
     )
 
 
-def look_back(page: Page, utc_ms: float) -> str:
+def show_past(page: Page, utc_ms: float) -> str:
     """Look at the minute that ends at a moment; return the address of what was looked at."""
     live: str = page.evaluate("location.hash")
     page.evaluate(

@@ -28,7 +28,7 @@ def fix(utc: float, x: float, q: str = "good", link: str = "direct") -> list[lis
     return [[key, link, utc, x, q] for key in ("HEAD", "POS_Y", "POS_X")]
 
 
-async def test_what_is_newest_by_a_clock_that_was_set_back_is_shown(tmp_path: Path) -> None:
+async def test_the_newest_value_is_shown_despite_a_clock_set_back(tmp_path: Path) -> None:
     async with (
         at_console(tmp_path, "maltcp://127.0.0.1:1/MRS", "anna") as (anna,),
         async_playwright() as playwright,

@@ -13,7 +13,7 @@ SENT = CommandStatus(
     CommandState.SENDING, False, 0.0, 10.0,
     (StageEntry("SENT", "console", 0.0, 0.0, "by anna"),),
 )  # fmt: skip
-HEARD = replace(SENT, id="jackal:anna:7", name="", args=None, deadline=None, history=())
+RECEIVED = replace(SENT, id="jackal:anna:7", name="", args=None, deadline=None, history=())
 ABOARD = [
     StageEntry(stage, "jackal", float(number), float(number), "", sequence=number, step=step)
     for number, (stage, step) in enumerate(
@@ -22,8 +22,8 @@ ABOARD = [
         start=1,
     )
 ]  # fmt: skip
-DOUBT = StageEntry("UNKNOWN", "console", 10.5, 10.5, "nothing was heard of it")
-TAKEN = StageEntry("TAKEN", "jackal", 0.5, 0.5, "")
+UNCERTAIN = StageEntry("UNKNOWN", "console", 10.5, 10.5, "nothing was heard of it")
+TAKEN = StageEntry("ACKNOWLEDGED", "jackal", 0.5, 0.5, "")
 
 
 def after(command: CommandStatus, *stages: StageEntry) -> CommandStatus:
@@ -32,12 +32,12 @@ def after(command: CommandStatus, *stages: StageEntry) -> CommandStatus:
     return command
 
 
-def life(command: CommandStatus) -> tuple[object, ...]:
+def lifecycle(command: CommandStatus) -> tuple[object, ...]:
     return command.state, command.ended, command.deadline, command.history
 
 
 @st.composite
-def heard(draw: st.DrawFn, of: CommandStatus) -> CommandStatus:
+def received(draw: st.DrawFn, of: CommandStatus) -> CommandStatus:
     """Give a command as a console heard of it, which missed some and heard the rest later."""
     late = draw(st.floats(0.0, 0.4))
     stages = draw(st.lists(st.sampled_from([TAKEN, *ABOARD]), unique_by=id))
@@ -45,31 +45,31 @@ def heard(draw: st.DrawFn, of: CommandStatus) -> CommandStatus:
     return after(of, *(replace(each, rx=each.rx + late) for each in stages))
 
 
-@given(heard(SENT), heard(HEARD), heard(HEARD))
-def test_whoever_writes_first_it_comes_to_the_same(
+@given(received(SENT), received(RECEIVED), received(RECEIVED))
+def test_the_result_is_independent_of_the_first_writer(
     one: CommandStatus, two: CommandStatus, three: CommandStatus
 ) -> None:
     merged = merge(merge(one, two), three)
-    assert life(merge(merge(one, three), two)) == life(merged)
-    assert life(merge(merge(three, two), one)) == life(merged)
+    assert lifecycle(merge(merge(one, three), two)) == lifecycle(merged)
+    assert lifecycle(merge(merge(three, two), one)) == lifecycle(merged)
     for each in (one, two, three):
         assert merge(merged, each) == merged
     assert (merged.by, merged.args) == ("anna", {"distance": 1.0})
 
 
-@given(heard(SENT))
-def test_what_nobody_else_heard_of_stays_as_it_is(one: CommandStatus) -> None:
+@given(received(SENT))
+def test_an_uncertainty_unknown_to_others_remains(one: CommandStatus) -> None:
     assert merge(one, one) == one
     assert merge(SENT, one) == one
 
 
-def test_a_doubt_ends_with_what_another_console_heard_later() -> None:
-    doubted = after(SENT, TAKEN, DOUBT)
-    assert merge(SENT, doubted) == doubted
-    late = after(HEARD, replace(ABOARD[0], rx=11.0))
-    assert merge(doubted, late).state is CommandState.RECEIVED
-    assert merge(after(HEARD, *ABOARD), doubted).state is CommandState.EXECUTED
-    started = merge(after(HEARD, *ABOARD[:3]), doubted)
+def test_an_uncertainty_ends_with_a_later_report_at_another_console() -> None:
+    uncertain = after(SENT, TAKEN, UNCERTAIN)
+    assert merge(SENT, uncertain) == uncertain
+    late = after(RECEIVED, replace(ABOARD[0], rx=11.0))
+    assert merge(uncertain, late).state is CommandState.RECEIVED
+    assert merge(after(RECEIVED, *ABOARD), uncertain).state is CommandState.EXECUTED
+    started = merge(after(RECEIVED, *ABOARD[:3]), uncertain)
     assert (started.state, started.ended) == (CommandState.UNKNOWN, False)
 
 
@@ -79,7 +79,7 @@ def test_a_relay_that_has_it_lets_it_wait() -> None:
     assert merge(SENT, after(SENT, TAKEN)).deadline == 10.0
 
 
-def test_what_the_asset_did_outweighs_that_it_refused() -> None:
+def test_execution_by_the_asset_outweighs_its_refusal() -> None:
     refusal = StageEntry("REJECTED", "jackal", 0.5, 0.5, "the ledger cannot be written")
     answered = after(SENT, refusal)
     assert (answered.state, answered.ended) == (CommandState.REJECTED, True)
@@ -87,6 +87,6 @@ def test_what_the_asset_did_outweighs_that_it_refused() -> None:
     started = after(answered, *ABOARD[:3])
     assert (started.state, started.ended) == (CommandState.STARTED, False)
     assert after(answered, *ABOARD).state is CommandState.EXECUTED
-    assert merge(answered, after(HEARD, *ABOARD)).state is CommandState.EXECUTED
+    assert merge(answered, after(RECEIVED, *ABOARD)).state is CommandState.EXECUTED
     notified = after(answered, replace(refusal, sequence=1))
     assert after(notified, *ABOARD).state is CommandState.REJECTED

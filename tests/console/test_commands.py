@@ -19,15 +19,15 @@ async def test_two_consoles_see_a_command_stage_by_stage(rover: Aboard, tmp_path
         assert (status, sent["state"], sent["by"]) == (202, "sending", "anna")
         for page in (anna.page, ben.page):
             done = await page.command("drive", "executed")
-            told = [each for each in stages(done) if each not in {"TAKEN", "PREDICTED"}]
-            assert told == ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
+            reported = [each for each in stages(done) if each not in {"ACKNOWLEDGED", "PREDICTED"}]
+            assert reported == ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
             assert done["ended"]
             assert done["args"] == {"distance": 1.0}
             aboard = [each for each in done["history"] if each["node"] == "jackal"]
             assert all(each["rx"] > 0 and each["utc"] > 0 for each in aboard)
             assert done["history"][-1]["figures"]["length"] > 0.9
-        heard = await ben.page.until(lambda said: said.get("stage") == "EXECUTED")
-        assert (heard["ty"], heard["command"]) == ("ntf", "drive")
+        received = await ben.page.until(lambda message: message.get("stage") == "EXECUTED")
+        assert (received["ty"], received["command"]) == ("ntf", "drive")
 
 
 async def test_the_same_id_is_sent_once(rover: Aboard, tmp_path: Path) -> None:
@@ -62,8 +62,8 @@ async def test_without_the_authority_a_command_is_refused_and_then_granted(
         status, refusal = await ben.authority("request")
         assert (status, refusal["holder"]) == (403, "anna")
         assert "anna holds it" in refusal["error"]
-        asked = await anna.page.until(lambda said: said.get("asked_by") == "ben")
-        assert asked["holder"] == "anna"
+        requested = await anna.page.until(lambda message: message.get("requested_by") == "ben")
+        assert requested["holder"] == "anna"
         assert (await anna.authority("hand_over", to="ben"))[1]["operator"] == "ben"
         await ben.page.holds("ben")
         assert (await ben.send("b2", "moveForward", distance=0.5))[0] == 202
@@ -73,30 +73,36 @@ async def test_without_the_authority_a_command_is_refused_and_then_granted(
         await anna.page.holds(None)
 
 
-async def test_anybody_stops_the_rover_and_all_see_who(guarded: Aboard, tmp_path: Path) -> None:
+async def test_every_operator_can_stop_the_rover_and_all_see_the_sender(
+    guarded: Aboard, tmp_path: Path
+) -> None:
     async with at_console(tmp_path, guarded.uri, "anna", "ben") as (anna, ben):
         await anna.page.is_up()
         await anna.authority("request")
         await anna.send("long", "moveForward", distance=50.0)
         await anna.page.command("long", "started")
-        status, stop = await ben.ask("POST", "api/stop/jackal")
+        status, stop = await ben.request("POST", "api/stop/jackal")
         assert (status, stop["by"]) == (202, "ben")
         assert (await anna.page.command(stop["id"], "executed"))["by"] == "ben"
         assert guarded.do(lambda bench: bench.executive.mode.name) == "STOPPED"
-        ended = [said for said in anna.page.got if said["ty"] == "cmd" and said["id"] == "long"]
+        ended = [
+            message
+            for message in anna.page.got
+            if message["ty"] == "cmd" and message["id"] == "long"
+        ]
         assert ended[-1]["state"] == "cancelled"
         again = await ben.send(stop["id"], "stop")
         assert again[0] == 202
         assert again[1]["id"] != stop["id"]  # a stop is never a repeat
 
 
-async def test_what_the_rover_refuses_ends_rejected_with_its_reason(
+async def test_a_command_refused_by_the_rover_ends_rejected_with_its_reason(
     rover: Aboard, tmp_path: Path
 ) -> None:
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         await anna.page.is_up()
-        await anna.ask("POST", "api/stop/jackal")
-        await anna.page.until(lambda said: said.get("mode") == "STOPPED")
+        await anna.request("POST", "api/stop/jackal")
+        await anna.page.until(lambda message: message.get("mode") == "STOPPED")
         assert (await anna.send("no", "moveForward", distance=0.5))[0] == 202
         refused = await anna.page.command("no", "rejected")
         while refused["history"][-1]["code"] is None:
@@ -127,7 +133,7 @@ async def test_of_a_command_into_a_dead_link_nothing_is_claimed(
         rover.run(0.5)
         await anna.page.command("drive", "started")
         rover.hang_up()
-        await anna.page.until(lambda said: said.get("state") == "down")
+        await anna.page.until(lambda message: message.get("state") == "down")
         status, refusal = await anna.send("later", "moveForward", distance=1.0)
         assert (status, "nothing was sent" in refusal["error"]) == (503, True)
         rover.run(60.0)

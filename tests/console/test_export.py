@@ -14,7 +14,7 @@ from adapters.console.messages import (
     CommandState,
     CommandStatus,
     LinkKind,
-    Notified,
+    NotificationMessage,
     PlanProgress,
     Quality,
     Sample,
@@ -26,7 +26,7 @@ from adapters.console.messages import (
 from adapters.system import OPERATING_SYSTEM
 from tests.console.consoles import Operator, operator, served
 
-NOBODY = "127.0.0.1:1"
+UNREACHABLE = "127.0.0.1:1"
 BEGAN_S = 4_000_000_000
 """Nothing of it is too old to be kept."""
 COUNT = 25_000
@@ -51,13 +51,13 @@ async def export(anna: Operator, query: str) -> bytes:
 
 async def test_telemetry_is_exported_whole(tmp_path: Path) -> None:
     await fill(tmp_path / "console")
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
         header, *lines = (await export(anna, "asset=jackal")).decode().splitlines()
         assert header == "utc,rx,asset,link,key,value,quality"
         assert lines[1] == f"{BEGAN_S + 1}.0,{BEGAN_S + 2}.0,jackal,direct,POS_X,1.0,good"
         assert [float(line.split(",")[5]) for line in lines] == list(range(COUNT))
 
-        part = io.BytesIO(await export(anna, f"fmt=mcap&start={BEGAN_S + 7}&end={BEGAN_S + 8}"))
+        part = io.BytesIO(await export(anna, f"format=mcap&start={BEGAN_S + 7}&end={BEGAN_S + 8}"))
         messages = [message for _, _, message in make_reader(part).iter_messages()]
         assert [json.loads(message.data) for message in messages] == [
             {"value": 7.0, "quality": "good"},
@@ -66,7 +66,7 @@ async def test_telemetry_is_exported_whole(tmp_path: Path) -> None:
         assert messages[0].publish_time == (BEGAN_S + 7) * 10**9
         assert messages[0].log_time == (BEGAN_S + 8) * 10**9
 
-        whole = make_reader(io.BytesIO(await export(anna, "fmt=mcap"))).get_summary()
+        whole = make_reader(io.BytesIO(await export(anna, "format=mcap"))).get_summary()
         assert whole is not None
         assert whole.statistics is not None
         counts = whole.statistics.channel_message_counts
@@ -86,7 +86,7 @@ COMMAND = CommandStatus(
     link=LinkKind.DIRECT,
     state=CommandState.EXECUTED,
     ended=True,
-    made=BEGAN_S + 1.0,
+    created=BEGAN_S + 1.0,
     deadline=None,
     history=(
         StageEntry("SENT", "console", BEGAN_S + 1.0, BEGAN_S + 1.0, ""),
@@ -95,7 +95,7 @@ COMMAND = CommandStatus(
     ),
 )
 REPORTS = [
-    Notified(
+    NotificationMessage(
         asset="jackal",
         link=LinkKind.DIRECT,
         sequence=number,
@@ -124,12 +124,12 @@ TREE = TreeState(
 PLAN = PlanProgress("jackal", "look", "EXECUTING", BEGAN_S + 4.0, "look/drive", 1, 2, "")
 
 
-async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -> None:
+async def test_exported_notifications_match_the_archive(tmp_path: Path) -> None:
     folder = tmp_path / "console"
     folder.mkdir()
     archive = Archive(open_database(None, folder), OPERATING_SYSTEM.utc_s)
-    told: list[Written] = [COMMAND, *REPORTS, TREE, PLAN]
-    for message in told:
+    reported: list[Written] = [COMMAND, *REPORTS, TREE, PLAN]
+    for message in reported:
         archive.put(message)
     await archive.write(
         partial(
@@ -137,9 +137,9 @@ async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -
         )
     )
     await archive.close()
-    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+    async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
         what = "commands,reports,tree,plans,alarms"
-        octets = await export(anna, f"asset=jackal&fmt=mcap&what={what}")
+        octets = await export(anna, f"asset=jackal&format=mcap&content={what}")
         read: dict[str, list[Any]] = {}
         schemas = {}
         for schema, channel, message in make_reader(io.BytesIO(octets)).iter_messages():
@@ -184,11 +184,11 @@ async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -
         later = f"reports&start={BEGAN_S + 1}&end={BEGAN_S + 1.0015}"
         assert len(await table(anna, later)) == 2
 
-        async with anna.session.get(f"{address}api/export?what=tm,reports") as answer:
+        async with anna.session.get(f"{address}api/export?content=tm,reports") as answer:
             assert answer.status == 422
             assert "a CSV file holds one kind" in (await answer.json())["error"]
 
 
 async def table(anna: Operator, what: str) -> list[dict[str, str]]:
-    octets = await export(anna, f"asset=jackal&what={what}")
+    octets = await export(anna, f"asset=jackal&content={what}")
     return list(csv.DictReader(io.StringIO(octets.decode())))

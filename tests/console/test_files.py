@@ -11,7 +11,7 @@ import pytest
 from adapters.console.requests import file_store, transfers
 from adapters.mrs.ground import MrsClient, TransferError
 from tests.console.conftest import Launch, record
-from tests.console.consoles import Operator, Said, at_console, operator
+from tests.console.consoles import JsonMessage, Operator, at_console, operator
 from tests.mrs.test_file_retrieval import cutting
 from tests.support.processes import running
 
@@ -44,8 +44,8 @@ async def test_files_are_listed_and_fetched_once(launch: Launch, tmp_path: Path)
         assert "sandbox" in headers["Content-Security-Policy"]
         assert (await fetch(anna, "none.jpg"))[0] == 404
         assert (await fetch(anna, "..%2f..%2fsecret"))[0] in {404, 422}
-        kept = (await anna.get("api/files/rover-console"))["files"]
-        assert [each["path"] for each in kept] == [
+        stored = (await anna.get("api/files/rover-console"))["files"]
+        assert [each["path"] for each in stored] == [
             "jackal/page.html",
             "jackal/pictures/rock one.jpg",
         ]
@@ -56,7 +56,7 @@ async def test_files_are_listed_and_fetched_once(launch: Launch, tmp_path: Path)
         assert (await fetch(anna, "pictures/rock%20one.jpg"))[1] == PICTURE[::-1]
 
 
-async def test_what_was_fetched_longest_ago_is_forgotten(
+async def test_the_files_fetched_first_are_deleted_first(
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rover = launch()
@@ -67,23 +67,23 @@ async def test_what_was_fetched_longest_ago_is_forgotten(
         await anna.page.is_up()
         for number in range(4):
             assert (await fetch(anna, f"{number}.bin"))[1] == bytes([number]) * 1000
-        kept = (await anna.get("api/files/rover-console"))["files"]
-        assert [each["path"] for each in kept] == ["jackal/2.bin", "jackal/3.bin"]
+        stored = (await anna.get("api/files/rover-console"))["files"]
+        assert [each["path"] for each in stored] == ["jackal/2.bin", "jackal/3.bin"]
 
 
-async def transfer(anna: Operator, path: str, asset: str = "jackal") -> tuple[int, Said]:
-    return await anna.ask("POST", "api/transfers", json={"asset": asset, "path": path})
+async def transfer(anna: Operator, path: str, asset: str = "jackal") -> tuple[int, JsonMessage]:
+    return await anna.request("POST", "api/transfers", json={"asset": asset, "path": path})
 
 
-async def stopped(anna: Operator, name: str, state: str) -> list[Said]:
+async def stopped(anna: Operator, name: str, state: str) -> list[JsonMessage]:
     """Return all that is told of a transfer until it is in a state."""
-    told: list[Said] = []
-    while not told or told[-1]["state"] != state:
-        told.append(await anna.page.until(lambda said: said.get("id") == name))
-    return told
+    reported: list[JsonMessage] = []
+    while not reported or reported[-1]["state"] != state:
+        reported.append(await anna.page.until(lambda message: message.get("id") == name))
+    return reported
 
 
-async def test_a_transfer_goes_on_after_a_lost_link(launch: Launch, tmp_path: Path) -> None:
+async def test_a_transfer_continues_after_a_lost_link(launch: Launch, tmp_path: Path) -> None:
     rover = launch()
     rover.put("rock.raw", OCTETS)
     async with (
@@ -93,15 +93,19 @@ async def test_a_transfer_goes_on_after_a_lost_link(launch: Launch, tmp_path: Pa
         await anna.page.is_up()
         status, begun = await transfer(anna, "rock.raw")
         assert (status, begun["by"], begun["state"]) == (202, "anna", "waiting")
-        told = await stopped(anna, begun["id"], "done")
-        assert "interrupted" in [each["state"] for each in told]
-        assert [each["done"] for each in told] == sorted(each["done"] for each in told)
-        assert (told[-1]["done"], told[-1]["size"], proxy.cuts) == (len(OCTETS), len(OCTETS), 1)
-        assert (await stopped(bert, begun["id"], "done"))[-1] == told[-1]
+        reported = await stopped(anna, begun["id"], "done")
+        assert "interrupted" in [each["state"] for each in reported]
+        assert [each["done"] for each in reported] == sorted(each["done"] for each in reported)
+        assert (reported[-1]["done"], reported[-1]["size"], proxy.cuts) == (
+            len(OCTETS),
+            len(OCTETS),
+            1,
+        )
+        assert (await stopped(bert, begun["id"], "done"))[-1] == reported[-1]
         assert (tmp_path / "console/files/jackal/rock.raw").read_bytes() == OCTETS
 
 
-async def test_a_transfer_goes_on_after_the_console_was_killed(
+async def test_a_transfer_continues_after_the_console_was_killed(
     launch: Launch, tmp_path: Path
 ) -> None:
     rover = launch()
@@ -109,25 +113,25 @@ async def test_a_transfer_goes_on_after_the_console_was_killed(
     links = chain([None, 1_000_000, None], repeat(2_200_000))
     async with cutting(rover.uri, links) as (address, proxy):
         arguments = ("--to", address, "--port", "0", "--data", str(tmp_path / "data"))
-        for life in (1, 2):
-            log = tmp_path / f"console-{life}.log"
+        for run in (1, 2):
+            log = tmp_path / f"console-{run}.log"
             with running(log, "rover-console", *arguments) as process:
-                served = await asyncio.to_thread(process.said, r"(http://127.0.0.1:\d+/)")
+                served = await asyncio.to_thread(process.output, r"(http://127.0.0.1:\d+/)")
                 async with (
                     operator(served, "anna") as anna,
                     anna.open_page("link", "transfer") as anna.page,
                 ):
                     await anna.page.is_up()
-                    if life == 1:
+                    if run == 1:
                         await transfer(anna, "rock.raw")
                     (known,) = (await anna.get("api/transfers"))["transfers"]
-                    await stopped(anna, known["id"], "interrupted" if life == 1 else "done")
+                    await stopped(anna, known["id"], "interrupted" if run == 1 else "done")
                 process.end(signal.SIGKILL)
         assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
     assert (tmp_path / "data/files/jackal/rock.raw").read_bytes() == OCTETS
 
 
-async def test_a_file_that_is_changed_aboard_meanwhile_begins_anew(
+async def test_a_file_changed_aboard_during_its_transfer_restarts(
     launch: Launch, tmp_path: Path
 ) -> None:
     rover = launch()
@@ -146,7 +150,7 @@ async def test_a_file_that_is_changed_aboard_meanwhile_begins_anew(
     assert [each.name for each in (files / ".transfers").iterdir()] == ["list.json"]
 
 
-async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_end(
+async def test_a_file_that_never_matches_is_not_requested_without_end(
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def retrieve(*_: object) -> None:
@@ -163,7 +167,7 @@ async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_en
         assert "was changed aboard" in failed["detail"]
 
 
-async def test_so_many_transfers_run_at_once_and_others_wait(
+async def test_a_bounded_number_of_transfers_run_at_once_and_others_wait(
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transfers, "MAX_ACTIVE", 1)
@@ -176,12 +180,12 @@ async def test_so_many_transfers_run_at_once_and_others_wait(
             await transfer(anna, f"{number}.raw")
         states: dict[str, str] = {}
         while list(states.values()) != ["done"] * 3:
-            said = await anna.page.until(lambda said: said["ty"] == "transfer")
-            states[said["path"]] = said["state"]
+            message = await anna.page.until(lambda message: message["ty"] == "transfer")
+            states[message["path"]] = message["state"]
             assert list(states.values()).count("running") <= 1
 
 
-async def test_what_cannot_be_fetched_says_why_and_is_taken_off_the_list(
+async def test_an_unavailable_file_gives_the_reason_and_is_removed_from_the_list(
     launch: Launch, tmp_path: Path
 ) -> None:
     rover = launch()
@@ -190,9 +194,9 @@ async def test_what_cannot_be_fetched_says_why_and_is_taken_off_the_list(
         _, begun = await transfer(anna, "none.raw")
         failed = (await stopped(anna, begun["id"], "failed"))[-1]
         assert "none.raw" in failed["detail"]
-        assert (await anna.ask("DELETE", f"api/transfers/{begun['id']}"))[0] == 204
+        assert (await anna.request("DELETE", f"api/transfers/{begun['id']}"))[0] == 204
         await stopped(anna, begun["id"], "removed")
-        assert (await anna.ask("DELETE", f"api/transfers/{begun['id']}"))[0] == 404
+        assert (await anna.request("DELETE", f"api/transfers/{begun['id']}"))[0] == 404
         for path, status in (("../secret", 422), ("a" * 300, 422)):
             assert (await transfer(anna, path))[0] == status
         assert (await transfer(anna, "a", "nobody"))[0] == 404
@@ -211,15 +215,15 @@ async def test_a_transfer_that_was_paused_waits_to_be_resumed(
         _, begun = await transfer(anna, "rock.raw")
         act = f"api/transfers/{begun['id']}"
         await stopped(anna, begun["id"], "interrupted")
-        status, paused = await anna.post(act, act="pause")
+        status, paused = await anna.post(act, action="pause")
         assert (status, paused["state"]) == (200, "paused")
-        assert (await anna.post(act, act="pause"))[1]["state"] == "paused"
+        assert (await anna.post(act, action="pause"))[1]["state"] == "paused"
         assert (await transfer(anna, "rock.raw"))[1] == paused
-        assert (await anna.post(act, act="resume"))[1]["state"] == "waiting"
+        assert (await anna.post(act, action="resume"))[1]["state"] == "waiting"
         await stopped(anna, begun["id"], "done")
-        assert (await anna.post(act, act="resume"))[1]["state"] == "done"
-        assert (await anna.post(act, act="stop"))[0] == 422
-        assert (await anna.post("api/transfers/none", act="pause"))[0] == 404
+        assert (await anna.post(act, action="resume"))[1]["state"] == "done"
+        assert (await anna.post(act, action="stop"))[0] == 422
+        assert (await anna.post("api/transfers/none", action="pause"))[0] == 404
         assert (await anna.post(f"{act}/recording"))[0] == 422
         assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
     assert (tmp_path / "console/files/jackal/rock.raw").read_bytes() == OCTETS

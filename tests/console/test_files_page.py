@@ -52,7 +52,7 @@ async def test_a_transfer_is_paused_and_resumed(launch: Launch, tmp_path: Path) 
         await expect(transfer).to_have_count(0)
 
 
-async def test_what_is_aboard_is_listed_anew_and_a_recording_opened(
+async def test_files_aboard_are_listed_again_and_a_recording_opened(
     launch: Launch, drive: Path, tmp_path: Path
 ) -> None:
     rover = launch()
@@ -61,7 +61,7 @@ async def test_what_is_aboard_is_listed_anew_and_a_recording_opened(
         fetch = page.get_by_role("button", name="fetch", exact=True)
         await expect(fetch).to_be_visible()
         rover.hang_up()
-        await anna.page.until(lambda said: said.get("state") == "down")
+        await anna.page.until(lambda message: message.get("state") == "down")
         await fetch.click()
         await expect(page.locator(".files-view .message")).to_contain_text("cannot be reached")
         rover.put("rock.txt", b"found while nobody heard of it")

@@ -22,7 +22,7 @@ def sample(number: int, value: float | None = None) -> Sample:
     return Sample("jackal", "POS_X", LinkKind.DIRECT, float(number), 0.0, given, Quality.GOOD)
 
 
-async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else() -> None:
+async def test_for_a_slow_page_only_early_telemetry_is_dropped() -> None:
     hub = Hub(OPERATING_SYSTEM)
     page = hub.open("A", "anna")
     page.subscribe(["tm:*", "dictionary"])
@@ -31,12 +31,14 @@ async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else()
         if number % 10 == 0:
             hub.publish(DictionaryChanged(f"asset{number}"))
     batch = json.loads(await page.batch())
-    values = [said["value"] for said in batch if said["ty"] == "tm"]
+    values = [message["value"] for message in batch if message["ty"] == "tm"]
     assert values == [float(number) for number in range(500, MAX_QUEUED_SAMPLES + 500)]
     assert batch[-1] == {"ty": "gap", "dropped": 500}
-    assert sum(said["ty"] == "dictionary" for said in batch) == (MAX_QUEUED_SAMPLES + 500) // 10
+    assert (
+        sum(message["ty"] == "dictionary" for message in batch) == (MAX_QUEUED_SAMPLES + 500) // 10
+    )
     hub.sample(sample(0))
-    assert [said["ty"] for said in json.loads(await page.batch())] == ["tm"]
+    assert [message["ty"] for message in json.loads(await page.batch())] == ["tm"]
 
 
 async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
@@ -52,10 +54,10 @@ async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
     assert not hub.can_resume(hub.instance, began + MAX_QUEUED + 2)
     back = hub.open("A", "anna")
     back.resume(["dictionary"], began + MAX_QUEUED - 1)
-    assert [said["asset"] for said in json.loads(await back.batch())] == ["19999", "20000"]
+    assert [message["asset"] for message in json.loads(await back.batch())] == ["19999", "20000"]
 
 
-async def test_a_new_page_gets_how_things_stand() -> None:
+async def test_a_new_page_gets_the_present_state() -> None:
     hub = Hub(OPERATING_SYSTEM)
     for state in (LinkState.CONNECTING, LinkState.UP):
         hub.publish(LinkStatus("jackal", LinkKind.DIRECT, "uri", state, 0.0, None, ""))
@@ -65,7 +67,7 @@ async def test_a_new_page_gets_how_things_stand() -> None:
     page = hub.open("A", "anna")
     page.subscribe(["link:jackal", "tm:jackal:POS_X"])
     batch = json.loads(await page.batch())
-    assert [(said["ty"], said.get("state"), said.get("value")) for said in batch] == [
+    assert [(message["ty"], message.get("state"), message.get("value")) for message in batch] == [
         ("link", "up", None),
         ("tm", None, 2.0),
     ]
@@ -73,7 +75,7 @@ async def test_a_new_page_gets_how_things_stand() -> None:
     hub.publish(DictionaryChanged("jackal"))
     hub.sample(sample(3))
     hub.publish(LinkStatus("jackal", LinkKind.DIRECT, "uri", LinkState.DOWN, 0.0, None, ""))
-    assert [said["state"] for said in json.loads(await page.batch())] == ["down"]
+    assert [message["state"] for message in json.loads(await page.batch())] == ["down"]
 
 
 async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
@@ -83,7 +85,7 @@ async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
             hub.publish(LinkStatus("jackal", LinkKind.DIRECT, uri, state, 0.0, None, ""))
     page = hub.open("A", "anna")
     page.subscribe(["link"])
-    assert [said["uri"] for said in json.loads(await page.batch())] == ["other", "one"]
+    assert [message["uri"] for message in json.loads(await page.batch())] == ["other", "one"]
 
 
 async def test_a_new_page_gets_no_mode_that_was_left() -> None:
@@ -93,10 +95,10 @@ async def test_a_new_page_gets_no_mode_that_was_left() -> None:
         hub.publish(state)
     page = hub.open("A", "anna")
     page.subscribe(["asset"])
-    assert [said["mode"] for said in json.loads(await page.batch())] == ["IDLE"]
+    assert [message["mode"] for message in json.loads(await page.batch())] == ["IDLE"]
 
 
-def test_what_is_not_finite_is_written_so_that_browsers_read_it() -> None:
+def test_non_finite_values_are_written_so_that_browsers_read_them() -> None:
     written = [
         json.loads(encode(sample(0, value)))["value"]
         for value in (float("nan"), float("inf"), -float("inf"), 1e300)

@@ -19,17 +19,17 @@ async def test_a_plan_is_submitted_run_and_found_again(rover: Aboard, tmp_path: 
         assert (await anna.post("api/plans/jackal", **body))[0] == 409
         await anna.send("go", "activatePlan", plan_id="survey")
         done = await anna.page.until(
-            lambda said: said["ty"] == "plan" and said["status"] == "COMPLETED"
+            lambda message: message["ty"] == "plan" and message["status"] == "COMPLETED"
         )
         assert (done["plan"], done["done"]) == ("survey", done["total"])
-        by_plan = [said for said in anna.page.got if said.get("by") == "plan:survey"]
+        by_plan = [message for message in anna.page.got if message.get("by") == "plan:survey"]
         assert by_plan
 
-        (kept,) = (await anna.get("api/plans/jackal"))["plans"]
-        assert (kept["plan"], kept["operator"], kept["command"]) == ("survey", "anna", "p1")
-        found = await anna.get(f"api/plans/jackal/{kept['revision']}")
+        (stored,) = (await anna.get("api/plans/jackal"))["plans"]
+        assert (stored["plan"], stored["operator"], stored["command"]) == ("survey", "anna", "p1")
+        found = await anna.get(f"api/plans/jackal/{stored['revision']}")
         assert found["content"] == content
-        assert (await anna.ask("GET", "api/plans/jackal/99"))[0] == 404
+        assert (await anna.request("GET", "api/plans/jackal/99"))[0] == 404
 
 
 async def test_a_plan_that_makes_no_sense_is_refused(rover: Aboard, tmp_path: Path) -> None:

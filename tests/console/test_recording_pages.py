@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from adapters.recording import RunFile, RunReader, decode
-from executive.core.recording import ToldParameters
+from executive.core.recording import TelemetrySent
 from tests.conftest import port_of
 from tests.console.site import Site, Visitors, visitors
 from tests.console.test_browser import commands, picture
@@ -41,8 +41,8 @@ def page(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Page]:
     """Give the page of a recording that was opened in the browser, at a console without a rover."""
-    nobody = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
-    site = Site(tmp_path_factory.mktemp("console"), port_of(module_ros_domain), nobody)
+    absent = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
+    site = Site(tmp_path_factory.mktemp("console"), port_of(module_ros_domain), absent)
     with site.console():
         page = people.visit(site.url, "anna")
         file = page.get_by_label("file of a recording")
@@ -53,7 +53,7 @@ def page(
         yield page
 
 
-def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page) -> None:
+def test_a_recording_is_displayed_in_the_same_views_and_not_commanded(page: Page) -> None:
     expect(page.get_by_test_id("mode")).to_have_text("RECORDING")
     for kind in ("takePicture", "rotateBy", "moveForward"):
         expect(commands(page, kind)).to_have_attribute("data-state", "executed")
@@ -79,7 +79,7 @@ def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page
     expect(page.get_by_text("is a recording: choose the rover to stop")).to_be_visible()
 
 
-def test_a_leaf_leads_to_the_command_that_it_worked_on_at_the_moment(page: Page) -> None:
+def test_a_leaf_selects_its_command_of_the_moment(page: Page) -> None:
     leaf = page.locator(".tree .name").filter(has_text="turn to heading")
     page.get_by_label("find a node").fill("turn to heading")
     for moment, name in (("3.5", "moveForward"), ("5.0", "rotateBy")):
@@ -99,7 +99,7 @@ def test_a_leaf_leads_to_the_command_that_it_worked_on_at_the_moment(page: Page)
     page.get_by_label("find a node").fill("")
 
 
-def test_a_command_leads_to_the_nodes_that_worked_on_it(page: Page) -> None:
+def test_a_command_selects_its_nodes(page: Page) -> None:
     for name, leaf in (("moveForward", "drive"), ("takePicture", "capture")):
         command = commands(page, name)
         command.locator(".head").click()
@@ -121,7 +121,7 @@ def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
     expect(page.get_by_role("treeitem").filter(has_text="jackal@run")).to_have_count(0)
 
 
-ASKED = """
+REQUESTED = """
 async (sizes) => {
   const { openmct } = window;
   const name = `${encodeURIComponent("jackal@unknown")}~telemetry~recording~POS_X`;
@@ -138,19 +138,19 @@ async (sizes) => {
 def test_an_outage_is_a_gap_of_a_plot_at_every_zoom(
     page: Page, drive: Path, tmp_path: Path
 ) -> None:
-    path, told = tmp_path / "unknown.mcap", 0
+    path, reported = tmp_path / "unknown.mcap", 0
     with closing(RunFile(path)) as file:
         for message in RunReader(drive).messages():
             item = decode(message.topic, message.data)
-            if isinstance(item, ToldParameters):
-                told += 1
-                if 3 <= told <= 5:
+            if isinstance(item, TelemetrySent):
+                reported += 1
+                if 3 <= reported <= 5:
                     unknown = tuple(replace(each, value=None) for each in item.values)
                     item = replace(item, values=unknown)
             file.put(item)
     page.get_by_label("file of a recording").set_input_files(path)
     expect(page.get_by_label("moment")).to_be_visible()
-    for points in page.evaluate(ASKED, [1, 2, 3, 100]):
+    for points in page.evaluate(REQUESTED, [1, 2, 3, 100]):
         times, values = zip(*points, strict=True)
         gap = values.index(None)
         assert values.count(None) == 1

@@ -22,7 +22,7 @@ from tests.console.conftest import record
 from tests.console.consoles import LIMIT_S, at_console, operator, served
 from tests.support.requests import GOOD
 
-NOBODY = "127.0.0.1:1"
+UNREACHABLE = "127.0.0.1:1"
 RUN = "jackal@run"
 
 
@@ -31,14 +31,14 @@ RUN = "jackal@run"
     [each for each in GOOD if declaration_of(type(each)).name in FORMS],
     ids=lambda request: type(request).__name__,
 )
-def test_what_was_asked_is_shown_as_it_would_be_posted(request_: Request) -> None:
+def test_a_request_is_shown_in_its_posted_form(request_: Request) -> None:
     forms = {each.name: each for each in command_entries(load_settings("jackal"))}
     form = forms[declaration_of(type(request_)).name]
     assert request_of(form, form_values(request_)) == request_
 
 
 @pytest.mark.parametrize("request_", GOOD, ids=lambda request: type(request).__name__)
-def test_what_was_asked_is_json_also_where_it_is_never_posted(request_: Request) -> None:
+def test_a_request_is_json_also_if_it_is_never_posted(request_: Request) -> None:
     assert json.loads(json.dumps(form_values(request_))) == form_values(request_)
 
 
@@ -46,15 +46,15 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
     drive: Path, tmp_path: Path
 ) -> None:
     async with (
-        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
         operator(address, "anna") as anna,
     ):
         assets = (await anna.get("api/dictionary"))["assets"]
         assert list(assets) == [RUN]
         recording = assets[RUN]["recording"]
-        began = recording["began"]
+        began = recording["start"]
         assert (recording["file"], recording["rover"]) == ("run.mcap", "jackal")
-        assert recording["ended"] - began == pytest.approx(6.5)
+        assert recording["end"] - began == pytest.approx(6.5)
         assert (assets[RUN]["commands"], len(assets[RUN]["parameters"])) == ([], 14)
 
         commands = (await anna.get("api/commands", asset=RUN))["commands"]
@@ -65,9 +65,9 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
         ]
         stages = [each["stage"] for each in commands[-1]["history"]]
         assert stages == ["RECEIVED", "ACCEPTED", "STARTED", "PREDICTED", "EXECUTED"]
-        told = (await anna.get("api/notifications", asset=RUN))["notifications"]
-        assert sorted(each["sequence"] for each in told) == list(range(1, len(told) + 1))
-        assert {each["command"] for each in told} == {"MOE:1", "MOE:2", "MOE:3"}
+        reported = (await anna.get("api/notifications", asset=RUN))["notifications"]
+        assert sorted(each["sequence"] for each in reported) == list(range(1, len(reported) + 1))
+        assert {each["command"] for each in reported} == {"MOE:1", "MOE:2", "MOE:3"}
 
         driven = (await anna.get(f"api/tm/{RUN}/POS_X"))["samples"]
         assert driven[-1]["value"] == pytest.approx(3.0, abs=0.1)
@@ -80,42 +80,42 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
 
 async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: Path) -> None:
     async with (
-        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
         operator(address, "anna") as anna,
     ):
         assets = (await anna.get("api/dictionary"))["assets"]
-        at = assets[RUN]["recording"]["began"] + 2.5
+        at = assets[RUN]["recording"]["start"] + 2.5
         query = {"asset": RUN, "before": at, "limit": 1}
         (tree,) = (await anna.get("api/records/tree", **query))["records"]
         assert (tree["mode"], tree["active"]) == ("MOVING", "MOE:1")
         assert tree["why"].endswith("for MOE:1 moveForward")
-        running = [node["name"] for node in tree["nodes"] if node["look"] == "running"]
+        running = [node["name"] for node in tree["nodes"] if node["status"] == "running"]
         assert running[-1] == "drive"
         why = await anna.get(f"api/why/{RUN}/MOE:1")
         assert why["headline"].startswith("MOE:1 moveForward distance 3 m was executed")
-        status, answer = await anna.ask("GET", f"api/why/{RUN}/MOE:9")
+        status, answer = await anna.request("GET", f"api/why/{RUN}/MOE:9")
         assert (status, answer["field"]) == (404, "command")
 
 
-async def test_a_recording_says_how_uncertain_the_pose_was(tmp_path: Path) -> None:
+async def test_a_recording_shows_the_pose_uncertainty(tmp_path: Path) -> None:
     recording = record("pose_uncertain", tmp_path)
     async with (
-        served(tmp_path, NOBODY, recordings=(recording,)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(recording,)) as address,
         operator(address, "anna") as anna,
     ):
-        told = (await anna.get("api/notifications", asset=RUN))["notifications"]
-        events = {each["utc"]: each["text"] for each in told if "the pose is" in each["text"]}
-        for key, most in (("EXEC_POSITION_UNCERTAINTY", 0.5), ("EXEC_HEADING_UNCERTAINTY", 0.0)):
+        reported = (await anna.get("api/notifications", asset=RUN))["notifications"]
+        events = {each["utc"]: each["text"] for each in reported if "the pose is" in each["text"]}
+        for key, maximum in (("EXEC_POSITION_UNCERTAINTY", 0.5), ("EXEC_HEADING_UNCERTAINTY", 0.0)):
             samples = (await anna.get(f"api/tm/{RUN}/{key}"))["samples"]
             assert sorted(each["utc"] for each in samples) == pytest.approx(sorted(events))
             figures = [each["value"] for each in samples]
-            assert (max(figures), figures[-1]) == (pytest.approx(most, abs=0.01), 0.0)
+            assert (max(figures), figures[-1]) == (pytest.approx(maximum, abs=0.01), 0.0)
         assert "certain again, by MOE:6 setPositionCompensation" in events[max(events)]
 
 
 TOUR = """
 title: A plan
-lasts: 20
+duration: 20
 timeline:
   - {at: 1, command: {submitPlan: {plan: look-around, id: tour}}, label: plan}
   - {after: plan EXECUTED, command: {activatePlan: {plan_id: tour}}, label: go}
@@ -128,7 +128,7 @@ async def test_each_command_of_a_plan_has_a_leaf_of_the_plan(tmp_path: Path) -> 
     scenario = tmp_path / "tour.yaml"
     scenario.write_text(TOUR, encoding="utf-8")
     async with (
-        served(tmp_path, NOBODY, recordings=(record(str(scenario), tmp_path),)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(record(str(scenario), tmp_path),)) as address,
         operator(address, "anna") as anna,
     ):
         commands = (await anna.get("api/commands", asset=RUN))["commands"]
@@ -146,39 +146,41 @@ async def test_each_command_of_a_plan_has_a_leaf_of_the_plan(tmp_path: Path) -> 
 
 async def test_a_recording_cannot_be_commanded_nor_stopped(drive: Path, tmp_path: Path) -> None:
     async with (
-        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(drive,)) as address,
         operator(address, "anna") as anna,
     ):
         for status, answer in (
             await anna.send("one", "moveForward", asset=RUN, distance=1.0),
-            await anna.ask("POST", f"api/stop/{RUN}"),
+            await anna.request("POST", f"api/stop/{RUN}"),
         ):
             assert (status, answer["field"]) == (404, "asset")
 
 
 async def test_a_file_of_a_browser_is_opened_and_closed(drive: Path, tmp_path: Path) -> None:
-    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+    async with at_console(tmp_path, UNREACHABLE, "anna") as (anna,):
         for name in (RUN, f"{RUN}-2"):
-            status, entry = await anna.ask("POST", "api/recordings/run.mcap", data=drive.open("rb"))
+            status, entry = await anna.request(
+                "POST", "api/recordings/run.mcap", data=drive.open("rb")
+            )
             assert (status, entry["asset"]) == (201, name)
-            said = await anna.page.until(lambda said: said["ty"] == "dictionary")
-            assert said["asset"] == name
-        assert (await anna.ask("DELETE", f"api/recordings/{RUN}"))[0] == 204
+            message = await anna.page.until(lambda message: message["ty"] == "dictionary")
+            assert message["asset"] == name
+        assert (await anna.request("DELETE", f"api/recordings/{RUN}"))[0] == 204
         assert list((await anna.get("api/dictionary"))["assets"]) == [f"{RUN}-2"]
-        assert (await anna.ask("DELETE", f"api/recordings/{RUN}"))[0] == 404
-        kept = tmp_path / "console" / "opened"
-        assert len(list(kept.iterdir())) == 1
-    assert not list(kept.iterdir())
+        assert (await anna.request("DELETE", f"api/recordings/{RUN}"))[0] == 404
+        stored = tmp_path / "console" / "opened"
+        assert len(list(stored.iterdir())) == 1
+    assert not list(stored.iterdir())
 
 
-async def test_what_is_no_recording_is_refused_and_not_kept(drive: Path, tmp_path: Path) -> None:
-    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+async def test_an_invalid_recording_is_refused_and_not_stored(drive: Path, tmp_path: Path) -> None:
+    async with at_console(tmp_path, UNREACHABLE, "anna") as (anna,):
         for content, why in (
             (b"", "run.mcap: contains no run"),
             (b"not at all", "run.mcap: is no MCAP file, or damaged"),
             (drive.read_bytes()[:40], "run.mcap: contains no run"),
         ):
-            status, answer = await anna.ask("POST", "api/recordings/run.mcap", data=content)
+            status, answer = await anna.request("POST", "api/recordings/run.mcap", data=content)
             assert (status, answer["field"]) == (422, "file")
             assert answer["error"].startswith(why)
         assert (await anna.get("api/dictionary"))["assets"] == {}
@@ -186,13 +188,11 @@ async def test_what_is_no_recording_is_refused_and_not_kept(drive: Path, tmp_pat
     wrong = tmp_path / "notes.mcap"
     wrong.write_text("not at all")
     with pytest.raises(StartError, match=r"^--recording: .*notes.mcap: is no MCAP file"):
-        async with served(tmp_path, NOBODY, recordings=(wrong,)):
+        async with served(tmp_path, UNREACHABLE, recordings=(wrong,)):
             pass
 
 
-async def test_a_recording_that_broke_off_shows_what_was_written(
-    drive: Path, tmp_path: Path
-) -> None:
+async def test_a_truncated_recording_shows_its_written_part(drive: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.mcap"
     with closing(RunFile(broken)) as file:
         for number, message in enumerate(RunReader(drive).messages()):
@@ -202,17 +202,17 @@ async def test_a_recording_that_broke_off_shows_what_was_written(
     octets = broken.read_bytes()
     broken.write_bytes(octets[: len(octets) * 3 // 4])
     async with (
-        served(tmp_path, NOBODY, recordings=(broken, drive, broken)) as address,
+        served(tmp_path, UNREACHABLE, recordings=(broken, drive, broken)) as address,
         operator(address, "anna") as anna,
     ):
         assets = (await anna.get("api/dictionary"))["assets"]
         assert list(assets) == ["jackal@broken", RUN]
-        assert [each["recording"]["whole"] for each in assets.values()] == [False, True]
-        ends = [each["recording"]["ended"] for each in assets.values()]
+        assert [each["recording"]["complete"] for each in assets.values()] == [False, True]
+        ends = [each["recording"]["end"] for each in assets.values()]
         assert ends[1] - 4.0 < ends[0] < ends[1]
 
 
-async def test_a_damaged_recording_shows_what_is_before_the_damage(
+async def test_a_damaged_recording_shows_its_part_before_the_damage(
     drive: Path, tmp_path: Path
 ) -> None:
     damaged = tmp_path / "damaged.mcap"
@@ -223,49 +223,49 @@ async def test_a_damaged_recording_shows_what_is_before_the_damage(
                 file.flush()
     octets = bytearray(damaged.read_bytes())
     octets[len(octets) // 2] ^= 1
-    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+    async with at_console(tmp_path, UNREACHABLE, "anna") as (anna,):
         content = bytes(octets)
-        status, entry = await anna.ask("POST", "api/recordings/run.mcap", data=content)
+        status, entry = await anna.request("POST", "api/recordings/run.mcap", data=content)
         assert (status, entry["asset"]) == (201, RUN)
-        assert (entry["recording"]["whole"], entry["recording"]["damaged"]) == (False, True)
+        assert (entry["recording"]["complete"], entry["recording"]["damaged"]) == (False, True)
         commands = (await anna.get("api/commands", asset=RUN))["commands"]
         assert commands
 
 
-async def test_reading_ends_when_who_sent_the_file_disconnects(
+async def test_reading_ends_when_the_uploader_disconnects(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Callable[[], bool]] = []
-    told: list[str] = []
+    requested: list[Callable[[], bool]] = []
+    reported: list[str] = []
     is_connected = recordings.is_connected
     read = RecordedRun.messages
-    reads, is_gone = Event(), Event()
+    reads, has_left = Event(), Event()
 
     def wanted(request: web.Request) -> Callable[[], bool]:
-        asked.append(is_connected(request))
-        return asked[-1]
+        requested.append(is_connected(request))
+        return requested[-1]
 
     def slowly(run: RecordedRun, name: str) -> Iterator[Written]:
         reads.set()
-        assert is_gone.wait(LIMIT_S)
+        assert has_left.wait(LIMIT_S)
         try:
             yield from read(run, name)
         except RecordingError as error:
-            told.append(str(error))
+            reported.append(str(error))
             raise
 
     monkeypatch.setattr(RecordedRun, "messages", slowly)
     monkeypatch.setattr(f"{recordings.__name__}.is_connected", wanted)
-    kept = tmp_path / "console" / "opened"
-    async with at_console(tmp_path, NOBODY, "anna") as (anna,), asyncio.timeout(LIMIT_S):
+    stored = tmp_path / "console" / "opened"
+    async with at_console(tmp_path, UNREACHABLE, "anna") as (anna,), asyncio.timeout(LIMIT_S):
         content = drive.read_bytes()
-        post = asyncio.create_task(anna.ask("POST", "api/recordings/run.mcap", data=content))
+        post = asyncio.create_task(anna.request("POST", "api/recordings/run.mcap", data=content))
         await asyncio.to_thread(reads.wait, LIMIT_S)
         post.cancel()
-        while asked[0]():
+        while requested[0]():
             await asyncio.sleep(0)
-        is_gone.set()
-        while list(kept.iterdir()):
+        has_left.set()
+        while list(stored.iterdir()):
             await asyncio.sleep(0)
-        assert [each.endswith("reading was cancelled") for each in told] == [True]
+        assert [each.endswith("reading was cancelled") for each in reported] == [True]
         assert (await anna.get("api/dictionary"))["assets"] == {}

@@ -9,14 +9,14 @@ from executive.commands import MoveForward
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, LIMIT_S, at_console
 from tests.relay.orbiter.sky import (
-    LIFE,
+    STAGES,
     Clock,
     Sky,
     eclipse,
     ground,
     landed,
     orbiting,
-    telling,
+    publishing,
     until,
 )
 
@@ -38,15 +38,15 @@ async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
             args={"distance": 1.0},
         )
         await anna.send("long", "moveForward", distance=2.0)
-        waiting = await anna.page.command("long", "taken")
+        waiting = await anna.page.command("long", "acknowledged")
         assert (waiting["history"][-1]["node"], waiting["deadline"]) == ("orbiter", None)
         clock.shift_s = 60.0
-        lost = await anna.page.command("short", "given_up")
+        lost = await anna.page.command("short", "lost")
         assert not lost["ended"]  # whether the rover got it is not known
         clock.shift_s = 3601.0
         done = await anna.page.command("long", "executed")
         nodes = {each["stage"]: each["node"] for each in done["history"]}
-        assert (nodes["TAKEN"], nodes["EXECUTED"]) == ("orbiter", "jackal")
+        assert (nodes["ACKNOWLEDGED"], nodes["EXECUTED"]) == ("orbiter", "jackal")
         (left,) = [each for each in done["history"] if each["stage"] == "FORWARDED"]
         assert left["node"] == "orbiter"
         assert left["utc"] > waiting["history"][-1]["utc"] + 3600.0  # by the orbiter's clock
@@ -56,22 +56,22 @@ async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
 async def test_a_command_of_another_client_is_known_from_its_departure_on(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with (
-        orbiting(sky, clock, eclipse(clock), ask_again_s=0.1) as (relay, (station,)),
+        orbiting(sky, clock, eclipse(clock), retransmit_after_s=0.1) as (relay, (station,)),
         landed(sky, "jackal") as far,
         at_console(tmp_path, str(station.uri), "anna") as (anna,),
         await ground(station) as client,
     ):
         await anna.page.is_up()
-        far.life = ()
+        far.lifecycle = ()
         command = client.command(MoveForward(1.0))
         await client.submit(command)
         clock.shift_s = 3601.0
         name = f"jackal:{command.identity}"
-        left = await anna.page.command(name, "taken")
+        left = await anna.page.command(name, "acknowledged")
         assert [each["stage"] for each in left["history"]] == ["FORWARDED"]
         assert (left["name"], left["by"], left["link"]) == ("", "MOE", "relay")
-        far.life = LIFE
-        await far.telemetry(POS_X=1.0)
+        far.lifecycle = STAGES
+        await far.send_telemetry(POS_X=1.0)
         while not far.commands[1:]:
             await relay.retransmit_unanswered()
             await asyncio.sleep(0.02)
@@ -86,34 +86,34 @@ async def test_what_waits_at_the_orbiter_counts_up_and_drains_and_is_kept_in_the
         orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
         landed(sky, "jackal"),
         at_console(tmp_path, str(station.uri), "anna", topics=[*ALL, "tm"]) as (anna,),
-        telling(station),
+        publishing(station),
     ):
 
-        async def told(key: str, value: float) -> None:
-            await anna.page.until(lambda said: (said.get("key"), said.get("value")) == (key, value))
+        async def published(key: str, value: float) -> None:
+            await anna.page.until(lambda text: (text.get("key"), text.get("value")) == (key, value))
 
         await anna.page.is_up()
         for number in (1.0, 2.0):
             await anna.send(f"waits{number}", "moveForward", distance=number)
-            await anna.page.command(f"waits{number}", "taken")
-            await told("DTN_QUEUED", number)
+            await anna.page.command(f"waits{number}", "acknowledged")
+            await published("DTN_QUEUED", number)
         clock.shift_s = 3601.0
         await anna.page.command("waits2.0", "executed")
         await until(lambda: relay.agent.health().queued == 0)
-        await told("DTN_ACKNOWLEDGED", 2.0)
+        await published("DTN_ACKNOWLEDGED", 2.0)
 
-        async def kept(key: str) -> list[Any]:
+        async def stored(key: str) -> list[Any]:
             samples = (await anna.get(f"api/tm/jackal/{key}", link="relay"))["samples"]
             return [each["value"] for each in samples]
 
         async with asyncio.timeout(LIMIT_S):  # the archive writes a batch now and then
-            while (await kept("DTN_ACKNOWLEDGED"))[-1:] != [2.0]:
+            while (await stored("DTN_ACKNOWLEDGED"))[-1:] != [2.0]:
                 await asyncio.sleep(0.05)
 
-        assert [each for each, _ in groupby(await kept("DTN_QUEUED"))] == [0.0, 1.0, 2.0, 0.0]
-        assert max(await kept("DTN_QUEUED_OCTETS")) > 100.0
-        assert (await kept("DTN_SENT"))[-1] == 2.0
-        assert len(await kept("DTN_CONTACTS_UP")) == 1, "told often, kept at each change"
+        assert [each for each, _ in groupby(await stored("DTN_QUEUED"))] == [0.0, 1.0, 2.0, 0.0]
+        assert max(await stored("DTN_QUEUED_OCTETS")) > 100.0
+        assert (await stored("DTN_SENT"))[-1] == 2.0
+        assert len(await stored("DTN_CONTACTS_UP")) == 1, "told often, kept at each change"
 
 
 async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
@@ -130,10 +130,10 @@ async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
         links = {(await anna.page.is_up())["link"], (await anna.page.is_up())["link"]}
         assert links == {"direct", "relay"}
         # What the orbiter does not know yet is told as of when it is asked: later than this.
-        await far.telemetry(BATERY_VOLTAGE=25.0)
-        await anna.page.until(lambda said: (said.get("link"), said.get("value")) == ("relay", 25.0))
-        await far.telemetry(BATERY_VOLTAGE=25.5)
-        await anna.page.until(lambda said: (said.get("link"), said.get("value")) == ("relay", 25.5))
+        await far.send_telemetry(BATERY_VOLTAGE=25.0)
+        await anna.page.until(lambda text: (text.get("link"), text.get("value")) == ("relay", 25.0))
+        await far.send_telemetry(BATERY_VOLTAGE=25.5)
+        await anna.page.until(lambda text: (text.get("link"), text.get("value")) == ("relay", 25.5))
         dictionary = (await anna.get("api/dictionary"))["assets"]
         keys = [each["key"] for each in dictionary["jackal"]["parameters"]]
         assert "DTN_NEXT_CONTACT" in keys
@@ -145,13 +145,13 @@ async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
         }
         status, sent = await anna.send("soon", "moveForward", distance=1.0)
         assert (status, sent["link"]) == (202, "direct")
-        stop = (await anna.ask("POST", "api/stop/jackal"))[1]
+        stop = (await anna.request("POST", "api/stop/jackal"))[1]
         rover.run(2.0)
         assert (await anna.page.command(stop["id"], "executed"))["link"] == "direct"
         assert not far.commands  # it might arrive long after a resume
         rover.hang_up()
-        await anna.page.until(lambda said: said.get("state") == "down")
-        stop = (await anna.ask("POST", "api/stop/jackal"))[1]
+        await anna.page.until(lambda text: text.get("state") == "down")
+        stop = (await anna.request("POST", "api/stop/jackal"))[1]
         assert (await anna.page.command(stop["id"], "executed"))["link"] == "relay"
         assert [message.command for message in far.commands] == ["STOP"]
 

@@ -12,7 +12,7 @@ from executive.values.parameters import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
 from tests.console.site import OPTIONS
-from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, telling, until
+from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, publishing, until
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.certificates import certified
 
@@ -33,7 +33,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
         landed(sky, "jackal") as far,
         at_console(tmp_path, [str(station.uri), launch("scout").uri], "anna") as (anna,),
-        telling(station),
+        publishing(station),
         async_playwright() as playwright,
     ):
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
@@ -49,9 +49,9 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await expect(rovers.locator("option")).to_have_text(["jackal", "scout"])
         await page.screenshot(path=ARTIFACTS / "console-own.png")
         await page.goto(f"{anna.address}{PAGE.format('jackal', 'dtn')}")
-        way = page.locator("[data-part=bundles]")
-        await expect(way).to_contain_text(re.compile("no contact.*next at .* in (60 min|1 h)"))
-        await expect(way).to_have_attribute("data-open", "false")
+        path = page.locator("[data-part=bundles]")
+        await expect(path).to_contain_text(re.compile("no contact.*next at .* in (60 min|1 h)"))
+        await expect(path).to_have_attribute("data-open", "false")
         await anna.send("waits", "moveForward", distance=2.0)
         command = page.locator("tr[data-id=waits]")
         await expect(command).to_contain_text("at the orbiter for")
@@ -67,7 +67,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0
         await expect(command).to_have_count(0)
-        await expect(way).to_have_attribute("data-open", "true")
+        await expect(path).to_have_attribute("data-open", "true")
         for counter in ("DTN_SENT", "DTN_ACKNOWLEDGED"):
             await expect(page.get_by_test_id(counter)).to_have_text("1")
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("0")
@@ -78,9 +78,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
     assert errors == []
 
 
-async def test_by_the_link_that_is_chosen_a_command_goes_and_a_value_comes(
-    launch: Launch, tmp_path: Path
-) -> None:
+async def test_commands_and_values_use_the_chosen_link(launch: Launch, tmp_path: Path) -> None:
     rover, sky = launch(), Sky(tmp_path, "jackal")
     errors: list[str] = []
     async with (
@@ -101,31 +99,31 @@ async def test_by_the_link_that_is_chosen_a_command_goes_and_a_value_comes(
         await expect(command).to_have_attribute("data-state", "executed")
         assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
 
-        await far.telemetry(BATERY_VOLTAGE=25.0)
-        began_s = (await anna.page.until(lambda said: said.get("value") == 26.0))["utc"]
-        told = [
+        await far.send_telemetry(BATERY_VOLTAGE=25.0)
+        began_s = (await anna.page.until(lambda text: text.get("value") == 26.0))["utc"]
+        reported = [
             ParameterValue(Parameter.BATERY_VOLTAGE, began_s + later_s, value)
             for later_s, value in ((1.0, 24.0), (3.0, 23.0), (2.0, 23.5))
         ]
-        rover.do(lambda bench: bench.link.telemetry(told))
-        heard = await anna.page.until(lambda said: said.get("value") == 25.0)
+        rover.do(lambda bench: bench.link.send_telemetry(reported))
+        received = await anna.page.until(lambda text: text.get("value") == 25.0)
         for link, values, first_s, last_s in (
             ("direct", ["23", "23.5", "24"], began_s + 1.0, began_s + 3.0),
-            ("relay", ["25"], heard["utc"], heard["utc"]),
+            ("relay", ["25"], received["utc"], received["utc"]),
         ):
             span = f"tc.startBound={1e3 * first_s - 10:.0f}&tc.endBound={1e3 * last_s + 10:.0f}"
             table = f"rover:jackal/rover:jackal~telemetry~{link}~BATERY_VOLTAGE?view=table"
-            told_of = await browser.new_page()
-            await told_of.goto(
+            tls_page = await browser.new_page()
+            await tls_page.goto(
                 f"{anna.address}#/browse/rover:rovers/{table}&tc.mode=fixed&tc.timeSystem=utc&{span}"
             )
-            cells = told_of.locator(".c-telemetry-table__body [aria-label^='value table cell']")
+            cells = tls_page.locator(".c-telemetry-table__body [aria-label^='value table cell']")
             await expect(cells).to_have_text(values)
         await browser.close()
     assert errors == []
 
 
-async def test_who_has_a_token_logs_in_by_tls(tmp_path: Path) -> None:
+async def test_a_token_holder_logs_in_by_tls(tmp_path: Path) -> None:
     tokens = tmp_path / "tokens"
     tokens.write_text("anna 0123456789abcdef\n")
     ends = certified(tmp_path, "console")["console"]

@@ -17,7 +17,7 @@ from adapters.console.archive.archive import WRITE_S
 from adapters.console.archive.database import BOUNDS_MS, begin_writing
 from executive.commands import MoveForward
 from tests.console.conftest import Launch
-from tests.console.consoles import Operator, Said, at_console
+from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.console.postgres import NEEDED, cluster, fresh
 from tests.mrs.aboard import Aboard
 
@@ -38,30 +38,30 @@ async def two_consoles(
         yield anna, ben
 
 
-async def settled(anna: Operator, ben: Operator) -> list[Said]:
+async def settled(anna: Operator, ben: Operator) -> list[JsonMessage]:
     """Return the commands as both consoles' pages find them, once they are the same."""
     async with asyncio.timeout(10.0):
         while True:
             here, there = [(await each.get("api/commands"))["commands"] for each in (anna, ben)]
             shown = [await standing(each) for each in (anna, ben)]
             if here == there and shown[0] == shown[1] == {each["id"]: each for each in here}:
-                found: list[Said] = here
+                found: list[JsonMessage] = here
                 return found
             await asyncio.sleep(0.1)
 
 
-async def standing(somebody: Operator) -> dict[str, Said]:
+async def standing(operator: Operator) -> dict[str, JsonMessage]:
     """Return the commands that a new page is told of."""
-    async with somebody.open_page("cmd", "presence") as page:
-        await page.until(lambda said: said["ty"] == "presence")
+    async with operator.open_page("cmd", "presence") as page:
+        await page.until(lambda message: message["ty"] == "presence")
         return {
-            said["id"]: {name: value for name, value in said.items() if name != "seq"}
-            for said in page.got
-            if said["ty"] == "cmd"
+            message["id"]: {name: value for name, value in message.items() if name != "seq"}
+            for message in page.got
+            if message["ty"] == "cmd"
         }
 
 
-async def test_what_is_commanded_at_one_is_the_same_at_the_other(
+async def test_a_command_of_one_console_is_the_same_at_the_other(
     guarded: Aboard, postgres: str, tmp_path: Path
 ) -> None:
     async with two_consoles(guarded, fresh(postgres), tmp_path) as (anna, ben):
@@ -75,12 +75,12 @@ async def test_what_is_commanded_at_one_is_the_same_at_the_other(
             "moveForward", {"distance": 0.5}, "anna",
         )  # fmt: skip
         assert shown["history"][0]["stage"] == "SENT"
-        heard = await ben.page.until(lambda said: said.get("stage") == "EXECUTED")
-        assert heard["command"] == "drive"
+        received = await ben.page.until(lambda message: message.get("stage") == "EXECUTED")
+        assert received["command"] == "drive"
         await anna.page.command("drive", "executed")
         status, refused = await ben.send("drive", "moveForward", distance=0.5)
         assert (status, refused["command"]["id"]) == (409, "drive")
-        stop = (await ben.ask("POST", "api/stop/jackal"))[1]
+        stop = (await ben.request("POST", "api/stop/jackal"))[1]
         for each in (anna, ben):
             assert (await each.page.command(stop["id"], "executed"))["by"] == "ben"
         found = await settled(anna, ben)
@@ -88,14 +88,14 @@ async def test_what_is_commanded_at_one_is_the_same_at_the_other(
             (stop["id"], "ben"),
             ("drive", "anna"),
         ]
-        told = [(await each.get("api/notifications"))["notifications"] for each in (anna, ben)]
-        assert told[0] == told[1]
+        reported = [(await each.get("api/notifications"))["notifications"] for each in (anna, ben)]
+        assert reported[0] == reported[1]
         for each in (anna, ben):
-            ids = {said["id"] for said in each.page.got if said["ty"] == "cmd"}
+            ids = {message["id"] for message in each.page.got if message["ty"] == "cmd"}
             assert ids == {"drive", stop["id"]}
 
 
-async def test_modes_and_authority_are_kept_once(
+async def test_modes_and_authority_are_stored_once(
     guarded: Aboard, postgres: str, tmp_path: Path
 ) -> None:
     async with two_consoles(guarded, fresh(postgres), tmp_path) as (anna, ben):
@@ -107,20 +107,20 @@ async def test_modes_and_authority_are_kept_once(
         for each in (anna, ben):
             await each.page.holds(None)
 
-        async def kept(kind: str, *names: str) -> list[list[Said]]:
+        async def stored(kind: str, *names: str) -> list[list[JsonMessage]]:
             found = (await ben.get(f"api/records/{kind}", asset="jackal"))["records"]
             return [[each[name] for name in names] for each in reversed(found)]
 
         async with asyncio.timeout(10.0):
-            while len(await kept("auth", "holder")) < 3:
+            while len(await stored("auth", "holder")) < 3:
                 await asyncio.sleep(0.1)
         await asyncio.sleep(2 * WRITE_S)  # what the other wrote would be there now
-        assert await kept("auth", "holder") == [[None], ["anna"], [None]]
-        states = await kept("asset", "mode", "active", "queued", "plan")
+        assert await stored("auth", "holder") == [[None], ["anna"], [None]]
+        states = await stored("asset", "mode", "active", "queued", "plan")
         assert all(one != other for one, other in pairwise(states)), states
 
 
-async def test_what_somebody_else_commands_is_the_same_at_both(
+async def test_a_command_of_another_source_is_the_same_at_both(
     rover: Aboard, postgres: str, tmp_path: Path
 ) -> None:
     async with two_consoles(rover, fresh(postgres), tmp_path) as (anna, ben):
@@ -145,8 +145,8 @@ async def test_an_id_that_is_posted_to_both_at_once_is_sent_once(
         for name in names:
             await anna.page.command(name, "executed")
         assert {each["id"] for each in await settled(anna, ben)} == set(names)
-        told = (await anna.get("api/notifications", limit=1000))["notifications"]
-        assert [each["stage"] for each in told].count("RECEIVED") == 10
+        reported = (await anna.get("api/notifications", limit=1000))["notifications"]
+        assert [each["stage"] for each in reported].count("RECEIVED") == 10
 
 
 async def test_what_one_missed_it_has_from_the_other(
@@ -164,33 +164,35 @@ async def test_what_one_missed_it_has_from_the_other(
             assert (found["state"], found["by"]) == ("executed", "anna")
 
 
-async def test_what_is_kept_at_one_the_other_tells_its_pages(
+async def test_an_object_stored_at_one_is_published_to_pages_of_the_other(
     launch: Launch, postgres: str, tmp_path: Path
 ) -> None:
     async with two_consoles(launch(), fresh(postgres), tmp_path) as (anna, ben):
 
-        async def put(somebody: Operator, value: int, revision: int | None) -> int:
+        async def put(operator: Operator, value: int, revision: int | None) -> int:
             match = FIRST if revision is None else {"If-Match": f'"{revision}"'}
             request = {"json": {"value": value}, "headers": match}
-            return (await somebody.ask("PUT", "api/objects/plot", **request))[0]
+            return (await operator.request("PUT", "api/objects/plot", **request))[0]
 
         assert await put(anna, 1, None) == 200
-        told = await ben.page.until(lambda said: said["ty"] == "obj")
-        assert (told["key"], told["revision"]) == ("plot", 1)
+        reported = await ben.page.until(lambda message: message["ty"] == "obj")
+        assert (reported["key"], reported["revision"]) == ("plot", 1)
         assert (await ben.get("api/objects/plot"))["value"] == 1
         assert await put(ben, 2, 1) == 200
-        await anna.page.until(lambda said: said["ty"] == "obj" and said["revision"] == 2)
+        await anna.page.until(lambda message: message["ty"] == "obj" and message["revision"] == 2)
         assert await put(anna, 3, 1) == 412
         assert sorted(await asyncio.gather(put(anna, 4, 2), put(ben, 5, 2))) == [200, 412]
         last = {"headers": {"If-Match": '"3"'}}
-        assert (await anna.ask("DELETE", "api/objects/plot", **last))[0] == 204
+        assert (await anna.request("DELETE", "api/objects/plot", **last))[0] == 204
         for each in (anna, ben):
-            await each.page.until(lambda said: said["ty"] == "obj" and said["revision"] is None)
-            revisions = [said["revision"] for said in each.page.got if said["ty"] == "obj"]
+            await each.page.until(
+                lambda message: message["ty"] == "obj" and message["revision"] is None
+            )
+            revisions = [message["revision"] for message in each.page.got if message["ty"] == "obj"]
             assert revisions in ([1, 2, 3, None], [1, 2, None])
 
 
-async def test_what_both_hear_is_stored_once(
+async def test_a_report_received_by_both_is_stored_once(
     rover: Aboard, postgres: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     url = fresh(postgres)
@@ -216,7 +218,7 @@ def test_consoles_that_start_at_once_make_the_tables_once(postgres: str, tmp_pat
             engine.dispose()
 
 
-def test_a_console_that_stands_still_while_it_writes_does_not_keep_others_waiting(
+def test_a_console_blocked_in_a_write_does_not_delay_others(
     postgres: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     url = fresh(postgres)
@@ -224,18 +226,18 @@ def test_a_console_that_stands_still_while_it_writes_does_not_keep_others_waitin
     # Only what is connected from now on has this bound: making the tables may take longer.
     monkeypatch.setitem(BOUNDS_MS, "idle_in_transaction_session_timeout", 200)
     still.dispose()
-    with still.connect() as stands:
-        begin_writing(stands)
+    with still.connect() as blocked:
+        begin_writing(blocked)
         with other.begin() as writes:
             begin_writing(writes)
         with pytest.raises(DBAPIError, match="idle-in-transaction"):
-            stands.execute(select(1))
-        stands.invalidate()
+            blocked.execute(select(1))
+        blocked.invalidate()
     for each in (still, other):
         each.dispose()
 
 
-def test_a_postgresql_that_is_silent_is_lost_unless_its_url_says_otherwise(
+def test_a_postgresql_that_is_silent_is_lost_unless_its_url_allows_it(
     postgres: str, tmp_path: Path
 ) -> None:
     engine = open_database(f"{fresh(postgres)}&tcp_user_timeout=60000", tmp_path)
@@ -248,7 +250,7 @@ def test_a_postgresql_that_is_silent_is_lost_unless_its_url_says_otherwise(
 
 
 @pytest.mark.skipif(not NEEDED, reason="PostgreSQL is not installed: apt install postgresql")
-async def test_a_database_that_is_killed_and_comes_back_has_all_that_was_acknowledged(
+async def test_a_killed_and_restarted_database_has_all_acknowledged_data(
     rover: Aboard, tmp_path: Path
 ) -> None:
     with cluster() as database:
@@ -256,23 +258,23 @@ async def test_a_database_that_is_killed_and_comes_back_has_all_that_was_acknowl
             await anna.send("before", "moveForward", distance=0.5)
             await ben.page.command("before", "executed")
             plot = {"json": {"value": 1}, "headers": FIRST}
-            assert (await anna.ask("PUT", "api/objects/plot", **plot))[0] == 200
+            assert (await anna.request("PUT", "api/objects/plot", **plot))[0] == 200
             await anna.send("during", "moveForward", distance=3.0)
             await ben.page.command("during", "started")
             await asyncio.to_thread(database.kill)
             status, refused = await ben.send("no", "moveForward", distance=0.5)
             assert (status, "nothing was sent" in refused["error"]) == (503, True)
             for path in ("api/commands", "api/objects/plot"):
-                status, refused = await anna.ask("GET", path)
+                status, refused = await anna.request("GET", path)
                 assert (status, "archive cannot be used" in refused["error"]) == (503, True)
             rover.hang_up()
             for each in (anna, ben):
-                await each.page.until(lambda said: said.get("state") == "down")
+                await each.page.until(lambda message: message.get("state") == "down")
             rover.listen()
             for each in (anna, ben):
                 await each.page.is_up()
                 await each.page.command("during", "executed")
-            status, stop = await ben.ask("POST", "api/stop/jackal")
+            status, stop = await ben.request("POST", "api/stop/jackal")
             assert status == 202
             for each in (anna, ben):
                 await each.page.command(stop["id"], "executed")
@@ -287,6 +289,6 @@ async def test_a_database_that_is_killed_and_comes_back_has_all_that_was_acknowl
                 ("go on", "anna", "executed"),
             ]
             assert (await ben.get("api/objects/plot"))["value"] == 1
-            told = (await ben.get("api/notifications", limit=1000))["notifications"]
-            sequences = sorted(each["sequence"] for each in told)
+            reported = (await ben.get("api/notifications", limit=1000))["notifications"]
+            sequences = sorted(each["sequence"] for each in reported)
             assert sequences == list(range(1, max(sequences) + 1))

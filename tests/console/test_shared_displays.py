@@ -33,9 +33,9 @@ def layout(text: str) -> dict[str, Any]:
     return {"items": [TEXT | {"text": text}], "layoutGrid": [10, 10], "objectStyles": {}}
 
 
-async def keep(somebody: Operator, key: str, **value: Any) -> None:
+async def retain(operator: Operator, key: str, **value: Any) -> None:
     made = {"identifier": {"namespace": "shared", "key": key}, "modified": 1, "persisted": 1}
-    status, answer = await somebody.ask(
+    status, answer = await operator.request(
         "PUT", f"api/objects/{key}", json={"value": made | value}, headers={"If-None-Match": "*"}
     )
     assert status == 200, answer
@@ -50,11 +50,11 @@ async def test_a_display_that_is_changed_at_one_is_shown_so_at_the_other(
         async_playwright() as playwright,
     ):
         members = [{"namespace": "shared", "key": "layout"}]
-        await keep(
+        await retain(
             anna, "displays", name="Displays", type="folder", location="ROOT", composition=members
         )
         shown = {"name": "Mine", "type": "layout", "location": "shared:displays", "composition": []}
-        await keep(anna, "layout", **shown, configuration=layout("before"))
+        await retain(anna, "layout", **shown, configuration=layout("before"))
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         pages: list[Page] = []
         for each in (anna, ben):
@@ -72,7 +72,7 @@ async def test_a_display_that_is_changed_at_one_is_shown_so_at_the_other(
         await expect(one.get_by_text("back again")).to_be_visible()
         for page in pages:
             await page.goto(f"{page.url.split('#')[0]}#/browse/shared:displays")
-        await keep(
+        await retain(
             anna, "second", name="Second", type="folder", location="shared:displays", composition=[]
         )
         second = {"namespace": "shared", "key": "second"}

@@ -24,8 +24,8 @@ class Console:
     @property
     def shown(self) -> list[str]:
         """Whose pages are told of."""
-        told = [each for each in self.hub.latest_messages() if isinstance(each, Presence)]
-        return [page.operator for each in told for page in each.consoles]
+        reported = [each for each in self.hub.latest_messages() if isinstance(each, Presence)]
+        return [page.operator for each in reported for page in each.consoles]
 
 
 @asynccontextmanager
@@ -75,9 +75,9 @@ async def test_operators_at_one_postgresql_see_each_other(
 
         async def shown(*operators: str) -> None:
             await anna.page.until(
-                lambda said: (
-                    said["ty"] == "presence"
-                    and [each["operator"] for each in said["consoles"]] == list(operators)
+                lambda message: (
+                    message["ty"] == "presence"
+                    and [each["operator"] for each in message["consoles"]] == list(operators)
                 )
             )
 

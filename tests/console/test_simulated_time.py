@@ -34,21 +34,21 @@ def is_real(figure: float) -> bool:
     return any(abs(figure / scale - time.time()) < NEAR_S for scale in (1.0, 1e6))
 
 
-def real_times(told: Any, at: str = "") -> Iterator[str]:
+def real_times(reported: Any, at: str = "") -> Iterator[str]:
     """Yield where a real time is in what was told; the disk of the rover dates its files by it."""
-    match told:
+    match reported:
         case dict():
-            for name, value in told.items():
+            for name, value in reported.items():
                 if name != "modified":
                     yield from real_times(value, f"{at}.{name}")
         case list():
-            for value in told:
+            for value in reported:
                 yield from real_times(value, at)
-        case int() | float() if is_real(told):
+        case int() | float() if is_real(reported):
             yield at
 
 
-def kept(folder: Path) -> Iterator[tuple[str, Any]]:
+def stored(folder: Path) -> Iterator[tuple[str, Any]]:
     """Yield each figure of an archive, with its table and column."""
     engine = open_database(None, folder)
     with engine.connect() as connection:
@@ -63,18 +63,20 @@ async def work(anna: Operator, rover: Aboard) -> None:
     await anna.page.is_up()
     assert (await anna.authority("request"))[1]["utc"] == NOW_S
     body = {"id": "p1", "plan_id": "survey", "content": plan(AHEAD).content.decode()}
-    assert (await anna.post("api/plans/jackal", **body))[1]["made"] == NOW_S
+    assert (await anna.post("api/plans/jackal", **body))[1]["created"] == NOW_S
     await anna.page.command("p1", "executed")
     show(rover, LOW_V)
     await acknowledge(anna, await anna.page.until(is_alarm(BATTERY)))
     await anna.page.until(is_alarm(BATTERY, acknowledged=NOW_S))
     headers = {"If-None-Match": "*"}
-    status, _ = await anna.ask("PUT", "api/objects/a", json={"value": 1}, headers=headers)
+    status, _ = await anna.request("PUT", "api/objects/a", json={"value": 1}, headers=headers)
     assert status == 200
     wanted = {"asset": "jackal", "path": "pictures/rock.jpg"}
-    assert (await anna.ask("POST", "api/transfers", json=wanted))[1]["made"] == NOW_S
-    await anna.page.until(lambda said: said["ty"] == "transfer" and said["state"] == "done")
-    await anna.page.until(lambda said: said.get("asset") == "rover-console")
+    assert (await anna.request("POST", "api/transfers", json=wanted))[1]["created"] == NOW_S
+    await anna.page.until(
+        lambda message: message["ty"] == "transfer" and message["state"] == "done"
+    )
+    await anna.page.until(lambda message: message.get("asset") == "rover-console")
 
 
 async def test_all_times_are_those_of_the_system(launch: Launch, tmp_path: Path) -> None:
@@ -86,13 +88,13 @@ async def test_all_times_are_those_of_the_system(launch: Launch, tmp_path: Path)
         anna,
     ):
         await work(anna, rover)
-        (hello,) = [said for said in anna.page.got if said["ty"] == "hello"]
+        (hello,) = [message for message in anna.page.got if message["ty"] == "hello"]
         assert (hello["utc"], hello["instance"]) == (NOW_S, Random(1).randbytes(8).hex())
         found = [await anna.get(f"api/{path}") for path in ("alarms", "plans/jackal", "transfers")]
         assert list(real_times([anna.page.got, found])) == []
-    figures = [(at, value) for at, value in kept(tmp_path / "console") if isinstance(value, int)]
-    heard = {value for at, value in figures if at.endswith(".rx_us")}
-    assert heard == {round(NOW_S * 1e6)}
+    figures = [(at, value) for at, value in stored(tmp_path / "console") if isinstance(value, int)]
+    received = {value for at, value in figures if at.endswith(".rx_us")}
+    assert received == {round(NOW_S * 1e6)}
     assert [at for at, value in figures if is_real(value)] == []
     tables = {at.partition(".")[0] for at, _ in figures}
     assert {"alarm", "command", "notification", "object", "plan", "record", "sample"} <= tables

@@ -7,19 +7,19 @@ import json
 from tests.docs.pages import CHECKOUT
 
 CONSOLE = CHECKOUT / "adapters" / "console"
-KEPT = CONSOLE / "static" / "vendor"
+RETAINED = CONSOLE / "static" / "vendor"
 
 
-def test_what_comes_from_npm_is_what_its_manifest_and_the_lock_say() -> None:
-    manifest = json.loads((KEPT / "MANIFEST.json").read_text(encoding="utf-8"))
+def test_npm_packages_match_their_manifest_and_the_lock() -> None:
+    manifest = json.loads((RETAINED / "MANIFEST.json").read_text(encoding="utf-8"))
     lock = json.loads((CONSOLE / "vendor" / "package-lock.json").read_text(encoding="utf-8"))
-    kept = {
-        path.relative_to(KEPT).as_posix().removesuffix(".gz"): hashlib.sha256(
+    stored = {
+        path.relative_to(RETAINED).as_posix().removesuffix(".gz"): hashlib.sha256(
             gzip.decompress(path.read_bytes())
         ).hexdigest()
-        for path in KEPT.rglob("*.gz")
+        for path in RETAINED.rglob("*.gz")
     }
-    assert manifest["sha256"] == kept
+    assert manifest["sha256"] == stored
     assert manifest["packages"] == {
         name.removeprefix("node_modules/"): package["version"]
         for name, package in lock["packages"].items()
@@ -28,6 +28,6 @@ def test_what_comes_from_npm_is_what_its_manifest_and_the_lock_say() -> None:
 
 
 def test_its_licences_are_beside_it() -> None:
-    licence = gzip.decompress((KEPT / "openmct" / "LICENSE.md.gz").read_bytes()).decode()
+    licence = gzip.decompress((RETAINED / "openmct" / "LICENSE.md.gz").read_bytes()).decode()
     assert "Apache License, Version 2.0" in licence
-    assert (KEPT / "openmct" / "openmct.js.LICENSE.txt.gz").is_file()
+    assert (RETAINED / "openmct" / "openmct.js.LICENSE.txt.gz").is_file()

@@ -14,14 +14,14 @@ from tests.console.consoles import served
 from tests.support.ports import free_udp_ports
 from tests.video.test_pictures import jpeg, picture, seen
 
-NOBODY = "127.0.0.1:1"
+UNREACHABLE = "127.0.0.1:1"
 
 
 async def test_pages_get_the_newest_picture(tmp_path: Path) -> None:
     (port,) = free_udp_ports(1)
     sender, sent = RtpJpegSender(1), [jpeg(picture(320, 240, seed)) for seed in range(3)]
     async with (
-        served(tmp_path, NOBODY, video={"jackal": ("127.0.0.1", port)}) as address,
+        served(tmp_path, UNREACHABLE, video={"jackal": ("127.0.0.1", port)}) as address,
         ClientSession() as browser,
     ):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
@@ -58,18 +58,16 @@ async def _until_free(port: int) -> None:
                     return
 
 
-@pytest.mark.parametrize(("asset", "said"), [("scout", "no video"), ("jackal", "cannot listen")])
-async def test_where_there_is_none_the_reason_is_told(
-    asset: str, said: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("asset", "text"), [("scout", "no video"), ("jackal", "cannot listen")])
+async def test_without_video_the_reason_is_shown(asset: str, text: str, tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         video = {"jackal": taken.getsockname()}
         async with (
-            served(tmp_path, NOBODY, video=video) as address,
+            served(tmp_path, UNREACHABLE, video=video) as address,
             ClientSession() as browser,
             browser.ws_connect(f"{address}ws/video/{asset}") as page,
         ):
             message = await page.receive()
             assert page.close_code == WSCloseCode.TRY_AGAIN_LATER
-            assert said in str(message.extra)
+            assert text in str(message.extra)

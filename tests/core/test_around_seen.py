@@ -20,12 +20,12 @@ from executive.faults import Reaction
 from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import LaserSettings, Settings, load_settings
 from executive.values.geometry import Point, Pose
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import Identity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
-from tests.support.laser import Disc, LookingRover
+from tests.support.laser import Disc, ScanningRover
 from trees.motion import MAX_DETOURS
 
 pytestmark = pytest.mark.alike
@@ -36,13 +36,13 @@ ROCK = Disc(2.0, 0.1, 0.3)
 THERE = MoveTo(Waypoint(4.0, 0.0))
 
 
-class Looking(Bench):
+class ScanningBench(Bench):
     """A bench whose rover has a laser among rocks."""
 
-    rover: LookingRover
+    rover: ScanningRover
 
     def __init__(self, folder: Path, *discs: Disc, settings: Settings = SEEING) -> None:
-        super().__init__(folder, settings, rover=LookingRover(discs=list(discs)))
+        super().__init__(folder, settings, rover=ScanningRover(discs=list(discs)))
         self.run(0.5)
 
     def until(self, x_m: float) -> None:
@@ -53,23 +53,23 @@ class Looking(Bench):
     @property
     def texts(self) -> list[str]:
         """What is told of how command 1 goes on."""
-        return [each.text for each in self.heard.reports if each.stage is Stage.PROGRESS]
+        return [each.text for each in self.received.reports if each.stage is Stage.PROGRESS]
 
     @property
-    def reasons(self) -> set[Reason | None]:
+    def reasons(self) -> set[Reason | UnknownReason | None]:
         """Of all that is told."""
-        return {each.reason for each in self.heard.reports}
+        return {each.reason for each in self.received.reports}
 
 
 def reacting(then: Reaction) -> Settings:
     """Return settings by which the rover does so about what is ahead."""
-    row = replace(SEEING.faults.obstacle_ahead, then=then)
+    row = replace(SEEING.faults.obstacle_ahead, reaction=then)
     return replace(SEEING, faults=replace(SEEING.faults, obstacle_ahead=row))
 
 
 @pytest.mark.at_length
-def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
-    with Looking(tmp_path, ROCK) as bench:
+def test_a_visible_obstacle_is_detoured(tmp_path: Path) -> None:
+    with ScanningBench(tmp_path, ROCK) as bench:
         bench.execute(THERE, 1)
         assert bench.rover.nearest_m > 0.08
         assert bench.texts[0].startswith("detour around obstacles by (")
@@ -77,8 +77,8 @@ def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
 
 
 @pytest.mark.at_length
-def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) -> None:
-    with Looking(tmp_path) as bench:
+def test_an_appearing_obstacle_stops_the_line_and_is_detoured(tmp_path: Path) -> None:
+    with ScanningBench(tmp_path) as bench:
         bench.submit(THERE, 1)
         bench.until(0.5)
         bench.rover.discs.append(ROCK)
@@ -89,8 +89,8 @@ def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) 
 
 
 @pytest.mark.at_length
-def test_what_is_far_ahead_is_driven_up_to_first(tmp_path: Path) -> None:
-    with Looking(tmp_path) as bench:
+def test_a_distant_obstacle_is_first_approached(tmp_path: Path) -> None:
+    with ScanningBench(tmp_path) as bench:
         bench.submit(MoveTo(Waypoint(6.0, 0.0)), 1)
         bench.until(0.2)
         bench.rover.discs.append(Disc(3.8, 0.1, 0.3))
@@ -102,7 +102,7 @@ def test_what_is_far_ahead_is_driven_up_to_first(tmp_path: Path) -> None:
 
 @pytest.mark.at_length
 def test_what_moves_away_again_is_driven_over(tmp_path: Path) -> None:
-    with Looking(tmp_path) as bench:
+    with ScanningBench(tmp_path) as bench:
         bench.submit(THERE, 1)
         bench.until(0.5)
         bench.rover.discs.append(ROCK)
@@ -113,11 +113,11 @@ def test_what_moves_away_again_is_driven_over(tmp_path: Path) -> None:
         assert abs(bench.rover.pose.y_m) < 0.05
 
 
-def test_where_no_way_is_left_the_place_that_blocks_it_is_told(tmp_path: Path) -> None:
+def test_without_a_free_path_the_blocking_position_is_reported(tmp_path: Path) -> None:
     ring = [Disc(2.6, y / 4, 0.15) for y in range(-3, 4)]
     ring += [Disc(x / 4, y, 0.15) for y in (-0.85, 0.85) for x in range(-3, 11)]
     ring += [Disc(-0.8, y / 4, 0.15) for y in range(-3, 4)]
-    with Looking(tmp_path) as bench:
+    with ScanningBench(tmp_path) as bench:
         bench.submit(THERE, 1)
         bench.run(0.2)
         bench.rover.discs += ring
@@ -127,26 +127,26 @@ def test_where_no_way_is_left_the_place_that_blocks_it_is_told(tmp_path: Path) -
         assert last.text.startswith("path blocked by scanned obstacle at (")
         assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
-        place = Point(figures["obstacle x"], figures["obstacle y"])
-        assert min(abs(disc.away_m(place)) for disc in ring) < 0.4
+        position = Point(figures["obstacle x"], figures["obstacle y"])
+        assert min(abs(disc.away_m(position)) for disc in ring) < 0.4
         assert figures["gap"] < figures["bound"] == pytest.approx(0.1)
         assert bench.rover.nearest_m > 0.0
 
 
-def test_a_place_that_lies_in_something_is_refused(tmp_path: Path) -> None:
-    with Looking(tmp_path, ROCK) as bench:
+def test_a_target_inside_an_obstacle_is_refused(tmp_path: Path) -> None:
+    with ScanningBench(tmp_path, ROCK) as bench:
         refusal = bench.refusal(MoveTo(Waypoint(2.0, 0.2)), 1)
         assert refusal.reason is Reason.PATH_BLOCKED
         assert "; target too near to scanned obstacle at (" in refusal.text
 
 
 @pytest.mark.at_length
-def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> None:
+def test_a_path_detours_scanned_obstacles_and_returns_to_its_lines(tmp_path: Path) -> None:
     zones = Zones(rocks=(KnownRock("boulder", 5.5, 1.2, 0.3),))
     settings = replace(SEEING, zones=zones)
-    with Looking(tmp_path, ROCK, settings=settings) as bench:
-        places = (Waypoint(4.0, 0.0), Waypoint(4.5, 1.0), Waypoint(4.5, 2.5))
-        bench.execute(FollowPath(places), 1)
+    with ScanningBench(tmp_path, ROCK, settings=settings) as bench:
+        positions = (Waypoint(4.0, 0.0), Waypoint(4.5, 1.0), Waypoint(4.5, 2.5))
+        bench.execute(FollowPath(positions), 1)
         assert bench.rover.nearest_m > 0.08
         assert sum(text.startswith("detour around") for text in bench.texts) == 1
         assert sum(text.startswith("waypoint ") for text in bench.texts) == 2
@@ -155,18 +155,18 @@ def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> 
 
 
 @pytest.mark.at_length
-def test_a_path_goes_around_what_is_told_too_once_it_has_left_its_line(tmp_path: Path) -> None:
+def test_a_path_detours_known_obstacles_too_once_it_has_left_its_line(tmp_path: Path) -> None:
     zones = Zones(rocks=(KnownRock("boulder", 3.1, -0.85, 0.25),))
     beside = Disc(2.0, 0.25, 0.3)
-    with Looking(tmp_path, beside, settings=replace(SEEING, zones=zones)) as bench:
+    with ScanningBench(tmp_path, beside, settings=replace(SEEING, zones=zones)) as bench:
         bench.execute(FollowPath((Waypoint(4.0, 0.0),)), 1)
         assert bench.rover.nearest_m > 0.08
         assert len(bench.texts) == 1
 
 
-def test_a_waypoint_that_lies_in_something_is_named(tmp_path: Path) -> None:
+def test_a_waypoint_inside_an_obstacle_is_named(tmp_path: Path) -> None:
     hidden = Disc(6.5, 0.0, 0.3)
-    with Looking(tmp_path, ROCK, hidden) as bench:
+    with ScanningBench(tmp_path, ROCK, hidden) as bench:
         near = FollowPath((Waypoint(0.5, 0.0), Waypoint(2.0, -0.3)))
         refusal = bench.refusal(near, 1)
         assert refusal.reason is Reason.PATH_BLOCKED
@@ -181,7 +181,7 @@ def test_a_waypoint_that_lies_in_something_is_named(tmp_path: Path) -> None:
 
 
 def test_other_motions_are_left_to_the_monitors(tmp_path: Path) -> None:
-    with Looking(tmp_path, ROCK) as bench:
+    with ScanningBench(tmp_path, ROCK) as bench:
         bench.submit(MoveForward(4.0), 1)
         assert bench.finish(1) is Stage.FAILED
         assert bench.last(1).reason is Reason.OBSTACLE_AHEAD
@@ -192,7 +192,7 @@ def test_other_motions_are_left_to_the_monitors(tmp_path: Path) -> None:
 def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
     away: bool, tmp_path: Path
 ) -> None:
-    with Looking(tmp_path, settings=reacting(Reaction.PAUSE)) as bench:
+    with ScanningBench(tmp_path, settings=reacting(Reaction.PAUSE)) as bench:
         bench.submit(THERE, 1)
         bench.until(1.0)
         bench.rover.discs.append(Disc(1.9, 0.1, 0.3))
@@ -206,7 +206,7 @@ def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
 
 
 def test_a_monitor_that_stops_fails_the_motion_as_ever(tmp_path: Path) -> None:
-    with Looking(tmp_path) as bench:
+    with ScanningBench(tmp_path) as bench:
         bench.submit(THERE, 1)
         bench.until(1.0)
         bench.rover.discs.append(Disc(1.9, 0.1, 0.3))
@@ -215,17 +215,17 @@ def test_a_monitor_that_stops_fails_the_motion_as_ever(tmp_path: Path) -> None:
 
 
 @dataclass
-class Teased(LookingRover):
+class Teased(ScanningRover):
     """Has a rock put across its way whenever it drives."""
 
     def advance(self, step_s: float) -> None:
         if self.velocity.travel_mps > 0.3:
-            place = self.pose.ahead(1.4)
-            self.discs = [Disc(place.x_m, place.y_m, 0.2)]
+            position = self.pose.ahead(1.4)
+            self.discs = [Disc(position.x_m, position.y_m, 0.2)]
         super().advance(step_s)
 
 
-def test_ways_around_are_bounded(tmp_path: Path) -> None:
+def test_detours_are_bounded(tmp_path: Path) -> None:
     with Bench(tmp_path, SEEING, rover=Teased()) as bench:
         bench.submit(MoveTo(Waypoint(60.0, 0.0)), 1)
         assert bench.finish(1, 600.0) is Stage.FAILED
@@ -234,8 +234,8 @@ def test_ways_around_are_bounded(tmp_path: Path) -> None:
         assert last.text.endswith(f" after {MAX_DETOURS} detours")
 
 
-def test_what_was_seen_is_forgotten_when_the_pose_becomes_another(tmp_path: Path) -> None:
-    with Looking(tmp_path, ROCK) as bench:
+def test_scanned_obstacles_are_forgotten_when_the_pose_changes(tmp_path: Path) -> None:
+    with ScanningBench(tmp_path, ROCK) as bench:
         status = bench.executive.status
         assert status.obstacles.scanned
         bench.execute(SetPositionCompensation(1.0, 0.0, 0.0, 0.0), 1)
@@ -255,9 +255,9 @@ def test_what_was_seen_is_forgotten_when_the_pose_becomes_another(tmp_path: Path
         assert not status.obstacles.scanned
 
 
-def test_without_a_laser_what_is_told_is_all(tmp_path: Path) -> None:
+def test_without_a_laser_only_known_obstacles_count(tmp_path: Path) -> None:
     zones = Zones(rocks=(KnownRock("boulder", 2.0, 0.1, 0.3),))
-    with Looking(tmp_path, ROCK, settings=replace(WATCHED, zones=zones)) as bench:
+    with ScanningBench(tmp_path, ROCK, settings=replace(WATCHED, zones=zones)) as bench:
         assert bench.executive.status.obstacles is bench.settings.zones
 
 
@@ -274,10 +274,10 @@ def among_rocks(seed: int) -> tuple[World, Waypoint]:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("seed", [6, 12, 13, 27, 30, 50])
-def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
+def test_among_unknown_rocks_the_target_is_reached_or_its_obstacle_reported(
     seed: int, tmp_path: Path
 ) -> None:
-    world, place = among_rocks(seed)
+    world, position = among_rocks(seed)
     jackal = load_settings("jackal")
     asset = replace(jackal, sensors=replace(jackal.sensors, laser=LaserSettings(rate_hz=10)))
     lockstep = LockStep(asset, world, tmp_path, seed)
@@ -287,11 +287,11 @@ def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
         return (each for each in stages if each is not None and each.terminal)
 
     lockstep.run(0.5)
-    lockstep.submit(Command(Identity("test", 1), MoveTo(place), "direct"))
+    lockstep.submit(Command(Identity("test", 1), MoveTo(position), "direct"))
     lockstep.run_until(lambda: any(ended()), 120.0)
     lockstep.run(1.0)
     lockstep.executive.simulate_crash()
-    gap_m = min(hypot(place.x_m - r.x_m, place.y_m - r.y_m) - r.radius_m for r in world.rocks)
+    gap_m = min(hypot(position.x_m - r.x_m, position.y_m - r.y_m) - r.radius_m for r in world.rocks)
     reached = gap_m - 0.3335 > 0.1
     assert list(ended()) == [Stage.EXECUTED if reached else Stage.FAILED]
     if not reached:

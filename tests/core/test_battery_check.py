@@ -57,7 +57,7 @@ def figures(refusal: Refusal) -> dict[str, float]:
         MoveTo(Waypoint(-40.0, 7.0)),
     ],
 )
-def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motion) -> None:
+def test_the_estimated_charge_equals_that_of_a_preview(bench: Bench, motion: Motion) -> None:
     run = bench.executive.preview(motion)
     assert not isinstance(run, Refusal)
     run.set_up()
@@ -65,22 +65,22 @@ def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motio
         pass
     assert isinstance(run.result, Preview)
     speeds = SpeedLimits(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
-    reckoned = estimate_energy_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
-    assert reckoned == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
+    estimated = estimate_energy_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
+    assert estimated == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
 
 
 def test_what_cannot_be_brought_back_is_refused_with_its_figures(bench: Bench) -> None:
     charged(bench, 3000.0)
     refusal = bench.refusal(THERE, 1)
-    assert refusal.reason is Reason.BATTERY_SHORT
-    told = figures(refusal)
-    assert told["needed"] > told["left"] == pytest.approx(3000.0)
-    assert 0.4 * told["needed"] < told["way back"] < 0.6 * told["needed"]
-    assert told["reserve"] == pytest.approx(97_200.0)
+    assert refusal.reason is Reason.BATTERY_INSUFFICIENT
+    reported = figures(refusal)
+    assert reported["needed"] > reported["left"] == pytest.approx(3000.0)
+    assert 0.4 * reported["needed"] < reported["way back"] < 0.6 * reported["needed"]
+    assert reported["reserve"] == pytest.approx(97_200.0)
     assert bench.stages(1) == [Stage.RECEIVED, Stage.REJECTED]
     previewed = bench.executive.preview(THERE)
     assert isinstance(previewed, Refusal)
-    assert previewed.reason is Reason.BATTERY_SHORT
+    assert previewed.reason is Reason.BATTERY_INSUFFICIENT
 
 
 def test_what_can_be_brought_back_is_carried_out(bench: Bench) -> None:
@@ -92,20 +92,20 @@ def test_what_can_be_brought_back_is_carried_out(bench: Bench) -> None:
     assert bench.stages(2)[-1] is Stage.STARTED
 
 
-def test_the_way_home_is_open_whatever_is_left(bench: Bench) -> None:
+def test_the_return_home_is_allowed_at_any_charge(bench: Bench) -> None:
     bench.execute(MoveTo(Waypoint(4.0, 3.0)), 1)
     charged(bench, -5000.0)
-    assert bench.refusal(MoveTo(Waypoint(5.0, 3.0)), 2).reason is Reason.BATTERY_SHORT
-    assert bench.refusal(MoveForward(0.5), 3).reason is Reason.BATTERY_SHORT
+    assert bench.refusal(MoveTo(Waypoint(5.0, 3.0)), 2).reason is Reason.BATTERY_INSUFFICIENT
+    assert bench.refusal(MoveForward(0.5), 3).reason is Reason.BATTERY_INSUFFICIENT
     far = FollowPath((Waypoint(-4.0, 3.0), Waypoint(0.0, 0.0)))
-    assert bench.refusal(far, 4).reason is Reason.BATTERY_SHORT
+    assert bench.refusal(far, 4).reason is Reason.BATTERY_INSUFFICIENT
     bench.execute(RotateBy(0.2), 5)
     bench.execute(MoveForward(-2.0), 6)
     bench.execute(MoveTo(Waypoint(0.0, 0.0)), 7)
-    assert bench.refusal(RotateBy(pi), 8).reason is Reason.BATTERY_SHORT
+    assert bench.refusal(RotateBy(pi), 8).reason is Reason.BATTERY_INSUFFICIENT
 
 
-def test_it_is_looked_at_again_when_a_motion_that_waited_begins(bench: Bench) -> None:
+def test_it_is_checked_again_when_a_queued_motion_begins(bench: Bench) -> None:
     charged(bench, 5000.0)
     bench.submit(MoveTo(Waypoint(1.0, 0.0)), 1)
     bench.submit(THERE, 2)
@@ -113,14 +113,14 @@ def test_it_is_looked_at_again_when_a_motion_that_waited_begins(bench: Bench) ->
     charged(bench, 1500.0)
     assert bench.finish(1) is Stage.EXECUTED
     assert bench.finish(2) is Stage.FAILED
-    assert bench.last(2).reason is Reason.BATTERY_SHORT
+    assert bench.last(2).reason is Reason.BATTERY_INSUFFICIENT
     assert bench.finish(3) is Stage.FAILED
-    assert bench.last(3).reason is Reason.BATTERY_SHORT
+    assert bench.last(3).reason is Reason.BATTERY_INSUFFICIENT
     assert bench.rover.pose.x_m == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(("times", "taken"), [(1, True), (8, False)])
-def test_a_plan_is_looked_at_as_a_whole(bench: Bench, times: int, taken: bool) -> None:
+def test_a_plan_is_checked_as_a_whole(bench: Bench, times: int, taken: bool) -> None:
     leaf = '<moveForward distance="8" deadline_s="60"/>'
     back = '<moveForward distance="-8" deadline_s="60"/>'
     other = f"<Fallback>{leaf}{leaf * 5}</Fallback>"
@@ -130,10 +130,10 @@ def test_a_plan_is_looked_at_as_a_whole(bench: Bench, times: int, taken: bool) -
     if taken:
         bench.execute(ActivatePlan("survey"), 2)
     else:
-        assert bench.refusal(ActivatePlan("survey"), 2).reason is Reason.BATTERY_SHORT
+        assert bench.refusal(ActivatePlan("survey"), 2).reason is Reason.BATTERY_INSUFFICIENT
 
 
-def test_nobody_is_refused_who_does_not_say(tmp_path: Path) -> None:
+def test_without_battery_settings_no_motion_is_refused(tmp_path: Path) -> None:
     for folder, settings, ratio in (("a", JACKAL, None), ("b", replace(JACKAL, battery=None), 0.0)):
         (tmp_path / folder).mkdir()
         with Bench(tmp_path / folder, settings) as bench:
@@ -144,7 +144,7 @@ def test_nobody_is_refused_who_does_not_say(tmp_path: Path) -> None:
             assert bench.stages(1)[-1] is Stage.STARTED
 
 
-def test_home_is_where_the_settings_say(tmp_path: Path) -> None:
+def test_home_is_that_of_the_settings(tmp_path: Path) -> None:
     assert JACKAL.battery is not None
     battery = structure(
         {"capacity_j": 972_000, "reserve_ratio": RESERVE, "home": {"x_m": 30, "y_m": 0}},
@@ -155,25 +155,25 @@ def test_home_is_where_the_settings_say(tmp_path: Path) -> None:
         charged(bench, 2000.0)
         bench.submit(THERE, 1)
         assert bench.refusal(
-            MoveTo(Waypoint(-10.0, 0.0)), 2, arrival=PreemptionPolicy.REPLACE
+            MoveTo(Waypoint(-10.0, 0.0)), 2, preemption=PreemptionPolicy.REPLACE
         ).figures
         bench.run(0.2)
         assert bench.stages(1)[-1] is Stage.STARTED
 
 
-def test_the_energy_that_the_battery_gave_is_told_beside_what_was_predicted(bench: Bench) -> None:
+def test_the_used_energy_is_reported_beside_its_prediction(bench: Bench) -> None:
     charged(bench, 500_000.0)
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.run(0.2)
     charged(bench, 499_800.0)
     bench.finish(1)
-    told = {each.name: each.value for each in bench.last(1).figures}
-    assert told["energy"] == pytest.approx(200.0, abs=1.0)
-    assert told["predicted energy"] > 100.0
+    reported = {each.name: each.value for each in bench.last(1).figures}
+    assert reported["energy"] == pytest.approx(200.0, abs=1.0)
+    assert reported["predicted energy"] > 100.0
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"capacity_j": 0}, "capacity_j must be above 0"),
         ({"capacity_j": 1, "reserve_ratio": 20}, "reserve_ratio is 20.0: 0 to 0.9"),
@@ -181,8 +181,8 @@ def test_the_energy_that_the_battery_gave_is_told_beside_what_was_predicted(benc
         ({"capacity": 1}, "capacity"),
     ],
 )
-def test_figures_that_cannot_be_are_named(given: dict[str, object], said: str) -> None:
-    with pytest.raises(SettingsError, match=said):
+def test_figures_that_cannot_be_are_named(given: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingsError, match=message):
         structure(given, BatterySettings, "battery")
 
 

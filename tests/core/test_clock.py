@@ -33,7 +33,7 @@ def test_each_entry_reads_the_clock_once(tmp_path: Path) -> None:
         fact = Odometry(1.0, Pose(), Velocity(0.0, 0.0))
         entries: dict[str, Callable[[], None]] = {
             "observe": lambda: executive.observe(fact),
-            "event": lambda: executive.event(Severity.WARNING, "a link is slow"),
+            "event": lambda: executive.report_event(Severity.WARNING, "a link is slow"),
             "turn": executive.serve_inbox,
             "tick": executive.tick,
             "make_safe": lambda: executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung")),
@@ -52,7 +52,7 @@ def test_reports_of_one_turn_bear_one_time(tmp_path: Path) -> None:
     with Bench(tmp_path, clock=clock) as bench:
         executive = bench.executive
         first = executive.last_sequence + 1
-        executive.query(lambda: executive.event(Severity.WARNING, "a link is slow"))
+        executive.query(lambda: executive.report_event(Severity.WARNING, "a link is slow"))
         for number, request in ((1, MoveForward(1.0)), (2, Stop())):
             executive.submit(Command(Identity("MOE", number), request, "direct"), lambda _: None)
         executive.serve_inbox()
@@ -71,7 +71,7 @@ def test_a_restart_is_one_entry(tmp_path: Path) -> None:
         assert clock.readings - before == 1
 
 
-def test_between_entries_time_goes_on() -> None:
+def test_between_entries_time_continues() -> None:
     clock = ManualClock()
     latched = LatchedClock(clock)
     clock.advance(1.0)
@@ -86,7 +86,7 @@ def test_between_entries_time_goes_on() -> None:
     assert latched.now_s() == 2.0
 
 
-def test_the_clock_of_a_machine_tells_tenths_of_a_millisecond_and_never_steps_back() -> None:
+def test_a_machine_clock_resolves_tenths_of_a_millisecond_and_never_steps_back() -> None:
     clock = SystemClock()
     readings_s = [clock.now_s() for _ in range(10_000)]
     assert readings_s == sorted(readings_s)

@@ -19,7 +19,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.intake import check_arguments
-from executive.commands.lifecycle import Repeated
+from executive.commands.lifecycle import Duplicate
 from executive.faults import ClearPolicy, Reaction
 from executive.motion import MinimumTimeSolver, make_solver
 from executive.settings import Controller, MpcSettings, Settings, load_settings
@@ -34,7 +34,8 @@ pytestmark = pytest.mark.at_length
 TURN_DRIVE, MPC = Controller
 JACKAL = load_settings("jackal")
 OFFERING = replace(
-    JACKAL, mpc=MpcSettings(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0, offered=True)
+    JACKAL,
+    mpc=MpcSettings(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0, selectable=True),
 )
 THERE, BACK = Waypoint(1.0, 1.0, pi / 2), Waypoint(0.0, 0.0, 0.0)
 BEND = (Waypoint(1.5, 0.0), Waypoint(2.5, 1.0), Waypoint(2.5, 2.0))
@@ -74,7 +75,7 @@ def sent_by(bench: Bench, *numbers: int) -> list[Controller]:
 
 @pytest.mark.at_length
 def test_a_queue_is_driven_by_what_each_command_chooses(bench: PlanBench) -> None:
-    asked: list[tuple[Motion, Controller]] = [
+    requested: list[tuple[Motion, Controller]] = [
         (MoveTo(THERE), TURN_DRIVE),
         (MoveTo(BACK, MPC), MPC),
         (FollowPath((THERE, BACK), TURN_DRIVE), TURN_DRIVE),
@@ -82,9 +83,9 @@ def test_a_queue_is_driven_by_what_each_command_chooses(bench: PlanBench) -> Non
         (FollowPath(BEND, MPC), MPC),
         (FollowPath((BACK, THERE)), TURN_DRIVE),
     ]
-    for number, (request, _) in enumerate(asked, 1):
+    for number, (request, _) in enumerate(requested, 1):
         bench.submit(request, number)
-    assert sent_by(bench, *range(1, 7)) == [controller for _, controller in asked]
+    assert sent_by(bench, *range(1, 7)) == [controller for _, controller in requested]
 
 
 def test_a_path_is_passed_through_by_mpc_alone(bench: PlanBench) -> None:
@@ -95,10 +96,10 @@ def test_a_path_is_passed_through_by_mpc_alone(bench: PlanBench) -> None:
     assert took_s[1] < 0.7 * took_s[0]
 
 
-def test_the_controller_of_the_asset_gives_way_to_that_of_the_command(
+def test_the_controller_of_the_command_overrides_that_of_the_asset(
     tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
-    own = replace(OFFERING, controller=MPC, mpc=replace(OFFERING.mpc, offered=False))
+    own = replace(OFFERING, controller=MPC, mpc=replace(OFFERING.mpc, selectable=False))
     with Bench(tmp_path, own, solver=solver) as bench:
         bench.submit(MoveTo(THERE, TURN_DRIVE), 1)
         bench.submit(MoveTo(BACK), 2)
@@ -111,7 +112,7 @@ def test_the_controller_of_the_asset_gives_way_to_that_of_the_command(
 def test_it_stays_after_a_pause_and_while_slow(
     controller: Controller, then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
-    row = replace(OFFERING.faults.battery_low, then=then, clears=ClearPolicy.ITSELF)
+    row = replace(OFFERING.faults.battery_low, reaction=then, clears=ClearPolicy.AUTO)
     settings = replace(OFFERING, faults=replace(OFFERING.faults, battery_low=row))
     with Bench(tmp_path, settings, solver=solver) as bench:
         bench.submit(MoveTo(Waypoint(0.0, 2.5, pi), controller), 1)
@@ -124,7 +125,7 @@ def test_it_stays_after_a_pause_and_while_slow(
         assert driven(bench, since) is controller
 
 
-def test_speeds_set_on_the_way_hold_with_either(bench: PlanBench) -> None:
+def test_speeds_set_during_the_drive_hold_with_either(bench: PlanBench) -> None:
     for number, controller in enumerate(Controller, 1):
         bench.submit(FollowPath(BEND, controller), 10 * number)
         bench.run(1.0)
@@ -139,21 +140,25 @@ def test_speeds_set_on_the_way_hold_with_either(bench: PlanBench) -> None:
 
 def test_another_controller_is_another_command(bench: PlanBench) -> None:
     bench.execute(MoveTo(THERE, MPC), 1)
-    assert isinstance(bench.submit(MoveTo(THERE, MPC), 1), Repeated)
+    assert isinstance(bench.submit(MoveTo(THERE, MPC), 1), Duplicate)
     for other in (MoveTo(THERE, TURN_DRIVE), MoveTo(THERE)):
         assert bench.refusal(other, 1).reason is Reason.DUPLICATE
 
 
 def test_the_record_has_the_controller(bench: PlanBench) -> None:
-    asked: tuple[Motion, ...] = (MoveTo(THERE, MPC), FollowPath(BEND, TURN_DRIVE), MoveTo(THERE))
-    for number, request in enumerate(asked, 1):
+    requested: tuple[Motion, ...] = (
+        MoveTo(THERE, MPC),
+        FollowPath(BEND, TURN_DRIVE),
+        MoveTo(THERE),
+    )
+    for number, request in enumerate(requested, 1):
         bench.submit(request, number)
     bench.crash()
-    kept = [bench.ledger.request(Identity("MOE", number)) for number in (1, 2, 3)]
-    assert kept == list(asked)
+    stored = [bench.ledger.request(Identity("MOE", number)) for number in (1, 2, 3)]
+    assert stored == list(requested)
 
 
-def test_a_plan_goes_on_with_its_controllers_after_a_restart(bench: PlanBench) -> None:
+def test_a_plan_continues_with_its_controllers_after_a_restart(bench: PlanBench) -> None:
     legs = (
         '<moveTo x="1" y="1" heading="1.57" controller="{first}"/>'
         '<followPath waypoints="0,0,0" controller="mpc"/>'
@@ -161,11 +166,11 @@ def test_a_plan_goes_on_with_its_controllers_after_a_restart(bench: PlanBench) -
     body = f'<Timeout msec="90000"><Sequence>{legs}</Sequence></Timeout>'
     bench.go(plan(body, first="turn_drive"))
     bench.run(1.0)
-    bench.ask(SuspendPlan("survey"))
+    bench.request(SuspendPlan("survey"))
     bench.run(1.0)
     bench.crash()
     bench.run(1.0)
-    bench.ask(ResumePlan("survey"))
+    bench.request(ResumePlan("survey"))
     found = []
     for done in (1, 2):
         since = len(bench.rover.sent)
@@ -180,21 +185,25 @@ MOCUP = load_settings("mocup")
 
 
 @pytest.mark.parametrize(
-    ("settings", "request_", "said"),
+    ("settings", "request_", "message"),
     [
-        (JACKAL, MoveTo(THERE, MPC), "jackal does not offer it; leave it out, or set mpc.offered"),
+        (
+            JACKAL,
+            MoveTo(THERE, MPC),
+            "jackal does not offer it; leave it out, or set mpc.selectable",
+        ),
         (JACKAL, FollowPath(BEND, MPC), "needs the extra mpc"),
         (MOCUP, MoveTo(THERE, MPC), "controller mpc: mocup drives by itself; leave it out"),
         (MOCUP, MoveTo(THERE, TURN_DRIVE), "controller turn_drive: mocup drives by itself"),
     ],
 )
-def test_what_the_asset_does_not_offer_is_refused(
-    settings: Settings, request_: Motion, said: str
+def test_a_controller_that_the_asset_does_not_offer_is_refused(
+    settings: Settings, request_: Motion, message: str
 ) -> None:
     refusal = check_arguments(request_, settings, Point(0.0, 0.0))
     assert refusal is not None
     assert (refusal.reason, refusal.argument) == (Reason.NOT_SUPPORTED, 2)
-    assert said in refusal.text
+    assert message in refusal.text
 
 
 def test_turn_drive_can_be_chosen_anywhere_it_drives(tmp_path: Path) -> None:
@@ -203,8 +212,8 @@ def test_turn_drive_can_be_chosen_anywhere_it_drives(tmp_path: Path) -> None:
 
 
 def test_only_rovers_that_take_velocities_offer_it() -> None:
-    with pytest.raises(ValueError, match=r"mpc\.offered is true: it is for rovers whose"):
-        replace(MOCUP, mpc=MpcSettings(offered=True))
+    with pytest.raises(ValueError, match=r"mpc\.selectable is true: it is for rovers whose"):
+        replace(MOCUP, mpc=MpcSettings(selectable=True))
 
 
 def test_a_solver_is_made_only_where_mpc_is_offered(monkeypatch: pytest.MonkeyPatch) -> None:

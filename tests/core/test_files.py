@@ -16,7 +16,7 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.state import MAX_PATH_OCTETS, FileFolder, FileStamp, check_path
 from executive.state.files import MAX_NAME_OCTETS
 from executive.values.reasons import Figure, Reason, Refusal
@@ -54,7 +54,7 @@ def trap(tmp_path_factory: pytest.TempPathFactory) -> FileFolder:
 
 @given(path=PATHS, target=PATHS)
 @settings(max_examples=40)
-def test_no_path_leads_out(trap: FileFolder, path: str, target: str) -> None:
+def test_no_path_escapes_the_folder(trap: FileFolder, path: str, target: str) -> None:
     root = trap.root.resolve()
     for found in (trap.find(path), trap.target(target)):
         assert isinstance(found, Refusal) or found.resolve().is_relative_to(root)
@@ -108,7 +108,7 @@ def test_a_folder_that_is_not_there_yet_is_empty(folder: FileFolder) -> None:
     assert list(folder.entries()) == []
 
 
-def test_stamps_tell_that_a_file_changed(folder: FileFolder) -> None:
+def test_stamps_reveal_a_changed_file(folder: FileFolder) -> None:
     folder.store("a.jpg", b"1")
     stamp = folder.stamp("a.jpg")
     assert isinstance(stamp, FileStamp)
@@ -119,7 +119,7 @@ def test_stamps_tell_that_a_file_changed(folder: FileFolder) -> None:
     assert folder.stamp("b.jpg") != stamp
 
 
-def test_what_is_known_of_a_file_is_not_told_of_another_in_its_place(folder: FileFolder) -> None:
+def test_metadata_of_a_file_is_not_given_for_its_replacement(folder: FileFolder) -> None:
     about = (Figure("commandId", 7), Figure("POS_X", 0.5, "m"))
     folder.store("a.jpg", b"1", about)
     assert folder.metadata("a.jpg") == about
@@ -131,7 +131,7 @@ def test_what_is_known_of_a_file_is_not_told_of_another_in_its_place(folder: Fil
     assert folder.metadata("b/c.jpg") == ()
 
 
-def test_what_a_killed_process_left_is_tidied(folder: FileFolder) -> None:
+def test_remains_of_a_killed_process_are_removed(folder: FileFolder) -> None:
     folder.store("a/b.jpg", b"1")
     left = folder.root / "a" / ".c.jpg.part"
     left.write_bytes(b"half")
@@ -153,7 +153,7 @@ def test_a_disk_that_is_full_leaves_the_old_file(
         folder.store("a.jpg", b"new")
     assert (folder.root / "a.jpg").read_bytes() == b"old"
     assert folder.metadata("a.jpg") == (Figure("commandId", 1),)
-    assert [path.name for path in folder.root.iterdir()] == [".about", "a.jpg"]
+    assert sorted(path.name for path in folder.root.iterdir()) == [".about", "a.jpg"]
     assert events == [FileEvent(FileEventKind.STORED, "a.jpg")]
 
 
@@ -166,7 +166,7 @@ def reason(bench: Bench, request: Request, number: int) -> Reason:
     return answer.reason
 
 
-def asked(request: Request, number: int) -> Command:
+def command_of(request: Request, number: int) -> Command:
     return Command(Identity("MOE", number), request, "direct")
 
 
@@ -177,14 +177,14 @@ def photograph(bench: Bench) -> FileFolder:
 
 def test_a_picture_shows_up_with_where_it_was_taken(bench: Bench) -> None:
     files = photograph(bench)
-    assert bench.heard.files == [FileEvent(FileEventKind.STORED, PICTURE)]
+    assert bench.received.files == [FileEvent(FileEventKind.STORED, PICTURE)]
     assert list(files.paths()) == [PICTURE]
     about = {figure.name: figure.value for figure in files.metadata(PICTURE)}
     assert about["commandId"] == 1
     assert {"POS_X", "POS_Y", "HEAD", "CAM_PAN", "CAM_TILT"} <= set(about)
 
 
-def test_a_file_is_moved_with_what_is_known_about_it_and_deleted(bench: Bench) -> None:
+def test_a_file_is_moved_with_its_metadata_and_deleted(bench: Bench) -> None:
     files = photograph(bench)
     about = files.metadata(PICTURE)
     bench.execute(MoveFile(PICTURE, "kept/rock.jpg"), 2)
@@ -192,14 +192,14 @@ def test_a_file_is_moved_with_what_is_known_about_it_and_deleted(bench: Bench) -
     assert files.metadata("kept/rock.jpg") == about
     bench.execute(DeleteFile("kept/rock.jpg"), 3)
     assert list(files.paths()) == []
-    assert bench.heard.files[1:] == [
+    assert bench.received.files[1:] == [
         FileEvent(FileEventKind.DELETED, PICTURE),
         FileEvent(FileEventKind.STORED, "kept/rock.jpg"),
         FileEvent(FileEventKind.DELETED, "kept/rock.jpg"),
     ]
 
 
-def test_what_is_not_there_and_what_is_there_already_are_refused(bench: Bench) -> None:
+def test_an_absent_source_and_an_existing_target_are_refused(bench: Bench) -> None:
     files = photograph(bench)
     files.store("other.jpg", b"2")
     assert reason(bench, DeleteFile("nothing.jpg"), 2) is Reason.NO_SUCH_FILE
@@ -214,14 +214,14 @@ def test_what_is_not_there_and_what_is_there_already_are_refused(bench: Bench) -
     ["", "/etc/passwd", "../ledger.sqlite", "pictures/../../x", "a//b", "./a", ".about/x", "a\0b",
      "a/", "x" * 256],
 )  # fmt: skip
-def test_no_command_leads_out(bench: Bench, path: str) -> None:
+def test_no_command_escapes_the_folder(bench: Bench, path: str) -> None:
     photograph(bench)
     assert reason(bench, DeleteFile(path), 2) is Reason.BAD_PATH
     assert reason(bench, MoveFile(path, "a.jpg"), 3) is Reason.BAD_PATH
     assert reason(bench, MoveFile(PICTURE, path), 4) is Reason.BAD_PATH
 
 
-def test_links_lead_nowhere(bench: Bench, tmp_path: Path) -> None:
+def test_links_are_not_followed(bench: Bench, tmp_path: Path) -> None:
     files = photograph(bench)
     (tmp_path / "secret").write_text("s")
     (files.root / "link").symlink_to(tmp_path / "secret")
@@ -235,16 +235,16 @@ def test_links_lead_nowhere(bench: Bench, tmp_path: Path) -> None:
 
 def test_what_another_deletes_first_fails(bench: Bench) -> None:
     files = photograph(bench)
-    bench.executive.submit(asked(DeleteFile(PICTURE), 2), lambda _: None)
-    bench.executive.submit(asked(MoveFile(PICTURE, "a.jpg"), 3), lambda _: None)
+    bench.executive.submit(command_of(DeleteFile(PICTURE), 2), lambda _: None)
+    bench.executive.submit(command_of(MoveFile(PICTURE, "a.jpg"), 3), lambda _: None)
     bench.run(0.2)
     assert [bench.last(number).stage for number in (2, 3)] == [Stage.EXECUTED, Stage.FAILED]
     assert bench.last(3).reason is Reason.NO_SUCH_FILE
     assert list(files.paths()) == []
 
 
-def test_a_text_command_is_done_whatever_its_case(bench: Bench) -> None:
-    assert isinstance(bench.submit(ExecuteAction(" video  on "), 1), Admitted)
+def test_a_text_command_is_executed_in_any_case(bench: Bench) -> None:
+    assert isinstance(bench.submit(ExecuteAction(" video  on "), 1), Accepted)
     assert bench.finish(1) is Stage.EXECUTED
     switched = [bench.video.enabled]
     bench.execute(ExecuteAction("VIDEO OFF"), 2)
@@ -252,7 +252,7 @@ def test_a_text_command_is_done_whatever_its_case(bench: Bench) -> None:
     assert reason(bench, ExecuteAction("DANCE"), 3) is Reason.UNKNOWN_ACTION
 
 
-def test_while_a_stop_is_under_way_it_counts_among_those_that_wait(bench: Bench) -> None:
+def test_an_active_stop_counts_among_the_waiting_ones(bench: Bench) -> None:
     bench.drive_on()
     bench.submit(Stop(), 2)
     bench.submit(ExecuteAction("VIDEO ON"), 3)

@@ -16,12 +16,14 @@ from executive.commands import (
     InstantCommand,
     Mode,
     Motion,
+    MoveCameraAngles,
     MoveForward,
     MoveTo,
     PlanRequest,
     Request,
     RotateTo,
     SetCameraAngles,
+    SetCameraRotateSpeed,
     SetStatusInterval,
     Setting,
     SetTravelSpeed,
@@ -30,13 +32,13 @@ from executive.commands import (
     all_declarations,
     declaration_of,
 )
-from executive.commands.intake import check_identity, validate
+from executive.commands.intake import check_arguments, check_identity, validate
 from executive.plans import LEAVES
-from executive.settings import load_settings
+from executive.settings import CameraLimits, load_settings
 from executive.state import Status
 from executive.values.clock import ManualClock
 from executive.values.facts import Odometry
-from executive.values.geometry import STANDING, Pose
+from executive.values.geometry import STANDING, Point, Pose
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 from tests.support.requests import GOOD
@@ -44,7 +46,7 @@ from tests.support.requests import GOOD
 SETTINGS = load_settings("jackal")
 
 
-def look(
+def poll(
     request: Request,
     mode: Mode = Mode.IDLE,
     queued: int = 0,
@@ -62,7 +64,7 @@ def look(
 
 
 def refusal_of(request: Request, **options: Any) -> Refusal:
-    refusal = look(request, **options)
+    refusal = poll(request, **options)
     assert refusal is not None
     return refusal
 
@@ -71,7 +73,7 @@ def refusal_of(request: Request, **options: Any) -> Refusal:
 @pytest.mark.parametrize("request_", GOOD, ids=lambda r: type(r).__name__)
 @pytest.mark.parametrize("mode", Mode)
 def test_a_good_request_is_accepted_in_its_modes(request_: Request, mode: Mode) -> None:
-    refusal = look(request_, mode)
+    refusal = poll(request_, mode)
     if mode in ACCEPTED[declaration_of(type(request_)).family]:
         assert refusal is None
     else:
@@ -93,15 +95,15 @@ def test_a_good_request_is_accepted_in_its_modes(request_: Request, mode: Mode) 
 )
 def test_every_figure_is_finite(request_: Request | Waypoint, field: str, bad: float) -> None:
     broken = replace(request_, **{field: bad})  # type: ignore[arg-type]
-    asked: Request = (
+    requested: Request = (
         FollowPath((Waypoint(0.0, 0.0), broken)) if isinstance(broken, Waypoint) else broken
     )
-    refusal = refusal_of(asked)
+    refusal = refusal_of(requested)
     assert refusal.reason is Reason.NOT_FINITE
     assert refusal.argument is not None
 
 
-def test_a_bad_place_is_told_in_the_names_that_people_wrote() -> None:
+def test_an_invalid_target_is_reported_in_the_names_of_the_input() -> None:
     refusal = refusal_of(MoveTo(Waypoint(1.0, nan)))
     assert refusal.text == "y is nan: a finite number is needed"
 
@@ -135,31 +137,31 @@ def test_a_refusal_carries_the_figure_and_its_bound(
 
 def test_a_path_may_be_longer_than_one_drive_but_no_leg_of_it() -> None:
     steps = tuple(Waypoint(60.0 * k, 0.0) for k in range(1, 5))
-    assert look(FollowPath(steps)) is None
-    assert look(FollowPath((*steps, Waypoint(0.0, 0.0)))) is not None
+    assert poll(FollowPath(steps)) is None
+    assert poll(FollowPath((*steps, Waypoint(0.0, 0.0)))) is not None
 
 
-def test_a_command_whose_lifetime_is_over_is_refused_with_its_age() -> None:
+def test_a_command_with_expired_lifetime_is_refused_with_its_age() -> None:
     refusal = refusal_of(MoveForward(1.0), created_utc_s=990.0, lifetime_s=9.0)
     assert refusal.reason is Reason.EXPIRED
     assert refusal.figures == (Figure("age", 10.0, "s"), Figure("lifetime", 9.0, "s"))
-    assert look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=11.0) is None
+    assert poll(MoveForward(1.0), created_utc_s=990.0, lifetime_s=11.0) is None
 
 
 def test_a_command_made_too_far_ahead_is_refused_with_both_figures() -> None:
     refusal = refusal_of(MoveForward(1.0), created_utc_s=4600.0, lifetime_s=5.0)
-    assert refusal.reason is Reason.MADE_IN_FUTURE
+    assert refusal.reason is Reason.CREATED_IN_FUTURE
     assert refusal.figures == (Figure("ahead", 3600.0, "s"), Figure("bound", 10.0, "s"))
-    assert look(MoveForward(1.0), created_utc_s=1009.0, lifetime_s=5.0) is None
+    assert poll(MoveForward(1.0), created_utc_s=1009.0, lifetime_s=5.0) is None
 
 
-def test_motion_needs_odometry_and_room_in_the_queue() -> None:
+def test_motion_needs_odometry_and_queue_capacity() -> None:
     blind = refusal_of(MoveForward(1.0), odometry=False)
     assert blind.reason is Reason.NO_ODOMETRY
     assert blind.text == "no odometry yet: the position of the rover is unknown"
     full = refusal_of(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
     assert full.reason is Reason.QUEUE_FULL
-    assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
+    assert poll(SetCameraAngles(0.1, 0.1), odometry=False) is None
 
 
 @pytest.mark.parametrize(
@@ -169,10 +171,10 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
         *(Identity(source, 1) for source in ("", " ", "a\nb", "\x1b[31m", "plan:x")),
     ],
 )
-def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
+def test_an_identity_without_source_is_refused(identity: Identity) -> None:
     refusal = check_identity(Command(identity, RotateTo(0.0), "direct"))
     assert refusal is not None
-    assert refusal.reason is Reason.BAD_IDENTITY
+    assert refusal.reason is Reason.BAD_IDENTIFIER
     assert refusal.text.isprintable()
 
 
@@ -185,7 +187,7 @@ UNIONS = {
 }
 
 
-def test_the_union_holds_what_is_declared() -> None:
+def test_the_union_holds_all_declared_commands() -> None:
     assert {each.kind for each in all_declarations()} == set(get_args(Request))
 
 
@@ -206,7 +208,7 @@ def test_names_and_operations_are_used_once() -> None:
         assert len(found) == len(set(found))
 
 
-def test_what_is_declared_is_told_in_a_sentence() -> None:
+def test_a_declared_bound_is_reported_in_a_sentence() -> None:
     for each in all_declarations():
         assert each.summary.endswith("."), each.name
         assert each.examples or each.family in {Family.INSTANT, Family.PLAN, Family.PLAN_START}
@@ -220,3 +222,32 @@ def test_every_goal_is_a_leaf_of_plans() -> None:
 def test_a_request_cannot_be_changed() -> None:
     with pytest.raises(FrozenInstanceError):
         MoveForward(1.0).distance_m = 2.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("camera", "request_", "text"),
+    [
+        (
+            CameraLimits(),
+            TakePicture(),
+            "jackal has no camera: its settings have no camera.formats",
+        ),
+        (CameraLimits(), SetCameraAngles(0.1), "the camera of jackal does not turn"),
+        (CameraLimits(formats=("JPG",)), MoveCameraAngles(0.1, 0.0), "does not turn"),
+        (CameraLimits(formats=("JPG",)), SetCameraRotateSpeed(0.5), "does not turn"),
+    ],
+)
+def test_commands_to_a_camera_that_the_asset_lacks_are_refused(
+    camera: CameraLimits, request_: Request, text: str
+) -> None:
+    refusal = check_arguments(
+        request_, replace(load_settings("jackal"), camera=camera), Point(0.0, 0.0)
+    )
+    assert refusal is not None
+    assert refusal.reason is Reason.NOT_SUPPORTED
+    assert text in refusal.text
+
+
+def test_a_fixed_camera_takes_pictures() -> None:
+    fixed = replace(load_settings("jackal"), camera=CameraLimits(formats=("JPG",)))
+    assert check_arguments(TakePicture(), fixed, Point(0.0, 0.0)) is None

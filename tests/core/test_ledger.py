@@ -3,6 +3,8 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,41 +50,61 @@ def report(sequence: int, number: int = 1, stage: Stage = Stage.REJECTED) -> Rep
     )
 
 
-def test_reports_come_back_as_they_were(tmp_path: Path) -> None:
+def test_reports_are_read_as_they_were_written(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "deep" / "ledger.sqlite")
-    event = Report(2, 2.5, ReportKind.EVENT, Severity.ALARM, "odometry lost")
-    ledger.append_report(report(1))
-    ledger.append_report(event)
+    event = Report(2, 2.5, ReportKind.EVENT, Severity.ALARM, "odometry lost", fault="tilted")
+    others = replace(event, sequence=3, fault=None, publishers=("/joystick",))
+    none = replace(others, sequence=4, publishers=())
+    stopped = replace(report(1), cause=Identity("MOE", 7))
+    for each in (stopped, event, others, none):
+        ledger.append_report(each)
     ledger.close()
     again = Ledger(tmp_path / "deep" / "ledger.sqlite")
-    assert list(again.reports()) == [report(1), event]
-    assert list(again.reports(since=2)) == [event]
-    assert list(again.reports(command_id=1)) == [report(1)]
-    assert again.last_report(Identity("MOE", 1)) == report(1)
-    assert again.last_sequence == 2
+    assert list(again.reports()) == [stopped, event, others, none]
+    assert list(again.reports(since=2)) == [event, others, none]
+    assert list(again.reports(command_id=1)) == [stopped]
+    assert again.last_report(Identity("MOE", 1)) == stopped
+    assert again.last_sequence == 4
     again.close()
 
 
-def test_a_digest_tells_what_was_asked_not_how_it_came() -> None:
+def test_a_ledger_of_an_earlier_version_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.sqlite"
+    Ledger(path).close()
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("PRAGMA user_version = 0")
+    with pytest.raises(
+        LedgerError, match=r"ledger\.sqlite has the tables of another version \(0, not 1\)"
+    ):
+        Ledger(path)
+
+
+def test_a_digest_depends_on_the_request_not_on_its_link() -> None:
     first = command(1)
     relayed = Command(Identity("MOE", 1), first.request, "relay", lifetime_s=3.0)
     assert digest(first) == digest(relayed)
     assert digest(first) != digest(Command(Identity("MOE", 1), Stop(), "direct"))
 
 
-def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> None:
+def test_unfinished_commands_are_read_completely_and_in_order(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.sqlite")
     path = Command(
         Identity("A", 9), FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0, 0.1, 0.2))), "direct"
     )
-    for sequence, (asked, stage) in enumerate(
+    for sequence, (requested, stage) in enumerate(
         [(path, Stage.STARTED), (command(1), Stage.ACCEPTED), (command(2), Stage.EXECUTED)], 1
     ):
-        ledger.record(asked)
-        ledger.set_stage(asked.identity, stage)
+        ledger.record(requested)
+        ledger.set_stage(requested.identity, stage)
         ledger.append_report(
             Report(
-                sequence, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage
+                sequence,
+                0.0,
+                ReportKind.COMMAND,
+                Severity.INFORMATIONAL,
+                "",
+                requested.identity,
+                stage,
             )
         )
     ledger.commit()
@@ -90,7 +112,7 @@ def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> Non
     ledger.close()
 
 
-def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
+def test_an_uncommitted_record_is_absent(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.sqlite")
     ledger.record(command(1))
     assert ledger.digest_of(Identity("MOE", 1)) == digest(command(1))
@@ -123,7 +145,7 @@ def test_a_file_that_is_no_ledger_is_refused_by_name(tmp_path: Path) -> None:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("attempt", range(3))
-def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: int) -> None:
+def test_a_returned_commit_survives_kill_9(tmp_path: Path, attempt: int) -> None:
     path = tmp_path / "ledger.sqlite"
     with subprocess.Popen(
         [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
@@ -133,13 +155,13 @@ def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: in
         os.kill(writer.pid, signal.SIGKILL)
         promised += [line for line in writer.stdout if line.endswith("\n")]
     ledger = Ledger(path)
-    kept = [asked.identity.command_id for asked, _ in ledger.unfinished()]
+    stored = [requested.identity.command_id for requested, _ in ledger.unfinished()]
     ledger.close()
-    assert sorted(kept) == list(range(1, len(kept) + 1))
-    assert len(kept) >= int(promised[-1])
+    assert sorted(stored) == list(range(1, len(stored) + 1))
+    assert len(stored) >= int(promised[-1])
 
 
-def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) -> None:
+def test_a_relayed_identity_is_forgotten_with_its_command(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.sqlite")
     record = RelayRecord(ledger, os.urandom)
     for number in (1, 2):

@@ -21,7 +21,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
-from executive.commands.lifecycle import Refused
+from executive.commands.lifecycle import Rejected
 from executive.core.link_loss import ReturnPath
 from executive.core.reactions import RETURN_SOURCE
 from executive.settings import LinkLossSettings, SettingsError, load_settings, structure
@@ -40,20 +40,20 @@ def bench_with(folder: Path, **stages: object) -> Bench:
     return Bench(folder, replace(JACKAL, link_loss=loss))
 
 
-def told(bench: Bench) -> list[str]:
-    reports = bench.heard.reports
+def texts(bench: Bench) -> list[str]:
+    reports = bench.received.reports
     return [r.text for r in reports if r.reason is Reason.LINK_LOST and r.identity is None]
 
 
 @pytest.mark.at_length
-def test_by_default_it_goes_on(tmp_path: Path) -> None:
+def test_by_default_it_continues(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         bench.submit(MoveForward(20.0), 1)
         assert bench.finish(1) is Stage.EXECUTED
-        assert told(bench) == []
+        assert texts(bench) == []
 
 
-def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_heard(
+def test_motion_is_held_at_the_end_of_the_step_and_continues_on_contact_with_the_ground(
     tmp_path: Path,
 ) -> None:
     with bench_with(tmp_path, motion=STAGES[:1]) as bench:
@@ -62,13 +62,13 @@ def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_he
         assert bench.finish(1) is Stage.EXECUTED
         bench.run(20.0)
         assert bench.stages(2)[-1] is Stage.ACCEPTED
-        assert told(bench) == [
+        assert texts(bench) == [
             "no contact with the ground for 2.0 s: the rover holds at the end of the step"
         ]
-        assert bench.executive.why == f"standing: {told(bench)[0]}"
+        assert bench.executive.why == f"standing: {texts(bench)[0]}"
         bench.executive.ground.record_contact()
         assert bench.finish(2) is Stage.EXECUTED
-        assert any(r.text == "ground link recovered" for r in bench.heard.reports)
+        assert any(r.text == "ground link recovered" for r in bench.received.reports)
 
 
 def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
         assert (bench.stages(1)[-1], bench.last(1).reason) == (Stage.FAILED, Reason.LINK_LOST)
         assert "no contact with the ground" in bench.executive.why
         bench.submit(Resume(), 2)
-        assert any(r.text == "ground link recovered" for r in bench.heard.reports)
+        assert any(r.text == "ground link recovered" for r in bench.received.reports)
         bench.execute(MoveForward(0.2), 3)
 
 
@@ -92,7 +92,7 @@ def test_a_later_stage_follows_an_earlier_one(tmp_path: Path) -> None:
     with bench_with(tmp_path, motion=STAGES) as bench:
         bench.submit(MoveForward(15.0), 1)
         bench.run(11.0)
-        assert len(told(bench)) == 2
+        assert len(texts(bench)) == 2
         assert bench.executive.mode is Mode.STOPPED
         assert bench.last(1).reason is Reason.LINK_LOST
 
@@ -105,7 +105,7 @@ def test_a_plan_is_suspended_between_two_steps(tmp_path: Path) -> None:
         bench.run(30.0)
         assert bench.executive.mode is Mode.PAUSED
         assert 2.9 < bench.rover.pose.x_m < 3.1
-        assert bench.heard.plans[-1].done == 1
+        assert bench.received.plans[-1].done == 1
 
 
 AT_TEN = [{"after_s": 10, "then": "return"}]
@@ -117,15 +117,15 @@ def mode(bench: Bench) -> Mode:
 
 def returns(bench: Bench) -> list[Report]:
     """Give the reports on the command by which the rover returns."""
-    return [r for r in bench.heard.reports if r.identity and r.identity.source == RETURN_SOURCE]
+    return [r for r in bench.received.reports if r.identity and r.identity.source == RETURN_SOURCE]
 
 
 def events(bench: Bench) -> list[str]:
-    return [r.text for r in bench.heard.reports if r.kind is ReportKind.EVENT]
+    return [r.text for r in bench.received.reports if r.kind is ReportKind.EVENT]
 
 
 @pytest.mark.at_length
-def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path: Path) -> None:
+def test_it_returns_along_its_path_to_the_last_contact_with_the_ground(tmp_path: Path) -> None:
     around = [Waypoint(2.0, 0.0), Waypoint(2.0, 2.0), Waypoint(10.0, 2.0)]
     with bench_with(tmp_path, motion=AT_TEN) as bench:
         bench.execute(MoveForward(0.5), 1)
@@ -151,13 +151,13 @@ def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path:
         bench.execute(MoveForward(0.5), 3)
 
 
-def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
+def test_a_returning_rover_reports_it_and_halts_on_contact_with_the_ground(
     tmp_path: Path,
 ) -> None:
     with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
         bench.submit(MoveForward(20.0), 1)
         bench.run(5.0)
-        assert told(bench) == [
+        assert texts(bench) == [
             "no contact with the ground for 2.0 s:"
             " the rover returns to the position of the last contact"
         ]
@@ -175,7 +175,7 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("request_", [MoveForward(1.0), SetTravelSpeed(0.5), ActivatePlan("none")])
-def test_any_command_ends_the_return_before_it_is_looked_at(
+def test_any_command_ends_the_return_before_it_is_checked(
     tmp_path: Path, request_: Request
 ) -> None:
     with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
@@ -192,8 +192,10 @@ def test_any_command_ends_the_return_before_it_is_looked_at(
 @pytest.mark.at_length
 def test_it_stops_waits_and_then_returns_and_stops_if_it_takes_too_long(tmp_path: Path) -> None:
     stages = [(3, "stop"), (5, "return"), (7, "stop")]
-    told_s = [{"after_s": after_s, "then": then} for after_s, then in stages]
-    with bench_with(tmp_path, teleop=told_s, motion=[{"after_s": 1, "then": "go_on"}]) as bench:
+    reactions = [{"after_s": after_s, "then": then} for after_s, then in stages]
+    with bench_with(
+        tmp_path, teleop=reactions, motion=[{"after_s": 1, "then": "continue"}]
+    ) as bench:
         bench.submit(DriveFor(1.0, 0.0, 30.0), 1)
         bench.run(4.0)
         assert mode(bench) is Mode.STOPPED
@@ -223,7 +225,7 @@ def test_a_plan_is_suspended_for_the_return(tmp_path: Path) -> None:
 
 @pytest.mark.alike
 @pytest.mark.parametrize("first", ["hold", "stop"])
-def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: str) -> None:
+def test_a_rover_stopped_from_aboard_does_not_return(tmp_path: Path, first: str) -> None:
     with bench_with(tmp_path, motion=[{"after_s": 2, "then": first}, *AT_TEN]) as bench:
         bench.submit(MoveForward(20.0), 1)
         bench.run(3.0)
@@ -237,7 +239,7 @@ def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: s
         bench.execute(MoveForward(0.5), 3)
 
 
-def test_a_return_that_a_fault_ends_is_told(tmp_path: Path) -> None:
+def test_a_return_ended_by_a_fault_is_reported(tmp_path: Path) -> None:
     with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
         bench.submit(MoveForward(20.0), 1)
         bench.run(3.0)
@@ -248,59 +250,57 @@ def test_a_return_that_a_fault_ends_is_told(tmp_path: Path) -> None:
         assert any(text.startswith("the rover did not return: ") for text in events(bench))
 
 
-def test_nobody_else_commands_as_the_rover_itself(tmp_path: Path) -> None:
+def test_no_other_client_commands_as_the_rover_itself(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         command = Command(Identity(RETURN_SOURCE, 1), MoveForward(1.0), "direct")
-        assert isinstance(bench.send(command), Refused)
-        assert "reserved for the rover itself" in bench.heard.reports[-1].text
+        assert isinstance(bench.send(command), Rejected)
+        assert "reserved for the rover itself" in bench.received.reports[-1].text
 
 
 @settings(max_examples=25)
 @given(steps=st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(1, 60)), max_size=6))
-def test_the_way_back_is_never_far_from_where_the_rover_came(
+def test_the_return_path_is_never_far_from_the_outbound_one(
     steps: list[tuple[float, int]],
 ) -> None:
-    trail, pose, came = ReturnPath(), Pose(), [Point(0.0, 0.0)]
+    trail, pose, arrived = ReturnPath(), Pose(), [Point(0.0, 0.0)]
     for curvature_per_m, count in steps:
         for _ in range(count):
             heading_rad = pose.heading_rad + 0.05 * curvature_per_m
-            place = replace(pose, heading_rad=heading_rad).ahead(0.05)
-            pose = Pose(place.x_m, place.y_m, heading_rad=heading_rad)
+            position = replace(pose, heading_rad=heading_rad).ahead(0.05)
+            pose = Pose(position.x_m, position.y_m, heading_rad=heading_rad)
             trail.extend(pose)
-            came.append(pose.point)
-    way = [pose.point, *(Point(each.x_m, each.y_m) for each in trail.path_back)]
-    for start, end in pairwise(way):
+            arrived.append(pose.point)
+    path = [pose.point, *(Point(each.x_m, each.y_m) for each in trail.path_back)]
+    for start, end in pairwise(path):
         for part in range(11):
             x_m = start.x_m + (end.x_m - start.x_m) * part / 10
             y_m = start.y_m + (end.y_m - start.y_m) * part / 10
-            assert min(Point(x_m, y_m).distance_m(each) for each in came) < 0.4
+            assert min(Point(x_m, y_m).distance_m(each) for each in arrived) < 0.4
 
 
 @pytest.mark.parametrize(
-    ("stages", "says"),
+    ("stages", "text"),
     [
         ([(10, "stop"), (2, "hold")], "put the earliest first"),
-        ([(1, "wait")], "'wait' is none of go_on, hold, stop, return"),
+        ([(1, "wait")], "'wait' is none of continue, hold, stop, return"),
         ([(1, "stop"), (2, "hold")], "hold follows stop: only return can"),
-        ([(1, "return"), (2, "go_on")], "go_on follows return: only stop can"),
+        ([(1, "return"), (2, "continue")], "continue follows return: only stop can"),
         ([(0, "stop")], "after_s"),
     ],
 )
-def test_stages_that_make_no_sense_are_refused(stages: list[tuple[int, str]], says: str) -> None:
+def test_stages_that_make_no_sense_are_refused(stages: list[tuple[int, str]], text: str) -> None:
     read = [{"after_s": after_s, "then": then} for after_s, then in stages]
-    with pytest.raises(SettingsError, match=says):
+    with pytest.raises(SettingsError, match=text):
         structure({"motion": read}, LinkLossSettings, "jackal.yaml")
 
 
 @pytest.mark.at_length
 @pytest.mark.parametrize(("link", "signs"), [("ros", 0), ("direct", 1), ("relay", 1)])
-def test_only_what_comes_by_a_link_with_the_ground_is_a_sign_of_it(
-    tmp_path: Path, link: str, signs: int
-) -> None:
-    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "go_on"}]) as bench:
+def test_only_a_message_by_a_ground_link_is_contact(tmp_path: Path, link: str, signs: int) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "continue"}]) as bench:
         bench.submit(MoveForward(10.0), 1)
         bench.run(1.5)
         assert bench.executive.ground.silent_s > 1.4
         bench.send(Command(Identity("someone", 1), SetTravelSpeed(0.5), link))
         bench.run(1.0)
-        assert len(told(bench)) == 1 - signs
+        assert len(texts(bench)) == 1 - signs

@@ -13,19 +13,19 @@ from executive.obstacles.local_map import FORGET_AFTER_S, MAX_CIRCLES, LocalMap
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock, Zones
 from executive.values.facts import LaserScan
 from executive.values.geometry import STANDING, Point, Pose, Velocity
-from tests.support.laser import Disc, look
+from tests.support.laser import Disc, scan_of
 
 JACKAL = Footprint(0.51, 0.43)
 ROCK = Disc(2.0, 0.0, 0.3)
 
 
-def seeing(*looks: tuple[Pose, Sequence[Disc]], known: Zones | None = None) -> LocalMap:
+def seeing(*scans: tuple[Pose, Sequence[Disc]], known: Zones | None = None) -> LocalMap:
     """Return a map after looks from poses, a tenth of a second apart."""
     found = LocalMap(JACKAL, known or Zones())
-    for number, (pose, discs) in enumerate(looks):
+    for number, (pose, discs) in enumerate(scans):
         now_s = 0.1 * number
         found.add_pose(now_s, pose, STANDING)
-        found.add_scan(look(pose, discs, now_s), now_s)
+        found.add_scan(scan_of(pose, discs, now_s), now_s)
     return found
 
 
@@ -33,11 +33,11 @@ def more(found: LocalMap, pose: Pose, discs: Sequence[Disc], first_s: float, tim
     for number in range(times):
         now_s = first_s + 0.1 * number
         found.add_pose(now_s, pose, STANDING)
-        found.add_scan(look(pose, discs, now_s), now_s)
+        found.add_scan(scan_of(pose, discs, now_s), now_s)
 
 
-def gaps_m(found: LocalMap, place: Point) -> list[float]:
-    return [each.clearance_m(place, place) for each in found.circles]
+def gaps_m(found: LocalMap, position: Point) -> list[float]:
+    return [each.clearance_m(position, position) for each in found.circles]
 
 
 def returns(scan: LaserScan, pose: Pose) -> list[Point]:
@@ -56,7 +56,7 @@ def returns(scan: LaserScan, pose: Pose) -> list[Point]:
     bearing_rad=st.floats(-pi, pi),
     heading_rad=st.floats(-pi, pi),
 )
-def test_circles_cover_what_is_seen_and_stand_out_little(
+def test_circles_cover_scanned_surfaces_and_protrude_little(
     radius_m: float, away_m: float, bearing_rad: float, heading_rad: float
 ) -> None:
     pose = Pose(1.3, -0.7, heading_rad=heading_rad)
@@ -64,14 +64,14 @@ def test_circles_cover_what_is_seen_and_stand_out_little(
     x_m, y_m = pose.x_m + centre_m * cos(bearing_rad), pose.y_m + centre_m * sin(bearing_rad)
     rock = Disc(x_m, y_m, radius_m)
     found = seeing((pose, [rock]), (pose, [rock]))
-    places = returns(look(pose, [rock], 0.0), pose)
-    assert all(min(gaps_m(found, place)) <= 0.08 for place in places)
+    positions = returns(scan_of(pose, [rock], 0.0), pose)
+    assert all(min(gaps_m(found, position)) <= 0.08 for position in positions)
     assert min(gaps_m(found, pose.point)) >= away_m - 0.12
     for circle in found.circles:
         assert hypot(circle.x_m - x_m, circle.y_m - y_m) + circle.radius_m <= radius_m + 0.42
 
 
-def test_a_long_face_is_a_row_of_few_circles() -> None:
+def test_a_long_surface_is_a_row_of_few_circles() -> None:
     wall = [Disc(2.0, index / 20, 0.05) for index in range(-80, 81)]
     found = seeing((Pose(), wall), (Pose(), wall))
     assert 10 <= len(found.circles) <= 20
@@ -83,7 +83,7 @@ def test_a_long_face_is_a_row_of_few_circles() -> None:
         assert hypot(one.x_m - other.x_m, one.y_m - other.y_m) < one.radius_m + other.radius_m + 0.2
 
 
-def test_circles_are_bounded_and_the_nearest_are_kept() -> None:
+def test_circles_are_bounded_and_the_nearest_are_retained() -> None:
     random = Random(1)
     field = [Disc(random.uniform(-5, 5), random.uniform(-5, 5), 0.04) for _ in range(400)]
     field = [each for each in field if hypot(each.x_m, each.y_m) > 0.8]
@@ -100,13 +100,13 @@ def test_one_scan_is_nothing_nor_is_one_return() -> None:
     assert seeing(*[(Pose(), [thin])] * 5).circles == ()
 
 
-def test_the_rover_does_not_see_itself_nor_what_is_far() -> None:
+def test_the_rover_sees_neither_itself_nor_distant_returns() -> None:
     mast, far = Disc(0.2, 0.0, 0.05), Disc(6.0, 0.0, 0.5)
     assert seeing(*[(Pose(), [mast])] * 3).circles == ()
     assert seeing(*[(Pose(), [far])] * 3).circles == ()
 
 
-def test_what_is_seen_to_be_free_is_forgotten_and_what_is_hidden_is_not() -> None:
+def test_free_cells_are_forgotten_and_hidden_ones_are_not() -> None:
     found = seeing(*[(Pose(), [ROCK])] * 3)
     screen = Disc(1.0, 0.0, 0.3)
     more(found, Pose(), [screen], 0.3, 5)
@@ -117,7 +117,7 @@ def test_what_is_seen_to_be_free_is_forgotten_and_what_is_hidden_is_not() -> Non
     assert found.circles == ()
 
 
-def test_what_is_old_or_far_away_is_forgotten() -> None:
+def test_old_and_distant_circles_are_forgotten() -> None:
     for pose, later_s, left in (
         (Pose(), FORGET_AFTER_S - 5.0, True),
         (Pose(), FORGET_AFTER_S + 1.0, False),
@@ -129,11 +129,11 @@ def test_what_is_old_or_far_away_is_forgotten() -> None:
         assert (min(gaps_m(found, Point(1.7, 0.0)), default=inf) < 0.05) == left
 
 
-def test_what_is_known_is_not_doubled_and_what_is_outside_does_not_count() -> None:
-    told = KnownRock("boulder", 2.05, 0.05, 0.3)
+def test_known_obstacles_are_not_doubled_and_outside_returns_do_not_count() -> None:
+    reported = KnownRock("boulder", 2.05, 0.05, 0.3)
     bed = KeepOut("bed", ((-2.0, 1.0), (2.0, 1.0), (2.0, 3.0), (-2.0, 3.0)))
     yard = KeepIn("yard", ((-2.5, -2.0), (4.0, -2.0), (4.0, 4.0), (-2.5, 4.0)))
-    known = Zones(keep_in=(yard,), keep_out=(bed,), rocks=(told,))
+    known = Zones(keep_in=(yard,), keep_out=(bed,), rocks=(reported,))
     there = [ROCK, Disc(0.0, 1.4, 0.3), Disc(-3.0, 0.0, 0.3), Disc(0.0, -1.5, 0.2)]
     found = seeing(*[(Pose(), there)] * 3, known=known)
     assert {(round(each.x_m), round(each.y_m)) for each in found.circles} == {(0, -1)}
@@ -147,43 +147,43 @@ def test_a_late_scan_is_seen_from_where_it_was_taken() -> None:
         found.add_pose(now_s, Pose(heading_rad=2.0 * now_s), turning)
         taken_s = now_s - 0.07
         if tick % 5 == 4:
-            found.add_scan(look(Pose(heading_rad=2.0 * taken_s), [ROCK], taken_s), now_s)
+            found.add_scan(scan_of(Pose(heading_rad=2.0 * taken_s), [ROCK], taken_s), now_s)
     assert found.circles
     assert all(abs(each.y_m) + each.radius_m < 0.4 for each in found.circles)
-    found.add_scan(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.0), 0.8)
-    found.add_scan(look(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.1), 0.9)
+    found.add_scan(scan_of(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.0), 0.8)
+    found.add_scan(scan_of(Pose(), [Disc(-2.0, 0.0, 0.3)], 99.1), 0.9)
     assert all(each.x_m > 0.0 for each in found.circles)
 
 
 def test_the_same_scans_give_the_same_circles_and_nothing_changes_without_one() -> None:
     random = Random(3)
     field = [Disc(random.uniform(-3, 3), random.uniform(1, 3), 0.15) for _ in range(12)]
-    looks = [(Pose(0.05 * index, heading_rad=0.1 * index), field) for index in range(20)]
-    one, other = seeing(*looks), seeing(*looks)
+    scans = [(Pose(0.05 * index, heading_rad=0.1 * index), field) for index in range(20)]
+    one, other = seeing(*scans), seeing(*scans)
     assert one.circles == other.circles
     assert one.circles is one.circles
     one.clear()
     assert one.circles == ()
 
 
-def test_a_laser_that_looks_ahead_alone_forgets_nothing_behind() -> None:
+def test_a_forward_laser_forgets_nothing_behind() -> None:
     found = seeing(*[(Pose(), [ROCK])] * 3)
     for number in range(5):
         now_s = 0.3 + 0.1 * number
         away = Pose(heading_rad=pi)
         found.add_pose(now_s, away, STANDING)
-        scan = look(away, [], now_s)
+        scan = scan_of(away, [], now_s)
         found.add_scan(replace(scan, angle_min_rad=-pi / 2, ranges_m=scan.ranges_m[:181]), now_s)
     assert found.circles
 
 
-def test_a_laser_that_turns_the_other_way_sees_the_same() -> None:
+def test_a_laser_with_reversed_rotation_sees_the_same() -> None:
     aside = Disc(0.0, 2.0, 0.3)
     found = LocalMap(JACKAL, Zones())
     for number, discs in enumerate([[aside]] * 3 + [[Disc(0.0, 1.0, 0.4)]] * 3):
         now_s = 0.1 * number
         found.add_pose(now_s, Pose(), STANDING)
-        scan = look(Pose(), discs, now_s)
+        scan = scan_of(Pose(), discs, now_s)
         ranges_m = (scan.ranges_m[0], *reversed(scan.ranges_m[1:]))
         turned = replace(scan, angle_min_rad=pi, angle_increment_rad=-pi / 180, ranges_m=ranges_m)
         found.add_scan(turned, now_s)

@@ -33,7 +33,7 @@ from executive.values.facts import Battery, CameraAngles
 from executive.values.geometry import STANDING, Velocity
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Stage
-from tests.support.kinematic import PICTURE, STEP_S, WHOLE_LIFE, Bench, ignoring
+from tests.support.kinematic import ALL_STAGES, PICTURE, STEP_S, Bench, ignoring
 
 pytestmark = pytest.mark.alike
 
@@ -49,9 +49,9 @@ pytestmark = pytest.mark.alike
         Waypoint(0.0, 0.3, 0.0),
     ],
 )
-def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -> None:
+def test_move_to_ends_at_its_position_and_heading(bench: Bench, target: Waypoint) -> None:
     bench.execute(MoveTo(target), 1)
-    assert bench.stages(1) == WHOLE_LIFE
+    assert bench.stages(1) == ALL_STAGES
     pose = bench.rover.pose
     assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.03
     if target.heading_rad is not None:
@@ -60,7 +60,7 @@ def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -
 
 @pytest.mark.at_length
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.014, 0.0), (0.0, 0.014), (-0.01, -0.01), (0.5, 0.5)])
-def test_a_finer_tolerance_is_kept(bench: Bench, x_m: float, y_m: float) -> None:
+def test_a_finer_tolerance_is_respected(bench: Bench, x_m: float, y_m: float) -> None:
     bench.execute(MoveTo(Waypoint(x_m, y_m, tolerance_m=0.01)), 1)
     assert hypot(bench.rover.pose.x_m - x_m, bench.rover.pose.y_m - y_m) <= 0.01
 
@@ -107,7 +107,7 @@ def test_no_straight_drive_ends_with_success_away_from_its_target(shoved: Bench)
     assert bench.last(1).reason is Reason.OFF_TARGET
 
 
-def test_move_forward_and_backward_keep_the_heading(bench: Bench) -> None:
+def test_move_forward_and_backward_maintain_the_heading(bench: Bench) -> None:
     bench.execute(MoveForward(2.0), 1)
     assert bench.rover.pose.x_m == pytest.approx(2.0, abs=0.03)
     bench.execute(MoveForward(-0.5), 2)
@@ -123,7 +123,7 @@ def test_rotations_are_absolute_and_relative(bench: Bench) -> None:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("degrees", [180, -180, 270, -270, 360, -360])
-def test_a_relative_turn_goes_its_whole_way_to_its_side(bench: Bench, degrees: int) -> None:
+def test_a_relative_turn_covers_its_whole_angle_to_its_side(bench: Bench, degrees: int) -> None:
     bench.execute(RotateBy(radians(degrees)), 1)
     turned_rad = sum(velocity.rotate_radps * STEP_S for velocity in bench.rover.sent)
     assert turned_rad == pytest.approx(radians(degrees), abs=0.04)
@@ -137,7 +137,7 @@ def test_moves_smaller_than_the_tolerance_are_made(bench: Bench, small: float) -
     assert bench.rover.pose.heading_rad == pytest.approx(small, abs=0.01)
 
 
-def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -> None:
+def test_half_a_turn_remains_on_its_side_though_the_heading_wavers(bench: Bench) -> None:
     bench.submit(RotateTo(pi), 1)
     bench.rover.pose = replace(bench.rover.pose, heading_rad=-0.01)
     bench.run(0.1)
@@ -183,7 +183,7 @@ def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
 @pytest.mark.at_length
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:
     bench.execute(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
-    steps = [(r.step, r.step_count) for r in bench.heard.reports if r.stage is Stage.PROGRESS]
+    steps = [(r.step, r.step_count) for r in bench.received.reports if r.stage is Stage.PROGRESS]
     assert steps == [(1, 3), (2, 3)]
 
 
@@ -247,7 +247,7 @@ def test_motion_is_appended_by_default_and_replaces_on_request(bench: Bench) -> 
     assert bench.rover.pose.x_m < 3.5
 
 
-def test_a_replacing_velocity_takes_over_without_standing(bench: Bench) -> None:
+def test_a_replacing_velocity_acts_without_standstill(bench: Bench) -> None:
     bench.submit(DriveFor(0.5, 0.0, 10.0), 1)
     bench.run(2.0)
     bench.replace(DriveFor(0.8, 0.0, 10.0), 2)
@@ -272,7 +272,7 @@ def test_camera_angles_absolute_relative_and_bounded(bench: Bench) -> None:
     assert bench.rover.angles.pan_rad == pytest.approx(2.8)
 
 
-def test_a_relative_angle_is_added_once_though_a_hazard_comes_between(bench: Bench) -> None:
+def test_a_relative_angle_is_added_once_despite_a_hazard_in_between(bench: Bench) -> None:
     bench.drive_on(2.0)
     bench.rover.lazy_camera = True
     bench.submit(MoveCameraAngles(1.0, 0.0), 2)
@@ -308,14 +308,14 @@ def test_a_stop_leaves_a_camera_at_rest(bench: Bench, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.at_length
-def test_a_camera_may_be_slowed_down_on_its_way(bench: Bench) -> None:
+def test_a_camera_may_be_slowed_down_during_its_motion(bench: Bench) -> None:
     bench.rover.lazy_camera = True
     bench.submit(SetCameraAngles(2.0, 0.0), 1)
     bench.submit(SetCameraRotateSpeed(0.1), 2)
     assert bench.finish(1) is Stage.EXECUTED
 
 
-def test_an_axis_is_kept_even_before_the_camera_has_told_its_angles(bench: Bench) -> None:
+def test_an_axis_is_held_even_before_the_camera_has_reported_its_angles(bench: Bench) -> None:
     bench.rover.angles = CameraAngles(0.4, 0.3)
     bench.crash()
     bench.execute(SetCameraAngles(pan_rad=0.1), 1)
@@ -330,7 +330,7 @@ def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
     assert stored.name in bench.last(7).text
 
 
-def test_every_source_keeps_its_own_pictures(bench: Bench) -> None:
+def test_every_source_has_its_own_pictures(bench: Bench) -> None:
     sources = ["MOE", "a b", "a_b", "a/b", "../b", "x" * 256]
     for source in sources:
         bench.send(Command(Identity(source, 7), TakePicture(), "direct"))
@@ -339,7 +339,7 @@ def test_every_source_keeps_its_own_pictures(bench: Bench) -> None:
 
 
 @pytest.mark.at_length
-def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench) -> None:
+def test_a_dead_camera_fails_by_its_deadline_and_the_drive_continues(bench: Bench) -> None:
     bench.rover.camera_works = False
     bench.submit(TakePicture(), 1)
     bench.submit(MoveForward(8.0), 2)

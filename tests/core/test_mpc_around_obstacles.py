@@ -30,7 +30,7 @@ from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
-from tests.support.laser import Disc, LookingRover
+from tests.support.laser import Disc, ScanningRover
 
 RADIUS_M, MARGIN_M = 0.3335, 0.1
 OFF_M = 0.005
@@ -66,15 +66,15 @@ def jackal_solver() -> MinimumTimeSolver:
 class Driven(Bench):
     """A bench whose rover moves as told, by mpc, among what it knows and what its laser sees."""
 
-    rover: LookingRover
+    rover: ScanningRover
 
     def __init__(
         self, folder: Path, solver: SharedSolver, settings: Settings, discs: Sequence[Disc] = ()
     ) -> None:
-        rover = LookingRover(discs=list(discs), spin_centre_m=0.0)
+        rover = ScanningRover(discs=list(discs), spin_centre_m=0.0)
         super().__init__(folder, settings, rover=rover, solver=solver)
-        self.places: list[Point] = []
-        self.stood_s = 0.0
+        self.positions: list[Point] = []
+        self.standstill_s = 0.0
         self.run(0.5)
 
     def drive(self, request: MoveTo | FollowPath) -> Stage:
@@ -83,20 +83,20 @@ class Driven(Bench):
         self.step()
         while not self.stages(1)[-1].terminal:
             self.step()
-            self.places.append(self.rover.pose.point)
-            self.stood_s += 0.05 * (self.rover.velocity.travel_mps == 0.0)
+            self.positions.append(self.rover.pose.point)
+            self.standstill_s += 0.05 * (self.rover.velocity.travel_mps == 0.0)
         return self.stages(1)[-1]
 
     @property
     def gap_m(self) -> float:
         """How near the disc of the rover came to anything that it knows."""
-        zones, pairs = self.settings.zones, list(pairwise(self.places))
+        zones, pairs = self.settings.zones, list(pairwise(self.positions))
         return min(each.clearance_m(a, b) for each in zones for a, b in pairs) - RADIUS_M
 
     @property
     def texts(self) -> list[str]:
         """What is told of how command 1 goes on."""
-        return [each.text for each in self.heard.reports if each.stage is Stage.PROGRESS]
+        return [each.text for each in self.received.reports if each.stage is Stage.PROGRESS]
 
 
 def known(*obstacles: Obstacle) -> Settings:
@@ -123,13 +123,13 @@ def from_rest(x_m: float, y_m: float, zones: Zones) -> TrajectoryProblem:
 
 def gap_of(plan: Trajectory, zones: Zones) -> float:
     """Return how near the disc of a rover comes to anything by a plan."""
-    places = [plan.at(plan.duration_s * step / 400) for step in range(401)]
-    points = [Point(each.x_m, each.y_m) for each in places]
+    positions = [plan.at(plan.duration_s * step / 400) for step in range(401)]
+    points = [Point(each.x_m, each.y_m) for each in positions]
     return min(each.clearance_m(at, at) for each in zones for at in points) - RADIUS_M
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_plan_among_rocks_keeps_the_margin_between_its_places_too(
+def test_a_plan_among_rocks_respects_the_margin_between_its_nodes_too(
     seed: int, solver: MinimumTimeSolver
 ) -> None:
     draw = Random(seed)
@@ -140,12 +140,12 @@ def test_a_plan_among_rocks_keeps_the_margin_between_its_places_too(
     zones = Zones(rocks=tuple(rocks))
     plan = solver.solve(from_rest(5.5, 0.0, zones))
     assert plan is not None
-    assert plan.miss < 1e-3
+    assert plan.terminal_error < 1e-3
     assert gap_of(plan, zones) > MARGIN_M - OFF_M
     assert plan.duration_s < 10.0
 
 
-def test_where_something_came_into_view_the_next_plan_leads_around(
+def test_after_an_appearing_obstacle_the_next_plan_is_a_detour(
     solver: MinimumTimeSolver,
 ) -> None:
     free = from_rest(4.0, 0.0, Zones())
@@ -159,7 +159,7 @@ def test_where_something_came_into_view_the_next_plan_leads_around(
     assert gap_of(plan, zones) > MARGIN_M - OFF_M
 
 
-def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(
+def test_a_start_too_near_leaves_and_does_not_approach(
     solver: MinimumTimeSolver,
 ) -> None:
     zones = Zones(rocks=(KnownRock("beside", 0.0, 0.6, 0.2),))
@@ -169,7 +169,7 @@ def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(
 
 
 @pytest.mark.at_length
-def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
+def test_a_target_behind_a_rock_is_reached_in_one_curve(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, known(ROCK)) as bench:
@@ -177,12 +177,12 @@ def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
         assert bench.gap_m > MARGIN_M - OFF_M
         assert bench.texts[0].startswith("detour around obstacles by (")
         assert len(bench.texts) == 1
-        assert bench.stood_s < 1.0
+        assert bench.standstill_s < 1.0
 
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("target", [Waypoint(4.0, -2.0, pi / 2), Waypoint(1.0, 2.4)])
-def test_zones_are_gone_around_and_not_left(
+def test_zones_are_detoured_and_not_left(
     target: Waypoint, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, known(BAR, YARD)) as bench:
@@ -201,7 +201,7 @@ def test_a_path_past_rocks_is_one_motion(solver: MinimumTimeSolver, tmp_path: Pa
         assert [text[:9] for text in bench.texts] == ["waypoint "] * 2
 
 
-def test_where_there_is_no_way_it_is_refused_as_with_turn_drive(
+def test_without_a_free_path_it_is_refused_as_with_turn_drive(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     wall = KeepOut("wall", ((2.0, -4.0), (2.5, -4.0), (2.5, 4.0), (2.0, 4.0)))
@@ -249,18 +249,18 @@ def until(bench: Driven, request: MoveTo | FollowPath, x_m: float, discs: Sequen
 
 
 @pytest.mark.at_length
-def test_what_comes_into_view_is_gone_around_without_standing(
+def test_an_appearing_obstacle_is_detoured_without_standstill(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, SEEING) as bench:
         assert until(bench, THERE, 0.4, [Disc(2.6, 0.1, 0.3)]) is Stage.EXECUTED
         assert bench.rover.nearest_m > MARGIN_M / 2
         assert bench.texts == []
-        assert Reason.OBSTACLE_AHEAD not in {each.reason for each in bench.heard.reports}
+        assert Reason.OBSTACLE_AHEAD not in {each.reason for each in bench.received.reports}
 
 
 @pytest.mark.at_length
-def test_a_path_goes_around_what_comes_into_view(solver: MinimumTimeSolver, tmp_path: Path) -> None:
+def test_a_path_detours_an_appearing_obstacle(solver: MinimumTimeSolver, tmp_path: Path) -> None:
     path = FollowPath((Waypoint(3.5, 0.0), Waypoint(3.5, 2.0)))
     with Driven(tmp_path, solver, SEEING) as bench:
         assert until(bench, path, 0.3, [Disc(2.2, 0.2, 0.2)]) is Stage.EXECUTED
@@ -268,7 +268,7 @@ def test_a_path_goes_around_what_comes_into_view(solver: MinimumTimeSolver, tmp_
         assert "waypoint 1 of 2 reached" in bench.texts
 
 
-def test_where_what_came_into_view_leaves_no_way_the_place_that_blocks_it_is_told(
+def test_if_an_appearing_obstacle_leaves_no_path_its_position_is_reported(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     ring = [Disc(2.6, y / 4, 0.15) for y in range(-3, 4)]
@@ -281,8 +281,8 @@ def test_where_what_came_into_view_leaves_no_way_the_place_that_blocks_it_is_tol
         assert last.text.startswith("path blocked by scanned obstacle at (")
         assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
-        place = Point(figures["obstacle x"], figures["obstacle y"])
-        assert min(abs(disc.away_m(place)) for disc in ring) < 0.4
+        position = Point(figures["obstacle x"], figures["obstacle y"])
+        assert min(abs(disc.away_m(position)) for disc in ring) < 0.4
         assert bench.rover.nearest_m > 0.0
 
 
@@ -330,7 +330,7 @@ def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
 
 
 @pytest.mark.at_length
-def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
+def test_a_plan_near_other_obstacles_than_its_guess_is_recomputed(
     jackal_solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     draw = Random(1161)

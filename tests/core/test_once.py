@@ -16,43 +16,43 @@ from executive.commands import (
     SetTravelSpeed,
     Waypoint,
 )
-from executive.commands.lifecycle import Repeated
+from executive.commands.lifecycle import Duplicate
 from executive.values.facts import ForeignPublishers
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason
 from executive.values.reports import ReportKind, Severity, Stage
-from tests.support.kinematic import WHOLE_LIFE, Bench
+from tests.support.kinematic import ALL_STAGES, Bench
 
 
 def test_a_repeat_is_answered_with_the_last_report_and_not_executed(bench: Bench) -> None:
     bench.execute(MoveForward(1.0), 1)
-    place = bench.rover.pose
+    position = bench.rover.pose
     last = bench.last(1)
     answer = bench.submit(MoveForward(1.0), 1)
-    assert answer == Repeated(last)
-    assert bench.heard.reports[-1] == last
+    assert answer == Duplicate(last)
+    assert bench.received.reports[-1] == last
     bench.run(3.0)
-    assert bench.rover.pose == place
+    assert bench.rover.pose == position
 
 
-def test_a_number_used_for_something_else_is_refused(bench: Bench) -> None:
+def test_a_number_used_for_another_command_is_refused(bench: Bench) -> None:
     bench.submit(MoveForward(1.0), 1)
     assert bench.refusal(MoveForward(2.0), 1).reason is Reason.DUPLICATE
     assert bench.finish(1) is Stage.EXECUTED
 
 
-def test_a_flood_does_not_keep_the_rover_from_its_ticks(bench: Bench) -> None:
-    asked: list[int] = []
+def test_a_flood_does_not_delay_the_ticks(bench: Bench) -> None:
+    requested: list[int] = []
 
-    def ask_again() -> None:
-        asked.append(len(asked))
-        if len(asked) < 1000:
-            bench.executive.query(ask_again)
+    def retransmit() -> None:
+        requested.append(len(requested))
+        if len(requested) < 1000:
+            bench.executive.query(retransmit)
 
-    bench.executive.query(ask_again)
+    bench.executive.query(retransmit)
     bench.step()
     bench.step()
-    assert len(asked) == 2
+    assert len(requested) == 2
 
 
 def test_a_command_expires_in_the_queue(bench: Bench) -> None:
@@ -64,7 +64,7 @@ def test_a_command_expires_in_the_queue(bench: Bench) -> None:
     assert bench.last(2).reason is Reason.EXPIRED
 
 
-def test_kill_9_ends_what_was_under_way_and_never_runs_it_again(bench: Bench) -> None:
+def test_kill_9_ends_active_commands_and_never_reruns_them(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.submit(MoveForward(1.0), 2)
     bench.run(2.0)
@@ -73,11 +73,11 @@ def test_kill_9_ends_what_was_under_way_and_never_runs_it_again(bench: Bench) ->
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.INTERRUPTED
     assert bench.stages(2)[-1] is Stage.CANCELLED
-    place = bench.rover.pose
-    assert isinstance(bench.submit(MoveForward(5.0), 1), Repeated)
+    position = bench.rover.pose
+    assert isinstance(bench.submit(MoveForward(5.0), 1), Duplicate)
     bench.run(3.0)
-    assert bench.rover.pose == place
-    sequences = [report.sequence for report in bench.heard.reports[:-1]]
+    assert bench.rover.pose == position
+    sequences = [report.sequence for report in bench.received.reports[:-1]]
     assert sequences == list(range(1, len(sequences) + 1))
 
 
@@ -102,7 +102,7 @@ def test_settings_hold_over_a_crash(bench: Bench) -> None:
     assert bench.rover.camera_speed_radps == 0.4
 
 
-def test_a_setting_that_no_longer_fits_is_forgotten_and_told(bench: Bench) -> None:
+def test_a_setting_that_no_longer_fits_is_forgotten_and_reported(bench: Bench) -> None:
     bench.submit(SetTravelSpeed(0.9), 1)
     bench.submit(SetRotateSpeed(0.5), 2)
     slower = replace(bench.settings.drive, travel_speed_mps=0.3)
@@ -110,32 +110,32 @@ def test_a_setting_that_no_longer_fits_is_forgotten_and_told(bench: Bench) -> No
     bench.crash()
     assert bench.executive.status.travel_speed_mps == 0.3
     assert bench.executive.status.rotate_speed_radps == 0.5
-    (event,) = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
+    (event,) = [report for report in bench.received.reports if report.kind is ReportKind.EVENT]
     assert "speed 0.9 m/s is above its bound of 0.3 m/s" in event.text
 
 
-def test_settings_are_commands_with_a_whole_life(bench: Bench) -> None:
+def test_settings_are_commands_with_a_complete_life_cycle(bench: Bench) -> None:
     bench.submit(SetCameraRotateSpeed(0.3), 1)
     bench.submit(SetPositionCompensation(1.0, 0.0, 0.0, pi / 2), 2)
-    assert bench.stages(1) == bench.stages(2) == WHOLE_LIFE
+    assert bench.stages(1) == bench.stages(2) == ALL_STAGES
     assert bench.executive.status.camera_speed_radps == 0.3
     pose = bench.executive.status.pose
     assert (pose.x_m, pose.heading_rad) == pytest.approx((1.0, pi / 2))
 
 
-def test_telemetry_comes_at_its_interval_or_on_change(bench: Bench) -> None:
-    bench.heard.values.clear()
+def test_telemetry_is_sent_at_its_interval_or_on_change(bench: Bench) -> None:
+    bench.received.values.clear()
     bench.run(5.0)
-    assert len(bench.heard.values) == 5
-    assert {len(values) for values in bench.heard.values} == {12}
+    assert len(bench.received.values) == 5
+    assert {len(values) for values in bench.received.values} == {12}
     bench.submit(SetStatusInterval(0.0), 1)
     bench.run(0.5)
-    bench.heard.values.clear()
+    bench.received.values.clear()
     bench.run(5.0)
-    assert bench.heard.values == []
+    assert bench.received.values == []
     bench.submit(SetTravelSpeed(0.5), 2)
     bench.run(0.1)
-    ((changed,),) = bench.heard.values
+    ((changed,),) = bench.received.values
     assert (changed.parameter.value, changed.value) == ("TRAVEL_SPEED", 0.5)
 
 
@@ -154,14 +154,16 @@ def test_other_publishers_are_noticed_once(bench: Bench) -> None:
     for _ in range(3):
         bench.executive.observe(ForeignPublishers(("/joystick",)))
         bench.step()
-    events = [report.text for report in bench.heard.reports if report.kind is ReportKind.EVENT]
-    assert events == ["others may move the rover: /joystick"]
+    events = [report.text for report in bench.received.reports if report.kind is ReportKind.EVENT]
+    assert events == ["other velocity publishers: /joystick"]
     assert "/joystick" in bench.executive.why
 
 
-def test_what_a_link_notices_is_told_and_written_down_as_of_a_link(bench: Bench) -> None:
-    bench.executive.event(Severity.WARNING, "the service layer is away", kind=ReportKind.LINK)
+def test_an_event_of_a_link_is_reported_and_recorded_as_that_of_a_link(bench: Bench) -> None:
+    bench.executive.report_event(
+        Severity.WARNING, "the service layer is away", kind=ReportKind.LINK
+    )
     bench.step()
-    told = bench.heard.reports[-1]
-    assert (told.kind, told.severity) == (ReportKind.LINK, Severity.WARNING)
-    assert bench.executive.reports(told.sequence) == [told]
+    reported = bench.received.reports[-1]
+    assert (reported.kind, reported.severity) == (ReportKind.LINK, Severity.WARNING)
+    assert bench.executive.reports(reported.sequence) == [reported]

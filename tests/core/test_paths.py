@@ -40,9 +40,11 @@ class Noted(KinematicRover):
 
     def near(self, waypoint: Waypoint) -> tuple[float, float]:
         """Return how near it came, to half a step, and how slow it was within a step of that."""
-        place = Point(waypoint.x_m, waypoint.y_m)
-        near_m = min(place.distance_m(point) for point, _ in self.been)
-        slow_mps = min(mps for point, mps in self.been if place.distance_m(point) < near_m + 0.05)
+        position = Point(waypoint.x_m, waypoint.y_m)
+        near_m = min(position.distance_m(point) for point, _ in self.been)
+        slow_mps = min(
+            mps for point, mps in self.been if position.distance_m(point) < near_m + 0.05
+        )
         return near_m, slow_mps
 
 
@@ -59,14 +61,14 @@ class Wrapped:
         plan: Callable[[int, Trajectory | None], Trajectory | None] = lambda _, plan: plan,
     ) -> None:
         self._solver, self._problem, self._plan = solver, problem, plan
-        self._asked = 0
+        self._requested = 0
 
     def request(self, problem: TrajectoryProblem) -> None:
-        self._asked += 1
-        self._solver.request(self._problem(self._asked, problem))
+        self._requested += 1
+        self._solver.request(self._problem(self._requested, problem))
 
     def take_result(self) -> Trajectory | None:
-        return self._plan(self._asked, self._solver.take_result())
+        return self._plan(self._requested, self._solver.take_result())
 
     def fork(self, apart: bool = False) -> MinimumTimeSolver:
         return self._solver.fork(apart)
@@ -89,7 +91,7 @@ def bench(tmp_path: Path, rover: Noted, solver: MinimumTimeSolver) -> Iterator[B
 
 
 def progress(bench: Bench) -> list[tuple[int | None, int | None, str]]:
-    reports = [each for each in bench.heard.reports if each.stage is Stage.PROGRESS]
+    reports = [each for each in bench.received.reports if each.stage is Stage.PROGRESS]
     return [(each.step, each.step_count, each.text) for each in reports]
 
 
@@ -98,7 +100,7 @@ def duration_s(bench: Bench, number: int = 1) -> float:
 
 
 @pytest.mark.at_length
-def test_waypoints_are_passed_without_standing_and_told_as_ever(
+def test_waypoints_are_passed_without_standstill_and_reported_as_usual(
     bench: Bench, rover: Noted, tmp_path: Path
 ) -> None:
     bench.execute(FollowPath(CORNERS), 1)
@@ -114,14 +116,16 @@ def test_waypoints_are_passed_without_standing_and_told_as_ever(
 
 
 @pytest.mark.at_length
-@pytest.mark.parametrize("asking", [Waypoint(1.5, 0.5, tolerance_m=0.01), Waypoint(1.5, 0.5, 0.5)])
-def test_it_stands_where_a_waypoint_asks_for_a_heading_or_for_more_precision(
-    bench: Bench, rover: Noted, asking: Waypoint
+@pytest.mark.parametrize(
+    "requesting", [Waypoint(1.5, 0.5, tolerance_m=0.01), Waypoint(1.5, 0.5, 0.5)]
+)
+def test_it_halts_at_a_waypoint_with_a_heading_or_more_precision(
+    bench: Bench, rover: Noted, requesting: Waypoint
 ) -> None:
-    bench.execute(FollowPath((Waypoint(0.7, 0.0), asking, Waypoint(3.0, 0.5))), 1)
+    bench.execute(FollowPath((Waypoint(0.7, 0.0), requesting, Waypoint(3.0, 0.5))), 1)
     assert rover.near(Waypoint(0.7, 0.0))[1] > 0.2
-    near_m, slow_mps = rover.near(asking)
-    assert near_m < (asking.tolerance_m or 0.03)
+    near_m, slow_mps = rover.near(requesting)
+    assert near_m < (requesting.tolerance_m or 0.03)
     assert slow_mps == 0.0
     assert [step for step, _, _ in progress(bench)] == [1, 2]
 
@@ -156,13 +160,13 @@ def test_a_wide_tolerance_ends_a_motion_sooner_and_a_fine_one_later(
         (Waypoint(-1.0, 0.0), Waypoint(1.0, 0.0), Waypoint(-1.0, 0.0, pi)),
     ],
 )
-def test_places_on_each_other_near_and_back_again(
+def test_coincident_near_and_returning_waypoints(
     bench: Bench, waypoints: tuple[Waypoint, ...]
 ) -> None:
     bench.execute(FollowPath(waypoints), 1)
     count = len(waypoints)
-    told = [(step, count, f"waypoint {step} of {count} reached") for step in range(1, count)]
-    assert progress(bench) == told
+    reported = [(step, count, f"waypoint {step} of {count} reached") for step in range(1, count)]
+    assert progress(bench) == reported
 
 
 @pytest.mark.at_length
@@ -175,7 +179,7 @@ def test_another_command_supersedes_it_between_waypoints(bench: Bench, rover: No
     assert rover.pose.x_m == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_speed_set_on_the_way_holds_from_then_on(bench: Bench, rover: Noted) -> None:
+def test_a_speed_set_during_the_drive_holds_from_then_on(bench: Bench, rover: Noted) -> None:
     bench.submit(STRAIGHT, 1)
     bench.run(2.0)
     assert rover.velocity.travel_mps == pytest.approx(1.0, abs=0.01)
@@ -188,13 +192,13 @@ def test_a_speed_set_on_the_way_holds_from_then_on(bench: Bench, rover: Noted) -
 
 
 def weak(then: Reaction) -> Settings:
-    row = replace(SMOOTH.faults.battery_low, then=then, clears=ClearPolicy.ITSELF)
+    row = replace(SMOOTH.faults.battery_low, reaction=then, clears=ClearPolicy.AUTO)
     return replace(SMOOTH, faults=replace(SMOOTH.faults, battery_low=row))
 
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("then", [Reaction.PAUSE, Reaction.SLOW_DOWN, Reaction.STOP])
-def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
+def test_a_fault_during_a_path_pauses_slows_down_or_ends_it(
     then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
     with Bench(tmp_path, weak(then), solver=solver) as bench:
@@ -234,15 +238,15 @@ def test_a_waypoint_that_is_passed_while_it_brakes_for_a_pause_is_passed(
 
 
 @pytest.mark.at_length
-def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
+def test_without_plans_it_halts_and_drives_to_the_next_waypoint_alone(
     tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
-    failing = Wrapped(solver, plan=lambda asked, plan: None if 50 < asked < 57 else plan)
+    failing = Wrapped(solver, plan=lambda requested, plan: None if 50 < requested < 57 else plan)
     with Bench(tmp_path, SMOOTH, solver=failing) as bench:
         bench.execute(FollowPath(CORNERS), 1)
-        step, *told = progress(bench)[:3]
+        step, *reported = progress(bench)[:3]
         assert step == (1, 4, "waypoint 1 of 4 reached")
-        assert told == [
+        assert reported == [
             (
                 1,
                 4,
@@ -256,8 +260,8 @@ def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
 def test_a_waypoint_that_was_missed_is_driven_to_alone(
     tmp_path: Path, rover: Noted, solver: MinimumTimeSolver
 ) -> None:
-    def beside(asked: int, problem: TrajectoryProblem) -> TrajectoryProblem:
-        if asked > 40 or not problem.via_points:
+    def beside(requested: int, problem: TrajectoryProblem) -> TrajectoryProblem:
+        if requested > 40 or not problem.via_points:
             return problem
         aside = replace(problem.via_points[0], y_m=problem.via_points[0].y_m + 0.2)
         return replace(problem, via_points=(aside,))
@@ -284,7 +288,7 @@ def test_a_push_off_the_path_is_made_up_for(bench: Bench) -> None:
     assert len(progress(bench)) == 3
 
 
-def test_a_place_near_by_of_any_heading_is_reached(bench: Bench) -> None:
+def test_a_near_position_of_any_heading_is_reached(bench: Bench) -> None:
     """The fastest plan ends at the edge of the headings that will do."""
     bench.execute(MoveTo(Waypoint(0.22, 0.26)), 1)
     assert duration_s(bench) < 3.0

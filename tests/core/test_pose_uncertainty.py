@@ -70,8 +70,8 @@ def test_a_resume_does_not_make_a_pose_good_that_a_jump_has_disproved(bench: Ben
     for number, request in enumerate(ABSOLUTE[:2], start=1):
         refusal = bench.refusal(request, number)
         assert refusal.reason is Reason.POSE_UNCERTAIN
-        for said in ("0.5", "odometry_jumped", "setPositionCompensation", "confirmPose"):
-            assert said in refusal.text
+        for message in ("0.5", "odometry_jumped", "setPositionCompensation", "confirmPose"):
+            assert message in refusal.text
         assert {each.name for each in refusal.figures} >= {
             "position uncertainty",
             "heading uncertainty",
@@ -86,7 +86,7 @@ def test_a_turned_heading_refuses_headings_and_lines(bench: Bench) -> None:
         assert bench.refusal(request, number).reason is Reason.POSE_UNCERTAIN
 
 
-def test_relative_motions_run_and_say_from_where(bench: Bench) -> None:
+def test_relative_motions_run_and_report_their_start(bench: Bench) -> None:
     jump(bench, x_m=0.5)
     bench.execute(MoveForward(1.0), 1)
     assert "from (0.50, 0.00), uncertain by 0.5" in bench.last(1).text
@@ -102,17 +102,17 @@ def test_the_uncertainty_grows_with_the_distance_that_is_driven(bench: Bench) ->
 
 
 @pytest.mark.parametrize(
-    "way_out", [ConfirmPose(0.0, 0.0), SetPositionCompensation(-0.5, 0.0, 0.0, 0.0)]
+    "remedy", [ConfirmPose(0.0, 0.0), SetPositionCompensation(-0.5, 0.0, 0.0, 0.0)]
 )
-def test_an_operator_makes_the_pose_certain_again(bench: Bench, way_out: Request) -> None:
+def test_an_operator_makes_the_pose_certain_again(bench: Bench, remedy: Request) -> None:
     jump(bench, x_m=0.5)
-    bench.execute(way_out, 1)
+    bench.execute(remedy, 1)
     assert not bench.executive.status.uncertainty
     bench.execute(ABSOLUTE[0], 2)
 
 
 @pytest.mark.at_length
-def test_a_confirmed_pose_is_as_uncertain_as_the_operator_says(bench: Bench) -> None:
+def test_a_confirmed_pose_is_as_uncertain_as_the_operator_states(bench: Bench) -> None:
     bench.execute(ConfirmPose(0.3, 0.0), 1)
     assert bench.refusal(ABSOLUTE[0], 2).reason is Reason.POSE_UNCERTAIN
     bench.execute(MoveTo(Waypoint(9.0, 0.0)), 3)
@@ -136,10 +136,10 @@ def test_growth_and_end_are_reported_once(bench: Bench) -> None:
     bench.run(3.0)
     bench.execute(ConfirmPose(0.0, 0.0), 1)
     bench.run(1.0)
-    said = [each for each in bench.heard.reports if each.text.startswith("the pose is")]
-    assert [each.severity for each in said] == [Severity.WARNING, Severity.INFORMATIONAL]
-    assert said[0].reason is Reason.POSE_UNCERTAIN
-    assert figure(said[0], "position uncertainty") == pytest.approx(0.5)
+    message = [each for each in bench.received.reports if each.text.startswith("the pose is")]
+    assert [each.severity for each in message] == [Severity.WARNING, Severity.INFORMATIONAL]
+    assert message[0].reason is Reason.POSE_UNCERTAIN
+    assert figure(message[0], "position uncertainty") == pytest.approx(0.5)
 
 
 def test_a_rover_at_rest_on_a_drifting_pose_adds_up_all_of_the_drift(bench: Bench) -> None:
@@ -166,7 +166,7 @@ def test_a_crash_within_a_motion_adds_nothing(bench: Bench) -> None:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("pose", [Pose(), Pose(2.0, 1.0), Pose(2.0, 0.0, heading_rad=1.0)])
-def test_odometry_that_is_elsewhere_after_a_restart_is_uncertain(bench: Bench, pose: Pose) -> None:
+def test_odometry_that_differs_after_a_restart_is_uncertain(bench: Bench, pose: Pose) -> None:
     bench.execute(MoveForward(2.0), 1)
     bench.rover.pose = pose
     bench.crash()
@@ -190,7 +190,7 @@ def test_zones_are_widened_by_the_uncertainty(tmp_path: Path) -> None:
         bench.execute(MoveForward(1.0), 3)
 
 
-def test_the_way_home_is_longer_by_the_uncertainty(tmp_path: Path) -> None:
+def test_the_return_home_is_longer_by_the_uncertainty(tmp_path: Path) -> None:
     jackal = load_settings("jackal")
     assert jackal.battery is not None
     battery = BatterySettings(capacity_j=1000.0, reserve_ratio=0.1, home=jackal.battery.home)
@@ -201,7 +201,7 @@ def test_the_way_home_is_longer_by_the_uncertainty(tmp_path: Path) -> None:
         bench.execute(ConfirmPose(0.0, 0.0), 1)
         bench.execute(MoveForward(0.3), 2)
         bench.execute(ConfirmPose(8.0, 0.0), 3)
-        assert bench.refusal(MoveForward(0.3), 4).reason is Reason.BATTERY_SHORT
+        assert bench.refusal(MoveForward(0.3), 4).reason is Reason.BATTERY_INSUFFICIENT
 
 
 @pytest.fixture
@@ -233,12 +233,12 @@ def test_a_push_that_only_the_second_odometry_sees_is_not_forgotten(seeing: Seei
     seeing.run(2.0)
     refusal = seeing.refusal(ABSOLUTE[0], 1)
     assert refusal.reason is Reason.POSE_UNCERTAIN
-    assert "slides" in refusal.text
+    assert "slide_at_rest" in refusal.text
     seeing.execute(SetPositionCompensation(0.0, 0.5, 0.0, 0.0), 2)
     seeing.execute(ABSOLUTE[0], 3)
 
 
-def test_a_push_between_two_lives_is_seen_by_the_second_odometry(seeing: SeeingBench) -> None:
+def test_a_push_between_two_runs_is_detected_by_the_second_odometry(seeing: SeeingBench) -> None:
     seeing.execute(MoveForward(1.0), 1)
     seeing.run(2.0)
     seeing.seen = lambda pose: moved(pose, y_m=0.5)

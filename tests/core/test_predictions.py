@@ -24,7 +24,7 @@ from executive.settings import load_settings
 from executive.values.geometry import STANDING
 from executive.values.reasons import PREDICTED, Reason
 from executive.values.reports import Identity, Report, ReportKind, Stage
-from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
+from tests.support.kinematic import ALL_STAGES, STEP_S, Bench, KinematicRover
 from tests.support.plans import AHEAD, BACK, plan
 from trees import RoverTree
 
@@ -34,7 +34,9 @@ ROUND = MoveTo(Waypoint(3.0, 2.0, pi / 2))
 
 
 def predictions(bench: Bench) -> list[Report]:
-    return [r for r in bench.heard.reports if r.kind is ReportKind.EVENT and "predicted:" in r.text]
+    return [
+        r for r in bench.received.reports if r.kind is ReportKind.EVENT and "predicted:" in r.text
+    ]
 
 
 def figures(report: Report) -> dict[str, float]:
@@ -51,21 +53,25 @@ def be_woken(bench: Bench) -> None:
 
 
 @pytest.mark.at_length
-def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(bench: Bench) -> None:
+def test_a_motion_is_reported_with_its_prediction_and_then_with_its_result(bench: Bench) -> None:
     bench.execute(ROUND, 1)
-    (told,) = predictions(bench)
-    assert (told.identity, told.stage, told.link) == (Identity("MOE", 1), None, "direct")
-    assert told.text.startswith("MOE:1 moveTo predicted: 6.5 s, 3.7 m, 353 J, end (3.00, 2.")
-    assert bench.stages(1) == WHOLE_LIFE
-    foretold, became = figures(told), figures(bench.last(1))
-    assert {name: became[name] for name in foretold} == foretold
+    (reported,) = predictions(bench)
+    assert (reported.identity, reported.stage, reported.link) == (
+        Identity("MOE", 1),
+        None,
+        "direct",
+    )
+    assert reported.text.startswith("MOE:1 moveTo predicted: 6.5 s, 3.7 m, 353 J, end (3.00, 2.")
+    assert bench.stages(1) == ALL_STAGES
+    predicted, became = figures(reported), figures(bench.last(1))
+    assert {name: became[name] for name in predicted} == predicted
     for name in ("duration", "length", "x", "y", "heading"):
-        assert became[name] == pytest.approx(foretold[PREDICTED + name], rel=0.05, abs=0.03), name
+        assert became[name] == pytest.approx(predicted[PREDICTED + name], rel=0.05, abs=0.03), name
     assert len(became) == len(bench.last(1).figures)
 
 
 @pytest.mark.at_length
-def test_it_comes_while_the_motion_is_young_and_the_answer_does_not_wait_for_it(
+def test_it_arrives_early_in_the_motion_and_does_not_delay_the_answer(
     bench: Bench,
 ) -> None:
     bench.submit(MoveTo(Waypoint(20.0, 0.0)), 1)
@@ -74,15 +80,15 @@ def test_it_comes_while_the_motion_is_young_and_the_answer_does_not_wait_for_it(
         bench.step()
     bench.finish(1)
     took_s = figures(bench.last(1))["duration"]
-    (told,), began = predictions(bench), bench.heard.reports[0]
-    assert told.utc_s - began.utc_s < 0.6 * took_s
+    (reported,), began = predictions(bench), bench.received.reports[0]
+    assert reported.utc_s - began.utc_s < 0.6 * took_s
 
 
 def test_where_it_is_woken_a_prediction_is_there_before_the_next_tick(bench: Bench) -> None:
     bench.submit(ROUND, 1)
     be_woken(bench)
     assert len(predictions(bench)) == 1
-    assert bench.stages(1) == WHOLE_LIFE[:3]
+    assert bench.stages(1) == ALL_STAGES[:3]
 
 
 def test_a_slice_is_two_ticks_of_the_copy(tmp_path: Path) -> None:
@@ -106,11 +112,11 @@ def test_motions_that_wait_are_predicted_from_where_those_before_lead(bench: Ben
     bench.submit(MoveForward(1.0), 2)
     while len(predictions(bench)) < 2:
         bench.step()
-    assert bench.stages(2) == WHOLE_LIFE[:2]
+    assert bench.stages(2) == ALL_STAGES[:2]
     assert figures(predictions(bench)[1])["predicted x"] == pytest.approx(3.0, abs=0.05)
 
 
-def test_a_failure_tells_what_had_become_of_the_motion(bench: Bench) -> None:
+def test_a_failure_reports_the_result_of_the_motion(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
     be_woken(bench)
     bench.run(2.0)
@@ -122,7 +128,7 @@ def test_a_failure_tells_what_had_become_of_the_motion(bench: Bench) -> None:
     assert figures(last)["predicted length"] == pytest.approx(5.0, abs=0.05)
 
 
-def test_nothing_is_predicted_of_what_has_ended(bench: Bench) -> None:
+def test_nothing_is_predicted_for_an_ended_motion(bench: Bench) -> None:
     bench.submit(ROUND, 1)
     bench.submit(MoveForward(1.0), 2)
     bench.step()
@@ -134,12 +140,12 @@ def test_nothing_is_predicted_of_what_has_ended(bench: Bench) -> None:
 
 
 @pytest.mark.at_length
-def test_a_repeat_gets_the_last_of_its_life_again(bench: Bench) -> None:
+def test_a_repeat_gets_the_last_report_again(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(9.0, 0.0)), 1)
     while not predictions(bench):
         bench.step()
     bench.submit(MoveTo(Waypoint(9.0, 0.0)), 1)
-    assert bench.heard.reports[-1].stage is Stage.STARTED
+    assert bench.received.reports[-1].stage is Stage.STARTED
 
 
 def test_after_a_crash_nothing_is_left_of_a_prediction(bench: Bench) -> None:
@@ -154,7 +160,9 @@ def test_after_a_crash_nothing_is_left_of_a_prediction(bench: Bench) -> None:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("options", [{"report_progress": False}, {"link": "plan"}])
-def test_who_wants_no_progress_gets_no_prediction(bench: Bench, options: dict[str, object]) -> None:
+def test_a_client_without_progress_gets_no_prediction(
+    bench: Bench, options: dict[str, object]
+) -> None:
     if "link" in options:
         bench.submit(SubmitPlan(plan(AHEAD)), 1)
         bench.submit(ActivatePlan("survey"), 2)
@@ -169,18 +177,18 @@ def test_velocities_of_a_joystick_are_not_predicted(bench: Bench) -> None:
     bench.finish(1)
     bench.submit(DriveFor(0.3, 0.0, 2.0), 2)
     bench.finish(2)
-    assert [told.identity for told in predictions(bench)] == [Identity("MOE", 2)]
+    assert [reported.identity for reported in predictions(bench)] == [Identity("MOE", 2)]
     assert figures(bench.last(1))["length"] == pytest.approx(0.6, abs=0.05)
 
 
 @pytest.mark.at_length
-def test_a_plan_is_told_with_its_prediction_and_what_became_of_it(bench: Bench) -> None:
+def test_a_plan_is_reported_with_its_prediction_and_its_result(bench: Bench) -> None:
     bench.submit(SubmitPlan(plan(f"<Sequence>{AHEAD}{BACK}</Sequence>")), 1)
     bench.submit(ActivatePlan("survey"), 2)
     bench.run(30.0)
-    (told,) = predictions(bench)
-    assert told.text.startswith("plan survey predicted: ")
-    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    (reported,) = predictions(bench)
+    assert reported.text.startswith("plan survey predicted: ")
+    ended = next(r for r in bench.received.reports if "plan survey COMPLETED" in r.text)
     became = figures(ended)
     assert became["length"] == pytest.approx(became["predicted length"], abs=0.1)
     assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.3)
@@ -200,11 +208,11 @@ TURN = '<rotateBy angle="2.0" deadline_s="60"/>'
         f"<Fallback>{AHEAD}{BACK}</Fallback>",
     ],
 )
-def test_a_plan_takes_what_was_predicted_whatever_it_is_made_of(bench: Bench, body: str) -> None:
+def test_a_plan_takes_its_predicted_time_for_any_steps(bench: Bench, body: str) -> None:
     bench.submit(SubmitPlan(plan(body)), 1)
     bench.submit(ActivatePlan("survey"), 2)
     bench.run(45.0)
-    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    ended = next(r for r in bench.received.reports if "plan survey COMPLETED" in r.text)
     became = figures(ended)
     assert became["length"] == pytest.approx(became["predicted length"], abs=0.15)
     assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.4)
@@ -240,12 +248,12 @@ def test_a_plan_that_was_suspended_is_not_compared(bench: Bench) -> None:
     bench.run(1.0)
     bench.submit(GoOn("survey"), 4)
     bench.run(30.0)
-    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    ended = next(r for r in bench.received.reports if "plan survey COMPLETED" in r.text)
     assert ended.figures == ()
-    assert "plan survey SUSPENDED" in "".join(r.text for r in bench.heard.reports)
+    assert "plan survey SUSPENDED" in "".join(r.text for r in bench.received.reports)
 
 
-def test_an_asset_without_previews_tells_what_became_of_its_motions(tmp_path: Path) -> None:
+def test_an_asset_without_previews_reports_the_results_of_its_motions(tmp_path: Path) -> None:
     mocup = load_settings("mocup")
     with Bench(
         tmp_path, replace(load_settings("jackal"), prediction=mocup.prediction, battery=None)
@@ -254,7 +262,7 @@ def test_an_asset_without_previews_tells_what_became_of_its_motions(tmp_path: Pa
         assert "predicted energy" not in figures(bench.last(1))
 
 
-def test_what_a_preview_raises_is_contained(tmp_path: Path) -> None:
+def test_an_exception_of_a_preview_is_contained(tmp_path: Path) -> None:
     class Broken(RoverTree):
         def __init__(self, context: Context) -> None:
             super().__init__(context)
@@ -279,12 +287,12 @@ def test_what_a_preview_raises_is_contained(tmp_path: Path) -> None:
 
 @pytest.mark.at_length
 def test_repeats_are_bit_identical(tmp_path: Path) -> None:
-    def told(folder: Path) -> list[Report]:
+    def reported(folder: Path) -> list[Report]:
         folder.mkdir()
         with Bench(folder) as bench:
             bench.submit(ROUND, 1)
             bench.submit(RotateBy(1.0), 2)
             bench.run(12.0)
-            return [replace(report, utc_s=0.0) for report in bench.heard.reports]
+            return [replace(report, utc_s=0.0) for report in bench.received.reports]
 
-    assert told(tmp_path / "a") == told(tmp_path / "b")
+    assert reported(tmp_path / "a") == reported(tmp_path / "b")

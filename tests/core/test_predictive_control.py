@@ -58,17 +58,17 @@ class Failing:
         self, solver: MinimumTimeSolver, fails: Callable[[int], bool], miss: float | None = None
     ) -> None:
         self._solver, self._fails, self._miss = solver, fails, miss
-        self._asked = 0
+        self._requested = 0
 
     def request(self, problem: TrajectoryProblem) -> None:
-        self._asked += 1
+        self._requested += 1
         self._solver.request(problem)
 
     def take_result(self) -> Trajectory | None:
         plan = self._solver.take_result()
-        if plan is None or not self._fails(self._asked):
+        if plan is None or not self._fails(self._requested):
             return plan
-        return None if self._miss is None else replace(plan, miss=self._miss)
+        return None if self._miss is None else replace(plan, terminal_error=self._miss)
 
     def fork(self, apart: bool = False) -> SharedSolver:
         return self._solver.fork(apart)
@@ -83,7 +83,7 @@ class Failing:
     travel_mps=st.floats(0.2, 1.0),
     rotate_radps=st.floats(0.3, 1.5),
 )
-def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
+def test_a_plan_respects_the_limits_and_ends_at_its_target(
     solver: MinimumTimeSolver,
     x_m: float,
     y_m: float,
@@ -96,9 +96,15 @@ def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
     plan = solver.solve(TrajectoryProblem(start, target, travel_mps, rotate_radps, None))
     assert plan is not None
     end, step_s = plan.states[-1], plan.duration_s / (len(plan.states) - 1)
-    assert plan.miss < 0.01
-    assert hypot(end.x_m - x_m, end.y_m - y_m) <= target.aim_m + plan.miss + 1e-3
-    assert abs(wrap_rad(end.heading_rad - heading_rad)) <= target.aim_rad + plan.miss + 1e-3
+    assert plan.terminal_error < 0.01
+    assert (
+        hypot(end.x_m - x_m, end.y_m - y_m)
+        <= target.position_tolerance_m + plan.terminal_error + 1e-3
+    )
+    assert (
+        abs(wrap_rad(end.heading_rad - heading_rad))
+        <= target.heading_tolerance_rad + plan.terminal_error + 1e-3
+    )
     assert abs(end.travel_mps) < 1e-3 > abs(end.rotate_radps)
     for before, after in zip(plan.states, plan.states[1:], strict=False):
         assert abs(after.travel_mps) <= travel_mps + 1e-3
@@ -110,7 +116,7 @@ def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
 def test_a_straight_line_takes_its_least_time(solver: MinimumTimeSolver) -> None:
     start, target = (
         MotionState(AHEAD_M, 0.0, 0.0),
-        TrajectoryTarget(4.0 + AHEAD_M, 0.0, 0.0, aim_m=0.0),
+        TrajectoryTarget(4.0 + AHEAD_M, 0.0, 0.0, position_tolerance_m=0.0),
     )
     plan = solver.solve(TrajectoryProblem(start, target, 1.0, 1.5, None))
     assert plan is not None
@@ -144,15 +150,15 @@ def alarms(lockstep: LockStep) -> list[str]:
 
 
 def off(pose: Pose, target: Waypoint) -> tuple[float, float]:
-    place_m = hypot(pose.x_m - target.x_m, pose.y_m - target.y_m)
-    return place_m, abs(wrap_rad(pose.heading_rad - (target.heading_rad or 0.0)))
+    distance_m = hypot(pose.x_m - target.x_m, pose.y_m - target.y_m)
+    return distance_m, abs(wrap_rad(pose.heading_rad - (target.heading_rad or 0.0)))
 
 
 @pytest.mark.at_length
 @pytest.mark.parametrize(
     "target", [Waypoint(-1.0, 0.3, 0.0), Waypoint(0.0, 0.5, 0.0), Waypoint(1.0, -1.0, pi)]
 )
-def test_a_curve_leads_to_the_place_in_truth_and_no_monitor_objects(
+def test_a_curve_truly_reaches_the_target_without_a_fault(
     target: Waypoint, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
@@ -201,7 +207,7 @@ def ends_at(request: MoveTo | FollowPath) -> Waypoint:
         FollowPath((Waypoint(0.5, 0.0), Waypoint(0.5, 0.5, pi))),
     ],
 )
-def test_what_asks_for_no_heading_or_more_precision_is_executed(
+def test_a_target_without_heading_or_with_more_precision_is_executed(
     request_: MoveTo | FollowPath, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
@@ -211,7 +217,7 @@ def test_what_asks_for_no_heading_or_more_precision_is_executed(
 
 
 @pytest.mark.at_length
-def test_where_more_precision_is_asked_turn_then_drive_ends_there_in_truth(
+def test_for_more_precision_turn_then_drive_truly_ends_there(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     target = Waypoint(0.6, -0.9, 2.0, tolerance_m=0.02)
@@ -293,7 +299,7 @@ def test_while_a_plan_is_late_the_one_before_is_driven_on(
     assert [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS] == []
 
 
-def test_where_ticks_were_late_a_plan_leads_on_from_where_the_rover_came_to(
+def test_after_late_ticks_a_plan_continues_from_the_actual_pose(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     late = Late(solver, 0.04)
@@ -363,10 +369,10 @@ def test_two_runs_are_alike(tmp_path: Path) -> None:
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("miss", [None, 1.0])
-def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
+def test_without_usable_plans_turn_then_drive_continues_and_reports_it(
     miss: float | None, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
-    failing = Failing(solver, lambda asked: asked > 20, miss)
+    failing = Failing(solver, lambda requested: requested > 20, miss)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
     assert drive(lockstep, MoveTo(Waypoint(3.0, 2.0, 0.0))) is Stage.EXECUTED
     texts = [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS]
@@ -379,7 +385,7 @@ def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
 def test_a_few_ticks_without_an_answer_go_by_the_plan_before(
     solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
-    failing = Failing(solver, lambda asked: asked > 1 and asked % 4 != 0)
+    failing = Failing(solver, lambda requested: requested > 1 and requested % 4 != 0)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
     assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
     assert Stage.PROGRESS not in [each.stage for each in reports(lockstep)]

@@ -46,8 +46,8 @@ ROCK = KnownRock("boulder", 3.0, 0.0, 0.5)
 ASIDE = Waypoint(1.0, 1.0, pi / 2)
 
 
-def worked_out(executive: Executive, asked: Motion | PlanDefinition) -> Preview | Refusal:
-    run = executive.preview(asked)
+def worked_out(executive: Executive, requested: Motion | PlanDefinition) -> Preview | Refusal:
+    run = executive.preview(requested)
     if isinstance(run, Refusal):
         return run
     run.set_up()
@@ -57,14 +57,14 @@ def worked_out(executive: Executive, asked: Motion | PlanDefinition) -> Preview 
     return run.result
 
 
-def previewed(bench: Bench, asked: Motion | PlanDefinition) -> Preview:
-    found = worked_out(bench.executive, asked)
+def previewed(bench: Bench, requested: Motion | PlanDefinition) -> Preview:
+    found = worked_out(bench.executive, requested)
     assert isinstance(found, Preview), found
     return found
 
 
-def refused(bench: Bench, asked: Motion | PlanDefinition) -> Refusal:
-    found = worked_out(bench.executive, asked)
+def refused(bench: Bench, requested: Motion | PlanDefinition) -> Refusal:
+    found = worked_out(bench.executive, requested)
     assert isinstance(found, Refusal), found
     return found
 
@@ -81,29 +81,33 @@ def refused(bench: Bench, asked: Motion | PlanDefinition) -> Refusal:
         FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0, pi / 2), Waypoint(-1.0, 0.0))),
     ],
 )
-def test_it_tells_what_becomes_of_the_command(bench: Bench, motion: Motion) -> None:
-    told = previewed(bench, motion)
+def test_it_returns_the_result_of_the_command(bench: Bench, motion: Motion) -> None:
+    reported = previewed(bench, motion)
     began_s = bench.clock.now_s()
     bench.execute(motion, 1)
     pose = bench.executive.status.pose
-    assert told.duration_s == pytest.approx(bench.clock.now_s() - began_s, rel=0.05, abs=0.25)
-    assert pose.point.distance_m(told.end.point) <= told.within_m
-    assert abs(wrap_rad(pose.heading_rad - told.end.heading_rad)) <= told.within_rad
+    assert reported.duration_s == pytest.approx(bench.clock.now_s() - began_s, rel=0.05, abs=0.25)
+    assert pose.point.distance_m(reported.end.point) <= reported.within_m
+    assert abs(wrap_rad(pose.heading_rad - reported.end.heading_rad)) <= reported.within_rad
 
 
-def test_it_begins_where_motion_under_way_leads_and_leaves_all_alone(bench: Bench) -> None:
+def test_it_begins_at_the_end_of_active_motion_and_changes_nothing(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.run(1.0)
-    before = (len(bench.heard.reports), bench.executive.last_sequence, bench.executive.goal_count)
-    told = previewed(bench, MoveForward(1.0))
-    assert told.path[0].pose.x_m == pytest.approx(2.0, abs=0.05)
-    assert told.end.x_m == pytest.approx(3.0, abs=0.05)
-    after = (len(bench.heard.reports), bench.executive.last_sequence, bench.executive.goal_count)
+    before = (
+        len(bench.received.reports),
+        bench.executive.last_sequence,
+        bench.executive.goal_count,
+    )
+    reported = previewed(bench, MoveForward(1.0))
+    assert reported.path[0].pose.x_m == pytest.approx(2.0, abs=0.05)
+    assert reported.end.x_m == pytest.approx(3.0, abs=0.05)
+    after = (len(bench.received.reports), bench.executive.last_sequence, bench.executive.goal_count)
     assert after == before
     assert bench.executive.velocity != STANDING
 
 
-def test_neither_a_stop_nor_the_queue_keeps_it_out(bench: Bench) -> None:
+def test_neither_a_stop_nor_the_queue_prevents_it(bench: Bench) -> None:
     bench.submit(Stop(), 1)
     bench.run(1.0)
     assert previewed(bench, MoveForward(1.0)).length_m == pytest.approx(1.0, abs=0.05)
@@ -120,11 +124,13 @@ def test_it_goes_by_the_speeds_that_are_set(bench: Bench) -> None:
 
 @pytest.mark.at_length
 def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
-    told = previewed(bench, FollowPath(tuple(Waypoint(float(x % 2), 0.0) for x in range(1, 30))))
-    times_s = [each.time_s for each in told.path]
+    reported = previewed(
+        bench, FollowPath(tuple(Waypoint(float(x % 2), 0.0) for x in range(1, 30)))
+    )
+    times_s = [each.time_s for each in reported.path]
     assert times_s == sorted(set(times_s))
-    assert MAX_POSES / 2 < len(told.path) <= MAX_POSES
-    assert (times_s[0], times_s[-1]) == (0.0, told.duration_s)
+    assert MAX_POSES / 2 < len(reported.path) <= MAX_POSES
+    assert (times_s[0], times_s[-1]) == (0.0, reported.duration_s)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +145,7 @@ def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
         DriveFor(1.0, 0.0, 5.0),
     ],
 )
-def test_what_a_command_is_refused_for_refuses_the_preview(tmp_path: Path, motion: Motion) -> None:
+def test_a_refusal_of_a_command_refuses_the_preview(tmp_path: Path, motion: Motion) -> None:
     with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(ROCK,)))) as bench:
         # as texts: a refusal may name a figure that is no number, which equals nothing
         assert repr(refused(bench, motion)) == repr(bench.refusal(motion, 1))
@@ -152,7 +158,7 @@ def test_without_odometry_there_is_none(bench: Bench) -> None:
     assert refused(bench, plan(AHEAD)).reason is Reason.NO_ODOMETRY
 
 
-def test_what_an_uncertain_pose_refuses_is_refused(bench: Bench) -> None:
+def test_a_refusal_for_an_uncertain_pose_refuses_the_preview(bench: Bench) -> None:
     there = MoveTo(Waypoint(1.0, 0.0))
     bench.execute(ConfirmPose(0.5, 0.0), 1)
     assert refused(bench, there) == bench.refusal(there, 2)
@@ -171,7 +177,7 @@ def test_what_takes_too_long_is_refused(bench: Bench, monkeypatch: pytest.Monkey
     assert "duration exceeds 5 s" in found.text
 
 
-def test_the_clearance_is_that_of_the_nearest_on_the_way(tmp_path: Path) -> None:
+def test_the_clearance_is_that_of_the_nearest_along_the_path(tmp_path: Path) -> None:
     bed = KeepOut("bed", ((0.0, 3.0), (1.0, 3.0), (1.0, 4.0), (0.0, 4.0)))
     with Bench(tmp_path, replace(JACKAL, zones=Zones(keep_out=(bed,), rocks=(ROCK,)))) as bench:
         found = previewed(bench, MoveForward(1.5)).clearance
@@ -180,7 +186,7 @@ def test_the_clearance_is_that_of_the_nearest_on_the_way(tmp_path: Path) -> None
         assert found.least_m == pytest.approx(3.0 - 1.5 - 0.5 - 0.3335, abs=0.02)
 
 
-def test_a_way_around_is_previewed(tmp_path: Path) -> None:
+def test_a_detour_is_previewed(tmp_path: Path) -> None:
     with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(ROCK,)))) as bench:
         found = previewed(bench, MoveTo(Waypoint(6.0, 0.0)))
         assert found.clearance is not None
@@ -201,16 +207,16 @@ def test_a_plan_is_taken_step_by_step(bench: Bench) -> None:
         f'<RetryUntilSuccessful num_attempts="3">{BACK}</RetryUntilSuccessful>'
         '<takePicture deadline_s="9"/></Sequence>'
     )
-    told = previewed(bench, plan(body))
-    assert told.length_m == pytest.approx(4.0 + 2.0 + 1.0, abs=0.2)
-    assert told.turned_rad == pytest.approx(1.0, abs=0.1)
-    assert told.duration_s > 7.0 / 0.5
+    reported = previewed(bench, plan(body))
+    assert reported.length_m == pytest.approx(4.0 + 2.0 + 1.0, abs=0.2)
+    assert reported.turned_rad == pytest.approx(1.0, abs=0.1)
+    assert reported.duration_s > 7.0 / 0.5
     assert bench.executive.plans() == []
     assert bench.executive.status.travel_speed_mps == JACKAL.drive.travel_speed_mps
 
 
 @pytest.mark.parametrize(
-    ("body", "reason", "said"),
+    ("body", "reason", "message"),
     [
         ('<moveForward distance="4" deadline_s="2"/>', Reason.PLAN_DEADLINE, "exceeds 2 s"),
         (
@@ -227,16 +233,16 @@ def test_a_plan_is_taken_step_by_step(bench: Bench) -> None:
     ],
 )
 def test_a_plan_that_would_not_do_is_refused_by_its_step(
-    tmp_path: Path, body: str, reason: Reason, said: str
+    tmp_path: Path, body: str, reason: Reason, message: str
 ) -> None:
     rock = replace(ROCK, x_m=6.0)
     with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(rock,)))) as bench:
         found = refused(bench, plan(body))
         assert found.reason is reason
-        assert said in found.text
+        assert message in found.text
 
 
-def test_what_cannot_be_previewed_is_said(bench: Bench) -> None:
+def test_an_impossible_preview_is_reported(bench: Bench) -> None:
     assert "does not offer it" in refused(bench, MoveTo(ASIDE, Controller.MPC)).text
 
 
@@ -250,29 +256,29 @@ def test_what_cannot_be_previewed_is_said(bench: Bench) -> None:
         FollowPath((Waypoint(0.4, 0.0), Waypoint(0.4, 0.4))),
     ],
 )
-def test_what_mocup_carries_out_by_itself_takes_what_was_previewed(
+def test_a_delegated_motion_of_mocup_takes_its_previewed_time(
     tmp_path: Path, motion: Motion
 ) -> None:
     settings = load_settings("mocup")
     lockstep = LockStep(settings, World(), tmp_path)
     lockstep.run(0.5)
-    told = worked_out(lockstep.executive, motion)
-    assert isinstance(told, Preview)
+    reported = worked_out(lockstep.executive, motion)
+    assert isinstance(reported, Preview)
     lockstep.submit(Command(Identity("MOE", 1), motion, "direct"))
     lockstep.run_until(lambda: lockstep.executive.active_command is not None, 1.0)
     lockstep.run_until(lambda: lockstep.executive.active_command is None, 60.0)
     last = lockstep.downlink_record.reports[-1]
     assert last.stage is Stage.EXECUTED
     ended = {figure.name: figure.value for figure in last.figures}
-    assert ended["predicted duration"] == pytest.approx(told.duration_s)
-    assert ended["duration"] == pytest.approx(told.duration_s, rel=0.07)
+    assert ended["predicted duration"] == pytest.approx(reported.duration_s)
+    assert ended["duration"] == pytest.approx(reported.duration_s, rel=0.07)
     seen = lockstep.executive.status.pose
-    assert seen.point.distance_m(told.end.point) < 0.03
-    assert abs(wrap_rad(seen.heading_rad - told.end.heading_rad)) < 0.05
+    assert seen.point.distance_m(reported.end.point) < 0.03
+    assert abs(wrap_rad(seen.heading_rad - reported.end.heading_rad)) < 0.05
     lockstep.executive.simulate_crash()
 
 
-SMOOTH = replace(JACKAL, mpc=replace(JACKAL.mpc, offered=True))
+SMOOTH = replace(JACKAL, mpc=replace(JACKAL.mpc, selectable=True))
 BY_MPC = '<moveTo x="1" y="0" controller="mpc" deadline_s="{}"/>'
 
 
@@ -291,7 +297,7 @@ def solver() -> SharedSolver:
         (Controller.MPC, MoveTo(Waypoint(2.0, 1.0, tolerance_m=0.01))),
     ],
 )
-def test_what_mpc_drives_takes_what_was_previewed(
+def test_a_motion_by_mpc_takes_its_previewed_time(
     own: Controller, motion: MoveTo | FollowPath, tmp_path: Path, solver: SharedSolver
 ) -> None:
     settings = replace(SMOOTH, controller=own)
@@ -309,8 +315,8 @@ def test_what_mpc_drives_takes_what_was_previewed(
     assert lockstep.run_until(lambda: last[-1].stage is Stage.EXECUTED, 60.0)
     assert lockstep.time_s - began_s == pytest.approx(found.duration_s, rel=0.05, abs=0.1)
     assert lockstep.executive.status.pose.point.distance_m(found.end.point) < found.within_m + 0.01
-    told = [each for each in last if "predicted:" in each.text]
-    assert [f"{found.duration_s:.1f} s" in each.text for each in told] == [True]
+    reported = [each for each in last if "predicted:" in each.text]
+    assert [f"{found.duration_s:.1f} s" in each.text for each in reported] == [True]
     lockstep.executive.simulate_crash()
 
 
@@ -370,18 +376,23 @@ def test_the_base_turns_about_its_control_point() -> None:
     assert base.pose.ahead(ahead_m).x_m == pytest.approx(ahead_m)
 
 
-def test_energy_is_told_where_the_settings_say_what_motion_takes(tmp_path: Path) -> None:
+def test_energy_is_predicted_if_the_settings_have_the_power_of_motion(tmp_path: Path) -> None:
     takes = PredictionSettings(standing_w=20.0, travel_j_per_m=40.0, rotate_j_per_rad=30.0)
     with Bench(tmp_path, replace(JACKAL, prediction=takes)) as bench:
-        told = previewed(bench, MoveForward(2.0))
-        assert told.energy_j == pytest.approx(20.0 * told.duration_s + 40.0 * 2.0, rel=0.05)
+        reported = previewed(bench, MoveForward(2.0))
+        assert reported.energy_j == pytest.approx(20.0 * reported.duration_s + 40.0 * 2.0, rel=0.05)
     with Bench(tmp_path, replace(JACKAL, prediction=PredictionSettings(), battery=None)) as bench:
         assert previewed(bench, MoveForward(2.0)).energy_j is None
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("place_m", 0.0), ("place_m_per_m", -0.1), ("standing_w", -3.0), ("travel_j_per_m", 1e12)],
+    [
+        ("position_m", 0.0),
+        ("position_m_per_m", -0.1),
+        ("standing_w", -3.0),
+        ("travel_j_per_m", 1e12),
+    ],
 )
 def test_a_figure_that_cannot_be_is_refused(key: str, value: float) -> None:
     with pytest.raises(SettingsError, match=key):

@@ -23,7 +23,7 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.commands.lifecycle import Refused, Repeated
+from executive.commands.lifecycle import Duplicate, Rejected
 from executive.core.runner import Executive
 from executive.record import PRUNED, LedgerRetention
 from executive.record.retention import FOREIGN_SHARE, Range, merge_ranges
@@ -32,7 +32,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import TERMINAL, Identity, PlanStatus, ReportKind, Stage
 from tests.support.plans import PlanBench, plan
 
-KEPT = 12
+RETAINED = 12
 AT_ONCE = 4
 
 RANGES = st.lists(
@@ -45,14 +45,14 @@ class Forgetful(PlanBench):
 
     def _start(self) -> Executive:
         executive = super()._start()
-        executive.retention = LedgerRetention(self.ledger, KEPT, AT_ONCE)
+        executive.retention = LedgerRetention(self.ledger, RETAINED, AT_ONCE)
         return executive
 
     @property
     def stopped(self) -> bool:
         return self.executive.mode is Mode.STOPPED
 
-    def kept(self) -> list[int]:
+    def stored(self) -> list[int]:
         return [report.sequence for report in self.ledger.reports()]
 
     def known(self, number: int) -> bytes | None:
@@ -71,7 +71,7 @@ def held(ranges: list[Range]) -> set[int]:
 
 @pytest.mark.at_length
 @given(RANGES)
-def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> None:
+def test_ranges_hold_exactly_their_added_numbers(ranges: list[Range]) -> None:
     found = list(merge_ranges(ranges))
     assert held(found) == held(ranges)
     assert all(first <= last for first, last in found)
@@ -95,7 +95,7 @@ CRASH = st.just(None)
 @pytest.mark.at_length
 @given(st.lists(st.one_of(COMMANDS, COMMANDS, COMMANDS, CRASH), min_size=10, max_size=50))
 @settings(max_examples=12)
-def test_nothing_is_taken_twice_however_little_is_kept(
+def test_nothing_is_accepted_twice_for_any_retention(
     acts: list[tuple[int, Request, int] | None],
 ) -> None:
     with TemporaryDirectory() as folder, Forgetful(Path(folder)) as bench:
@@ -113,48 +113,48 @@ def test_nothing_is_taken_twice_however_little_is_kept(
             if isinstance(request, Stop):
                 assert bench.stopped
             if number in taken:
-                assert isinstance(answer, Repeated) or (
-                    isinstance(answer, Refused) and answer.refusal.reason is Reason.DUPLICATE
+                assert isinstance(answer, Duplicate) or (
+                    isinstance(answer, Rejected) and answer.refusal.reason is Reason.DUPLICATE
                 )
             else:
-                assert not isinstance(answer, Repeated)
+                assert not isinstance(answer, Duplicate)
                 assert bench.known(number) not in (None, PRUNED)
             taken.add(number)
             for _ in range(steps):
                 bench.step()
-            look(bench)
+            poll(bench)
         bench.run(3.0)
-        look(bench)
-        assert len(bench.kept()) <= KEPT + AT_ONCE + KEPT // FOREIGN_SHARE + AT_ONCE
+        poll(bench)
+        assert len(bench.stored()) <= RETAINED + AT_ONCE + RETAINED // FOREIGN_SHARE + AT_ONCE
         bench.crash()
         for number in range(1, 41):
             assert (bench.known(number) is not None) == (number in taken)
 
 
-def look(bench: Forgetful) -> None:
+def poll(bench: Forgetful) -> None:
     """Check what holds at any time."""
-    told = {report.sequence: report for report in bench.heard.reports}.values()
-    ends = Counter(r.identity for r in told if r.stage in TERMINAL)
+    reported = {report.sequence: report for report in bench.received.reports}.values()
+    ends = Counter(r.identity for r in reported if r.stage in TERMINAL)
     assert set(ends.values()) <= {1}
-    kept, numbers = bench.kept(), [report.sequence for report in bench.heard.reports]
+    stored, numbers = bench.stored(), [report.sequence for report in bench.received.reports]
     assert set(numbers) == set(range(1, bench.ledger.last_sequence + 1))
     foreign = [row[0] for row in bench.ledger.rows("SELECT sequence FROM foreign_reports")]
-    own = len(kept) - len(foreign)
-    assert own >= min(KEPT, sum(report.kind is ReportKind.COMMAND for report in told))
-    assert len(foreign) <= KEPT // FOREIGN_SHARE + AT_ONCE
+    own = len(stored) - len(foreign)
+    assert own >= min(RETAINED, sum(report.kind is ReportKind.COMMAND for report in reported))
+    assert len(foreign) <= RETAINED // FOREIGN_SHARE + AT_ONCE
 
 
 def test_a_record_too_short_to_catch_up_from_is_refused(tmp_path: Path) -> None:
     jackal = (config_folder() / "jackal.yaml").read_text()
     short = tmp_path / "short.yaml"
-    short.write_text(jackal.replace("kept_reports: 100000", "kept_reports: 999"))
-    with pytest.raises(SettingsError, match="kept_reports is 999: at least 1000"):
+    short.write_text(jackal.replace("retained_reports: 100000", "retained_reports: 999"))
+    with pytest.raises(SettingsError, match="retained_reports is 999: at least 1000"):
         load_settings(str(short))
 
 
 def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Forgetful) -> None:
     bench.submit(SetTravelSpeed(0.5), 1)
-    assert isinstance(bench.submit(SetTravelSpeed(0.5), 1), Repeated)
+    assert isinstance(bench.submit(SetTravelSpeed(0.5), 1), Duplicate)
     for number in range(2, 20):
         bench.submit(SetTravelSpeed(0.4), number)
         bench.step()
@@ -164,16 +164,16 @@ def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Fo
     assert bench.executive.status.travel_speed_mps == 0.4
 
 
-def test_a_life_under_way_is_kept_whole(bench: Forgetful) -> None:
+def test_an_active_command_is_retained_completely(bench: Forgetful) -> None:
     bench.submit(MoveForward(8.0), 1)
     for number in range(2, 60):
         bench.submit(SetTravelSpeed(0.4), number)
         bench.step()
-    assert bench.kept()[0] == 1
-    assert isinstance(bench.submit(MoveForward(8.0), 1), Repeated)
+    assert bench.stored()[0] == 1
+    assert isinstance(bench.submit(MoveForward(8.0), 1), Duplicate)
     assert bench.finish(1) is Stage.EXECUTED
     bench.run(10.0)
-    assert len(bench.kept()) < KEPT + AT_ONCE
+    assert len(bench.stored()) < RETAINED + AT_ONCE
 
 
 def test_a_plan_knows_its_steps_without_their_commands(bench: Forgetful) -> None:
@@ -185,13 +185,13 @@ def test_a_plan_knows_its_steps_without_their_commands(bench: Forgetful) -> None
     assert bench.ledger.digest_of(Identity("plan:survey", 1)) == PRUNED
     bench.crash()
     bench.step()
-    bench.ask(ResumePlan("survey"))
+    bench.request(ResumePlan("survey"))
     assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED
     assert [number for number, _ in bench.commanded()] == list(range(1, 33))
 
 
 @pytest.mark.at_length
-def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None:
+def test_the_file_does_not_grow_with_forgotten_reports(bench: Forgetful) -> None:
     def pages(commands: range) -> int:
         for number in commands:
             bench.submit(SetTravelSpeed(0.4), number)
@@ -211,7 +211,7 @@ def test_a_refused_command_leaves_only_its_reason(request_: Request, bench: Forg
     assert bench.last(7).stage is Stage.REJECTED
     ((body,),) = bench.ledger.rows("SELECT request FROM commands WHERE command_id = 7")
     assert body == ""
-    assert isinstance(bench.submit(request_, 7), Repeated)
+    assert isinstance(bench.submit(request_, 7), Duplicate)
     ((before,),) = bench.ledger.rows("PRAGMA page_count")
     for number in range(8, 20):
         bench.submit(request_, number)

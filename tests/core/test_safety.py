@@ -7,25 +7,25 @@ import pytest
 from py_trees.common import Status
 
 from executive.commands import Mode, MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
-from executive.commands.lifecycle import Admitted, Refused
+from executive.commands.lifecycle import Accepted, Rejected
 from executive.goals import Context
 from executive.values.facts import Battery, Odometry
 from executive.values.geometry import STANDING, Pose
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
-from tests.support.kinematic import WHOLE_LIFE, Bench, ignoring
+from tests.support.kinematic import ALL_STAGES, Bench, ignoring
 from trees import RoverTree
 from trees.motion import Drive
 
 
-def test_a_stop_sends_zero_before_anything_else_and_ends_all(bench: Bench) -> None:
+def test_a_stop_sends_zero_first_and_ends_all(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.submit(MoveForward(1.0), 2)
     bench.submit(SetCameraAngles(2.0, 0.0), 3)
     bench.run(2.0)
     assert bench.rover.velocity.travel_mps > 0.9
-    assert isinstance(bench.submit(Stop(), 9), Admitted)
+    assert isinstance(bench.submit(Stop(), 9), Accepted)
     assert bench.rover.velocity == STANDING
     assert bench.executive.mode is Mode.STOPPED
     assert bench.finish(9) is Stage.EXECUTED
@@ -42,7 +42,7 @@ def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
     assert set(bench.rover.sent) == {STANDING}
     assert "MOE:1" in bench.executive.why
     bench.submit(Resume(), 3)
-    assert bench.stages(3) == WHOLE_LIFE
+    assert bench.stages(3) == ALL_STAGES
     bench.execute(MoveForward(1.0), 4)
 
 
@@ -57,7 +57,7 @@ def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
     assert bench.refusal(Resume(), 2).reason is Reason.CAUSE_PERSISTS
     bench.odometry = True
     bench.run(0.1)
-    assert isinstance(bench.submit(Resume(), 3), Admitted)
+    assert isinstance(bench.submit(Resume(), 3), Accepted)
 
 
 def test_a_jump_of_the_odometry_is_not_followed(bench: Bench) -> None:
@@ -85,14 +85,14 @@ def test_leaning_and_a_low_battery_make_the_rover_safe(bench: Bench) -> None:
     bench.rover.pose = replace(bench.rover.pose, roll_rad=0.6)
     bench.executive.observe(Odometry(0.0, bench.rover.pose, bench.rover.velocity))
     bench.executive.tick()
-    assert bench.last(1).reason is Reason.TILTED
+    assert bench.last(1).reason is Reason.TILT_LIMIT
     bench.rover.pose = replace(bench.rover.pose, roll_rad=0.0)
     bench.run(0.1)
     bench.submit(Resume(), 2)
     bench.executive.observe(Battery(20.0))
     bench.executive.tick()
     assert bench.executive.mode is Mode.SAFE
-    assert bench.heard.reports[-1].reason is Reason.BATTERY_LOW
+    assert bench.received.reports[-1].reason is Reason.BATTERY_LOW
 
 
 class Exploding(RoverTree):
@@ -139,15 +139,15 @@ def test_without_a_ledger_only_a_stop_works(bench: Bench) -> None:
     assert bench.refusal(MoveForward(1.0), 2).reason is Reason.LEDGER_FAILED
     assert bench.rover.velocity == STANDING
     assert bench.executive.mode is Mode.SAFE
-    place = bench.rover.pose
+    position = bench.rover.pose
     bench.submit(Stop(), 3)
     bench.run(1.0)
-    assert bench.rover.pose == place
+    assert bench.rover.pose == position
     bench.fill_disk(False)
     bench.run(0.1)
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.stages(2)[-1].terminal
-    sequences = [report.sequence for report in bench.heard.reports]
+    sequences = [report.sequence for report in bench.received.reports]
     assert sequences == list(range(1, len(sequences) + 1))
 
 
@@ -160,7 +160,7 @@ def test_without_a_ledger_no_camera_moves_and_nothing_gathers(bench: Bench) -> N
     later.append(bench.submit(Resume(), 20))
     bench.run(0.5)
     assert pan == later[0] == later[-1]
-    assert isinstance(pan, Refused)
+    assert isinstance(pan, Rejected)
     assert pan.refusal.reason is Reason.LEDGER_FAILED
     assert bench.rover.angles.pan_rad == 0.0
     assert bench.executive.status.travel_speed_mps == bench.settings.drive.travel_speed_mps
@@ -169,12 +169,12 @@ def test_without_a_ledger_no_camera_moves_and_nothing_gathers(bench: Bench) -> N
     bench.fill_disk(False)
     bench.run(0.1)
     assert bench.stages(1)[-1] is Stage.CANCELLED
-    assert isinstance(bench.submit(Resume(), 21), Admitted)
+    assert isinstance(bench.submit(Resume(), 21), Accepted)
     bench.execute(SetCameraAngles(1.0, 0.0), 22)
 
 
 @pytest.mark.at_length
-def test_a_rover_that_comes_on_too_slowly_fails_by_its_deadline(
+def test_a_rover_that_advances_too_slowly_fails_by_its_deadline(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Bench(tmp_path, ignoring("odometry_off_twist")) as bench:
@@ -188,7 +188,7 @@ def test_a_rover_that_comes_on_too_slowly_fails_by_its_deadline(
         assert bench.rover.velocity == STANDING
 
 
-def test_the_executive_keeps_silent_when_idle_so_that_a_joystick_may_drive(bench: Bench) -> None:
+def test_the_executive_is_silent_when_idle_so_that_a_joystick_may_drive(bench: Bench) -> None:
     bench.execute(MoveForward(0.5), 1)
     bench.run(1.0)
     sent = len(bench.rover.sent)
@@ -199,7 +199,7 @@ def test_the_executive_keeps_silent_when_idle_so_that_a_joystick_may_drive(bench
     assert len(bench.rover.sent) > sent + 15
 
 
-def test_closing_stands_and_leaves_no_command_open(bench: Bench) -> None:
+def test_closing_halts_and_leaves_no_command_open(bench: Bench) -> None:
     bench.drive_on()
     bench.executive.close()
     assert bench.rover.velocity == STANDING
@@ -216,7 +216,7 @@ def test_without_a_ledger_it_ends_all_the_same(bench: Bench) -> None:
     assert bench.last(1).reason is Reason.INTERRUPTED
 
 
-def test_what_old_odometry_says_is_not_known(bench: Bench) -> None:
+def test_a_value_of_old_odometry_is_unknown(bench: Bench) -> None:
     bench.run(0.2)
     bench.odometry = False
     bench.run(1.0)
@@ -225,11 +225,11 @@ def test_what_old_odometry_says_is_not_known(bench: Bench) -> None:
     assert Parameter.BATERY_VOLTAGE not in unknown
 
 
-def test_safe_says_when_its_cause_is_over(bench: Bench) -> None:
+def test_safe_reports_the_end_of_its_cause(bench: Bench) -> None:
     bench.drive_on()
     bench.odometry = False
     bench.run(1.0)
-    assert bench.executive.why.endswith("resume when that is mended")
+    assert bench.executive.why.endswith("clear the cause, then send resume")
     bench.odometry = True
     bench.run(0.5)
-    assert bench.executive.why.endswith("that is over: resume to go on")
+    assert bench.executive.why.endswith("the cause is cleared: send resume")

@@ -32,7 +32,7 @@ def with_second_odometry(fused: bool = False) -> Settings:
     return replace(jackal, sensors=replace(jackal.sensors, second_odometry=second))
 
 
-def seen_from_elsewhere(pose: Pose) -> Pose:
+def seen_from_other_origin(pose: Pose) -> Pose:
     x_m, y_m = pose.x_m - 3.0, pose.y_m + 1.0
     return Pose(
         x_m * cos(TURNED_RAD) - y_m * sin(TURNED_RAD),
@@ -99,7 +99,7 @@ class SeeingBench(Bench):
         if ticks % round(PERIOD_S / STEP_S) == 0:
             pose = self.seen(self.rover.pose)
             if pose is not None:
-                self._frames.append(SecondOdometry(now_s, seen_from_elsewhere(pose)))
+                self._frames.append(SecondOdometry(now_s, seen_from_other_origin(pose)))
         while self._frames and self._frames[0].stamp_s <= now_s - LATE_S + 1e-9:
             frame = self._frames.pop(0)
             for each in (frame, frame, *self._last) if self.again else (frame,):
@@ -129,14 +129,14 @@ def test_a_motion_ends_executed_once_a_frame_taken_after_it_agrees(
     seeing: SeeingBench, request_: MoveTo
 ) -> None:
     seeing.submit(request_, 1)
-    stood_s = None
+    standstill_s = None
     while not seeing.stages(1)[-1].terminal:
         seeing.step()
         if seeing.rover.velocity != STANDING:
-            stood_s = seeing.clock.now_s()
-    assert stood_s is not None
+            standstill_s = seeing.clock.now_s()
+    assert standstill_s is not None
     assert seeing.stages(1)[-1] is Stage.EXECUTED
-    assert LATE_S <= seeing.clock.now_s() - stood_s <= LATE_S + PERIOD_S + 0.3
+    assert LATE_S <= seeing.clock.now_s() - standstill_s <= LATE_S + PERIOD_S + 0.3
     assert "by odometry and second odometry" in seeing.last(1).text
     figures = {figure.name: figure.value for figure in seeing.last(1).figures}
     assert figures["odometries apart"] < 0.02
@@ -163,7 +163,7 @@ def test_a_motion_that_slipped_slowly_is_not_confirmed(
 
 
 @pytest.mark.at_length
-def test_a_motion_of_which_no_frame_tells_is_not_verified(seeing: SeeingBench) -> None:
+def test_a_motion_without_frames_is_not_verified(seeing: SeeingBench) -> None:
     seeing.submit(MoveForward(1.0), 1)
     seeing.run(1.0)
     seeing.seen = lambda _: None
@@ -191,7 +191,7 @@ def test_a_motion_waits_for_a_first_frame_before_it_begins(tmp_path: Path) -> No
         assert "no second-odometry frame before the motion" in bench.last(2).text
 
 
-def test_on_a_slope_it_comes_to_where_it_is_sent_however_often_frames_come(tmp_path: Path) -> None:
+def test_on_a_slope_it_reaches_its_target_at_any_frame_rate(tmp_path: Path) -> None:
     ends = []
     for name, again in (("once", False), ("again", True)):
         (tmp_path / name).mkdir()
@@ -214,9 +214,7 @@ def test_on_a_slope_it_comes_to_where_it_is_sent_however_often_frames_come(tmp_p
 
 
 @pytest.mark.parametrize("fused", [False, True])
-def test_where_the_odometry_begins_anew_frames_of_before_it_tell_nothing(
-    tmp_path: Path, fused: bool
-) -> None:
+def test_frames_before_a_reset_of_the_odometry_are_ignored(tmp_path: Path, fused: bool) -> None:
     with SeeingBench(tmp_path, with_second_odometry(fused)) as bench:
         bench.run(3.0)
         pose = bench.rover.pose
@@ -240,7 +238,7 @@ class Track:
         self.lean = lean or Pose()
         self.wheels = self.true = Pose()
         self.steps = 0
-        self.longest_m = 0.0
+        self.max_m = 0.0
         self.noise_m = 0.0
         self.frames: list[SecondOdometry] = []
         self.go(1.0, STANDING)
@@ -257,8 +255,8 @@ class Track:
             self.steps += 1
             stamp_s = self.steps * 0.02
             heading_rad = self.wheels.heading_rad + velocity.rotate_radps * 0.02
-            way_m = velocity.travel_mps * 0.02
-            x_m, y_m = way_m * cos(heading_rad), way_m * sin(heading_rad)
+            distance_m = velocity.travel_mps * 0.02
+            x_m, y_m = distance_m * cos(heading_rad), distance_m * sin(heading_rad)
             slid_m = slide_m_per_rad * abs(velocity.rotate_radps) * 0.02
             heading_rad = wrap_rad(heading_rad)
             wheels = Pose(self.wheels.x_m + x_m, self.wheels.y_m + y_m, heading_rad=heading_rad)
@@ -269,15 +267,15 @@ class Track:
                 heading_rad=heading_rad,
             )
             before = self.fusion.pose
-            self.fusion.odometry(Odometry(stamp_s, self.wheels, velocity))
+            self.fusion.add_odometry(Odometry(stamp_s, self.wheels, velocity))
             moved_m = hypot(self.fusion.pose.x_m - before.x_m, self.fusion.pose.y_m - before.y_m)
-            self.longest_m = max(self.longest_m, moved_m)
+            self.max_m = max(self.max_m, moved_m)
             if self.steps % 25 == 0:
                 sign = 1 if self.steps % 50 else -1
                 seen = replace(self.true, x_m=self.true.x_m + sign * self.noise_m)
-                self.frames.append(SecondOdometry(stamp_s, seen_from_elsewhere(seen)))
+                self.frames.append(SecondOdometry(stamp_s, seen_from_other_origin(seen)))
             if self.frames and self.frames[0].stamp_s <= stamp_s - LATE_S:
-                self.fusion.second_odometry(self.frames.pop(0))
+                self.fusion.add_second_odometry(self.frames.pop(0))
 
     @property
     def off_m(self) -> float:
@@ -291,14 +289,14 @@ class Track:
     )
 )
 @settings(max_examples=30, deadline=None)
-def test_what_is_not_fused_is_the_odometry_bit_by_bit(
+def test_without_fusion_it_is_the_odometry_bit_by_bit(
     poses: list[tuple[float, float, float]],
 ) -> None:
     fusion = PoseFusion(fused=False)
     for number, (x_m, y_m, heading_rad) in enumerate(poses):
         pose = Pose(x_m, y_m, heading_rad=heading_rad)
-        fusion.odometry(Odometry(number * 0.1, pose, STANDING))
-        fusion.second_odometry(SecondOdometry(number * 0.1, Pose(y_m, x_m)))
+        fusion.add_odometry(Odometry(number * 0.1, pose, STANDING))
+        fusion.add_second_odometry(SecondOdometry(number * 0.1, Pose(y_m, x_m)))
         assert fusion.pose == pose
 
 
@@ -309,13 +307,13 @@ def test_on_level_ground_noise_corrects_nothing() -> None:
     assert track.off_m < 0.004
 
 
-def test_a_slide_on_a_slope_is_taken_over_in_small_steps() -> None:
+def test_a_slide_on_a_slope_is_corrected_in_small_steps() -> None:
     track = Track(lean=Pose(pitch_rad=radians(10)))
     track.go(4.0, Velocity(0.5, 0.0), slide_mps=(0.0, -0.08))
     track.go(1.5, STANDING)
     assert track.wheels.point.distance_m(track.true.point) > 0.3
     assert track.off_m < 0.03
-    assert track.longest_m <= STEP_M + 0.5 * 0.02 + 1e-9
+    assert track.max_m <= STEP_M + 0.5 * 0.02 + 1e-9
 
 
 def test_a_slow_creep_while_standing_adds_up() -> None:
@@ -324,7 +322,7 @@ def test_a_slow_creep_while_standing_adds_up() -> None:
     assert track.off_m < 0.03
 
 
-def test_what_nothing_explains_is_taken_over_on_level_ground_too() -> None:
+def test_an_unexplained_difference_is_corrected_on_level_ground_too() -> None:
     track = Track()
     track.go(3.0, Velocity(0.2, 0.0))
     track.go(1.0, STANDING, slide_mps=(0.0, 0.5))

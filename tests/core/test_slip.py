@@ -50,7 +50,7 @@ def test_braking_in_a_curve_moves_further_outward() -> None:
     assert pose.y_m == pytest.approx(-0.05)
 
 
-def test_braking_in_a_turn_goes_further_than_the_wheels_say() -> None:
+def test_braking_in_a_turn_covers_more_than_the_wheels_measure() -> None:
     braking = [Velocity(1.0 - PERIOD_S * number, -1.0) for number in range(51)]
     pose = moved(SlipCorrection(SlipSettings(creep_s2=0.03), NONE), braking)
     assert (pose.x_m, pose.y_m) == pytest.approx((0.03, 0.0))
@@ -71,7 +71,7 @@ def test_it_is_added_across_the_heading() -> None:
     assert pose.heading_rad == pi / 2
 
 
-def test_odometry_that_repeats_or_comes_after_a_gap_adds_nothing() -> None:
+def test_repeated_odometry_and_odometry_after_a_gap_add_nothing() -> None:
     correction = SlipCorrection(SlipSettings(offset_m=0.1), NONE)
     for stamp_s in (0.0, 0.0, 2 * MAX_GAP_S, MAX_GAP_S):
         fact = Odometry(stamp_s, Pose(), Velocity(0.0, 1.0))

@@ -43,7 +43,7 @@ def read(zones: dict[str, Any]) -> Zones:
 
 
 @pytest.mark.parametrize(
-    ("zone", "said"),
+    ("zone", "message"),
     [
         ([[0, 0], [1, 0]], "zone 'bed' has 2 corners, not 3 .. 100"),
         ([[0, 0], [1, 1], [1, 0], [0, 1]], "zone 'bed' intersects itself: the side from [0, 0] to"),
@@ -57,16 +57,16 @@ def read(zones: dict[str, Any]) -> Zones:
         ),
     ],
 )
-def test_a_zone_that_is_none_is_refused(zone: list[Any], said: str) -> None:
+def test_a_zone_that_is_none_is_refused(zone: list[Any], message: str) -> None:
     with pytest.raises(SettingsError, match="keep_out") as refused:
         read({"keep_out": [{"name": "bed", "corners_m": zone}]})
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_names_and_sizes_are_checked() -> None:
     rock = {"name": "a", "x_m": 1, "y_m": 1, "radius_m": 0.1}
     bed = {"name": "a", "corners_m": [[0, 0], [1, 0], [0, 1]]}
-    for wrong, said in (
+    for wrong, message in (
         ({"rocks": [rock], "keep_out": [bed]}, "'a' names two zones or rocks"),
         ({"rocks": [rock | {"radius_m": 0}]}, "radius_m 0 is not above 0"),
         ({"rocks": [rock | {"name": " "}]}, "' ' is not a valid name"),
@@ -76,7 +76,7 @@ def test_names_and_sizes_are_checked() -> None:
     ):
         with pytest.raises(SettingsError) as refused:
             read(wrong)
-        assert said in str(refused.value)
+        assert message in str(refused.value)
     with pytest.raises(ValueError, match="zones need footprint"):
         replace(load_settings("jackal"), footprint=None, zones=Zones(rocks=(ROCK,)))
 
@@ -93,12 +93,12 @@ def test_names_and_sizes_are_checked() -> None:
     ],
 )
 def test_how_far_a_line_is_from_a_polygon(line: Any, outside_m: float) -> None:
-    start, end = (Point(*place) for place in line)
+    start, end = (Point(*position) for position in line)
     assert KeepOut("a", SQUARE).clearance_m(start, end) == pytest.approx(outside_m)
     assert KeepIn("a", SQUARE).clearance_m(start, end) == pytest.approx(-outside_m)
 
 
-PLACES = st.builds(Point, st.floats(-4, 4), st.floats(-4, 4))
+POINTS = st.builds(Point, st.floats(-4, 4), st.floats(-4, 4))
 SHAPES = st.sampled_from(
     [
         KeepOut("a", SQUARE),
@@ -109,8 +109,8 @@ SHAPES = st.sampled_from(
 
 
 @pytest.mark.at_length
-@given(shape=SHAPES, path=st.lists(PLACES, min_size=2, max_size=4))
-def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -> None:
+@given(shape=SHAPES, path=st.lists(POINTS, min_size=2, max_size=4))
+def test_an_accepted_motion_respects_the_distance(shape: Any, path: list[Point]) -> None:
     kinds: Any = {KeepOut: "keep_out", KeepIn: "keep_in", KnownRock: "rocks"}
     zones: Any = {kinds[type(shape)]: (shape,)}
     met = Zones(**zones).encounter(path, 0.3, 0.1)
@@ -120,7 +120,7 @@ def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -
         for a, b in pairwise(path)
         for part in (step / 40 for step in range(41))
     ]
-    nearest_m = min(shape.clearance_m(place, place) for place in along)
+    nearest_m = min(shape.clearance_m(position, position) for position in along)
     if met is None:
         assert nearest_m >= min(0.4, begin_m) - 0.08
     else:
@@ -130,7 +130,7 @@ def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -
 
 @given(travel=st.floats(-1, 1), rotate=st.floats(-1.5, 1.5), lasts=st.floats(0.1, 60))
 def test_an_arc_ends_where_many_small_steps_end(travel: float, rotate: float, lasts: float) -> None:
-    places, end = arc(Pose(1.0, 2.0, heading_rad=0.5), Velocity(travel, rotate), lasts)
+    positions, end = arc(Pose(1.0, 2.0, heading_rad=0.5), Velocity(travel, rotate), lasts)
     x_m, y_m, heading_rad, steps = 1.0, 2.0, 0.5, 500
     for _ in range(steps):
         heading_rad += rotate * lasts / steps / 2
@@ -139,7 +139,7 @@ def test_an_arc_ends_where_many_small_steps_end(travel: float, rotate: float, la
         heading_rad += rotate * lasts / steps / 2
     assert end.point.distance_m(Point(x_m, y_m)) < 0.02
     if abs(rotate * lasts) <= 2 * pi:
-        assert places[-1].distance_m(end.point) < 1e-6
+        assert positions[-1].distance_m(end.point) < 1e-6
 
 
 @pytest.fixture
@@ -150,7 +150,7 @@ def zoned(tmp_path: Path) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize(
-    ("request_", "way_m", "obstacle"),
+    ("request_", "distance_m", "obstacle"),
     [
         (MoveForward(5.0), 2.07, "rock 'boulder'"),
         (MoveTo(Waypoint(2.2, 0.0)), 2.07, "rock 'boulder'"),
@@ -161,18 +161,18 @@ def zoned(tmp_path: Path) -> Iterator[Bench]:
     ],
 )
 def test_a_motion_too_near_is_refused_by_name_and_distance(
-    zoned: Bench, request_: Request, way_m: float | None, obstacle: str
+    zoned: Bench, request_: Request, distance_m: float | None, obstacle: str
 ) -> None:
     refusal = zoned.refusal(request_, 1)
     assert refusal.reason is Reason.PATH_BLOCKED
     assert refusal.text.startswith(f"path blocked by {obstacle}: after ")
     assert [figure.name for figure in refusal.figures] == ["way", "gap", "bound"]
-    if way_m is not None:
-        assert refusal.figures[0].value == pytest.approx(way_m, abs=0.1)
+    if distance_m is not None:
+        assert refusal.figures[0].value == pytest.approx(distance_m, abs=0.1)
 
 
 @pytest.mark.at_length
-def test_a_motion_that_leaves_room_is_carried_out(zoned: Bench) -> None:
+def test_a_motion_with_enough_clearance_is_executed(zoned: Bench) -> None:
     zoned.execute(MoveForward(2.0), 1)
     zoned.execute(RotateTo(pi / 2), 2)
     zoned.execute(DriveFor(0.5, 0.3, 2.0), 3)
@@ -192,7 +192,7 @@ def test_what_waits_is_judged_from_where_the_rover_will_be(zoned: Bench) -> None
     assert "bed" in str(replaced)
 
 
-def test_what_began_elsewhere_than_expected_is_judged_again(zoned: Bench) -> None:
+def test_a_motion_that_began_at_another_pose_is_judged_again(zoned: Bench) -> None:
     zoned.submit(RotateBy(0.1), 1)
     zoned.submit(MoveForward(2.0), 2)
     zoned.run(0.1)
@@ -203,7 +203,7 @@ def test_what_began_elsewhere_than_expected_is_judged_again(zoned: Bench) -> Non
 
 
 @pytest.mark.at_length
-def test_a_rover_that_stands_too_near_may_leave_but_not_come_nearer(zoned: Bench) -> None:
+def test_a_rover_too_near_may_leave_but_not_approach(zoned: Bench) -> None:
     zoned.rover.pose = Pose(2.3, 0.0)
     zoned.run(0.1)
     zoned.submit(Resume(), 1)

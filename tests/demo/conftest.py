@@ -35,7 +35,7 @@ class Demo:
 
     def __init__(self, folder: Path, config: Path, *arguments: str) -> None:
         self.folder = folder
-        self._said = ""
+        self._output = ""
         self._mark = uuid.uuid4().hex
         self.process = subprocess.Popen(
             [ROVER, "demo", "--out", folder, *arguments],
@@ -50,14 +50,14 @@ class Demo:
             },
         )
 
-    def wait_for(self, words: str) -> str:
+    def wait_for(self, labels: str) -> str:
         """Read until these words were said, and return all that was."""
         assert self.process.stdout is not None
-        while words not in self._said:
+        while labels not in self._output:
             line = self.process.stdout.readline()
-            assert line, f"{words!r} was never said:\n{self._said}"
-            self._said += line
-        return self._said
+            assert line, f"{labels!r} was never said:\n{self._output}"
+            self._output += line
+        return self._output
 
     def end(self) -> tuple[int, str]:
         """Wait for the end and return the exit status and the rest of the output."""
@@ -120,7 +120,7 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal"),
+        play("jackal", "--speed", "1.5"),
         play("mocup", "--mocup", "--speed", "1.5", "--no-console"),
         play("relay", "--relay", "--no-console"),
     )

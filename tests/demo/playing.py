@@ -23,7 +23,9 @@ async def play(
     What a rover reports whose time runs ahead is of the time when it is read.
     """
     path = folder / "played.yaml"
-    path.write_text(f"title: T\nlasts: {lasts_s:g}\ntimeline:{text}\nexpect: [{{pictures: 0}}]\n")
+    path.write_text(
+        f"title: T\nduration: {lasts_s:g}\ntimeline:{text}\nexpect: [{{pictures: 0}}]\n"
+    )
     scenario = load_scenario(str(path), mode)
     record = Record(time.time(), folder, lambda utc_s: min(utc_s, time.time()))
     await LiveSession(

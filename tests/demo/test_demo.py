@@ -42,7 +42,7 @@ def ran(played: Played) -> Ran:
     return played.jackal
 
 
-def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
+def test_table_shows_the_life_cycle_of_every_command(ran: Ran) -> None:
     table = ran.output[ran.output.index(" #  command") :]
     rows = re.findall(r"^ ?(\d+)  .*?(EXECUTED|CANCELLED|REJECTED|DUPLICATE)", table, re.MULTILINE)
     ends = [each.ends for each in JACKAL.expect if isinstance(each, LifecycleExpectation)]
@@ -52,7 +52,7 @@ def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
     assert len(re.findall(r"\d+\.\d\d", first)) == 4, "received, accepted, started, ended"
 
 
-def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
+def test_true_error_and_first_motion_are_reported(ran: Ran) -> None:
     error = re.search(r"true error at the last waypoint\s+([\d.]+) cm, ([\d.]+)°", ran.output)
     assert error is not None, ran.output
     assert 0 < float(error[1]) < 10
@@ -60,10 +60,12 @@ def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
     assert re.search(r"first motion\s+\d+\.\d s after the start", ran.output)
 
 
-def test_every_file_that_is_told_exists(ran: Ran) -> None:
-    told = ran.output[ran.output.index(f"Files in {ran.folder}") :].partition("\n\n")[0]
+def test_every_listed_file_exists(ran: Ran) -> None:
+    reported = ran.output[ran.output.index(f"Files in {ran.folder}") :].partition("\n\n")[0]
     names = [
-        name.strip(",") for line in told.splitlines()[1:] for name in line.split("  ")[0].split()
+        name.strip(",")
+        for line in reported.splitlines()[1:]
+        for name in line.split("  ")[0].split()
     ]
     assert len(names) == 13
     assert [name for name in names if not (ran.folder / name).exists()] == []
@@ -88,8 +90,8 @@ def test_drawings_parse(ran: Ran) -> None:
     ]
     assert any(text.startswith("true error at the last target") for text in texts)
     tree = ElementTree.fromstring((ran.folder / "tree.svg").read_text())
-    words = " ".join(element.text or "" for element in tree.iter())
-    assert words.count("●") > 6, "the tree is drawn while it works"
+    labels = " ".join(element.text or "" for element in tree.iter())
+    assert labels.count("●") > 6, "the tree is drawn while it works"
 
 
 def test_reports_are_without_gaps(ran: Ran) -> None:
@@ -146,7 +148,7 @@ def rover(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_folder_with_something_in_it_is_refused(tmp_path: Path) -> None:
+def test_a_non_empty_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("keep")
     refused = rover("demo", "--out", str(tmp_path))
     assert refused.returncode == 2
@@ -161,13 +163,13 @@ def went_well(ran: Ran) -> bool:
 
 
 def draws_a_timeline(ran: Ran, folder: Path) -> bool:
-    told = "each command between ground, orbiter and rover" in ran.output
-    return told and (folder / "timeline.png").stat().st_size > 0
+    reported = "each command between ground, orbiter and rover" in ran.output
+    return reported and (folder / "timeline.png").stat().st_size > 0
 
 
 def stages(folder: Path, link: str) -> dict[str, list[str]]:
     """Return the stages of each command that were told by a link, in their order."""
-    told: dict[str, list[str]] = {}
+    reported: dict[str, list[str]] = {}
     numbers: set[int] = set()
     for line in (folder / "reports.jsonl").read_text().splitlines():
         report = json.loads(line)
@@ -175,8 +177,8 @@ def stages(folder: Path, link: str) -> dict[str, list[str]]:
             continue  # to a repeat the rover reports the last stage again
         numbers.add(report["sequence"])
         if report["stage"] not in (None, "PROGRESS"):
-            told.setdefault(report["label"], []).append(report["stage"])
-    return told
+            reported.setdefault(report["label"], []).append(report["stage"])
+    return reported
 
 
 def test_a_rover_in_an_eclipse_does_as_planned(played: Played) -> None:
@@ -195,7 +197,7 @@ def test_jackal_and_mocup_do_as_planned(played: Played) -> None:
     assert (played.mocup.folder / "nxt.log").is_file()
 
 
-def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(
+def test_a_command_by_both_links_is_executed_once_by_either_rover(
     tmp_path: Path, patient: Path
 ) -> None:
     ran = Demo(tmp_path / "run", patient, "--assets", "--no-console").ran()

@@ -14,7 +14,7 @@ from sim.demo.display import LineDisplay
 from sim.demo.outcome import by_both, late
 from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.model import RunMode
-from sim.scenario.pictures import passage_lane, waited
+from sim.scenario.pictures import passage_lane, queue_figures
 from sim.scenario.record import Record, Scheduled, StageTime
 from sim.scenario.sent import sent_commands
 from tests.demo.playing import play
@@ -63,7 +63,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Record, str]:
     return record, printed.get()
 
 
-def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(
+def test_a_command_without_contact_is_stored_and_executed_after_it(
     played: tuple[Record, str],
 ) -> None:
     record, text = played
@@ -83,18 +83,18 @@ def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(
     assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
 
 
-def test_what_the_orbiter_gives_up_has_ended_for_what_waits_and_what_is_expected(
+def test_a_command_lost_by_the_orbiter_has_ended_for_waiters_and_expectations(
     played: tuple[Record, str],
 ) -> None:
     record, _ = played
     for stage, holds in ((Stage.EXPIRED, True), (Stage.EXECUTED, False)):
-        assert LifecycleExpectation(command="too-old", ends=stage).judge(record).holds is holds
+        assert LifecycleExpectation(command="too-old", ends=stage).judge(record).passed is holds
     for after in (StageTime("too-old", "ENDED"), StageTime("too-old", "EXPIRED")):
         assert record.resolve_time(Scheduled(after=after)) is not None
     assert record.resolve_time(Scheduled(after=StageTime("too-old", "EXECUTED"))) is None
 
 
-def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:
+def test_a_lane_shows_the_location_of_a_command(played: tuple[Record, str]) -> None:
     record, _ = played
     expired, waiting, again = (passage_lane(sent).passage for sent in sent_commands(record))
     assert expired is not None
@@ -107,15 +107,15 @@ def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:
     assert waiting.ended.ground_s >= waiting.ended.made_s > waiting.sent_s
     assert again is not None
     assert again.again
-    (at_the_orbiter, commands), (aboard, _) = waited(record)
+    (at_the_orbiter, commands), (aboard, _) = queue_figures(record)
     assert at_the_orbiter == "commands queued at the orbiter"
     assert aboard == "reports queued aboard"
     assert commands.startswith("2 of 2"), "the one that was given up there waited too"
     assert list(by_both(record)) == [], "it was sent again by the same link"
 
 
-def test_odometry_that_was_late_is_known_afterwards(played: tuple[Record, str]) -> None:
+def test_late_odometry_is_known_later(played: tuple[Record, str]) -> None:
     record, _ = played
     assert not late(record)
-    stood = replace(record.reports[-1], reason=Reason.ODOMETRY_STALE)
-    assert late(replace(record, reports=[*record.reports, stood]))
+    stationary = replace(record.reports[-1], reason=Reason.ODOMETRY_STALE)
+    assert late(replace(record, reports=[*record.reports, stationary]))

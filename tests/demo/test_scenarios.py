@@ -15,8 +15,9 @@ from sim.demo.commands import SHOWS, demo
 from sim.drawing.map import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.scenario.commands import scenario
 from sim.scenario.expect_commands import LifecycleExpectation
-from sim.scenario.model import Eclipse, Repeat, RunMode, Scenario, Send
+from sim.scenario.model import Outage, Repeat, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario
+from tests.support.patience import shipped_names
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1
 FOLDER = config_folder() / "demo"
@@ -28,13 +29,13 @@ def load(name: str) -> Scenario:
     return load_scenario(str(FOLDER / f"{name}.yaml"), mode)
 
 
-def distance_m(place: Point, start: Point, end: Point) -> float:
+def distance_m(position: Point, start: Point, end: Point) -> float:
     """Return how near a straight way passes by a place."""
     along = (end.x_m - start.x_m, end.y_m - start.y_m)
-    across = (place.x_m - start.x_m, place.y_m - start.y_m)
+    across = (position.x_m - start.x_m, position.y_m - start.y_m)
     part = (across[0] * along[0] + across[1] * along[1]) / (along[0] ** 2 + along[1] ** 2)
     part = max(0.0, min(1.0, part))
-    return place.distance_m(Point(start.x_m + part * along[0], start.y_m + part * along[1]))
+    return position.distance_m(Point(start.x_m + part * along[0], start.y_m + part * along[1]))
 
 
 def stations(played: Scenario) -> Iterator[Pose]:
@@ -54,11 +55,11 @@ def stations(played: Scenario) -> Iterator[Pose]:
 
 
 def test_each_file_is_played_by_one_demonstration() -> None:
-    assert sorted(path.stem for path in FOLDER.glob("*.yaml")) == sorted(NAMES)
+    assert shipped_names(FOLDER) == sorted(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_route_keeps_clear_of_rocks(name: str) -> None:
+def test_the_route_is_clear_of_rocks(name: str) -> None:
     played = load(name)
     route = [each.point for each in stations(played)]
     # What `rover demo --stay` proposes to try from where it ends.
@@ -88,9 +89,9 @@ def test_it_holds_in_lock_step(name: str) -> None:
 
 def test_an_eclipse_is_between_commands_that_go_and_commands_that_wait() -> None:
     played = load("relay")
-    (eclipse,) = (entry for entry in played.timeline if isinstance(entry, Eclipse))
+    (eclipse,) = (entry for entry in played.timeline if isinstance(entry, Outage))
     assert eclipse.at_s is not None
-    end_s = eclipse.at_s + eclipse.eclipse_s
+    end_s = eclipse.at_s + eclipse.outage_s
     sends = [entry for entry in played.timeline if isinstance(entry, Send)]
     waiting = [each for each in sends if each.at_s and eclipse.at_s < each.at_s < end_s]
     assert 0 < len(waiting) < len(sends)

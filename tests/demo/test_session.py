@@ -90,9 +90,9 @@ def test_every_report_is_kept_in_order_with_link_and_time(aboard: Aboard, tmp_pa
     times_s = [each.time_s for each in record.receipts]
     assert times_s == sorted(times_s)
     assert [each.answer for each in record.sendings] == [
-        Answer.ADMITTED,
+        Answer.ACCEPTED,
         Answer.DUPLICATE,
-        Answer.ADMITTED,
+        Answer.ACCEPTED,
     ]
     assert "already used command id 1" in record.sendings[1].text
 
@@ -114,7 +114,7 @@ def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard, tmp_pat
     assert "\x1b" not in printed.get()
 
 
-def test_on_a_narrow_terminal_each_command_keeps_to_its_line(
+def test_on_a_narrow_terminal_each_command_remains_on_its_line(
     aboard: Aboard, tmp_path: Path
 ) -> None:
     screen = StringIO()

@@ -15,7 +15,7 @@ from executive.faults import (
 )
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
-TITLE = "| fault | reason | what is wrong | watched | shows | then | pose uncertain by |"
+TITLE = "| fault | reason | meaning | monitored | bounds | reaction | pose uncertain by |"
 SOURCES = "| fault | source of its figures |"
 
 
@@ -50,23 +50,23 @@ def _rows() -> Iterator[str]:
 
 
 def _then(row: FaultResponse) -> str:
-    if row.then is Reaction.IGNORE:
+    if row.reaction is Reaction.IGNORE:
         return "ignore"
-    until = "until a resume" if row.clears is ClearPolicy.ON_RESUME else "while it shows"
-    return f"{row.then.value}, {until}"
+    until = "until a resume" if row.clears is ClearPolicy.ON_RESUME else "while the evidence lasts"
+    return f"{row.reaction.value}, {until}"
 
 
 def _shows(declared: FaultDeclaration) -> str:
     first, *others = declared.row.windows
-    said = [f"`{each.name}: {{{_plain(each)}}}`" for each in (first, *others) if others]
-    meant = (declared.beyond, declared.below, declared.ratio, declared.within)
+    message = [f"`{each.name}: {{{_plain(each)}}}`" for each in (first, *others) if others]
+    meant = (declared.above, declared.below, declared.ratio, declared.window)
     for key, bound, value in zip(FIGURES, meant, _figures(first), strict=False):
         if bound is not None and value is not None:
             figure = f"in {bound.unit}" if others else f"{value:g} {bound.unit}"
-            said.append(_bounded(key, figure if bound.unit or not others else "", bound))
+            message.append(_bounded(key, figure if bound.unit or not others else "", bound))
     if first.for_s and not others:
-        said.append(f"`for` {first.for_s:g} s")
-    return "<br>".join(said) or "at once"
+        message.append(f"`for` {first.for_s:g} s")
+    return "<br>".join(message) or "at once"
 
 
 def _plain(window: Window) -> str:
@@ -75,11 +75,11 @@ def _plain(window: Window) -> str:
 
 
 def _figures(window: Window) -> tuple[float | None, ...]:
-    return window.beyond, window.below, window.ratio, window.within_s, window.for_s
+    return window.above, window.below, window.ratio, window.window_s, window.for_s
 
 
 def _bounded(key: str, figure: str, bound: FaultParameter) -> str:
-    what = "" if key == "within" else f": {bound.description}"
+    what = "" if key == "window" else f": {bound.description}"
     return f"`{key}` {figure}".rstrip() + f"{what} ({bound.low:g} to {bound.high:g})"
 
 

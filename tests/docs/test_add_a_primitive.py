@@ -19,8 +19,8 @@ TRY = """
 import shlex
 from pathlib import Path
 from click.testing import CliRunner
+from adapters.api import Wait
 from adapters.cli.main import main
-from executive.commands import Wait
 from executive.settings import load_settings
 from tests.docs.interface_page import interface_page
 from tests.support.kinematic import Bench
@@ -54,11 +54,10 @@ def edit(path: Path, *changes: tuple[str, str]) -> None:
 
 
 def follow(root: Path) -> None:
-    request, leaf, place = blocks(PAGE, "python")
+    request, leaf, row = blocks(PAGE, "python")
     (scenario,) = blocks(PAGE, "yaml")
-    catalogue, motion, rover = (
-        root / name
-        for name in ("executive/commands/catalogue.py", "trees/motion.py", "trees/rover.py")
+    catalogue, motion = (
+        root / name for name in ("executive/commands/catalogue.py", "trees/motion.py")
     )
     imported = "from executive.commands import "
     import_wait = f"{imported}Wait\n{imported}"
@@ -67,12 +66,11 @@ def follow(root: Path) -> None:
         ("import Arc, Line, Reference, ", "import Arc, Line, Reference, Rest, "),
         ("Motion = ", f"{request}\n\nMotion = Wait | "),
     )
-    edit(motion, (imported, import_wait), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
-    branch = '        _sequence("go",'
     edit(
-        rover,
-        (imported, f"from trees.motion import StandBy\n{import_wait}"),
-        (branch, place + branch),
+        motion,
+        (imported, import_wait),
+        ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"),
+        ('    ("velocity", DriveFor', f'{row}    ("velocity", DriveFor'),
     )
     specification = root / "adapters/mrs/spec/mrs.xml"
     text = specification.read_text()
@@ -88,15 +86,15 @@ def follow(root: Path) -> None:
     (root / "rest.xml").write_text(PLAN)
 
 
-def test_who_follows_the_page_has_a_primitive(tmp_path: Path) -> None:
+def test_a_reader_of_the_page_has_a_primitive(tmp_path: Path) -> None:
     for name in COPIED:
         shutil.copytree(CHECKOUT / name, tmp_path / name)
     follow(tmp_path)
     tried = run_to_end(sys.executable, "-c", TRY, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert tried.returncode == 0, tried.stdout + tried.stderr
     assert "rover command wait 5" in tried.stdout
-    assert tried.stdout.count("holds  command rest  ends EXECUTED") == 2
-    assert "holds  command back  ends EXECUTED" in tried.stdout
+    assert tried.stdout.count("passed  command rest  ends EXECUTED") == 2
+    assert "passed  command back  ends EXECUTED" in tried.stdout
 
 
 def test_the_page_fits_on_a_screen() -> None:

@@ -1,6 +1,5 @@
 """The rovers of the page: their files, a real executive on them, a stand-in on ROS that moves."""
 
-import shutil
 import subprocess
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -8,11 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 
 from adapters.mrs.ground import CommandOutcome
 from adapters.ros import (
@@ -27,11 +25,12 @@ from executive.commands.catalogue import MoveForward, RotateBy
 from executive.settings import config_folder
 from executive.values.facts import MotionEnded, Odometry
 from executive.values.geometry import Velocity
-from executive.values.ports import Advance, TurnBy, WholeMotion
+from executive.values.ports import DelegatedMotion, DriveBy, TurnBy
 from executive.values.reports import Identity
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.support.ground import carry_out, until_located
 from tests.support.kinematic import KinematicRover
+from tests.support.patience import shipped_config
 from tests.support.processes import executive
 from tests.support.self_moving import SelfMovingRover
 
@@ -41,7 +40,7 @@ STEP_S = 0.02
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
-class StandIn:
+class Substitute:
     """Says where the rover is, and lets it move for as long as it is served."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor, rover: KinematicRover) -> None:
@@ -59,8 +58,8 @@ class StandIn:
         while self._time_s + STEP_S <= self._now_s:
             self._time_s += STEP_S
             self.rover.advance(STEP_S)
-            told = Odometry(self._time_s, self.rover.pose, self.rover.velocity)
-            self._odometry.publish(odometry_message(told))
+            reported = Odometry(self._time_s, self.rover.pose, self.rover.velocity)
+            self._odometry.publish(odometry_message(reported))
 
     @property
     def _now_s(self) -> float:
@@ -72,29 +71,28 @@ class StandIn:
         return done.result()
 
 
-class TakesStamped(StandIn):
-    """Moves as stamped velocities say."""
+class TakesWheelSpeeds(Substitute):
+    """Moves by the speeds of its wheels, of radius 0.1 m and 0.4 m apart."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         super().__init__(node, executor, KinematicRover())
-        command = self.topics.cmd_vel
-        node.create_subscription(TwistStamped, command.name, self._take, command.qos)
+        wheels = declare_topic(node, "wheel_speeds", "left and right, rad/s", Float64MultiArray)
+        node.create_subscription(wheels.type, wheels.name, self._take, wheels.qos)
 
-    def _take(self, message: TwistStamped) -> None:
-        assert message.header.stamp.sec > 0
-        twist = message.twist
-        self.rover.drive(Velocity(twist.linear.x, twist.angular.z))
+    def _take(self, message: Float64MultiArray) -> None:
+        left_mps, right_mps = (0.1 * each for each in message.data)
+        self.rover.drive(Velocity((left_mps + right_mps) / 2, (right_mps - left_mps) / 0.4))
 
 
-class TakesLines(StandIn):
+class TakesLines(Substitute):
     """Carries out whole motions, told by lines."""
 
     rover: SelfMovingRover
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         super().__init__(node, executor, SelfMovingRover())
-        command = declare_topic(node, "motion_command", "motions")
-        reply = declare_topic(node, "motion_reply", "how they ended")
+        command = declare_topic(node, "motion_command", "motions", String)
+        reply = declare_topic(node, "motion_reply", "how they ended", String)
         self._replies = node.create_publisher(String, reply.name, reply.qos)
         node.create_subscription(String, command.name, self._take, command.qos)
 
@@ -105,17 +103,17 @@ class TakesLines(StandIn):
             case [number, "turn", angle_rad, speed_radps]:
                 self._begin(number, TurnBy(float(angle_rad), float(speed_radps)))
             case [number, "advance", distance_m, speed_mps]:
-                self._begin(number, Advance(float(distance_m), float(speed_mps)))
+                self._begin(number, DriveBy(float(distance_m), float(speed_mps)))
             case _:
                 raise AssertionError(f"no motion: {line.data}")
 
-    def _begin(self, number: str, what: TurnBy | Advance) -> None:
-        self.rover.execute_motion(WholeMotion(int(number), what, Identity("", 0)))
+    def _begin(self, number: str, what: TurnBy | DriveBy) -> None:
+        self.rover.execute_motion(DelegatedMotion(int(number), what, Identity("", 0)))
 
     def step(self) -> None:
         super().step()
-        told, self.rover.facts = self.rover.facts, []
-        for fact in told:
+        reported, self.rover.facts = self.rover.facts, []
+        for fact in reported:
             assert isinstance(fact, MotionEnded)
             how = "done" if fact.executed else f"failed: {fact.text}"
             self._replies.publish(String(data=f"{fact.number} {how}"))
@@ -123,7 +121,7 @@ class TakesLines(StandIn):
 
 def follow(page: Path, asset: str, folder: Path) -> list[str]:
     """Do what the page says to have an asset; return the command line that starts it."""
-    shutil.copytree(config_folder(), folder / "config")
+    shipped_config(folder, config_folder())
     (folder / "rovers").mkdir()
     (code,) = (block for block in blocks(page, "python") if f"class {asset.title()}(" in block)
     (folder / "rovers" / f"{asset}.py").write_text(code)
@@ -139,7 +137,9 @@ def follow(page: Path, asset: str, folder: Path) -> list[str]:
 
 
 @contextmanager
-def begun(asset: str, kind: type[TakesStamped | TakesLines], folder: Path) -> Iterator[StandIn]:
+def begun(
+    asset: str, kind: type[TakesWheelSpeeds | TakesLines], folder: Path
+) -> Iterator[Substitute]:
     parameters = folder / "config" / f"{asset}.ros.yaml"
     with ros_node("base", asset, parameters=parameters) as node, single_threaded(node) as executor:
         yield kind(node, executor)
@@ -150,10 +150,10 @@ def move(uri: str) -> list[CommandOutcome]:
     return carry_out(uri, MoveForward(0.1), RotateBy(0.3))
 
 
-@pytest.mark.parametrize(("asset", "kind"), [("scarab", TakesStamped), ("beetle", TakesLines)])
+@pytest.mark.parametrize(("asset", "kind"), [("scarab", TakesWheelSpeeds), ("beetle", TakesLines)])
 def test_a_rover_of_the_page_is_commanded_and_moves(
     asset: str,
-    kind: type[TakesStamped | TakesLines],
+    kind: type[TakesWheelSpeeds | TakesLines],
     ros_domain: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -164,13 +164,13 @@ def test_a_rover_of_the_page_is_commanded_and_moves(
     monkeypatch.setenv("ROVER_CONFIG", str(tmp_path / "config"))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / path.removeprefix("PYTHONPATH=")))
     with (
-        begun(asset, kind, tmp_path) as stand_in,
+        begun(asset, kind, tmp_path) as substitute,
         executive(tmp_path, *options) as (process, uri),
         ThreadPoolExecutor(1) as another,
     ):
         job = another.submit(move, uri)
-        outcomes = stand_in.serve(job)
+        outcomes = substitute.serve(job)
         assert [outcome.executed for outcome in outcomes] == [True, True], process.text
-        assert stand_in.rover.pose.x_m == pytest.approx(0.1, abs=0.04)
-        assert stand_in.rover.pose.heading_rad == pytest.approx(0.3, abs=0.05)
+        assert substitute.rover.pose.x_m == pytest.approx(0.1, abs=0.04)
+        assert substitute.rover.pose.heading_rad == pytest.approx(0.3, abs=0.05)
         assert process.end() == 0

@@ -22,7 +22,9 @@ def test_the_campaign_is_played_and_its_data_set_is_read(
     Path("my.yaml").write_text(whole)
     assert load_campaign("my.yaml").runs == 500
     before, _, after = whole.partition("  inject:")
-    Path("grid.yaml").write_text(before + sensors + faults + "hold:" + after.partition("hold:")[2])
+    Path("grid.yaml").write_text(
+        before + sensors + faults + "criteria:" + after.partition("criteria:")[2]
+    )
     assert load_campaign("grid.yaml").combinations == 9
 
     desk = Desk(laid_out(tmp_path), {})

@@ -22,16 +22,17 @@ from adapters.cli.main import main
 from tests.conftest import port_of
 from tests.docs.pages import CHECKOUT, PAGES, Line, blocks, lines
 from tests.support.certificates import authority_for
+from tests.support.patience import shipped_config
 from tests.support.processes import Running, run_to_end
 
 BIN = Path(sys.executable).parent
 INTERFACE = "adapters/mrs/spec/mrs.xml"
 LIMIT_S = 600
-START = "./rover demo --no-play"
+START = "./rover demo --no-session"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
 KNOWN_PORTS = ("21000", "21001", "21081", "21100")
-ELSEWHERE = {"./rover demo": "tests/demo plays it", "./rover test": "is what runs this"}
+OTHER_TESTS = {"./rover demo": "tests/demo plays it", "./rover test": "is what runs this"}
 CONSOLE = ".venv/bin/rover-console"
 STAYS = {
     START: "Ctrl-C ends it.",
@@ -60,7 +61,7 @@ NO_ROVER = tuple(
 """Commands that need no rover that runs, and no real time."""
 HERE = re.compile(
     r"\./rover (authority|bag|calibrate|campaign|command|files (?!watch)|log|plan|plot|preview"
-    r"|replay|scenario|services|status|tree|watch --file|why)\b[^|>]*"
+    r"|replay|robot|scenario|services|status|tree|watch --file|why)\b[^|>]*"
 )
 """Commands that are run in this process: another imports for longer than they take."""
 WITH_A_FILE = CHECKOUT / "docs" / "campaigns.md"
@@ -121,10 +122,10 @@ class Desk:
 
     def until_located(self) -> None:
         """Wait as long as a person takes to go to the next terminal: ROS has to find together."""
-        asked = f"{BIN}/rover status --json --to 127.0.0.1:{self.ports['21001']}"
+        requested = f"{BIN}/rover status --json --to 127.0.0.1:{self.ports['21001']}"
         for _ in range(LIMIT_S):
-            told = json.loads(subprocess.check_output(asked.split(), timeout=LIMIT_S))
-            if told["parameters"]["POS_X"]["value"] is not None:
+            reported = json.loads(subprocess.check_output(requested.split(), timeout=LIMIT_S))
+            if reported["parameters"]["POS_X"]["value"] is not None:
                 return
         raise AssertionError("the executive never heard where its rover is")
 
@@ -134,7 +135,7 @@ class Desk:
         log = self.folder / f"{uuid.uuid4().hex}.log"
         process = Running(log, *self.here(text).split(), cwd=self.folder)
         try:
-            process.said(re.escape(ready))
+            process.output(re.escape(ready))
             yield process
         finally:
             status = process.end(signal.SIGINT)
@@ -150,7 +151,7 @@ def _stays(text: str) -> str | None:
 
 def laid_out(folder: Path, config: Path = CHECKOUT / "config") -> Path:
     """Return a folder, with a configuration in it."""
-    shutil.copytree(config, folder / "config")
+    shipped_config(folder, config)
     return folder
 
 
@@ -186,7 +187,7 @@ def pages(no_rover: bool) -> list[Path]:
 
 
 @pytest.mark.parametrize("page", pages(no_rover=True), ids=lambda page: page.stem)
-def test_commands_without_a_rover_do_what_the_page_says(page: Path, tmp_path: Path) -> None:
+def test_commands_without_a_rover_act_as_documented(page: Path, tmp_path: Path) -> None:
     desk = Desk(laid_out(tmp_path), {})
     for line in lines(page):
         desk.run(line)
@@ -200,17 +201,17 @@ def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
     assert " IDLE " in run_to_end(BIN / "rover", "watch", "--once").stdout
     with urllib.request.urlopen(f"{desk.console}api/dictionary", timeout=LIMIT_S) as answer:
         assert list(json.load(answer)["assets"]) == ["jackal"]
-    second = run_to_end(BIN / "rover", "demo", "--no-play", "--out", desk.folder / "second")
+    second = run_to_end(BIN / "rover", "demo", "--no-session", "--out", desk.folder / "second")
     assert second.returncode == 1
     assert "is in use, probably by another rover" in second.stderr
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("page", pages(no_rover=False), ids=lambda page: page.stem)
-def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
+def test_commands_act_as_documented(page: Path, desk: Desk) -> None:
     with ExitStack() as terminals:
         for line in lines(page):
-            if line.text in ELSEWHERE or line.text in STARTS:
+            if line.text in OTHER_TESTS or line.text in STARTS:
                 continue
             ready = _stays(line.text)
             if ready is None:
@@ -232,9 +233,9 @@ def printed(script: str, desk: Desk) -> str:
 @pytest.mark.ros
 def test_python_commands_a_rover(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
-    told = printed(script, desk)
-    assert told.count("Stage.EXECUTED") == 1
-    assert "Pose(frame='odom'" in told
+    reported = printed(script, desk)
+    assert reported.count("Stage.EXECUTED") == 1
+    assert "Pose(frame='odom'" in reported
 
 
 @pytest.mark.ros
@@ -248,33 +249,35 @@ def test_python_of_a_notebook(desk: Desk) -> None:
 
 
 @pytest.mark.ros
-def test_python_asks_a_console(desk: Desk) -> None:
+def test_python_queries_a_console(desk: Desk) -> None:
     page = CHECKOUT / "docs" / "console.md"
     (script,) = blocks(page, "python")
     console = next(line.text for line in lines(page) if line.text.startswith(CONSOLE))
     with desk.staying(console, STAYS[CONSOLE]):
-        told = printed(script, desk)
-    assert re.search(r"executed \['SENT', ('TAKEN', )?'RECEIVED', 'ACCEPTED', 'STARTED', ", told)
-    assert "('POS_X', " in told
+        reported = printed(script, desk)
+    assert re.search(
+        r"executed \['SENT', ('ACKNOWLEDGED', )?'RECEIVED', 'ACCEPTED', 'STARTED', ", reported
+    )
+    assert "('POS_X', " in reported
 
 
 @pytest.mark.ros
 def test_python_fetches_a_picture(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "fetch-a-picture.md", "python")
-    told = printed(script, desk)
-    assert "STORED pictures/LAB-2-" in told
-    assert "True ['commandId', 'POS_X'" in told
+    reported = printed(script, desk)
+    assert "STORED pictures/LAB-2-" in reported
+    assert "True ['commandId', 'POS_X'" in reported
 
 
 @pytest.mark.ros
 def test_a_client_of_ones_own_commands_a_rover(desk: Desk) -> None:
     by_specification, by_octets = blocks(CHECKOUT / "docs" / "own-client.md", "python")
-    told = printed(by_specification, desk)
-    assert "EXECUTED" in told
-    assert "at 0.5" in told or "at 0.4" in told
+    reported = printed(by_specification, desk)
+    assert "EXECUTED" in reported
+    assert "at 0.5" in reported or "at 0.4" in reported
     assert printed(by_octets, desk) == "SUBMIT_ACK\n"
     desk.run(Line("./rover command resume", 0))
 
 
-def test_what_is_not_run_here_is_on_the_front_page() -> None:
-    assert set(ELSEWHERE) <= {line.text for line in lines(CHECKOUT / "README.md")}
+def test_all_blocks_not_run_here_are_on_the_front_page() -> None:
+    assert set(OTHER_TESTS) <= {line.text for line in lines(CHECKOUT / "README.md")}

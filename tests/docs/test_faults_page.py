@@ -14,8 +14,8 @@ def test_the_page_is_written_from_the_declarations() -> None:
     assert PAGE.read_text(encoding="utf-8") == faults_page()
 
 
-def test_its_example_is_what_a_file_may_say() -> None:
+def test_its_example_is_a_valid_file() -> None:
     (example,) = blocks(PAGE, "yaml")
     table = structure(yaml.safe_load(example)["faults"], FaultTable, "the page")
-    assert table.turns_uncommanded.then is Reaction.IGNORE
+    assert table.uncommanded_turn.reaction is Reaction.IGNORE
     assert replace(load_settings("jackal"), faults=table).faults.odometry_stale.bound == 0.5

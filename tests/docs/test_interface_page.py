@@ -64,11 +64,11 @@ def examples(service: Service) -> str:
 
 def run(block: str) -> Recorder:
     consumer = Recorder()
-    room = {**vars(values), **vars(types)}
-    room |= {"consumer": consumer, "command": COMMAND_HEADER, "on_update": print}
+    names = {**vars(values), **vars(types)}
+    names |= {"consumer": consumer, "command": COMMAND_HEADER, "on_update": print}
     body = "\n".join(f"    {line}" for line in block.splitlines())
-    exec(f"async def session():\n{body}", room)
-    asyncio.run(room["session"]())
+    exec(f"async def session():\n{body}", names)
+    asyncio.run(names["session"]())
     return consumer
 
 
@@ -89,7 +89,7 @@ def test_the_python_of_the_page_makes_the_octets_of_the_page(service: Service) -
 
 @pytest.mark.parametrize("encoding", Encoding)
 @pytest.mark.parametrize("operation", OPERATIONS, ids=lambda o: f"{o.service_name}.{o.name}")
-def test_every_example_comes_back(operation: Operation, encoding: Encoding) -> None:
+def test_every_example_survives_the_round_trip(operation: Operation, encoding: Encoding) -> None:
     codec = Codec(SPECIFICATION, encoding)
     for example in messages(operation):
         assert codec.decode(example.parts, example.octets(codec)) == example.values

@@ -24,15 +24,18 @@ from trees.snapshot import as_text
 
 MORE = ("ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md")
 NAMED = [*PAGES, *(CHECKOUT / name for name in MORE)]
-ROOMS = ("executive", "trees", "adapters", "sim", "config", "tests")
-LINKED = [*NAMED, *sorted(page for room in ROOMS for page in (CHECKOUT / room).rglob("README.md"))]
+PACKAGES = ("executive", "trees", "adapters", "sim", "config", "tests")
+LINKED = [
+    *NAMED,
+    *sorted(page for package in PACKAGES for page in (CHECKOUT / package).rglob("README.md")),
+]
 IMAGES = CHECKOUT / "docs" / "images"
 
 
 def anchor(heading: str) -> str:
     """Return the anchor that a heading gets on the usual hosts."""
-    kept = re.sub(r"[^\w\- ]", "", heading.strip().lower())
-    return kept.replace(" ", "-")
+    stored = re.sub(r"[^\w\- ]", "", heading.strip().lower())
+    return stored.replace(" ", "-")
 
 
 @pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(CHECKOUT)))
@@ -40,19 +43,19 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
         if target.startswith("http"):
             continue
-        path, _, place = target.partition("#")
+        path, _, section = target.partition("#")
         linked = (page.parent / path).resolve() if path else page
         assert linked.exists(), target
-        if place:
+        if section:
             headings = re.findall(r"^#+ (.*)$", linked.read_text(), re.MULTILINE)
-            assert place in map(anchor, headings), target
+            assert section in map(anchor, headings), target
 
 
 @pytest.mark.parametrize("page", NAMED, ids=lambda page: page.name)
 def test_files_that_are_named_exist(page: Path) -> None:
-    rooms = r"(?:executive|trees|adapters|sim|tests|config|docs)"
-    for name in re.findall(rf"`({rooms}/[\w./-]+?)/?`", page.read_text()):
-        if "scout" not in name:
+    folders = r"(?:executive|trees|adapters|sim|tests|config|docs)"
+    for name in re.findall(rf"`({folders}/[\w./-]+?)/?`", page.read_text()):
+        if "scout" not in name and name != "executive/cmd_vel":  # a topic
             assert (CHECKOUT / name).exists(), f"{page.name} names {name}"
 
 
@@ -89,20 +92,20 @@ def test_the_page_has_every_node() -> None:
         assert f"\n| `{node}` |" in PAGE
 
 
-def test_the_life_is_drawn_from_its_table() -> None:
+def test_the_life_cycle_is_drawn_from_its_table() -> None:
     assert mermaid(PLAN_EDGES) in PAGE
 
 
-def test_the_bounds_are_told() -> None:
-    told = (
-        f"{plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes once subtrees are put in their"
-        f" places, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} times round a loop,"
-        f" {MAX_COMMANDS:_}"
-        f" commands if all loops run as often as they may, {MAX_PLANS} plans aboard,"
-        f" {plan_xml.MAX_WAYPOINTS} waypoints in a leaf (an asset may have less),"
-        f" {plan_xml.MAX_VALUE_LENGTH:_} characters in a value"
+def test_the_bounds_are_documented() -> None:
+    reported = (
+        f"A plan has at most {plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes once"
+        f" subtrees are put in their places, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} cycles"
+        f" of a loop, and {MAX_COMMANDS:_} commands if all loops run as often as they may. A leaf"
+        f" has at most {plan_xml.MAX_WAYPOINTS} waypoints (an asset may allow fewer), a value at"
+        f" most {plan_xml.MAX_VALUE_LENGTH:_} characters. At most {MAX_PLANS} plans are stored"
+        " aboard."
     )
-    assert told.replace("_", " ") in PAGE.replace("\n", " ")
+    assert reported.replace("_", " ") in PAGE.replace("\n", " ")
 
 
 def test_the_core_is_drawn_from_its_own_tables() -> None:
@@ -130,8 +133,8 @@ def commands(command: click.Command, context: click.Context) -> Iterator[str]:
 
 @pytest.mark.parametrize("path", list(commands(main, click.Context(main, info_name="rover"))))
 def test_help_has_an_example_that_can_be_typed(path: str) -> None:
-    told = CliRunner().invoke(main, [*path.split(), "--help"])
-    assert told.exit_code == 0
-    _, word, examples = told.output.partition("Example")
+    reported = CliRunner().invoke(main, [*path.split(), "--help"])
+    assert reported.exit_code == 0
+    _, word, examples = reported.output.partition("Example")
     assert word
     assert f"rover {path}".rstrip() in examples

@@ -15,7 +15,7 @@ from PIL import Image
 from sim.drawing import write_drawing
 
 
-def words(figure: Figure) -> set[str]:
+def labels(figure: Figure) -> set[str]:
     texts: list[Any] = figure.findobj(Text)
     return {text.get_text() for text in texts}
 
@@ -36,8 +36,8 @@ def written_alike(figure: Figure, folder: Path, colour: str) -> bool:
     """Return whether a drawing is written the same twice, escaped, with a colour that is kept."""
     svg, png = write_drawing(folder, "first", figure)
     again = write_drawing(folder, "second", figure)
-    said = {element.text for element in ElementTree.fromstring(svg.read_text()).iter()}
-    assert any("<" in (text or "") for text in said), "it is escaped"
+    texts = {element.text for element in ElementTree.fromstring(svg.read_text()).iter()}
+    assert any("<" in (text or "") for text in texts), "it is escaped"
     with Image.open(png) as picture:
         shown = np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0).astype(int)
     wanted = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]

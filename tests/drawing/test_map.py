@@ -17,7 +17,7 @@ from sim.drawing import MOTION, DriveMap, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Rock, SoilShape, World
 from sim.rover.features import Ditch, FrictionPatch, GroundPoint, SlopeZone, StepBlock, Wall
-from tests.drawing.pictures import lines, words, written_alike
+from tests.drawing.pictures import labels, lines, written_alike
 
 WORLD = World(
     name="two <rocks> & more",
@@ -57,13 +57,13 @@ def test_a_small_rover_is_drawn_as_large() -> None:
     assert draw_map(replace(DRIVE, scale=0.5)).get_figwidth() > draw_map(DRIVE).get_figwidth()
 
 
-def test_the_map_says_what_was_measured_and_names_what_is_on_it() -> None:
+def test_the_map_states_its_measurements_and_names_its_elements() -> None:
     pose = Pose(1.0, 0.0)
     for stops, views in (((pose,), ()), ((), (pose,))):
-        said = words(draw_map(replace(DRIVE, stops=stops, views=views)))
-        assert {DRIVE.title, "driven 3.0 m", "1 m", "1", "2", "x in m"} <= said
-        assert ("stopped here" in said) == bool(stops)
-        assert ("picture taken, view" in said) == bool(views)
+        shown = labels(draw_map(replace(DRIVE, stops=stops, views=views)))
+        assert {DRIVE.title, "driven 3.0 m", "1 m", "1", "2", "x in m"} <= shown
+        assert ("stopped here" in shown) == bool(stops)
+        assert ("picture taken, view" in shown) == bool(views)
 
 
 def test_only_rocks_in_the_window_are_drawn() -> None:
@@ -83,14 +83,14 @@ def test_a_stop_at_a_waypoint_is_marked_beside_it(at_m: float, beside: bool) -> 
     assert (away_m > 0.3) == beside
 
 
-def test_however_short_the_drive_every_place_is_in_the_window() -> None:
+def test_for_any_short_drive_every_waypoint_is_in_the_window() -> None:
     one = (Pose(-3.0, 4.0),)
     axes = draw_map(replace(DRIVE, planned=(), driven=one, true=one, stops=())).axes[0]
     assert axes.get_xlim()[0] < -3.0 < 0.0 < axes.get_xlim()[1]
     assert axes.get_ylim()[0] < 0.0 < 4.0 < axes.get_ylim()[1]
 
 
-def test_noise_at_rest_is_no_way() -> None:
+def test_noise_at_rest_is_no_distance() -> None:
     rest = [Point(0.005 * (i % 2), 0.0) for i in range(100)]
     assert thinned(rest) == [rest[0]]
     driven = [Point(0.025 * i, 0.0) for i in range(100)]
@@ -110,10 +110,10 @@ def test_what_went_wrong_is_named_where_it_did() -> None:
     assert named["slip"].get_position() != named["late"].get_position()
 
 
-def test_the_legend_names_only_what_is_there() -> None:
+def test_the_legend_names_only_present_elements() -> None:
     bare = replace(DRIVE, world=World(), planned=(), driven=())
-    assert {"rock", "1 cm of height", "planned line"} <= words(draw_map(DRIVE))
-    assert not {"rock", "1 cm of height", "planned line"} & words(draw_map(bare))
+    assert {"rock", "1 cm of height", "planned line"} <= labels(draw_map(DRIVE))
+    assert not {"rock", "1 cm of height", "planned line"} & labels(draw_map(bare))
 
 
 YARD = World(
@@ -133,14 +133,14 @@ def test_features_in_the_window_are_drawn_where_they_are_and_named() -> None:
     drawn = [patch for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
     corners = [sorted((x, y) for x, y in patch.get_xy()[:-1].tolist()) for patch in drawn]
     assert sorted((corner.x_m, corner.y_m) for corner in YARD.steps[0].corners) in corners
-    assert {"wall", "step", "ditch", "patch", "slope"} <= words(figure)
-    assert {"3 cm", "-20 cm", "friction 0.2", "6°"} <= words(figure)
-    assert "11°" not in words(figure), "it is not in the window"
+    assert {"wall", "step", "ditch", "patch", "slope"} <= labels(figure)
+    assert {"3 cm", "-20 cm", "friction 0.2", "6°"} <= labels(figure)
+    assert "11°" not in labels(figure), "it is not in the window"
 
 
-def test_what_is_not_in_the_window_is_not_in_the_legend() -> None:
+def test_elements_outside_the_window_are_not_in_the_legend() -> None:
     far = World(walls=(Wall(x_m=50.0, y_m=0.0, to=GroundPoint(51.0, 0.0)),))
-    assert "wall" not in words(draw_map(replace(DRIVE, world=far)))
+    assert "wall" not in labels(draw_map(replace(DRIVE, world=far)))
 
 
 def test_zones_are_drawn_with_their_names() -> None:
@@ -153,12 +153,12 @@ def test_zones_are_drawn_with_their_names() -> None:
     (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
     assert (circle.center, circle.radius) == ((2.0, 1.0), 0.3)
     titles = {"yard", "bed", "boulder", "keep-in zone", "keep-out zone", "rock known to the rover"}
-    assert titles <= words(figure)
-    assert not titles & words(draw_map(DRIVE))
+    assert titles <= labels(figure)
+    assert not titles & labels(draw_map(DRIVE))
 
 
-def test_what_the_laser_saw_is_drawn() -> None:
+def test_scanned_points_are_drawn() -> None:
     figure = draw_map(replace(DRIVE, scanned=(ScannedObstacle("seen", 2.0, 1.0, 0.2),)))
     (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
     assert (circle.center, circle.radius) == ((2.0, 1.0), 0.2)
-    assert "scanned by the laser at the end" in words(figure)
+    assert "scanned, at the end" in labels(figure)

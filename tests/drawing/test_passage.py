@@ -19,7 +19,7 @@ from sim.drawing import (
     draw_timeline,
 )
 from sim.drawing.timeline import DARK
-from tests.drawing.pictures import lines, spans, words, written_alike
+from tests.drawing.pictures import labels, lines, spans, written_alike
 
 WAITED = Passage(
     True,
@@ -49,7 +49,7 @@ def timeline(*passages: Passage, eclipse: bool = True) -> Figure:
             commands=tuple(
                 CommandLane("moveTo", (each.sent_s,), passage=each) for each in passages
             ),
-            eclipses=((4.0, 20.0),) if eclipse else (),
+            outages=((4.0, 20.0),) if eclipse else (),
             waiting=(queued, aboard) if eclipse else None,
         )
     )
@@ -60,12 +60,12 @@ def test_a_command_waits_at_the_orbiter_and_is_carried_out_after_the_eclipse() -
     assert (5.0, 20.0) in spans(figure, COMMAND)
     assert {(20.0, 21.0), (21.0, 26.0)} <= set(spans(figure, MOTION)), "its turn, its work"
     assert (26.0, 28.0) in spans(figure, DONE), "its report waits"
-    assert "outage: no contact for 16 s" in words(figure)
+    assert "outage: no contact for 16 s" in labels(figure)
     (dark,) = [p for p in figure.axes[0].patches if to_hex(p.get_facecolor()) == DARK]
     assert dark.get_extents().width > 100
 
 
-def test_what_the_orbiter_gives_up_ends_with_a_cross_there() -> None:
+def test_a_command_lost_by_the_orbiter_ends_with_a_cross_there() -> None:
     figure = timeline(EXPIRED)
     assert (6.0, 13.0) in spans(figure, COMMAND)
     assert list(spans(figure, WRONG)) == [(13.0, 13.0)]
@@ -75,25 +75,25 @@ def test_what_the_orbiter_gives_up_ends_with_a_cross_there() -> None:
 def test_a_repeat_shows_no_work() -> None:
     figure = timeline(AGAIN)
     assert lines(figure, MOTION) == []
-    assert "DUPLICATE" in words(figure)
-    assert "orbiter" not in words(figure)
+    assert "DUPLICATE" in labels(figure)
+    assert "orbiter" not in labels(figure)
 
 
-def test_what_is_done_at_once_is_one_mark_with_its_time() -> None:
+def test_an_instant_command_is_one_mark_with_its_time() -> None:
     passage = ReportTimes(6.0, 6.1)
     short = replace(
         WAITED, sent_s=5.9, stored_s=5.9, received=passage, started=passage, ended=passage
     )
     figure = timeline(short)
-    assert "received after 0.20 s" in words(figure)
+    assert "received after 0.20 s" in labels(figure)
     assert len(lines(figure, COMMAND)) == 3, "the way up, sent, received"
     assert lines(figure, MOTION) == lines(figure, DONE) == []
 
 
-def test_queues_stand_below_where_there_is_an_eclipse() -> None:
+def test_queues_are_drawn_below_if_there_is_an_outage() -> None:
     dark, light = timeline(WAITED), timeline(WAITED, eclipse=False)
-    assert "bundles at the orbiter" in words(dark)
-    assert "bundles at the orbiter" not in words(light)
+    assert "bundles at the orbiter" in labels(dark)
+    assert "bundles at the orbiter" not in labels(light)
     assert light.get_figheight() < dark.get_figheight() - 1.0, "without a gap"
     assert len(dark.axes) == 2
     assert np.diff(dark.axes[1].get_yticks()).min() >= 1.0

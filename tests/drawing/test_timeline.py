@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from executive.commands import Mode
-from executive.history import TrackSource
+from executive.history.motion_tracks import TrackSource
 from executive.values.reports import Stage
 from sim.drawing import (
     COMMAND,
@@ -22,7 +22,7 @@ from sim.drawing import (
     TimeSpan,
     draw_timeline,
 )
-from tests.drawing.pictures import lines, spans, words, written_alike
+from tests.drawing.pictures import labels, lines, spans, written_alike
 
 
 def speed(times_s: tuple[float, ...], speeds_mps: tuple[float, ...]) -> Panel:
@@ -35,11 +35,11 @@ RUN = RunTimeline(
     title="A run of <two> commands",
     end_s=12.0,
     commands=(DRIVEN, WAITED),
-    faults=(TimeSpan("left_stuck", 2.0, 5.0), TimeSpan("left_stuck", 8.0, 9.0)),
+    faults=(TimeSpan("left_wheels_stuck", 2.0, 5.0), TimeSpan("left_wheels_stuck", 8.0, 9.0)),
     events=(("ODOMETRY_STALE", (3.0, 8.5)),),
     modes=((Mode.IDLE, 0.0, 1.1), (Mode.MOVING, 1.1, 9.0), (Mode.IDLE, 9.0, 12.0)),
     panels=(speed((0.0, 3.0, 12.0), (0.0, 0.5, 0.0)),),
-    eclipses=((3.0, 4.0),),
+    outages=((3.0, 4.0),),
 )
 
 
@@ -48,7 +48,7 @@ def test_a_command_is_drawn_from_its_start_to_its_end_after_it_waited() -> None:
     assert {(1.1, 5.0), (2.0, 5.0), (5.0, 9.0)} <= set(spans(figure, MOTION))
     assert (1.0, 7.0) in spans(figure, COMMAND), "sent, and sent again"
     assert list(spans(figure, DONE)) == [(9.0, 9.0)]
-    assert {"ahead", "FAILED: DRIVE_DEADLINE", "home", "EXECUTED"} <= words(figure)
+    assert {"ahead", "FAILED: DRIVE_DEADLINE", "home", "EXECUTED"} <= labels(figure)
 
 
 def test_faults_are_drawn_while_they_last_one_row_for_each_kind() -> None:
@@ -59,13 +59,13 @@ def test_faults_are_drawn_while_they_last_one_row_for_each_kind() -> None:
         (8.0, 9.0),
     ]
     assert len({tuple(np.asarray(line.get_ydata())) for line in faults}) == 1
-    assert "outage: no contact for 1 s" in words(figure)
+    assert "outage: no contact for 1 s" in labels(figure)
 
 
-def test_modes_are_named_where_there_is_room() -> None:
-    assert {"IDLE", "MOVING"} <= words(draw_timeline(RUN))
+def test_modes_are_named_if_they_fit() -> None:
+    assert {"IDLE", "MOVING"} <= labels(draw_timeline(RUN))
     blink = replace(RUN, modes=((Mode.STOPPED, 0.0, 0.1),))
-    assert "STOPPED" not in words(draw_timeline(blink))
+    assert "STOPPED" not in labels(draw_timeline(blink))
 
 
 def test_the_scale_of_the_speed_holds_the_fastest() -> None:
@@ -75,8 +75,8 @@ def test_the_scale_of_the_speed_holds_the_fastest() -> None:
 
 
 @pytest.mark.parametrize("end_s", [0.0, 12.0])
-def test_a_run_of_nothing_says_so(end_s: float) -> None:
-    assert "no command was sent" in words(draw_timeline(RunTimeline("Nothing", end_s)))
+def test_an_empty_run_is_reported(end_s: float) -> None:
+    assert "no command was sent" in labels(draw_timeline(RunTimeline("Nothing", end_s)))
 
 
 def test_a_command_that_has_not_ended_is_drawn_to_the_end() -> None:
@@ -84,7 +84,7 @@ def test_a_command_that_has_not_ended_is_drawn_to_the_end() -> None:
     silent = CommandLane("unheard", (4.0,), text="lost")
     figure = draw_timeline(replace(RUN, commands=(going, silent)))
     assert (1.1, 12.0) in spans(figure, MOTION)
-    assert "no report: lost" in words(figure)
+    assert "no report: lost" in labels(figure)
 
 
 def test_it_is_written_the_same_each_time(tmp_path: Path) -> None:

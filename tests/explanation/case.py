@@ -23,7 +23,7 @@ class Case:
         inject: brings the situation about.
         command: what is asked about; None for why the rover stands or moves.
         reason: what must be named; None where no number stands for the cause.
-        said: words that must stand in the explanation.
+        output: words that must stand in the explanation.
         settings: of the asset.
         ends: whether the executive has ended; who is asked live is the one after it.
         rover: makes the rover; a kinematic one unless given.
@@ -34,7 +34,7 @@ class Case:
     inject: Callable[[Bench], object]
     command: str | None
     reason: Reason | None
-    said: str = ""
+    output: str = ""
     settings: Settings = JACKAL
     ends: bool = False
     rover: Callable[[Settings], KinematicRover] | None = None

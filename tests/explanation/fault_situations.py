@@ -11,22 +11,22 @@ from executive.commands import MoveFile, MoveForward, Request, RotateBy, Stop, T
 from executive.goals import Context
 from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import LaserSettings, SecondOdometrySettings, Settings
-from executive.values.facts import Frame, Imu, Joints, Odometry, OtherInput, SecondOdometry
+from executive.values.facts import ForeignMuxInput, Frame, Imu, Joints, Odometry, SecondOdometry
 from executive.values.geometry import STANDING, Velocity
 from executive.values.reasons import Reason
 from tests.explanation.case import JACKAL, Case
 from tests.support.kinematic import PICTURE, STEP_S, Bench, KinematicRover, ignoring
-from tests.support.laser import Disc, LookingRover
+from tests.support.laser import Disc, ScanningRover
 from tests.support.sensed_drive import SensedRover
 from trees import RoverTree
 from trees.motion import Drive
 
 FAR: Final = MoveForward(50.0)
 SPIN: Final = RotateBy(6.0)
-LONGEST_S: Final = 15.0
+MAX_DURATION_S: Final = 15.0
 
 
-def _until_ended(bench: Bench, limit_s: float = LONGEST_S) -> None:
+def _until_ended(bench: Bench, limit_s: float = MAX_DURATION_S) -> None:
     """Let time pass until command 1 has ended, at most as long."""
     for _ in range(round(limit_s / STEP_S)):
         if bench.stages(1)[-1].terminal:
@@ -36,7 +36,7 @@ def _until_ended(bench: Bench, limit_s: float = LONGEST_S) -> None:
 
 def _sensing(*ignored: str) -> Settings:
     jackal = ignoring(
-        *("odometry_frozen", "off_command", "turn_off_command", "turn_amiss"), *ignored
+        *("odometry_frozen", "off_command", "turn_off_command", "turn_angle_off_command"), *ignored
     )
     second = SecondOdometrySettings(rate_hz=2.0, fused=False)
     return replace(jackal, sensors=replace(jackal.sensors, second_odometry=second))
@@ -73,15 +73,15 @@ def _goes_wrong(
 def _sensed(
     reason: Reason, request: Request = FAR, *, after_s: float = 2.0, **changes: Any
 ) -> Case:
-    inject = _goes_wrong(request, after_s, LONGEST_S, **changes)
+    inject = _goes_wrong(request, after_s, MAX_DURATION_S, **changes)
     name = f"{reason.name} seen by sensors"
     return Case(name, inject, "MOE:1", reason, settings=_sensing(), rover=SensedRover)
 
 
-def _silent(kind: type, said: str) -> Case:
+def _silent(kind: type, message: str) -> Case:
     inject = _goes_wrong(FAR, 2.0, 7.0, lost={kind})
     return Case(
-        f"{said} silent",
+        f"{message} silent",
         inject,
         "MOE:1",
         None,
@@ -128,7 +128,7 @@ def _weakens(request: Request, **changes: float) -> Callable[[Bench], None]:
     return inject
 
 
-def _told_late(every: int, late_s: float) -> Callable[[Bench], None]:
+def _delayed(every: int, late_s: float) -> Callable[[Bench], None]:
     """Return what lets odometry come seldom, and late."""
 
     def inject(bench: Bench) -> None:
@@ -177,21 +177,21 @@ def _battery_without_number(bench: Bench) -> None:
     bench.run(1.0)
 
 
-def _taken_over(bench: Bench) -> None:
+def _preempted(bench: Bench) -> None:
     bench.drive_on()
     for _ in range(20):
-        bench.executive.observe(OtherInput("joystick", above=True))
+        bench.executive.observe(ForeignMuxInput("joystick", overrides=True))
         bench.step()
 
 
-def _looking(bench: Bench) -> LookingRover:
-    assert isinstance(bench.rover, LookingRover)
+def _scanning(bench: Bench) -> ScanningRover:
+    assert isinstance(bench.rover, ScanningRover)
     return bench.rover
 
 
 def _to_a_rock(bench: Bench) -> None:
     bench.run(1.0)
-    _looking(bench).discs = [Disc(4.0, 0.0, 0.5)]
+    _scanning(bench).discs = [Disc(4.0, 0.0, 0.5)]
     bench.submit(FAR, 1)
     _until_ended(bench)
 
@@ -200,9 +200,11 @@ def _slowed_by_a_rock(bench: Bench) -> None:
     bench.run(1.0)
     bench.submit(FAR, 1)
     bench.run(2.0)
-    rover = _looking(bench)
+    rover = _scanning(bench)
     rover.discs = [Disc(rover.pose.x_m + 2.0, 0.0, 0.5)]
-    while "OBSTACLE_NEAR" not in {each.reason.name for each in bench.heard.reports if each.reason}:
+    while "OBSTACLE_NEAR" not in {
+        each.reason.name for each in bench.received.reports if each.reason
+    }:
         bench.step()
 
 
@@ -210,7 +212,7 @@ def _blind(bench: Bench) -> None:
     bench.run(1.0)
     bench.submit(FAR, 1)
     bench.run(1.0)
-    _looking(bench).blind = True
+    _scanning(bench).blind = True
     _until_ended(bench)
 
 
@@ -220,7 +222,7 @@ def _brakes_badly(bench: Bench) -> None:
 
 
 def _unverified(bench: Bench) -> None:
-    _goes_wrong(MoveForward(2.0), 1.0, LONGEST_S, lost={SecondOdometry})(bench)
+    _goes_wrong(MoveForward(2.0), 1.0, MAX_DURATION_S, lost={SecondOdometry})(bench)
 
 
 def _shoved(bench: Bench) -> None:
@@ -251,7 +253,7 @@ def _pictured(stamp_s: float, data: bytes = PICTURE) -> Callable[[Bench], None]:
     return inject
 
 
-def _no_room_for_pictures(bench: Bench) -> None:
+def _no_space_for_pictures(bench: Bench) -> None:
     root = bench.executive.files.root
     root.mkdir(parents=True, exist_ok=True)
     (root / "pictures").write_bytes(b"no folder")
@@ -294,7 +296,7 @@ def _disk_full(bench: Bench) -> None:
     bench.run(0.2)
 
 
-_SLIPPERY: Final = _sensing("slips", "turn_slips", "wheels_slip", "odometry_off_wheels")
+_SLIPPERY: Final = _sensing("travel_slip", "turn_slip", "wheel_slip", "odometry_off_wheels")
 _SEEING: Final = replace(JACKAL, sensors=replace(JACKAL.sensors, laser=LaserSettings(rate_hz=10)))
 _BRAKING_BADLY: Final = replace(
     JACKAL,
@@ -302,12 +304,12 @@ _BRAKING_BADLY: Final = replace(
     drive=replace(JACKAL.drive, braking_mps2=0.3),
 )
 _PATIENT: Final = ignoring(
-    "odometry_off_twist", "odometry_heading_off_twist", "no_progress", "turn_amiss"
+    "odometry_off_twist", "odometry_heading_off_twist", "no_progress", "turn_angle_off_command"
 )
 
 
-def _looks(_: Settings) -> LookingRover:
-    return LookingRover()
+def _scanner(_: Settings) -> ScanningRover:
+    return ScanningRover()
 
 
 FAULTS: Final = (
@@ -316,11 +318,11 @@ FAULTS: Final = (
     _sensed(Reason.ODOMETRY_OFF_WHEELS, odometry_travel=0.0),
     _sensed(Reason.ODOMETRY_OFF_GYRO, gyro_bias_radps=0.03),
     _sensed(Reason.WHEELS_OFF_GYRO, SPIN, after_s=1.0, gyro=0.0, odometry_turn=0.0),
-    _sensed(Reason.WHEELS_SLIP, grip=0.0),
-    _sensed(Reason.BLOCKED, held_n=60.0),
-    _sensed(Reason.TILTED, roll_rad=0.6),
-    _sensed(Reason.SLIPS, aside_mps=0.5),
-    _sensed(Reason.TURN_SLIPS, gyro_bias_radps=0.3, odometry_bias_radps=0.3),
+    _sensed(Reason.WHEEL_SLIP, grip=0.0),
+    _sensed(Reason.MOTION_BLOCKED, held_n=60.0),
+    _sensed(Reason.TILT_LIMIT, roll_rad=0.6),
+    _sensed(Reason.TRAVEL_SLIP, aside_mps=0.5),
+    _sensed(Reason.TURN_SLIP, gyro_bias_radps=0.3, odometry_bias_radps=0.3),
     _silent(Joints, "joints"),
     _silent(Imu, "inertial sensors"),
     _silent(SecondOdometry, "second odometry"),
@@ -329,7 +331,7 @@ FAULTS: Final = (
         _goes_wrong(None, 2.0, 2.5, aside_mps=0.2),
         None,
         None,
-        "(SLIDES 953)",
+        "(SLIDE_AT_REST 953)",
         _sensing(),
         rover=SensedRover,
     ),
@@ -342,22 +344,22 @@ FAULTS: Final = (
         settings=ignoring("off_command", "odometry_frozen"),
         rover=_weak,
     ),
-    Case("odometry late", _told_late(1, 0.15), "MOE:1", Reason.ODOMETRY_LATE),
-    Case("odometry slow", _told_late(5, 0.0), "MOE:1", Reason.ODOMETRY_SLOW),
+    Case("odometry late", _delayed(1, 0.15), "MOE:1", Reason.ODOMETRY_LATE),
+    Case("odometry slow", _delayed(5, 0.0), "MOE:1", Reason.ODOMETRY_RATE_LOW),
     Case("odometry without twist", _without_twist, "MOE:1", Reason.ODOMETRY_INCONSISTENT),
     Case("odometry silent", _silent_odometry, None, None, "(ODOMETRY_SILENT 914)"),
-    Case("now: moves by itself", _moves_by_itself, None, Reason.MOVES_UNCOMMANDED),
+    Case("now: moves by itself", _moves_by_itself, None, Reason.UNCOMMANDED_MOTION),
     Case("battery silent", _silent_battery, None, None, "(BATTERY_SILENT 921)"),
     Case("battery without number", _battery_without_number, None, None, "(BATTERY_NOT_FINITE 922)"),
-    Case("taken over", _taken_over, "MOE:1", Reason.OTHER_PUBLISHER, "joystick"),
-    Case("now: taken over", _taken_over, None, Reason.OTHER_PUBLISHER, "joystick"),
+    Case("taken over", _preempted, "MOE:1", Reason.OTHER_PUBLISHER, "joystick"),
+    Case("now: taken over", _preempted, None, Reason.OTHER_PUBLISHER, "joystick"),
     Case(
         "rock seen ahead",
         _to_a_rock,
         "MOE:1",
         Reason.OBSTACLE_AHEAD,
         settings=_SEEING,
-        rover=_looks,
+        rover=_scanner,
     ),
     Case(
         "slowed by a rock",
@@ -366,9 +368,9 @@ FAULTS: Final = (
         None,
         "(OBSTACLE_NEAR 973)",
         _SEEING,
-        rover=_looks,
+        rover=_scanner,
     ),
-    Case("laser silent", _blind, "MOE:1", Reason.LASER_SILENT, settings=_SEEING, rover=_looks),
+    Case("laser silent", _blind, "MOE:1", Reason.LASER_SILENT, settings=_SEEING, rover=_scanner),
     Case(
         "rock known ahead",
         _brakes_badly,
@@ -379,7 +381,7 @@ FAULTS: Final = (
     ),
     Case(
         "not confirmed",
-        _goes_wrong(MoveForward(3.0), 1.0, LONGEST_S, grip=0.85),
+        _goes_wrong(MoveForward(3.0), 1.0, MAX_DURATION_S, grip=0.85),
         "MOE:1",
         Reason.NOT_CONFIRMED,
         settings=_SLIPPERY,
@@ -412,9 +414,9 @@ FAULTS: Final = (
     ),
     Case("does not stand", _slides_on, "MOE:1", Reason.STOP_DEADLINE, settings=_PATIENT),
     Case("picture stale", _pictured(2.0), "MOE:1", Reason.CAPTURE_STALE),
-    Case("picture cut", _pictured(10.2, PICTURE[:-2]), "MOE:1", Reason.CAPTURE_CUT),
-    Case("picture not stored", _no_room_for_pictures, "MOE:1", Reason.CAPTURE_NOT_STORED),
-    Case("file not moved", _no_folder, "MOE:1", Reason.ERRAND_FAILED),
+    Case("picture cut", _pictured(10.2, PICTURE[:-2]), "MOE:1", Reason.CAPTURE_TRUNCATED),
+    Case("picture not stored", _no_space_for_pictures, "MOE:1", Reason.CAPTURE_NOT_STORED),
+    Case("file not moved", _no_folder, "MOE:1", Reason.INSTANT_COMMAND_FAILED),
     Case("leaf raised", _explodes, "MOE:1", Reason.LEAF_RAISED, "boom", build_tree=Exploding),
     Case("disk full", _disk_full, "MOE:1", Reason.LEDGER_FAILED),
     Case("now: disk full", _disk_full, None, Reason.LEDGER_FAILED),

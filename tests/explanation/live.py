@@ -10,9 +10,9 @@ from typing import TypeVar
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.recording import RunFile
-from executive.core.recording import Item, Tapes
+from executive.core.recording import Item, RecordingTee
 from executive.core.runner import Executive
-from executive.history import HistoryBuilder
+from executive.history.history_builder import HistoryBuilder
 from executive.values.ports import Downlink
 from tests.explanation.case import Case
 from tests.support.kinematic import Bench
@@ -45,12 +45,12 @@ class LiveBench(Bench):
 
     Attributes:
         uri: where it is served.
-        kept: how much of each kind is remembered.
+        stored: how much of each kind is remembered.
         starts: how often an executive was started; what is not in its ledger is lost with one.
     """
 
-    def __init__(self, folder: Path, case: Case, kept: int = 1000) -> None:
-        self.kept = kept
+    def __init__(self, folder: Path, case: Case, stored: int = 1000) -> None:
+        self.stored = stored
         self.recorder = Recorder(folder / "run.mcap")
         self.starts = 0
         self._links: list[MrsLink] = []
@@ -73,18 +73,18 @@ class LiveBench(Bench):
 
     def _start(self) -> Executive:
         self.starts += 1
-        self._history = HistoryBuilder(leaf_paths, self.kept)
+        self._history = HistoryBuilder(leaf_paths, self.stored)
         self._links.append(MrsLink(self.settings, port=0, history=self._history))
-        self.tape = Tapes(self.recorder, self._history)
+        self.tape = RecordingTee(self.recorder, self._history)
         executive = super()._start()
         self.uri = str(self._links[-1].start(executive))
         return executive
 
     def downlinks(self) -> list[Downlink]:
-        self._history.restore(self.ledger.reports(1, count=self.kept))
-        return [self.heard, self._links[-1]]
+        self._history.restore(self.ledger.reports(1, count=self.stored))
+        return [self.received, self._links[-1]]
 
-    def ask(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:
+    def request(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:
         """Hold a session from the ground, and serve what it asks on this thread."""
 
         async def hold() -> T:

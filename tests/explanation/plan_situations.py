@@ -24,10 +24,14 @@ STEP: Final = "plan:survey:1"
 """The first command of the plan."""
 
 
-def _refused(reason: Reason, text: bytes, said: str = "", form: str = "BTCPP4") -> Case:
+def _refused(reason: Reason, text: bytes, message: str = "", form: str = "BTCPP4") -> Case:
     request = SubmitPlan(PlanDefinition("survey", "A test", form, text))
     return Case(
-        f"plan refused {reason.name}", lambda bench: bench.submit(request, 1), "MOE:1", reason, said
+        f"plan refused {reason.name}",
+        lambda bench: bench.submit(request, 1),
+        "MOE:1",
+        reason,
+        message,
     )
 
 
@@ -51,9 +55,9 @@ def _too_many(bench: Bench) -> None:
     bench.submit(SubmitPlan(plan(AHEAD)), 1)
 
 
-def _goes_on(bench: Bench) -> None:
-    abreast = f'<Parallel success_count="1">{AHEAD}<takePicture deadline_s="30"/></Parallel>'
-    _runs(f"<Sequence>{abreast}{BACK}</Sequence>", for_s=2.0)(bench)
+def _continues(bench: Bench) -> None:
+    in_parallel = f'<Parallel success_count="1">{AHEAD}<takePicture deadline_s="30"/></Parallel>'
+    _runs(f"<Sequence>{in_parallel}{BACK}</Sequence>", for_s=2.0)(bench)
 
 
 PLANS: Final = (
@@ -77,7 +81,7 @@ PLANS: Final = (
     ),
     Case("step suspended", _runs(AHEAD, SuspendPlan("survey")), STEP, Reason.PLAN_SUSPENDED),
     Case("step aborted", _runs(AHEAD, AbortPlan("survey")), STEP, Reason.PLAN_ABORTED),
-    Case("step that is not waited for", _goes_on, STEP, Reason.PLAN_WENT_ON),
+    Case("step that is not waited for", _continues, STEP, Reason.STEP_HALTED),
     Case("step stopped", _runs(AHEAD, Stop()), STEP, Reason.STOPPED, "MOE requested stop"),
     Case(
         "refused while a plan runs",

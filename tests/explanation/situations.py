@@ -31,7 +31,7 @@ from executive.core.authority import AuthorityAction, AuthorityRequest
 from executive.faults import ClearPolicy, Reaction
 from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import AuthoritySettings, LinkLossSettings, Settings, structure
-from executive.values.facts import CommandEnded, ForeignPublishers, Odometry, Stopped
+from executive.values.facts import ExternalCommandEnded, ExternalStop, ForeignPublishers, Odometry
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity
@@ -45,8 +45,8 @@ def _send(request: Request, number: int = 1, **options: Any) -> Callable[[Bench]
     return lambda bench: bench.submit(request, number, **options)
 
 
-def _refused(reason: Reason, request: Request, said: str = "", **options: Any) -> Case:
-    return Case(f"refused {reason.name}", _send(request, 1, **options), "MOE:1", reason, said)
+def _refused(reason: Reason, request: Request, message: str = "", **options: Any) -> Case:
+    return Case(f"refused {reason.name}", _send(request, 1, **options), "MOE:1", reason, message)
 
 
 def _after_a_jump(bench: Bench) -> None:
@@ -106,8 +106,8 @@ def _resume_too_early(bench: Bench) -> None:
 
 
 def _without_authority(bench: Bench) -> None:
-    asked = AuthorityRequest(AuthorityAction.REQUEST, "ELSE")
-    bench.executive.request_authority(asked)
+    requested = AuthorityRequest(AuthorityAction.REQUEST, "ELSE")
+    bench.executive.request_authority(requested)
     bench.submit(MoveForward(1.0), 1)
 
 
@@ -235,15 +235,15 @@ def _stuck_camera(bench: Bench) -> None:
             return
 
 
-def _stopped_elsewhere(bench: Bench) -> None:
+def _stopped_by_other(bench: Bench) -> None:
     bench.drive_on()
-    bench.executive.observe(Stopped("ORBITER:3"))
+    bench.executive.observe(ExternalStop(Identity("ORBITER", 3)))
     bench.run(0.2)
 
 
-def _done_elsewhere(bench: Bench) -> None:
+def _done_by_other(bench: Bench) -> None:
     bench.drive_on()
-    bench.executive.observe(CommandEnded(Identity("MOE", 1), False, "the brick refused"))
+    bench.executive.observe(ExternalCommandEnded(Identity("MOE", 1), False, "the brick refused"))
     bench.run(0.2)
 
 
@@ -294,7 +294,7 @@ def _while_planned(bench: Bench) -> None:
     bench.submit(MoveForward(1.0), 1)
 
 
-def _under_way(bench: Bench) -> None:
+def _active(bench: Bench) -> None:
     bench.drive_on()
 
 
@@ -313,7 +313,7 @@ _SLOWED: Final = replace(
     faults=replace(
         JACKAL.faults,
         battery_low=replace(
-            JACKAL.faults.battery_low, then=Reaction.SLOW_DOWN, clears=ClearPolicy.ITSELF
+            JACKAL.faults.battery_low, reaction=Reaction.SLOW_DOWN, clears=ClearPolicy.AUTO
         ),
     ),
 )
@@ -322,7 +322,7 @@ _PAUSED: Final = replace(
     faults=replace(
         JACKAL.faults,
         battery_low=replace(
-            JACKAL.faults.battery_low, then=Reaction.PAUSE, clears=ClearPolicy.ITSELF
+            JACKAL.faults.battery_low, reaction=Reaction.PAUSE, clears=ClearPolicy.AUTO
         ),
     ),
 )
@@ -354,8 +354,8 @@ CASES: Final = (
     _refused(Reason.PLAN_NOT_XML, SubmitPlan(_NOT_XML)),
     _refused(Reason.PLAN_NO_DEADLINE, SubmitPlan(plan('<moveForward distance="1"/>'))),
     Case("refused EXPIRED", _old, "MOE:1", Reason.EXPIRED, "its lifetime is 5 s"),
-    Case("refused MADE_IN_FUTURE", _early, "MOE:1", Reason.MADE_IN_FUTURE),
-    Case("refused BAD_IDENTITY", _as_a_plan, "plan:x:1", Reason.BAD_IDENTITY),
+    Case("refused CREATED_IN_FUTURE", _early, "MOE:1", Reason.CREATED_IN_FUTURE),
+    Case("refused BAD_IDENTIFIER", _as_a_plan, "plan:x:1", Reason.BAD_IDENTIFIER),
     Case("refused NO_ODOMETRY", _blind, "MOE:1", Reason.NO_ODOMETRY),
     Case("refused WRONG_MODE when stopped", _while_stopped, "MOE:1", Reason.WRONG_MODE, "MOE:8"),
     Case("refused WRONG_MODE in a plan", _while_planned, "MOE:1", Reason.WRONG_MODE, "PLAN"),
@@ -386,7 +386,7 @@ CASES: Final = (
         Reason.POSE_UNCERTAIN,
         "alarm: odometry jumped by 0.50 m",
     ),
-    Case("now: uncertain", _after_a_jump, None, Reason.POSE_UNCERTAIN, "or confirm it by"),
+    Case("now: uncertain", _after_a_jump, None, Reason.POSE_UNCERTAIN, "confirmPose 0 0"),
     Case(
         "refused POSE_UNCERTAIN since confirmed",
         _confirmed_in_part,
@@ -394,7 +394,7 @@ CASES: Final = (
         Reason.POSE_UNCERTAIN,
         "MOE requested confirmPose",
     ),
-    Case("refused BATTERY_SHORT", _short, "MOE:1", Reason.BATTERY_SHORT),
+    Case("refused BATTERY_INSUFFICIENT", _short, "MOE:1", Reason.BATTERY_INSUFFICIENT),
     Case(
         "stopped by another",
         _stopped_by,
@@ -413,14 +413,14 @@ CASES: Final = (
     Case("odometry jumped", _jumped, "MOE:1", Reason.ODOMETRY_JUMPED),
     Case("odometry without numbers", _no_numbers, "MOE:1", Reason.ODOMETRY_NOT_FINITE),
     Case("odometry frozen", _frozen, "MOE:1", Reason.ODOMETRY_FROZEN),
-    Case("tilted", _tilted, "MOE:1", Reason.TILTED),
+    Case("tilted", _tilted, "MOE:1", Reason.TILT_LIMIT),
     Case("battery low", _low_battery, "MOE:1", Reason.BATTERY_LOW),
     Case("core hung", _hung, "MOE:1", Reason.CORE_HUNG),
     Case("adapter raised", _adapter_raised, "MOE:1", Reason.ADAPTER_RAISED),
     Case("camera dead", _dead_camera, "MOE:1", Reason.CAPTURE_DEADLINE),
     Case("camera stuck", _stuck_camera, "MOE:1", Reason.PAN_TILT_DEADLINE),
-    Case("stopped by another way", _stopped_elsewhere, "MOE:1", Reason.STOPPED, "ORBITER:3"),
-    Case("ended by another way", _done_elsewhere, "MOE:1", Reason.MOTION_NOT_EXECUTED),
+    Case("stopped by another way", _stopped_by_other, "MOE:1", Reason.STOPPED, "ORBITER:3"),
+    Case("ended by another way", _done_by_other, "MOE:1", Reason.MOTION_NOT_EXECUTED),
     Case(
         "link lost",
         _unheard,
@@ -439,13 +439,13 @@ CASES: Final = (
     Case("waits for another", _waits, "MOE:1", None, "for MOE:2 moveForward"),
     Case("waited for another", _waited, "MOE:1", None, "for MOE:2 moveForward"),
     Case("waits while paused", _paused_waiting, "MOE:1", Reason.BATTERY_LOW, "PAUSED", _PAUSED),
-    Case("waited while paused", _paused_for_a_while, "MOE:1", None, "(FAULT_OVER 909)", _PAUSED),
+    Case("waited while paused", _paused_for_a_while, "MOE:1", None, "(FAULT_CLEARED 909)", _PAUSED),
     Case("limited by a setting", _slow, "MOE:1", None, "0.30 m/s"),
     Case("slowed by a fault", _low_battery, "MOE:1", None, "slowed down", _SLOWED),
-    Case("under way", _under_way, "MOE:1", None, "leaf drive ran for 1.00 s"),
+    Case("under way", _active, "MOE:1", None, "leaf drive ran for 1.00 s"),
     Case("now: stopped", _stopped, None, Reason.STOPPED, "MOE requested stop"),
     Case("now: odometry lost", _lose_odometry, None, Reason.ODOMETRY_STALE),
-    Case("now: tilted", _tilted, None, Reason.TILTED),
+    Case("now: tilted", _tilted, None, Reason.TILT_LIMIT),
     Case("now: jumped", _jumped, None, Reason.ODOMETRY_JUMPED),
     Case("now: core hung", _hung, None, Reason.CORE_HUNG),
     Case("now: paused", _paused_waiting, None, Reason.BATTERY_LOW, "PAUSED", _PAUSED),
@@ -458,7 +458,7 @@ CASES: Final = (
     ),
     Case("now: no odometry", _blind, None, Reason.NO_ODOMETRY, "no odometry"),
     Case("now: joystick", _joystick, None, None, "/joystick"),
-    Case("now: drives", _under_way, None, None, "for MOE:1 moveForward"),
+    Case("now: drives", _active, None, None, "for MOE:1 moveForward"),
     Case("now: plan suspended", _plan_stopped, None, None, "plan survey is suspended"),
     Case("now: nothing to do", _idle, None, None, "no motion goal"),
 )

@@ -1,6 +1,7 @@
 """Why: the reason that is named is the cause that was injected, from the recording of the run."""
 
 import json
+import re
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from adapters.explanation import (
     Explanation,
     LogFilter,
     entries,
+    entry_line,
     explain_command,
     explain_now,
     explanation_lines,
@@ -22,8 +24,8 @@ from adapters.explanation import (
 )
 from adapters.recording import RunFile, read_history
 from executive.commands import Command, MoveForward, Resume, Stop
-from executive.history import RunHistory
-from executive.values.reports import Identity, Report, ReportKind, Severity
+from executive.history import CommandHistory, RunHistory
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.explanation.case import Case
 from tests.explanation.fault_situations import FAULTS
 from tests.explanation.live import LiveBench
@@ -51,7 +53,7 @@ def explain(history: RunHistory, command: str | None) -> Explanation:
 ALL = (*CASES, *FAULTS, *PLANS)
 
 
-def told(explanation: Explanation) -> str:
+def reported(explanation: Explanation) -> str:
     """Return an explanation without the end of a link loss, which the query itself causes."""
     lines = explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}")
     return "\n".join(line for line in lines if "ground link recovered" not in line)
@@ -59,7 +61,29 @@ def told(explanation: Explanation) -> str:
 
 def is_right(case: Case, explained: Explanation) -> bool:
     """Whether an explanation names the cause that was injected, and no other."""
-    return explained.reason is case.reason and case.said in told(explained)
+    return explained.reason is case.reason and case.output in reported(explained)
+
+
+def reworded(history: RunHistory) -> RunHistory:
+    """Return a history with other texts of its reports and situations, on which nothing depends.
+
+    RECEIVED and ACCEPTED have the name of the request as their text.
+    """
+    named = {Stage.RECEIVED, Stage.ACCEPTED}
+    return replace(
+        history,
+        reports=tuple(
+            each if each.stage in named else replace(each, text="x") for each in history.reports
+        ),
+        situations=tuple(replace(each, why="x") for each in history.situations),
+    )
+
+
+def shape(explanation: Explanation) -> tuple[object, ...]:
+    """Return an explanation without its texts, but with the commands that these name."""
+    times = [each.utc_s for each in explanation.steps]
+    named = [re.findall(r"as number (\d+)", each.text) for each in explanation.steps]
+    return explanation.reason, explanation.evidence, times, named
 
 
 @pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)
@@ -69,17 +93,22 @@ def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -
         bench.recorder.end()
         if case.ends:
             bench.restart()
-        live = bench.ask(lambda client: client.get_history(case.command))
+        live = bench.request(lambda client: client.get_history(case.command))
         starts = bench.starts
     recorded, _ = read_history(tmp_path / "run.mcap")
-    explained, asked = explain(recorded, case.command), explain(live, case.command)
-    assert is_right(case, explained), told(explained)
-    assert is_right(case, asked), told(asked)
-    assert told(explain(select_for(recorded, case.command), case.command)) == told(explained)
+    explained, requested = explain(recorded, case.command), explain(live, case.command)
+    assert is_right(case, explained), reported(explained)
+    assert is_right(case, requested), reported(requested)
+    assert reported(explain(select_for(recorded, case.command), case.command)) == reported(
+        explained
+    )
+    assert shape(explain(reworded(recorded), case.command)) == shape(explained)
+    less = select_for(reworded(recorded), case.command)
+    assert shape(explain(less, case.command)) == shape(explained)
     known = {each.identity for each in recorded.received}
     of_plans = {each.identity for each in live.received} - known
     if starts == 1 and not of_plans:  # whose arguments the ledger knows
-        assert told(asked) == told(explained)
+        assert reported(requested) == reported(explained)
 
 
 SOME = {
@@ -113,7 +142,7 @@ def test_an_explanation_of_another_situation_is_noticed(
             assert right == (case is other), (case.name, other.name)
 
 
-def test_what_is_left_out_is_noticed(some: list[tuple[Case, RunHistory]]) -> None:
+def test_an_omission_is_detected(some: list[tuple[Case, RunHistory]]) -> None:
     for case, history in some:
         lacking = SOME[case.name]
         if lacking == "reasons":
@@ -140,7 +169,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(Case("", play, None, None), tmp_path_factory.mktemp("run"))
 
 
-def test_the_log_has_each_life_on_a_line(run: Path) -> None:
+def test_the_log_has_each_command_on_a_line(run: Path) -> None:
     result = typed(log, "--file", run)
     assert result.exit_code == 0
     first, second, third, fourth = result.output.splitlines()
@@ -172,23 +201,25 @@ def test_the_log_is_filtered(run: Path, options: tuple[str, ...], lines: int) ->
     assert len(result.output.splitlines()) == lines, result.output
 
 
-def test_log_and_why_are_told_as_json(run: Path) -> None:
-    lives = [json.loads(each) for each in typed(log, "--file", run, "--json").output.splitlines()]
-    assert [each["identity"]["command_id"] for each in lives] == [1, 2, 3, 3]
-    assert lives[0]["reports"][-1]["reason"] == "STOPPED"
-    told = json.loads(typed(why, "MOE:1", "--file", run, "--json").output)
-    assert told["reason"] == "STOPPED"
-    assert told["steps"][0]["text"].startswith("MOE requested moveForward distance 5 m")
+def test_log_and_why_are_printed_as_json(run: Path) -> None:
+    lifecycles = [
+        json.loads(each) for each in typed(log, "--file", run, "--json").output.splitlines()
+    ]
+    assert [each["identity"]["command_id"] for each in lifecycles] == [1, 2, 3, 3]
+    assert lifecycles[0]["reports"][-1]["reason"] == "STOPPED"
+    reported = json.loads(typed(why, "MOE:1", "--file", run, "--json").output)
+    assert reported["reason"] == "STOPPED"
+    assert reported["steps"][0]["text"].startswith("MOE requested moveForward distance 5 m")
 
 
-def test_why_is_told_as_of_a_time(run: Path) -> None:
+def test_why_is_given_for_a_time(run: Path) -> None:
     assert typed(why, "--file", run, "--at", 0.5).output.startswith("MOVING: moves at")
     assert typed(why, "--file", run, "--at", 1.5).output.startswith("STOPPED: ")
     assert typed(why, "--file", run).output.startswith("IDLE: ")
 
 
-def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
-    for command, arguments, told in (
+def test_bad_input_is_reported(run: Path, tmp_path: Path) -> None:
+    for command, arguments, reported in (
         (why, ("MOE:9", "--file", run), "the latest known: MOE:1, MOE:2, MOE:3, LAB:3"),
         (why, ("3", "--file", run), "name one of MOE:3, LAB:3"),
         (why, ("--file", tmp_path / "none.mcap"), "cannot be read"),
@@ -197,7 +228,7 @@ def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
     ):
         result = typed(command, *arguments)
         assert result.exit_code == 2, result.output
-        assert told in result.output
+        assert reported in result.output
 
 
 def test_each_report_without_a_number_is_listed() -> None:
@@ -206,3 +237,16 @@ def test_each_report_without_a_number_is_listed() -> None:
         for number in (7, 8)
     ]
     assert list(entries(RunHistory(1.0, tuple(losses)), LogFilter())) == losses
+
+
+def test_the_loss_of_a_command_is_a_line_of_its_own_and_names_it_once() -> None:
+    moe = Identity("MOE", 7)
+    begun = Report(
+        1, 1.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "stop", moe, Stage.RECEIVED, "relay"
+    )
+    loss = Report(0, 2.0, ReportKind.LINK, Severity.ALARM, "MOE:7 may not have arrived", moe)
+    history = RunHistory(2.0, (begun, loss))
+    first, second = entries(history, LogFilter(command="7"))
+    assert first is loss
+    assert isinstance(second, CommandHistory)
+    assert entry_line(loss, str) == "2.0  ALARM MOE:7 may not have arrived"

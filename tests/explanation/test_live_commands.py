@@ -38,7 +38,7 @@ def typed(bench: LiveBench, *arguments: str) -> Result:
     return bench.serve(lambda: CliRunner().invoke(main, [*arguments, "--to", bench.uri]))
 
 
-def test_the_log_has_each_life_on_a_line(bench: LiveBench) -> None:
+def test_the_log_has_each_command_on_a_line(bench: LiveBench) -> None:
     result = typed(bench, "log")
     assert result.exit_code == 0, result.output
     first, second, third, fourth = result.output.splitlines()
@@ -71,16 +71,16 @@ def test_the_log_is_filtered(bench: LiveBench, options: tuple[str, ...], lines: 
     assert len(result.output.splitlines()) == lines, result.output
 
 
-def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
-    told = typed(bench, "why", "MOE:1").output
-    assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-    assert "MOE requested stop over the direct link, as number 2" in told
+def test_why_is_given_for_a_command_and_for_now(bench: LiveBench) -> None:
+    reported = typed(bench, "why", "MOE:1").output
+    assert reported.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+    assert "MOE requested stop over the direct link, as number 2" in reported
     assert typed(bench, "why").output.startswith("IDLE: standing: no motion goal")
     assert json.loads(typed(bench, "why", "MOE:1", "--json").output)["reason"] == "STOPPED"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("why", "MOE:9"), "the latest known: MOE:1, MOE:2, MOE:3, LAB:3"),
         (("why", "3"), "name one of MOE:3, LAB:3"),
@@ -92,12 +92,12 @@ def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
         (("watch", "--asset", "jackal"), "choose one"),
     ],
 )
-def test_what_makes_no_sense_is_told(
-    bench: LiveBench, arguments: tuple[str, ...], said: str
+def test_invalid_input_is_reported(
+    bench: LiveBench, arguments: tuple[str, ...], message: str
 ) -> None:
     result = typed(bench, *arguments)
     assert result.exit_code == 2, result.output
-    assert said in result.output
+    assert message in result.output
 
 
 def test_watch_prints_the_tree(bench: LiveBench) -> None:
@@ -118,56 +118,56 @@ def test_the_log_is_followed(bench: LiveBench) -> None:
     with process:
         assert process.stdout is not None
         past = [bench.serve(process.stdout.readline) for _ in range(4)]
-        bench.executive.event(Severity.ALARM, "of another")
+        bench.executive.report_event(Severity.ALARM, "of another")
         bench.submit(MoveForward(0.1), 4)
         bench.send(Command(Identity("LAB", 5), MoveForward(1000.0), "direct"))
-        news = [bench.serve(process.stdout.readline) for _ in range(2)]
+        events = [bench.serve(process.stdout.readline) for _ in range(2)]
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
     assert [line.split()[2:4] for line in past] == [
         ["LAB:3", stage] for stage in ("RECEIVED", "ACCEPTED", "STARTED", "EXECUTED")
     ]
-    assert [line.split()[2:4] for line in news] == [["LAB:5", "RECEIVED"], ["LAB:5", "REJECTED"]]
-    assert "OUT_OF_RANGE" in news[1]
+    assert [line.split()[2:4] for line in events] == [["LAB:5", "RECEIVED"], ["LAB:5", "REJECTED"]]
+    assert "OUT_OF_RANGE" in events[1]
 
 
-def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None:
+def test_the_content_of_the_ledger_is_shown_after_a_restart(bench: LiveBench) -> None:
     bench.crash()
-    told = typed(bench, "why", "MOE:1").output
-    assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-    assert "MOE requested stop over the direct link" in told
-    assert "over the direct link" in told
+    reported = typed(bench, "why", "MOE:1").output
+    assert reported.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+    assert "MOE requested stop over the direct link" in reported
+    assert "over the direct link" in reported
     assert len(typed(bench, "log", "--severity", "warning").output.splitlines()) >= 2
 
 
-def test_what_is_older_than_its_memory_is_told_of_the_ledger(tmp_path: Path) -> None:
-    with LiveBench(tmp_path, ANY, kept=3) as bench:
+def test_commands_beyond_its_memory_are_shown_from_the_ledger(tmp_path: Path) -> None:
+    with LiveBench(tmp_path, ANY, stored=3) as bench:
         bench.drive_on()
         bench.submit(Stop(), 2)
         bench.run(1.0)
         bench.submit(Resume(), 3)
         assert len(typed(bench, "log").output.splitlines()) == 1
         assert len(typed(bench, "log", "--since", "60").output.splitlines()) == 3
-        told = typed(bench, "why", "MOE:1").output
-        assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
-        assert "MOE requested stop over the direct link" in told
+        reported = typed(bench, "why", "MOE:1").output
+        assert reported.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+        assert "MOE requested stop over the direct link" in reported
 
 
-def test_where_no_history_is_served_reports_are_told(tmp_path: Path) -> None:
+def test_without_a_history_service_reports_are_shown(tmp_path: Path) -> None:
     aboard = Aboard(tmp_path)
     try:
         aboard.do(lambda bench: bench.submit(MoveForward(1000.0), 1))
-        for arguments, said in (
+        for arguments, message in (
             (["log"], "MOE:1 moveForward: REJECTED"),
             (["why", "MOE:1"], "MOE:1 moveForward was refused: "),
             (["why", "MOE:2"], "no command MOE:2"),
         ):
-            assert said in rover(*arguments, "--to", aboard.uri).output
+            assert message in rover(*arguments, "--to", aboard.uri).output
     finally:
         aboard.close()
 
 
-def test_no_rover_is_told(tmp_path: Path) -> None:
+def test_an_absent_rover_is_reported(tmp_path: Path) -> None:
     with LiveBench(tmp_path, ANY) as bench:
         uri = bench.uri
     for arguments in (["log"], ["why"], ["watch"]):

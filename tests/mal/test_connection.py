@@ -38,11 +38,13 @@ def request(provider: Provider, number: int) -> bytes:
     return encode_message(header, bytes(8))
 
 
-async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptureFixture) -> None:
-    gone = asyncio.Event()
+async def test_a_peer_that_accepts_no_replies_is_disconnected(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    closed = asyncio.Event()
 
     def answer(call: Any, _: float) -> tuple[str]:
-        call.connection.lost.add_done_callback(lambda _: gone.set())
+        call.connection.lost.add_done_callback(lambda _: closed.set())
         return (BIG.decode(),)
 
     async with provided() as provider, connected(provider) as good:
@@ -50,7 +52,7 @@ async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptur
         writer = await deaf(provider)
         for number in range(40):
             writer.write(request(provider, number))
-        await gone.wait()
+        await closed.wait()
         assert "octets are unread by the peer" in caplog.text
         assert await good.request(SERVICE, "doRequest", 1.0) == (BIG.decode(),)
         writer.close()
@@ -119,7 +121,7 @@ async def test_notifications_of_one_turn_travel_together_and_in_order_with_repli
         assert written[2:] == [bytes(20_000)]
 
 
-async def test_answers_to_what_came_together_are_written_together_and_before_a_refusal(
+async def test_answers_to_simultaneous_messages_are_written_together_and_before_a_refusal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(connection, "SLICE_S", 60.0)
@@ -148,10 +150,10 @@ def send_all(queue: NotificationQueue) -> None:
         pass
 
 
-def test_notifications_keep_their_order_and_only_the_oldest_that_may_are_dropped() -> None:
+def test_notifications_are_in_order_and_only_the_first_droppable_ones_are_dropped() -> None:
     written: list[bytes] = []
-    given_up: list[str] = []
-    queue = NotificationQueue(written.append, given_up.append)
+    aborted: list[str] = []
+    queue = NotificationQueue(written.append, aborted.append)
     queue.paused = True
     for number in range(connection.DROPPABLE_CAP + 10):
         put(queue, b"t%d" % number, droppable=True)
@@ -170,12 +172,12 @@ def test_notifications_keep_their_order_and_only_the_oldest_that_may_are_dropped
     for _ in range(connection.BACKLOG_CAP + 10):  # who reads is sent them instead of given up
         put(queue, b"r", droppable=False)
     queue.paused = True
-    assert not given_up
+    assert not aborted
     put(queue, b"r", droppable=False)
-    assert len(given_up) == 1
+    assert len(aborted) == 1
 
 
-def test_a_queue_that_is_paused_while_it_empties_keeps_the_rest() -> None:
+def test_a_queue_paused_while_it_empties_retains_the_rest() -> None:
     written: list[bytes] = []
     queue = NotificationQueue(written.append, lambda _: None)
     queue.put(lambda: [b"a", b"b"], droppable=True)
@@ -204,7 +206,7 @@ def message(size: int, fill: int) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_messages_of_all_sizes_come_out_as_they_went_in(seed: int) -> None:
+def test_messages_of_all_sizes_arrive_unchanged(seed: int) -> None:
     chance = random.Random(seed)
     sent = [message(chance.choice(SIZES), number % 256) for number in range(40)]
     stream, framer = memoryview(b"".join(sent)), Framer()
@@ -216,7 +218,7 @@ def test_messages_of_all_sizes_come_out_as_they_went_in(seed: int) -> None:
     assert got == sent
 
 
-def test_what_is_announced_takes_no_room_before_it_comes() -> None:
+def test_an_announced_message_uses_no_memory_before_it_arrives() -> None:
     framer = Framer()
     assert list(cut(framer, message(MESSAGE_CAP, 0)[:1000])) == []
     assert len(framer._buffer) <= 16 << 10
@@ -231,7 +233,7 @@ def test_a_long_message_leaves_no_long_buffer_behind() -> None:
     assert len(framer._buffer) <= 256 << 10
 
 
-def test_many_messages_at_once_are_taken_in_large_pieces() -> None:
+def test_many_simultaneous_messages_are_read_in_large_pieces() -> None:
     framer = Framer()
     assert len(list(cut(framer, 20_000 * message(50, 1)))) == 20_000
     assert len(framer.buffer()) >= 32 << 10

@@ -107,11 +107,11 @@ async def test_leaving_early_leaves_the_connection_usable() -> None:
 
 
 async def test_interactions_over_a_connection_are_bounded() -> None:
-    go_on = asyncio.Event()
+    proceed = asyncio.Event()
 
     async def waits(interaction: Interaction, _: str) -> tuple[float]:
         interaction.acknowledge(42)
-        await go_on.wait()
+        await proceed.wait()
         return (1.0,)
 
     async with provided(limits=PeerLimits(share=3)) as provider, connected(provider) as consumer:
@@ -119,7 +119,7 @@ async def test_interactions_over_a_connection_are_bounded() -> None:
         running = [await consumer.invoke(SERVICE, "doInvoke", "") for _ in range(3)]
         error = await error_of(consumer.invoke(SERVICE, "doInvoke", ""))
         assert error.number == StandardError.TOO_MANY.value
-        go_on.set()
+        proceed.set()
         for invocation in running:
             assert await invocation.response() == (1.0,)
         invocation = await consumer.invoke(SERVICE, "doInvoke", "")
@@ -134,7 +134,7 @@ async def test_interactions_over_a_connection_are_bounded() -> None:
         ("", InteractionStage.PROGRESS_RESPONSE),
     ],
 )
-async def test_an_error_takes_the_place_of_the_message_that_would_come(
+async def test_an_error_replaces_the_expected_message(
     handler: str, stage: InteractionStage
 ) -> None:
     async def fail(interaction: Interaction, _: int) -> None:

@@ -40,7 +40,7 @@ class Talk:
     """One interaction.
 
     Attributes:
-        told: what the handler was told to do, and whether the connection was lost.
+        reported: what the handler was told to do, and whether the connection was lost.
         seen: what its consumer saw.
         steps: how the handler is told.
         over: whether nothing more can be seen.
@@ -49,14 +49,14 @@ class Talk:
 
     pattern: Pattern
     consumer: Consumer
-    told: list[Step] = field(default_factory=list)
+    reported: list[Step] = field(default_factory=list)
     seen: list[Step] = field(default_factory=list)
     steps: "asyncio.Queue[Step]" = field(default_factory=asyncio.Queue)
     over: bool = False
     served: bool = True
 
     def allows(self, step: Step) -> bool:
-        acknowledged = self.pattern is Pattern.REQUEST or ("ack", None) in self.told
+        acknowledged = self.pattern is Pattern.REQUEST or ("ack", None) in self.reported
         match step[0]:
             case "ack":
                 return not acknowledged
@@ -117,7 +117,7 @@ class Conversations(RuleBasedStateMachine):
             await asyncio.sleep(0)
 
         if consumer not in self.open:
-            talk.told.append(LOST)
+            talk.reported.append(LOST)
             talk.over, talk.served = True, False
         self.run(begin())
         return talk
@@ -126,7 +126,7 @@ class Conversations(RuleBasedStateMachine):
     def act(self, talk: Talk, step: Step) -> None:
         """The handler does something."""
         if not talk.over and talk.allows(step):
-            self._tell(talk, step)
+            self._notify(talk, step)
 
     @rule(talk=talks, steps=st.lists(steps, max_size=3), by=st.sampled_from(["us", "them", "both"]))
     def act_and_be_cut(self, talk: Talk, steps: list[Step], by: str) -> None:
@@ -135,14 +135,14 @@ class Conversations(RuleBasedStateMachine):
             return
         for step in steps:
             if not talk.over and talk.allows(step):
-                self._tell(talk, step)
-        certain, hoped = talk.seen[:], talk.told[:]
+                self._notify(talk, step)
+        certain, hoped = talk.seen[:], talk.reported[:]
         self._cut(talk.consumer, by)
         assert hoped[: len(talk.seen)] == talk.seen or (
             talk.seen[-1] == LOST and hoped[: len(talk.seen) - 1] == talk.seen[:-1]
         )
         assert talk.seen[: len(certain)] == certain
-        talk.told = talk.seen[:]
+        talk.reported = talk.seen[:]
 
     @rule(consumer=consumes(consumers))
     def hang_up(self, consumer: Consumer) -> None:
@@ -155,7 +155,7 @@ class Conversations(RuleBasedStateMachine):
     def both_sides_agree(self) -> None:
         self._settle()
         for talk in self.known.values():
-            assert talk.seen == talk.told
+            assert talk.seen == talk.reported
         running = [talk for talk in self.known.values() if not talk.over]
         assert len(self.tasks) == len(running)
         assert len(self.provider._connections._open) == len(self.open)
@@ -169,15 +169,19 @@ class Conversations(RuleBasedStateMachine):
             self.run(self.provider.close())
             self.run(self._all_over())
             for talk in self.known.values():
-                assert talk.seen == talk.told if talk.over else talk.seen == [*talk.told, SHUTDOWN]
+                assert (
+                    talk.seen == talk.reported
+                    if talk.over
+                    else talk.seen == [*talk.reported, SHUTDOWN]
+                )
             for consumer in self.open:
                 self.run(consumer.close())
         finally:
             self.runner.close()
 
-    def _tell(self, talk: Talk, step: Step) -> None:
+    def _notify(self, talk: Talk, step: Step) -> None:
         talk.steps.put_nowait(step)
-        talk.told.append(step)
+        talk.reported.append(step)
         talk.over = step[0] in ENDS
         talk.served = not talk.over
 
@@ -188,8 +192,8 @@ class Conversations(RuleBasedStateMachine):
         concerned = [talk for talk in self.known.values() if talk.consumer is consumer]
 
         async def cut() -> None:
-            for end, who in ((ours, "us"), (theirs, "them")):
-                if by in (who, "both"):
+            for end, source in ((ours, "us"), (theirs, "them")):
+                if by in (source, "both"):
                     assert end._transport is not None
                     end._transport.abort()
             if by == "politely":
@@ -203,7 +207,7 @@ class Conversations(RuleBasedStateMachine):
         for talk in concerned:
             talk.served = False
             if not talk.over:
-                talk.told.append(LOST)
+                talk.reported.append(LOST)
                 talk.over = True
 
     def _settle(self) -> None:

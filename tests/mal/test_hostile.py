@@ -125,7 +125,7 @@ def test_lengths_beyond_belief_are_refused_at_once(octets: bytes, why: str) -> N
         list(cut(Framer(), octets))
 
 
-def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
+def test_messages_are_separated_for_any_fragmentation_of_the_stream() -> None:
     stream = b"".join(MESSAGES[:20])
     for step in (1, 3, 7, 100, len(stream)):
         framer = Framer()

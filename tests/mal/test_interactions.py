@@ -50,7 +50,7 @@ async def test_parts_go_there_and_back(encoding: Encoding) -> None:
     assert call.transaction_id > 0
 
 
-async def test_errors_come_back_with_number_and_extra() -> None:
+async def test_errors_are_returned_with_number_and_extra() -> None:
     def fail(_: CallContext, code: int, text: str | None) -> None:
         raise MalError(code, text and TypedAttribute(AttributeType.STRING, text))
 
@@ -68,15 +68,15 @@ async def test_errors_come_back_with_number_and_extra() -> None:
         assert error.extra == TypedList(AttributeType.UINTEGER, (0, 3))
 
 
-async def test_a_reply_may_come_later_and_from_another_thread() -> None:
+async def test_a_reply_may_be_sent_later_and_from_another_thread() -> None:
     loop = asyncio.get_running_loop()
-    go_on = threading.Event()
+    proceed = threading.Event()
 
     def from_a_thread(*_: Any) -> asyncio.Future[Any]:
         future = loop.create_future()
 
         def answer() -> None:
-            go_on.wait()
+            proceed.wait()
             loop.call_soon_threadsafe(future.set_result, ("later",))
 
         threading.Thread(target=answer).start()
@@ -93,11 +93,11 @@ async def test_a_reply_may_come_later_and_from_another_thread() -> None:
         error = await error_of(consumer.submit(SERVICE, "doSubmit", "x", True))
         assert error.number == StandardError.UNKNOWN.value
         assert not request.done()
-        go_on.set()
+        proceed.set()
         assert await request == ("later",)
 
 
-async def test_what_is_not_served_gets_the_chosen_answer() -> None:
+async def test_an_unserved_operation_gets_the_chosen_answer() -> None:
     not_served = MalError(4, TypedAttribute(AttributeType.STRING, "not here"))
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         for interaction in (
@@ -111,7 +111,7 @@ async def test_what_is_not_served_gets_the_chosen_answer() -> None:
         assert error.number == StandardError.UNSUPPORTED_OPERATION.value
 
 
-async def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> None:
+async def test_a_repeatedly_given_answer_holds_nothing_of_its_caller() -> None:
     not_served = MalError(4)
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         for _ in range(2):
@@ -155,7 +155,7 @@ async def test_only_what_can_be_served_may_be() -> None:
             provider.publisher(SERVICE, "doRequest")
 
 
-async def test_the_consumer_refuses_what_it_cannot_send() -> None:
+async def test_the_consumer_refuses_a_message_that_it_cannot_send() -> None:
     async with provided() as provider, connected(provider) as consumer:
         with pytest.raises(EncodeError, match=r"^d: "):
             await consumer.request(SERVICE, "doRequest", "fast")
@@ -174,7 +174,7 @@ async def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
         assert await consumer.request(SERVICE, "echoLong", 1, 2) == (1, 2)
 
 
-async def test_nobody_there_is_an_error() -> None:
+async def test_an_absent_provider_is_an_error() -> None:
     async with provided() as provider:
         uri = str(provider.uri)
     error = await error_of(Consumer.connect(SPECIFICATION, uri))
@@ -186,8 +186,8 @@ async def test_nobody_there_is_an_error() -> None:
 
 async def test_another_name_at_the_address_is_unknown() -> None:
     async with provided() as provider:
-        elsewhere = MalUri(provider.uri.host, provider.uri.port, "Elsewhere")
-        consumer = await Consumer.connect(SPECIFICATION, elsewhere)
+        other = MalUri(provider.uri.host, provider.uri.port, "Elsewhere")
+        consumer = await Consumer.connect(SPECIFICATION, other)
         error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
         assert error.number == StandardError.DESTINATION_UNKNOWN.value
         await consumer.close()

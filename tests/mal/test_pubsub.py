@@ -39,16 +39,16 @@ class Updates:
 
     def __init__(self) -> None:
         self.seen: list[tuple[Any, ...]] = []
-        self._came = asyncio.Event()
+        self._arrived = asyncio.Event()
 
     def __call__(self, header: UpdateHeader, *parts: Any) -> None:
         self.seen.append((header, *parts))
-        self._came.set()
+        self._arrived.set()
 
     async def have(self, count: int) -> list[Any]:
         while len(self.seen) < count:
-            self._came.clear()
-            await self._came.wait()
+            self._arrived.clear()
+            await self._arrived.wait()
         return [parts[1] and parts[1].value for parts in self.seen]
 
 
@@ -66,7 +66,7 @@ def publish(
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
-async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
+async def test_updates_reach_their_subscribers(encoding: Encoding) -> None:
     async with (
         provided(encoding=encoding) as provider,
         connected(provider, encoding=encoding) as one,
@@ -168,7 +168,7 @@ async def test_subscriptions_are_bounded() -> None:
         assert str(error).endswith("at most 3 subscriptions over all connections together")
         async with connected(provider) as newcomer:
             await subscribe(newcomer, "a")
-            await greedy.lost()
+            await greedy.wait_lost()
         await modest.unsubscribe(SERVICE, MONITOR, "a")
 
 
@@ -253,7 +253,7 @@ async def test_a_remote_publisher_is_refused() -> None:
         await connection.close()
 
 
-async def test_a_lost_subscriber_is_forgotten_and_the_others_go_on() -> None:
+async def test_a_lost_subscriber_is_forgotten_and_the_others_continue() -> None:
     async with provided() as provider, connected(provider) as stays:
         publisher = provider.publisher(SERVICE, MONITOR)
         updates = Updates()
@@ -294,7 +294,9 @@ async def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_con
         writer.close()
 
 
-async def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+async def test_a_consumer_with_a_failing_handler_continues(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     async with provided() as provider, connected(provider) as consumer:
         publisher = provider.publisher(SERVICE, MONITOR)
         updates = Updates()

@@ -111,8 +111,8 @@ async def test_updates_go_from_process_to_process(encoding: Encoding) -> None:
         )
         await publication.close()
         process.send_signal(signal.SIGTERM)
-        await publisher.lost()
-        await subscriber.lost()
+        await publisher.wait_lost()
+        await subscriber.wait_lost()
     assert await process.wait() == 0
 
 
@@ -125,7 +125,7 @@ async def refused(publication: Publication) -> int:
             return error.number
 
 
-async def test_who_is_not_registered_may_not_publish() -> None:
+async def test_an_unregistered_publisher_may_not_publish() -> None:
     async with provided() as provider, client(provider.uri) as publisher:
         error = await error_of(publisher.publication(SERVICE, MONITOR))
         assert error.number == StandardError.UNSUPPORTED_OPERATION.value
@@ -234,7 +234,9 @@ async def test_publishers_are_bounded() -> None:
         (["--host", "192.0.2.1", "--clear-text"], 1, "192.0.2.1:0"),
     ],
 )
-def test_a_broker_that_cannot_start_says_why(options: list[str], status: int, why: str) -> None:
+def test_a_broker_that_cannot_start_gives_the_reason(
+    options: list[str], status: int, why: str
+) -> None:
     result = CliRunner().invoke(main, [str(XML), *options])
     assert (result.exit_code, why in result.output) == (status, True)
 

@@ -65,7 +65,7 @@ def test_operations_are_found_by_name_and_number() -> None:
         ((177, 1, 3, 999), StandardError.UNSUPPORTED_OPERATION),
     ],
 )
-def test_what_is_not_there_is_told_apart(
+def test_absent_items_are_distinguished(
     address: tuple[int, int, int, int], error: StandardError
 ) -> None:
     with pytest.raises(MalError) as raised:
@@ -85,7 +85,7 @@ def test_a_generated_module_is_taken_and_its_classes_used(tmp_path: Path) -> Non
     assert codec.decode(operation.parts[InteractionStage.REQUEST], body) == (value,)
 
 
-def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
+def test_a_generated_module_retains_comments_and_units(tmp_path: Path) -> None:
     path = tmp_path / "spec.xml"
     path.write_text(
         f"""<specification xmlns="{NAMESPACE}"><area name="A" number="900" version="1"><dataTypes>

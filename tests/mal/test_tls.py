@@ -82,7 +82,7 @@ async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates
         ({"common_name": "MOE\x1b[2J"}, ""),
     ],
 )
-async def test_a_handler_is_told_whom_the_certificate_names(
+async def test_a_handler_receives_the_name_of_the_certificate(
     identity: dict[str, str], name: str, tmp_path: Path
 ) -> None:
     authority, names = trustme.CA(), []
@@ -129,7 +129,7 @@ async def test_a_consumer_refuses_a_provider_it_cannot_believe(
         assert not provider._connections._open
 
 
-async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
+async def test_a_provider_refuses_a_peer_without_a_trusted_certificate(
     ends: dict[str, Certificates],
 ) -> None:
     served: list[Any] = []
@@ -151,7 +151,7 @@ async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
     assert served == []
 
 
-async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
+async def test_tls_is_not_used_with_a_clear_text_peer(ends: dict[str, Certificates]) -> None:
     async with provided() as provider:
         with pytest.raises(MalError) as raised:
             async with connected(provider, tls=ends["MOE"].for_consumer()):
@@ -163,14 +163,14 @@ async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) 
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
-async def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
+async def test_clear_text_for_others_must_be_requested(host: str) -> None:
     provider = Provider(SPECIFICATION, SERVICE)
     with pytest.raises(ValueError, match="give TLS certificates, or allow clear text"):
         await provider.start(host)
 
 
 @pytest.mark.parametrize("host", ["rover.example", "[no]", "a" * 70])
-async def test_a_host_that_nobody_knows_is_said_to_be_that(host: str) -> None:
+async def test_an_unknown_host_is_reported_as_such(host: str) -> None:
     with pytest.raises(OSError, match="Name or service not known"):
         await Provider(SPECIFICATION, SERVICE).start(host)
 
@@ -192,7 +192,7 @@ async def test_ipv6_in_brackets_is_listened_at() -> None:
     await serves.close()
 
 
-async def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:
+async def test_clear_text_for_others_can_be_requested(ends: dict[str, Certificates]) -> None:
     for options in ({"clear_text": True}, {"tls": ends["rover"].for_provider()}):
         provider = Provider(SPECIFICATION, SERVICE)
         await provider.start("0.0.0.0", **options)

@@ -106,8 +106,8 @@ async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
     await provider.close()
 
 
-async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
-    given_up = asyncio.Event()
+async def test_a_provider_waits_for_a_consumer_for_its_stated_time_only() -> None:
+    aborted = asyncio.Event()
 
     async def fetch(interaction: Interaction, chunks: int) -> None:
         interaction.acknowledge()
@@ -115,13 +115,13 @@ async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None
             for _ in range(chunks):
                 await interaction.update(CHUNK, patience_s=0.1)
         except TimeoutError:
-            given_up.set()
+            aborted.set()
             raise
 
     provider, deaf = await provided(Source())
     provider.serve("Transfer", "fetch", fetch)
     deaf._connection.pause_reading(deaf)
     deaf._send("Transfer", "fetch", InteractionStage.PROGRESS, (COUNT,))
-    await given_up.wait()
+    await aborted.wait()
     await deaf.close()
     await provider.close()

@@ -34,11 +34,11 @@ async def error_of(interaction: Awaitable[Any]) -> MalError:
 def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
     """The messages that are whole when octets have arrived."""
     while octets:
-        room = framer.buffer()
-        count = min(len(room), len(octets))
-        room[:count] = octets[:count]
-        framer.received(count)
-        while (message := framer.take()) is not None:
+        buffer = framer.buffer()
+        count = min(len(buffer), len(octets))
+        buffer[:count] = octets[:count]
+        framer.add_received(count)
+        while (message := framer.next_message()) is not None:
             yield bytes(message)
         octets = octets[count:]
 

@@ -12,21 +12,21 @@ from adapters.mops import Message, encode, load_dictionary
 from executive.commands.catalogue import Stop
 from executive.values.clock import ManualClock
 from executive.values.facts import (
-    CommandEnded,
-    CommandUnderWay,
+    ExternalCommandEnded,
+    ExternalCommandRunning,
+    ExternalStop,
     MotionEnded,
     MotionStarted,
-    Stopped,
 )
 from executive.values.geometry import Velocity
-from executive.values.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, DriveBy, TurnBy, VelocityHold
 from executive.values.reports import Identity
 
 DICTIONARY = load_dictionary()
 MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)
-LINE = WholeMotion(1, Advance(1.5, 0.2), MOE7)
-TURN = WholeMotion(2, TurnBy(0.5, 1.0), MOE7)
-HOLD = WholeMotion(7, Hold(Velocity(0.1, 0.2), 3.0), MOE7)
+LINE = DelegatedMotion(1, DriveBy(1.5, 0.2), MOE7)
+TURN = DelegatedMotion(2, TurnBy(0.5, 1.0), MOE7)
+HOLD = DelegatedMotion(7, VelocityHold(Velocity(0.1, 0.2), 3.0), MOE7)
 
 
 class Desk:
@@ -69,7 +69,7 @@ def desk() -> Desk:
     return Desk()
 
 
-def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
+def test_a_motion_is_sent_after_its_speed_and_its_end_is_reported(desk: Desk) -> None:
     desk.rover.execute_motion(LINE)
     assert [str(m).split("|")[3:5] for m in desk.sent] == [["SET_TRAVEL_SPEED", "0.2"]]
     desk.answer()
@@ -88,7 +88,7 @@ def test_a_velocity_is_held_by_the_brick(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("received", [True, False])
-def test_what_is_not_executed_is_told_with_why(desk: Desk, received: bool) -> None:
+def test_an_unexecuted_command_is_reported_with_the_reason(desk: Desk, received: bool) -> None:
     desk.rover.execute_motion(HOLD)
     desk.answer(False, received, "FAILED", "9", "motor stuck")
     assert desk.ended == [MotionEnded(7, False, "FAILED 9 motor stuck")]
@@ -119,7 +119,7 @@ def test_it_moves_the_brick_from_the_order_to_the_answer(desk: Desk) -> None:
     assert [*moving, desk.rover.moving] == [False, False, True, True, True, False]
 
 
-def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
+def test_the_end_of_a_stopped_motion_is_reported(desk: Desk) -> None:
     desk.rover.execute_motion(LINE)
     desk.answer()
     motion = desk.sent[-1]
@@ -129,13 +129,13 @@ def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
     assert desk.commands[-1] == "STOP"
 
 
-def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) -> None:
+def test_a_stop_by_the_other_link_ends_active_and_queued_requests(desk: Desk) -> None:
     desk.rover.execute_motion(LINE)
     desk.rover.execute_motion(TURN)
     stop = DICTIONARY.command(Stop(), Identity("MOE", 40), "MOCUP")
     desk.rover.on_reply(reply(stop, False, True, "STARTED"))
     ends = [MotionEnded(number, False, "STARTED") for number in (1, 2)]
-    assert desk.ended == [Stopped("MOE:40"), *ends]
+    assert desk.ended == [ExternalStop(Identity("MOE", 40)), *ends]
     assert desk.commands == ["SET_TRAVEL_SPEED"]
     desk.rover.execute_motion(HOLD)
     assert desk.commands == ["SET_TRAVEL_SPEED", "DRIVE"]
@@ -145,7 +145,7 @@ def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) 
     desk.ended.clear()
     for _ in range(2):
         desk.rover.on_reply(reply(own, True, True, "EXECUTED"))
-    assert not any(isinstance(fact, Stopped) for fact in desk.ended)
+    assert not any(isinstance(fact, ExternalStop) for fact in desk.ended)
 
 
 def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
@@ -160,7 +160,7 @@ def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
     assert desk.commands[-1] == "ROTATE_BY"
 
 
-def test_what_nobody_answers_is_sent_again_under_its_number(desk: Desk) -> None:
+def test_an_unanswered_request_is_resent_under_its_number(desk: Desk) -> None:
     desk.rover.execute_motion(TURN)
     for _ in range(3):
         desk.rover.retransmit()
@@ -187,7 +187,7 @@ def test_a_setting_that_is_never_answered_holds_nothing_up_for_long(desk: Desk) 
     assert desk.commands[-1] == "ROTATE_BY"
 
 
-def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Desk) -> None:
+def test_the_camera_receives_new_angles_once_and_old_ones_after_a_while(desk: Desk) -> None:
     for _ in range(10):
         desk.rover.point_camera(CameraIntent(0.5, 0.1, 1.0, MOE7))
     assert desk.commands == ["SET_CAMERA_ROTATE_SPEED"]
@@ -212,7 +212,7 @@ def test_a_speed_is_set_again_for_the_next_command(desk: Desk) -> None:
     assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD", "SET_TRAVEL_SPEED"]
 
 
-def test_what_is_asked_for_a_command_carries_its_number_and_counts(desk: Desk) -> None:
+def test_a_request_for_a_command_carries_its_number_and_counts(desk: Desk) -> None:
     desk.rover.execute_motion(LINE)
     desk.answer()
     desk.rover.halt()
@@ -226,36 +226,39 @@ def test_a_motion_that_waits_for_its_speed_ends_as_it_ended_by_the_other_link(de
     desk.rover.execute_motion(LINE)
     whole = replace(desk.sent[-1], moe_inputs_counter=None)
     desk.rover.on_reply(reply(whole, True, True, "EXECUTED"))
-    assert desk.ended == [MotionEnded(1, True, "EXECUTED"), CommandEnded(MOE7, True, "EXECUTED")]
+    assert desk.ended == [
+        MotionEnded(1, True, "EXECUTED"),
+        ExternalCommandEnded(MOE7, True, "EXECUTED"),
+    ]
 
 
 @pytest.mark.parametrize("executed", [True, False])
-def test_a_command_that_came_by_the_other_link_first_ends_as_it_ended_there(
+def test_a_command_received_by_the_other_link_first_ends_as_it_ended_there(
     desk: Desk, executed: bool
 ) -> None:
     desk.rover.execute_motion(LINE)
     desk.answer()
     whole = replace(desk.sent[-1], moe_inputs_counter=None)
     desk.rover.on_reply(reply(whole, False, True, "STARTED"))
-    assert desk.ended == [CommandUnderWay(MOE7)]
+    assert desk.ended == [ExternalCommandRunning(MOE7)]
     desk.ended.clear()
     desk.rover.on_reply(reply(whole, executed, True, "EXECUTED" if executed else "FAILED"))
     why = "EXECUTED" if executed else "FAILED"
-    assert desk.ended == [MotionEnded(1, executed, why), CommandEnded(MOE7, executed, why)]
+    assert desk.ended == [MotionEnded(1, executed, why), ExternalCommandEnded(MOE7, executed, why)]
     desk.rover.execute_motion(replace(TURN, command=MOE8))
     assert desk.commands[-1] == "SET_ROTATE_SPEED"
 
 
 @given(st.lists(st.sampled_from(["line", "turn", "halt", "camera", "reply", "refuse"])))
-def test_one_thing_is_asked_at_a_time_whatever_comes(acts: list[str]) -> None:
+def test_one_request_is_active_at_a_time_for_any_input(acts: list[str]) -> None:
     desk, begun, unanswered = Desk(), 0, 0
     for act in acts:
         before = len(desk.sent)
         match act:
             case "line" | "turn":
                 begun += 1
-                what = LINE.what if act == "line" else TURN.what
-                desk.rover.execute_motion(WholeMotion(begun, what, MOE7))
+                what = LINE.primitive if act == "line" else TURN.primitive
+                desk.rover.execute_motion(DelegatedMotion(begun, what, MOE7))
             case "halt":
                 desk.rover.halt()
                 assert desk.sent[-1].command == "STOP"
@@ -288,7 +291,7 @@ def test_the_next_process_uses_other_numbers(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("source", ["Mission control", "a|b", "\N{SNOWMAN}", "M" * 5000])
-def test_a_command_whose_source_no_message_can_have_is_carried_out(desk: Desk, source: str) -> None:
+def test_a_command_with_an_unencodable_source_is_executed(desk: Desk, source: str) -> None:
     desk.rover.execute_motion(replace(LINE, command=Identity(source, 7)))
     desk.answer()
     desk.answer()
@@ -307,7 +310,7 @@ def test_a_motion_does_not_begin_at_a_speed_that_the_brick_did_not_take(desk: De
     assert desk.commands[2:] == ["ROTATE_BY"]
 
 
-def test_what_nobody_answers_is_forgotten_after_many_others(desk: Desk) -> None:
+def test_an_unanswered_request_is_forgotten_after_many_others(desk: Desk) -> None:
     desk.rover.execute_motion(HOLD)
     for _ in range(MAX_PENDING):
         assert desk.rover.moving

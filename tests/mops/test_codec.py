@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from adapters.mops import Message, MopsError, MopsStream, decode, encode
 from adapters.mops.codec import MAX_COUNTER, MAX_ID, MAX_MESSAGE_OCTETS
 
-KEPT = "".join(sorted(set(string.printable[:95]) - set("|,#")))
-NAMES = st.text(KEPT.replace(" ", ""), min_size=1, max_size=20)
-VALUES = st.lists(st.text(KEPT, max_size=12), max_size=6).map(tuple).filter(lambda v: v != ("",))
+RETAINED = "".join(sorted(set(string.printable[:95]) - set("|,#")))
+NAMES = st.text(RETAINED.replace(" ", ""), min_size=1, max_size=20)
+VALUES = (
+    st.lists(st.text(RETAINED, max_size=12), max_size=6).map(tuple).filter(lambda v: v != ("",))
+)
 MESSAGES = st.builds(
     Message,
     st.integers(0, 0xFFF),
@@ -38,12 +40,12 @@ def test_a_message_is_written_as_in_the_thesis() -> None:
 
 
 @given(MESSAGES)
-def test_every_message_comes_back(message: Message) -> None:
+def test_every_message_survives_the_round_trip(message: Message) -> None:
     assert decode(encode(message)) == message
 
 
 @given(st.binary(max_size=200))
-def test_what_is_read_is_written_in_the_same_way(octets: bytes) -> None:
+def test_messages_are_written_as_they_were_read(octets: bytes) -> None:
     try:
         message = decode(octets)
     except MopsError:
@@ -89,7 +91,7 @@ def test_a_changed_message_is_another_or_none(message: Message, data: st.DataObj
         (TEXT.replace(b"7|1", b"7|" + b"9" * 5000), "octets"),
     ],
 )
-def test_what_is_wrong_is_named(octets: bytes, field: str) -> None:
+def test_an_error_is_named(octets: bytes, field: str) -> None:
     with pytest.raises(MopsError, match=field) as refused:
         decode(octets)
     assert "\n" not in str(refused.value)
@@ -119,7 +121,7 @@ def test_what_cannot_be_written_is_refused(message: Message) -> None:
 GARBAGE = st.binary(min_size=1, max_size=100).map(lambda octets: octets.replace(b"#", b"?") + b"#")
 
 
-class Told:
+class Collected:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.stream = MopsStream(self.lines.append)
@@ -129,40 +131,40 @@ class Told:
 
 
 @given(st.lists(st.one_of(MESSAGES.map(encode), GARBAGE)), st.data())
-def test_messages_come_whatever_lies_between_and_wherever_it_is_cut(
+def test_messages_are_found_among_any_octets_and_for_any_fragmentation(
     pieces: list[bytes], data: st.DataObject
 ) -> None:
-    octets, told = b"".join(pieces), Told()
+    octets, collected = b"".join(pieces), Collected()
     cuts = sorted(data.draw(st.lists(st.integers(0, len(octets)), max_size=8)))
     parts = [octets[a:b] for a, b in zip([0, *cuts], [*cuts, len(octets)], strict=True)]
-    whole = Told()
-    assert told.feed(*parts) == whole.feed(octets)
-    assert told.lines == whole.lines
-    messages = [piece for piece in pieces if Told().feed(piece)]
+    whole = Collected()
+    assert collected.feed(*parts) == whole.feed(octets)
+    assert collected.lines == whole.lines
+    messages = [piece for piece in pieces if Collected().feed(piece)]
     assert whole.stream.dropped_octets == len(octets) - sum(map(len, messages))
     assert whole.stream.dropped_pieces == len(pieces) - len(messages) == len(whole.lines)
 
 
 def test_padding_is_not_worth_a_word() -> None:
-    told = Told()
-    assert told.feed(b"\0" * 22 + TEXT + b"\r\n" + TEXT + b"\0\0") == [MOVE, MOVE]
-    assert told.lines == []
+    collected = Collected()
+    assert collected.feed(b"\0" * 22 + TEXT + b"\r\n" + TEXT + b"\0\0") == [MOVE, MOVE]
+    assert collected.lines == []
 
 
-def test_what_was_dropped_is_told_once_with_why() -> None:
-    told = Told()
-    assert told.feed(b"half|a mess" + TEXT + TEXT) == [MOVE]
-    (line,) = told.lines
+def test_dropped_octets_are_reported_once_with_the_reason() -> None:
+    collected = Collected()
+    assert collected.feed(b"half|a mess" + TEXT + TEXT) == [MOVE]
+    (line,) = collected.lines
     assert "half|a mess" in line
     assert "fields" in line
-    assert told.stream.dropped_octets == len(b"half|a mess" + TEXT)
+    assert collected.stream.dropped_octets == len(b"half|a mess" + TEXT)
 
 
-def test_what_never_ends_is_not_kept() -> None:
-    told = Told()
+def test_an_unterminated_message_is_not_retained() -> None:
+    collected = Collected()
     for _ in range(100):
-        assert told.feed(b"x" * (MAX_MESSAGE_OCTETS - 1)) == []
-        assert len(told.stream._begun) < MAX_MESSAGE_OCTETS
-    assert told.feed(b"x#" + TEXT) == [MOVE]
-    (line,) = told.lines
+        assert collected.feed(b"x" * (MAX_MESSAGE_OCTETS - 1)) == []
+        assert len(collected.stream._begun) < MAX_MESSAGE_OCTETS
+    assert collected.feed(b"x#" + TEXT) == [MOVE]
+    (line,) = collected.lines
     assert line.startswith(f"{100 * (MAX_MESSAGE_OCTETS - 1) + 2} octets")

@@ -39,7 +39,7 @@ def spelled(request: Request) -> Message:
 
 
 @given(REQUESTS)
-def test_every_request_comes_back_through_octets(request: Request) -> None:
+def test_every_request_survives_the_round_trip(request: Request) -> None:
     try:
         octets = encode(spelled(request))
     except MopsError as fault:
@@ -97,13 +97,13 @@ def test_what_does_not_fit_is_named(message: Message, fault: str) -> None:
         FollowPath((Waypoint(1.0, 2.0),), Controller.MPC),
     ],
 )
-def test_a_controller_is_not_lost_on_the_way(request_: Request) -> None:
+def test_a_controller_is_not_lost_in_transmission(request_: Request) -> None:
     with pytest.raises(MopsError, match="controller: messages do not carry it"):
         spelled(request_)
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_what_is_no_number_is_not_sent(value: float) -> None:
+def test_an_invalid_number_is_not_sent(value: float) -> None:
     with pytest.raises(MopsError, match="distance_m"):
         spelled(MoveForward(value))
 

@@ -19,7 +19,7 @@ from adapters.mops import (
 ENTRY = load_dictionary().spelling.housekeeping
 NAMES = st.from_regex(r"[A-Z][A-Z0-9_]{0,39}", fullmatch=True)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
-TOLD = housekeeping_message(Housekeeping(1.5, {"EXEC_TICK": 0.25}), ENTRY, "JACKAL")
+REPORTED = housekeeping_message(Housekeeping(1.5, {"EXEC_TICK": 0.25}), ENTRY, "JACKAL")
 
 
 @given(
@@ -29,9 +29,9 @@ TOLD = housekeeping_message(Housekeeping(1.5, {"EXEC_TICK": 0.25}), ENTRY, "JACK
         st.dictionaries(NAMES, st.none() | FINITE, max_size=30),
     )
 )
-def test_it_comes_back(told: Housekeeping) -> None:
-    message = decode(encode(housekeeping_message(told, ENTRY, "JACKAL")))
-    assert housekeeping_of(message, ENTRY) == told
+def test_housekeeping_survives_the_round_trip(reported: Housekeeping) -> None:
+    message = decode(encode(housekeeping_message(reported, ENTRY, "JACKAL")))
+    assert housekeeping_of(message, ENTRY) == reported
 
 
 @pytest.mark.parametrize(
@@ -49,6 +49,6 @@ def test_it_comes_back(told: Housekeeping) -> None:
 )
 def test_what_does_not_fit_is_refused(outputs: tuple[str, ...], why: str) -> None:
     with pytest.raises(MopsError, match=why):
-        housekeeping_of(replace(TOLD, outputs=outputs), ENTRY)
+        housekeeping_of(replace(REPORTED, outputs=outputs), ENTRY)
     with pytest.raises(MopsError, match="is no housekeeping"):
-        housekeeping_of(replace(TOLD, command="LINK"), ENTRY)
+        housekeeping_of(replace(REPORTED, command="LINK"), ENTRY)

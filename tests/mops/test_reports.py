@@ -55,13 +55,13 @@ def test_telemetry_becomes_facts() -> None:
     ]
 
 
-def test_what_is_not_known_is_no_fact() -> None:
+def test_an_unknown_value_is_no_fact() -> None:
     assert list(facts_of(telemetry(*[""] * len(VALUES)), SPELLING, 7.0)) == []
     no_heading = (*VALUES[:3], "", *VALUES[4:])
     assert Odometry not in map(type, facts_of(telemetry(*no_heading), SPELLING, 7.0))
 
 
-def test_what_is_not_finite_is_told_beside_the_rest() -> None:
+def test_a_non_finite_value_is_reported_beside_the_rest() -> None:
     at = SPELLING.outputs.index(Parameter.BATERY_VOLTAGE)
     message = telemetry(*VALUES[:at], "nan", *VALUES[at + 1 :])
     odometry, battery, *_ = facts_of(message, SPELLING, 7.0)
@@ -73,12 +73,12 @@ def test_what_is_not_finite_is_told_beside_the_rest() -> None:
 
 
 @pytest.mark.parametrize("value", ["one", "1.0.0"])
-def test_what_is_no_number_is_refused(value: str) -> None:
+def test_an_invalid_number_is_refused(value: str) -> None:
     with pytest.raises(MopsError, match="POS_X"):
         list(facts_of(telemetry(value, *VALUES[1:]), SPELLING, 7.0))
 
 
-def test_what_is_no_telemetry_is_refused() -> None:
+def test_invalid_telemetry_is_refused() -> None:
     for message in (telemetry(*VALUES[1:]), Message(0x301, "a", "b", "EVENT", (), VALUES)):
         with pytest.raises(MopsError):
             list(facts_of(message, SPELLING, 7.0))
@@ -100,8 +100,8 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=MAX_TEXT_LENGTH)
 NUMBERS = st.integers(1, MAX_SEQUENCE)
 TIMES = st.floats(0.0, MAX_UTC_S)
-HEARD_S = 99.0
-ASKED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
+RECEIVED_S = 99.0
+REQUESTED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
 EXECUTED = Report(
     sequence=12,
     utc_s=1.5,
@@ -137,26 +137,26 @@ EVENTS = st.builds(
 )
 
 
-def heard(message: Message) -> Report:
-    return report_of(decode(encode(message)), DICTIONARY, HEARD_S)
+def decoded(message: Message) -> Report:
+    return report_of(decode(encode(message)), DICTIONARY, RECEIVED_S)
 
 
 @given(REPLIES)
-def test_every_report_on_a_command_comes_back(report: Report) -> None:
+def test_every_report_on_a_command_survives_the_round_trip(report: Report) -> None:
     reply = reply_of(report, MOVE, "JACKAL", 3)
     assert (reply.received, reply.executed) == (True, report.stage is Stage.EXECUTED)
     assert reply.moe_inputs_counter == 3
-    assert heard(reply) == report
+    assert decoded(reply) == report
 
 
 @given(EVENTS)
-def test_every_event_comes_back(report: Report) -> None:
-    assert heard(event_of(report, EVENT, "JACKAL")) == report
+def test_every_event_survives_the_round_trip(report: Report) -> None:
+    assert decoded(event_of(report, EVENT, "JACKAL")) == report
 
 
 def test_an_event_on_a_link_is_an_event() -> None:
     report = Report(1, 2.0, ReportKind.LINK, Severity.WARNING, "gone")
-    assert heard(event_of(report, EVENT, "JACKAL")) == replace(report, kind=ReportKind.EVENT)
+    assert decoded(event_of(report, EVENT, "JACKAL")) == replace(report, kind=ReportKind.EVENT)
 
 
 def test_they_read_so() -> None:
@@ -174,16 +174,16 @@ def test_they_read_so() -> None:
         "102|JACKAL|MOE|MOVE_FORWARD||REJECTED,OUT_OF_RANGE,5 > 4%2C %231,12,1.5,WARNING,,"
         "|True|False|7|#"
     )
-    refused = refusal_of(ASKED, "JACKAL", "another has it", Reason.DUPLICATE)
+    refused = refusal_of(REQUESTED, "JACKAL", "another has it", Reason.DUPLICATE)
     assert str(refused) == (
         "102|JACKAL|MOE|MOVE_FORWARD||REJECTED,DUPLICATE,another has it|False|False|7|#"
     )
 
 
-def test_a_refusal_before_anything_was_taken_in_is_a_rejection_without_a_number() -> None:
-    report = heard(refusal_of(ASKED, "JACKAL", "another has it", Reason.DUPLICATE))
+def test_a_refusal_before_reception_is_a_rejection_without_a_number() -> None:
+    report = decoded(refusal_of(REQUESTED, "JACKAL", "another has it", Reason.DUPLICATE))
     assert (report.stage, report.reason) == (Stage.REJECTED, Reason.DUPLICATE)
-    assert (report.sequence, report.utc_s) == (UNNUMBERED, HEARD_S)
+    assert (report.sequence, report.utc_s) == (UNNUMBERED, RECEIVED_S)
     assert report.severity is Severity.WARNING
 
 
@@ -213,19 +213,30 @@ def test_replies_of_a_brick_are_understood(
         executed=executed,
         moe_inputs_id=7,
     )
-    report = heard(reply)
+    report = decoded(reply)
     assert (report.stage, report.identity) == (stage, Identity("MOE", 7))
-    assert (report.sequence, report.utc_s) == (UNNUMBERED, HEARD_S)
+    assert (report.sequence, report.utc_s) == (UNNUMBERED, RECEIVED_S)
 
 
 REPLY = reply_of(EXECUTED, MOVE, "JACKAL")
-SAID = event_of(Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKAL")
+REPORT = event_of(Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKAL")
+
+
+@pytest.mark.parametrize("ledger", ["", "9f3a01c4"])
+def test_an_event_names_its_fault(ledger: str) -> None:
+    over = Report(
+        5, 2.0, ReportKind.EVENT, Severity.INFORMATIONAL, "x", reason=Reason.FAULT_CLEARED,
+        fault="tilted",
+    )  # fmt: skip
+    message = event_of(over, EVENT, "JACKAL", ledger)
+    assert decoded(message) == over
+    assert ledger_of(message, DICTIONARY) == ledger
 
 
 @pytest.mark.parametrize(
     ("message", "fault"),
     [
-        (ASKED, "is no report"),
+        (REQUESTED, "is no report"),
         (replace(REPLY, code=0x1FF), "1FF is no command"),
         (replace(REPLY, command="STOP"), "is MOVE_FORWARD, not STOP"),
         (replace(REPLY, moe_inputs_id=None), "replies to no command"),
@@ -250,34 +261,37 @@ SAID = event_of(Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot"), EVENT, 
             replace(REPLY, outputs=("STARTED",), received=False, executed=False),
             "received: False, and the stage is STARTED",
         ),
-        (replace(SAID, outputs=SAID.outputs[:3]), "outputs: 3, not 5 or 6"),
-        (replace(SAID, command="ALARM"), "is EVENT, not ALARM"),
-        (replace(SAID, outputs=("LOUD", *SAID.outputs[1:])), "'LOUD' is no severity"),
-        (replace(SAID, outputs=(*SAID.outputs[:3], "0", "1.0")), "sequence: 0"),
-        (replace(SAID, outputs=(*SAID.outputs[:3], "9" * 10, "1.0")), "sequence: 9999999999"),
-        (replace(SAID, outputs=(*SAID.outputs[:4], "1e19")), "utc_s: "),
+        (replace(REPORT, outputs=REPORT.outputs[:3]), "outputs: 3, not 6 or 7"),
+        (replace(REPORT, command="ALARM"), "is EVENT, not ALARM"),
+        (replace(REPORT, outputs=("LOUD", *REPORT.outputs[1:])), "'LOUD' is no severity"),
+        (replace(REPORT, outputs=(*REPORT.outputs[:3], "0", "1.0", "")), "sequence: 0"),
+        (
+            replace(REPORT, outputs=(*REPORT.outputs[:3], "9" * 10, "1.0", "")),
+            "sequence: 9999999999",
+        ),
+        (replace(REPORT, outputs=(*REPORT.outputs[:4], "1e19", "")), "utc_s: "),
     ],
 )
-def test_what_no_asset_says_is_named(message: Message, fault: str) -> None:
+def test_an_unknown_message_is_named(message: Message, fault: str) -> None:
     with pytest.raises(MopsError, match=fault):
-        report_of(message, DICTIONARY, HEARD_S)
+        report_of(message, DICTIONARY, RECEIVED_S)
 
 
-def test_who_numbers_reports_names_the_ledger() -> None:
+def test_a_numbering_asset_names_its_ledger() -> None:
     event = Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot")
     for report, plain, named in (
         (EXECUTED, REPLY, reply_of(EXECUTED, MOVE, "JACKAL", ledger="9f3a")),
-        (event, SAID, event_of(event, EVENT, "JACKAL", "9f3a")),
+        (event, REPORT, event_of(event, EVENT, "JACKAL", "9f3a")),
     ):
         assert named.outputs == (*plain.outputs, "9f3a")
-        assert (heard(named), ledger_of(named, DICTIONARY)) == (report, "9f3a")
-        assert (heard(plain), ledger_of(plain, DICTIONARY)) == (report, "")
+        assert (decoded(named), ledger_of(named, DICTIONARY)) == (report, "9f3a")
+        assert (decoded(plain), ledger_of(plain, DICTIONARY)) == (report, "")
         for wrong in ("", "x" * 33, "a%20b", "a\u0661"):
             with pytest.raises(MopsError, match="ledger: "):
                 ledger_of(replace(plain, outputs=(*plain.outputs, wrong)), DICTIONARY)
 
 
-def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
+def test_a_report_on_a_command_is_no_event_and_vice_versa() -> None:
     with pytest.raises(MopsError):
         event_of(EXECUTED, EVENT, "JACKAL")
     with pytest.raises(MopsError):
@@ -286,23 +300,25 @@ def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
 
 def test_a_text_that_is_too_long_is_cut_and_still_fits() -> None:
     reply = reply_of(replace(EXECUTED, text="\U0001f916" * 5000), MOVE, "JACKAL")
-    text = heard(reply).text
+    text = decoded(reply).text
     assert len(text) == MAX_TEXT_LENGTH
     assert text.endswith("…")
 
 
 @given(st.lists(st.text(max_size=9), max_size=9), st.booleans(), st.booleans())
 def test_no_message_upsets_it(outputs: list[str], received: bool, executed: bool) -> None:
-    for message in (REPLY, SAID):
+    for message in (REPLY, REPORT):
         tried = replace(message, outputs=tuple(outputs), received=received, executed=executed)
         try:
-            report_of(tried, DICTIONARY, HEARD_S)
+            report_of(tried, DICTIONARY, RECEIVED_S)
         except MopsError:
             continue
 
 
 @given(st.dictionaries(st.sampled_from(Parameter), st.none() | FINITE), st.sampled_from(Mode))
-def test_parameters_and_mode_come_back(known: dict[Parameter, float | None], mode: Mode) -> None:
+def test_parameters_and_mode_survive_the_round_trip(
+    known: dict[Parameter, float | None], mode: Mode
+) -> None:
     bare = telemetry_of(known, TELEMETRY, "JACKAL", "ALL")
     assert mode_of(bare, TELEMETRY) is None
     message = telemetry_of(known, TELEMETRY, "JACKAL", "ALL", mode)
@@ -324,11 +340,11 @@ COUNTS = st.integers(0, 1 << 40)
         *(st.none() | st.booleans(), *[st.none() | COUNTS] * 6, st.none() | FINITE),
     )
 )
-def test_the_health_of_a_link_comes_back(health: LinkHealth) -> None:
+def test_the_health_of_a_link_survives_the_round_trip(health: LinkHealth) -> None:
     assert health_of(decode(encode(health_message(health, LINK, "JACKAL"))), LINK) == health
 
 
-def test_an_end_that_counts_nothing_tells_of_its_link_too() -> None:
+def test_an_end_without_counters_reports_its_link_too() -> None:
     health = LinkHealth(1.0, 2, 0.5, None, None, 0, 0)
     message = health_message(health, LINK, "JACKAL")
     assert health_of(replace(message, outputs=message.outputs[:7]), LINK) == health
@@ -336,9 +352,9 @@ def test_an_end_that_counts_nothing_tells_of_its_link_too() -> None:
         health_of(replace(message, outputs=message.outputs[:8]), LINK)
 
 
-def test_what_tells_nothing_of_a_link_is_refused() -> None:
+def test_a_message_without_link_state_is_refused() -> None:
     health = health_message(LinkHealth(1.0, 0, 0.0, None, None, 0, 0), LINK, "JACKAL")
     late = replace(health, outputs=("1e19", *health.outputs[1:]))
-    for message in (SAID, replace(SAID, code=LINK.code, command=LINK.command), late):
+    for message in (REPORT, replace(REPORT, code=LINK.code, command=LINK.command), late):
         with pytest.raises(MopsError):
             health_of(message, LINK)

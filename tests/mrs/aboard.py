@@ -22,6 +22,7 @@ from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     ParameterValue,
+    ReceivedReport,
     Severity,
     Stage,
     Validity,
@@ -30,7 +31,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import Request
 from executive.core.runner import Executive
-from executive.history import HistoryBuilder
+from executive.history.history_builder import HistoryBuilder
 from executive.settings import AuthoritySettings, load_settings
 from executive.values.ports import Downlink
 from tests.support.kinematic import Bench
@@ -40,8 +41,8 @@ from trees import leaf_paths
 T = TypeVar("T")
 
 ANSWER_S = 60.0
-KEPT = 1000
-ANYBODY = AuthoritySettings()
+RETAINED = 1000
+WITHOUT_AUTHORITY = AuthoritySettings()
 HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 
 
@@ -62,7 +63,13 @@ def raises(number: int, *arguments: int) -> Iterator[None]:
 
 def stages(outcome: CommandOutcome) -> list[Stage | None]:
     """Return the stages of a command's life."""
-    return [notification.stage for notification in outcome.notifications]
+    return [report.stage for report in outcome.reports]
+
+
+def number_of(received: ReceivedReport) -> int | None:
+    """Return the number of the command that a report is of."""
+    identity = received.report.identity
+    return None if identity is None else identity.command_id
 
 
 def event(**changes: Any) -> Notification:
@@ -103,7 +110,7 @@ class LinkedBench(Bench):
         housekeeping: HousekeepingSource | None,
     ) -> None:
         self._housekeeping = housekeeping
-        self._history = HistoryBuilder(leaf_paths, KEPT) if explains else None
+        self._history = HistoryBuilder(leaf_paths, RETAINED) if explains else None
         self._port = port
         self._terms = terms
         self._service_layer = None if service_layer is None else MalUri.parse(service_layer)
@@ -125,8 +132,8 @@ class LinkedBench(Bench):
 
     def downlinks(self) -> list[Downlink]:
         if self._history is not None:
-            self._history.restore(self.ledger.reports(1, count=KEPT))
-        return [self.heard, self.link]
+            self._history.restore(self.ledger.reports(1, count=RETAINED))
+        return [self.received, self.link]
 
 
 class Aboard:
@@ -150,7 +157,7 @@ class Aboard:
         terms: TransportSettings = CLEAR,
         asset: str = "jackal",
         service_layer: str | None = None,
-        authority: AuthoritySettings = ANYBODY,
+        authority: AuthoritySettings = WITHOUT_AUTHORITY,
         explains: bool = False,
         housekeeping: HousekeepingSource | None = None,
     ) -> None:
@@ -187,10 +194,10 @@ class Aboard:
 
     def put(self, path: str, octets: bytes) -> Path:
         """Have a file aboard that nobody told of."""
-        place: Path = self.do(lambda bench: bench.executive.files.root) / path
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(octets)
-        return place
+        path_aboard: Path = self.do(lambda bench: bench.executive.files.root) / path
+        path_aboard.parent.mkdir(parents=True, exist_ok=True)
+        path_aboard.write_bytes(octets)
+        return path_aboard
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""

@@ -9,7 +9,7 @@ from unittest.mock import patch
 from adapters.mal import Certificates
 from adapters.mrs.fleet.fleet_link import FleetLink
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AssetMode, Notification
+from adapters.mrs.spec import AssetMode, ReceivedReport
 from adapters.mrs.transport import CLEAR, TransportSettings
 from tests.mrs.aboard import Aboard
 
@@ -40,16 +40,16 @@ def value(rover: Aboard, asset: str, name: str) -> float | None:
         if asset not in {known.asset for known in await client.list_assets()}:
             return None
         found = {value.name: value.value for value in await client.get_asset_value(asset)}
-        typed = found.get(name)
-        return None if typed is None else float(typed.value)
+        figure = found.get(name)
+        return figure if isinstance(figure, float) else None
 
     return rover.ground(session)
 
 
-def told(rover: Aboard, asset: str) -> tuple[Notification, ...]:
+def reported(rover: Aboard, asset: str) -> tuple[ReceivedReport, ...]:
     """Return what a rover heard another report; nothing if it knows no such."""
 
-    async def session(client: MrsClient) -> tuple[Notification, ...]:
+    async def session(client: MrsClient) -> tuple[ReceivedReport, ...]:
         if asset not in {known.asset for known in await client.list_assets()}:
             return ()
         return await client.get_asset_notifications(asset)
@@ -57,19 +57,19 @@ def told(rover: Aboard, asset: str) -> tuple[Notification, ...]:
     return rover.ground(session)
 
 
-def own(rover: Aboard) -> tuple[Notification, ...]:
+def own(rover: Aboard) -> tuple[ReceivedReport, ...]:
     """Return what a rover reported."""
     return rover.ground(lambda client: client.get_notifications())
 
 
-def said(rover: Aboard, text: str) -> bool:
+def was_reported(rover: Aboard, text: str) -> bool:
     """Whether a rover reported something in these words."""
-    return any(text in (notification.text or "") for notification in own(rover))
+    return any(text in received.report.text for received in own(rover))
 
 
 def joined(rover: Aboard) -> bool:
     """Whether a rover said that it is registered."""
-    return said(rover, "registered as")
+    return was_reported(rover, "registered as")
 
 
 def services(rover: Aboard) -> dict[str, str]:
@@ -81,7 +81,7 @@ def services(rover: Aboard) -> dict[str, str]:
     return rover.ground(session)
 
 
-async def _say_nothing(_: FleetLink) -> None:
+async def _send_nothing(_: FleetLink) -> None:
     """Leave without farewell."""
 
 
@@ -116,7 +116,7 @@ class Fleet:
     def kill(self, rover: Aboard) -> None:
         """End a rover as kill -9 does: it says farewell to nobody."""
         self._rovers.remove(rover)
-        with patch.object(FleetLink, "leave", _say_nothing):
+        with patch.object(FleetLink, "leave", _send_nothing):
             rover.die()
 
     def close(self, rover: Aboard) -> None:

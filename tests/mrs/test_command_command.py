@@ -44,7 +44,7 @@ from executive.commands import (
     declaration_of,
 )
 from executive.core.runner import Executive
-from executive.settings import Controller
+from executive.settings import Controller, TargetFrame
 from tests.mrs.aboard import Aboard, rover
 
 DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
@@ -78,6 +78,8 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("moveTo -1 -.5 --heading -90deg", MoveTo(Waypoint(-1.0, -0.5, -pi / 2))),
         ("moveTo 3 2 --tolerance 0.1", MoveTo(Waypoint(3.0, 2.0, None, 0.1))),
         ("moveTo 3 2 --controller turn_drive", MoveTo(Waypoint(3.0, 2.0), Controller.TURN_DRIVE)),
+        ("moveTo 3 2 --frame odom", MoveTo(Waypoint(3.0, 2.0), frame=TargetFrame.ODOM)),
+        ("followPath --frame odom 1,0", FollowPath((Waypoint(1.0, 0.0),), frame=TargetFrame.ODOM)),
         ("moveForward 1.5", MoveForward(1.5)),
         ("moveForward -1", MoveForward(-1.0)),
         ("rotateTo 90deg", RotateTo(pi / 2)),
@@ -111,13 +113,13 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("action VIDEO ON", ExecuteAction("VIDEO ON")),
     ],
 )
-def test_what_is_typed_is_what_the_core_gets(
+def test_a_typed_command_is_that_received_by_the_core(
     aboard: Aboard, taken: list[Command], typed: str, request_: Request
 ) -> None:
     result = command(aboard, "--no-wait", *typed.split())
     assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "acknowledged")
     assert [each.request for each in taken] == [request_]
-    assert taken[0].arrival is PreemptionPolicy.APPEND
+    assert taken[0].preemption is PreemptionPolicy.APPEND
 
 
 def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
@@ -125,10 +127,10 @@ def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
     assert command(aboard, *options, "moveForward", "1", "--replace").exit_code == DONE
     assert str(taken[0].identity) == "MOE-7:42"
     assert taken[0].lifetime_s == 1e9
-    assert taken[0].arrival is PreemptionPolicy.REPLACE
+    assert taken[0].preemption is PreemptionPolicy.REPLACE
 
 
-def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
+def test_prints_the_life_cycle_of_a_command(aboard: Aboard) -> None:
     aboard.runs = True
     result = command(aboard, "moveForward", "0.5")
     assert result.exit_code == DONE
@@ -145,17 +147,17 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
     )
 
 
-def test_tells_the_life_of_a_command_as_json(aboard: Aboard) -> None:
+def test_prints_the_life_cycle_of_a_command_as_json(aboard: Aboard) -> None:
     aboard.runs = True
     result = command(aboard, "--json", "--id", "7", "stop")
     assert result.exit_code == DONE
-    sent, *life = map(json.loads, result.output.splitlines())
+    sent, *lifecycle = map(json.loads, result.output.splitlines())
     assert sent == {"source": "MOE", "commandId": 7, "command": "stop"}
-    assert [each["stage"] for each in life][-1] == "EXECUTED"
-    assert {(each["source"], each["commandId"]) for each in life} == {("MOE", 7)}
+    assert [each["stage"] for each in lifecycle][-1] == "EXECUTED"
+    assert {(each["source"], each["commandId"]) for each in lifecycle} == {("MOE", 7)}
 
 
-def test_says_why_a_command_was_refused(aboard: Aboard) -> None:
+def test_gives_the_reason_of_a_refused_command(aboard: Aboard) -> None:
     result = command(aboard, "moveForward", "1000")
     assert result.exit_code == FAILED
     assert "REJECTED   102 OUT_OF_RANGE: distance 1000 m is above" in result.output
@@ -175,7 +177,7 @@ def test_a_refusal_is_a_failure_however_it_is_waited_for(
     assert "not accepted in mode IDLE" in result.output
 
 
-def test_says_that_a_number_was_used(aboard: Aboard) -> None:
+def test_reports_a_used_number(aboard: Aboard) -> None:
     assert command(aboard, "--id", "5", "setTravelSpeed", "0.5").exit_code == DONE
     result = command(aboard, "--id", "5", "setTravelSpeed", "0.5")
     assert result.exit_code == FAILED
@@ -188,7 +190,7 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     assert "refused: Duplicate: this source has already used command id 5" in result.output
 
 
-def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":
+def typed_in_process(*arguments: str) -> "subprocess.Popen[str]":
     """Start `rover` in a process of its own."""
     program = [sys.executable, "-c", ROVER, *arguments]
     return subprocess.Popen(program, stdout=PIPE, stderr=PIPE, text=True)
@@ -204,7 +206,7 @@ def wait_for(process: "subprocess.Popen[str]", word: str) -> None:
 
 def test_a_motion_that_was_stopped_is_a_failure(aboard: Aboard) -> None:
     aboard.runs = True
-    moving = typed_elsewhere("command", "--to", aboard.uri, "moveForward", "90")
+    moving = typed_in_process("command", "--to", aboard.uri, "moveForward", "90")
     wait_for(moving, "STARTED")
     assert command(aboard, "--id", "3", "stop").exit_code == DONE
     output, _ = moving.communicate()
@@ -212,8 +214,8 @@ def test_a_motion_that_was_stopped_is_a_failure(aboard: Aboard) -> None:
     assert "CANCELLED  801 STOPPED: stopped by MOE:3" in output
 
 
-def test_ctrl_c_leaves_the_command_at_work_and_says_so(aboard: Aboard) -> None:
-    moving = typed_elsewhere("command", "--to", aboard.uri, "moveForward", "90")
+def test_ctrl_c_leaves_the_command_active_and_reports_it(aboard: Aboard) -> None:
+    moving = typed_in_process("command", "--to", aboard.uri, "moveForward", "90")
     wait_for(moving, "STARTED")
     moving.send_signal(signal.SIGINT)
     _, errors = moving.communicate()
@@ -227,7 +229,7 @@ def test_a_rover_that_goes_away_cannot_be_reached(
 ) -> None:
     monkeypatch.setattr(
         "adapters.mrs.ground.client.RoverSession",
-        lambda *most: RoverSession(*(*most[:-2], 0.1, most[-1])),
+        lambda *maximum: RoverSession(*(*maximum[:-2], 0.1, maximum[-1])),
     )
     executive = aboard.do(lambda bench: bench.executive)
     monkeypatch.setattr(executive, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
@@ -268,7 +270,7 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "message"),
     [
         ("moveTo 1 1 --no-wait", "write it before the operation, `rover command --no-wait moveTo"),
         ("moveTo 1 1 --id=5", "write it before the operation, `rover command --id=5 moveTo"),
@@ -281,31 +283,39 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
         ("moveTo 1 1 --controller mcp", "'mcp' is not one of 'turn_drive', 'mpc'"),
     ],
 )
-def test_says_what_is_wrong_with_options(typed: str, said: str) -> None:
+def test_reports_invalid_options(typed: str, message: str) -> None:
     result = rover("command", *typed.split())
     assert result.exit_code == USAGE
-    assert said in " ".join(result.output.split())
+    assert message in " ".join(result.output.split())
+
+
+def test_a_target_in_the_map_is_refused_without_its_transform(
+    aboard: Aboard, taken: list[Command]
+) -> None:
+    result = command(aboard, "moveTo", "3", "2", "--frame", "map")
+    assert "no transform from map to odom yet" in result.output
+    assert taken[0].request == MoveTo(Waypoint(3.0, 2.0), frame=TargetFrame.MAP)
 
 
 def test_a_controller_that_the_asset_does_not_offer(aboard: Aboard, taken: list[Command]) -> None:
     result = command(aboard, "moveTo", "3", "2", "--controller", "mpc")
     assert result.exit_code == FAILED
     assert taken[0].request == MoveTo(Waypoint(3.0, 2.0), Controller.MPC)
-    assert "jackal does not offer it; leave it out, or set mpc.offered" in result.output
+    assert "jackal does not offer it; leave it out, or set mpc.selectable" in result.output
 
 
-def test_a_picture_is_asked_for_as_typed(aboard: Aboard, taken: list[Command]) -> None:
+def test_a_picture_is_requested_as_typed(aboard: Aboard, taken: list[Command]) -> None:
     size = "--width 320 --height 200 --format jpg --quality 80"
     assert command(aboard, "takePicture", *size.split()).exit_code == FAILED
     assert taken[0].request == TakePicture(320, 200, "JPG", 80)
 
 
 def test_actions_are_completed() -> None:
-    words = action.params[0]
+    text = action.params[0]
     with click.Context(action) as ctx:
-        assert [each.value for each in words.shell_complete(ctx, "vi")] == ["VIDEO"]
-        ctx.params["words"] = ("VIDEO",)
-        assert [each.value for each in words.shell_complete(ctx, "")] == ["OFF", "ON"]
+        assert [each.value for each in text.shell_complete(ctx, "vi")] == ["VIDEO"]
+        ctx.params["text"] = ("VIDEO",)
+        assert [each.value for each in text.shell_complete(ctx, "")] == ["OFF", "ON"]
 
 
 @pytest.mark.parametrize("arguments", [("command", "stop"), ("status",)])

@@ -30,10 +30,10 @@ from executive.commands import (
 )
 from executive.values.geometry import STANDING
 from executive.values.reasons import Reason
-from tests.mrs.aboard import HEADER, Aboard, stages
+from tests.mrs.aboard import HEADER, Aboard, number_of, stages
 from tests.support.kinematic import PICTURE
 
-LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 @pytest.mark.parametrize(
@@ -58,14 +58,14 @@ def test_moves(
 
 def test_drives_for_a_time(aboard: Aboard) -> None:
     (outcome,) = aboard.carry_out(DriveFor(0.5, 0.0, 2.0))
-    assert stages(outcome) == LIFE
+    assert stages(outcome) == STAGES
     assert 0.5 < aboard.do(lambda bench: bench.rover.pose.x_m) < 1.2
     assert aboard.do(lambda bench: bench.rover.velocity) == STANDING
 
 
-def test_a_path_tells_its_progress(aboard: Aboard) -> None:
+def test_a_path_reports_its_progress(aboard: Aboard) -> None:
     (outcome,) = aboard.carry_out(FollowPath((Waypoint(0.3, 0.0), Waypoint(0.6, 0.0))))
-    steps = [(n.step, n.stepCount) for n in outcome.notifications if n.stage is Stage.PROGRESS]
+    steps = [(n.step, n.step_count) for n in outcome.reports if n.stage is Stage.PROGRESS]
     assert steps[0] == (1, 2)
 
 
@@ -78,7 +78,7 @@ async def test_sets_speeds_and_compensation(aboard: Aboard, client: MrsClient) -
         SetPositionCompensation(1.0, 2.0, 0.5, 0.1),
         SetStatusInterval(2.5),
     ):
-        assert stages(await client.run(client.command(setting))) == LIFE
+        assert stages(await client.run(client.command(setting))) == STAGES
     speeds = await client.get_speeds()
     assert (speeds.travelSpeed, speeds.rotateSpeed) == (0.4, 0.8)
     assert (await client.get_camera_state()).rotateSpeed == 0.5
@@ -112,8 +112,8 @@ async def test_a_stop_acts_before_it_is_acknowledged(aboard: Aboard, client: Mrs
     assert aboard.do(lambda bench: bench.rover.velocity) == STANDING
 
 
-async def test_stop_cancels_and_resume_lets_go_on(aboard: Aboard, client: MrsClient) -> None:
-    heard = client.notifications()
+async def test_stop_cancels_and_resume_permits_motion(aboard: Aboard, client: MrsClient) -> None:
+    arrived = client.notifications()
     await client.submit(client.command(MoveForward(10.0), command_id=1))
     aboard.run(1.0)
     await client.submit(client.command(Stop(), command_id=2))
@@ -126,9 +126,9 @@ async def test_stop_cancels_and_resume_lets_go_on(aboard: Aboard, client: MrsCli
     await client.submit(client.command(MoveForward(0.2), command_id=5))
     aboard.run(5.0)
     ends: dict[int | None, Stage | None] = {}
-    async for notification in heard:
-        ends[notification.commandId] = notification.stage
-        if notification.commandId == 5 and notification.stage is Stage.EXECUTED:
+    async for received in arrived:
+        stage = ends[number_of(received)] = received.report.stage
+        if number_of(received) == 5 and stage is Stage.EXECUTED:
             break
     assert ends == {
         1: Stage.CANCELLED,
@@ -139,7 +139,7 @@ async def test_stop_cancels_and_resume_lets_go_on(aboard: Aboard, client: MrsCli
     }
 
 
-async def test_replaces_motion_where_the_supplement_says_so(
+async def test_replaces_motion_if_the_supplement_requests_it(
     aboard: Aboard, client: MrsClient
 ) -> None:
     await client.submit(client.command(MoveForward(10.0), command_id=1))
@@ -147,18 +147,19 @@ async def test_replaces_motion_where_the_supplement_says_so(
     await client.submit(client.command(MoveForward(10.0), command_id=2))
     aboard.run(1.0)
     await client.submit(
-        client.command(MoveForward(0.1), command_id=3, arrival=PreemptionPolicy.REPLACE)
+        client.command(MoveForward(0.1), command_id=3, preemption=PreemptionPolicy.REPLACE)
     )
     aboard.run(10.0)
     past = await client.get_notifications()
-    assert {n.commandId: (n.stage, n.code) for n in past if n.commandId} == {
-        1: (Stage.CANCELLED, Reason.REPLACED.value),
-        2: (Stage.CANCELLED, Reason.REPLACED.value),
+    ends = {number_of(n): (n.report.stage, n.report.reason) for n in past if number_of(n)}
+    assert ends == {
+        1: (Stage.CANCELLED, Reason.REPLACED),
+        2: (Stage.CANCELLED, Reason.REPLACED),
         3: (Stage.EXECUTED, None),
     }
 
 
-def test_stages_that_nobody_asked_for_are_not_told(aboard: Aboard) -> None:
+def test_unrequested_stages_are_not_reported(aboard: Aboard) -> None:
     header = replace(HEADER, reportStarted=False, reportProgress=False)
     path = (types.Waypoint(x=0.2, y=0.0), types.Waypoint(x=0.4, y=0.0))
     parts = (header, path, None)
@@ -166,6 +167,6 @@ def test_stages_that_nobody_asked_for_are_not_told(aboard: Aboard) -> None:
     aboard.run(10.0)
 
     async def session(client: MrsClient) -> list[Stage | None]:
-        return [n.stage for n in await client.get_notifications(command_id=1)]
+        return [n.report.stage for n in await client.get_notifications(command_id=1)]
 
     assert aboard.ground(session) == [Stage.RECEIVED, Stage.ACCEPTED, Stage.EXECUTED]

@@ -52,7 +52,7 @@ async def refused(consumer: Consumer, operation: str, part: object) -> MalError:
     return raised.value
 
 
-async def test_what_is_registered_is_found_until_it_is_deregistered(consumer: Consumer) -> None:
+async def test_a_registered_service_is_found_until_it_is_deregistered(consumer: Consumer) -> None:
     await consumer.submit("ServiceLayer", "registerService", MAP)
     (services,) = await consumer.request("ServiceLayer", "getServices")
     assert MAP in services
@@ -65,12 +65,12 @@ async def test_what_is_registered_is_found_until_it_is_deregistered(consumer: Co
 
 
 def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
-    elsewhere = replace(MAP, providerURI="maltcp://192.0.2.8:5000/Maps")
+    other = replace(MAP, providerURI="maltcp://192.0.2.8:5000/Maps")
 
     async def session(consumer: Consumer) -> None:
         holder = await Consumer.connect(mrs_specification(), aboard.uri)
         await holder.submit("ServiceLayer", "registerService", MAP)
-        error = await refused(consumer, "registerService", elsewhere)
+        error = await refused(consumer, "registerService", other)
         assert (error.number, error.extra) == (
             DUPLICATE,
             TypedAttribute(AttributeType.STRING, "Map"),
@@ -78,15 +78,15 @@ def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
         assert describe_error(error) == "Duplicate: Map"
         # it came back before its former connection was missed
         await consumer.submit("ServiceLayer", "registerService", replace(MAP, operations=(1,)))
-        error = await refused(holder, "registerService", elsewhere)
+        error = await refused(holder, "registerService", other)
         assert error.number == DUPLICATE
         await holder.close()
 
     aboard.consume(session)
 
     async def after(consumer: Consumer) -> None:
-        await consumer.submit("ServiceLayer", "registerService", elsewhere)
-        assert await consumer.request("ServiceLayer", "getService", "Map") == (elsewhere,)
+        await consumer.submit("ServiceLayer", "registerService", other)
+        assert await consumer.request("ServiceLayer", "getService", "Map") == (other,)
 
     aboard.consume(after)
 
@@ -94,7 +94,7 @@ def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
 @pytest.mark.parametrize(
     "name", ["ServiceLayer", "ServiceLayer.above", "Camera", "jackal.ServiceLayer"]
 )
-async def test_what_is_served_here_keeps_its_name(name: str, consumer: Consumer) -> None:
+async def test_a_local_service_retains_its_name(name: str, consumer: Consumer) -> None:
     number = 7 if name == "Camera" else 1
     double = replace(SCOUT, name=name, service=service(MRS, number))
 
@@ -143,32 +143,32 @@ async def test_a_descriptor_that_makes_no_sense_is_invalid(
     assert await consumer.request("ServiceLayer", "getServices") == before
 
 
-def test_a_service_of_another_area_has_whatever_operations() -> None:
+def test_a_service_of_another_area_has_any_operations() -> None:
     assert descriptor_fault(MAP) is None
-    elsewhere = replace(MAP, operations=(65535,), brokerURI="maltcp://[::1]:5001/Broker")
-    assert descriptor_fault(elsewhere) is None
+    other = replace(MAP, operations=(65535,), brokerURI="maltcp://[::1]:5001/Broker")
+    assert descriptor_fault(other) is None
     assert descriptor_fault(replace(MAP, operations=(0,)))
 
 
-def test_names_tell_whose_service_layer_it_is() -> None:
+def test_names_identify_the_service_layer() -> None:
     assert asset_of(SCOUT) == "scout"
     assert asset_of(replace(SCOUT, name="a.b.ServiceLayer")) == "a.b"
     for name in ("ServiceLayer", ".ServiceLayer", "ServiceLayer.above", "scout.Camera"):
         assert asset_of(replace(SCOUT, name=name)) is None
 
 
-async def test_so_many_and_no_more_but_who_is_gone_gives_way(
+async def test_the_directory_is_bounded_and_closed_providers_are_replaced(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
     monkeypatch.setattr(registries, "MAX_SERVICES", 3)
 
-    gone = await Consumer.connect(mrs_specification(), aboard.uri)
-    await gone.submit("ServiceLayer", "registerService", replace(MAP, name="Gone"))
+    closed = await Consumer.connect(mrs_specification(), aboard.uri)
+    await closed.submit("ServiceLayer", "registerService", replace(MAP, name="Gone"))
     for name in ("One", "Two"):
         await consumer.submit("ServiceLayer", "registerService", replace(MAP, name=name))
     error = await refused(consumer, "registerService", replace(MAP, name="Three"))
     assert error.number == TOO_MANY
-    await gone.close()
+    await closed.close()
     async with asyncio.timeout(60.0):
         while True:
             try:
@@ -209,8 +209,8 @@ async def error_of(consumer: Consumer, publication: Publication) -> MalError:
     return raised.value
 
 
-async def test_a_registered_asset_is_heard(consumer: Consumer) -> None:
-    heard: list[tuple[str | None, object]] = []
+async def test_a_registered_asset_is_received(consumer: Consumer) -> None:
+    received: list[tuple[str | None, object]] = []
 
     values, notifications = await register(consumer)
     everything = Subscription(subscriptionId="all", domain=DOMAIN)
@@ -219,7 +219,7 @@ async def test_a_registered_asset_is_heard(consumer: Consumer) -> None:
         ("NotificationClient", "monitorAssetNotification"),
     ):
         await consumer.subscribe(
-            *name, everything, lambda update, part: heard.append((update.source, part))
+            *name, everything, lambda update, part: received.append((update.source, part))
         )
     await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
     await notifications.publish(DUST, keys=DUST_KEYS, domain=DOMAIN, source="scout")
@@ -227,10 +227,10 @@ async def test_a_registered_asset_is_heard(consumer: Consumer) -> None:
     assert found == ((HEAD,),)
     found = await consumer.request("NotificationClient", "getNotifications", "scout", None, 0)
     assert found == ((DUST,),)
-    assert heard == [("scout", HEAD), ("scout", DUST)]
+    assert received == [("scout", HEAD), ("scout", DUST)]
 
 
-async def test_who_is_not_registered_over_this_connection_is_not(consumer: Consumer) -> None:
+async def test_an_asset_not_registered_over_this_connection_is_ignored(consumer: Consumer) -> None:
     values = await consumer.publication("MonitoringClient", "monitorAssetValue")
     await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
     assert (await error_of(consumer, values)).number == REJECTED
@@ -259,7 +259,7 @@ async def test_who_is_not_registered_over_this_connection_is_not(consumer: Consu
         ),
     ],
 )
-async def test_a_value_that_is_not_what_its_keys_say_is_invalid(
+async def test_a_value_that_contradicts_its_keys_is_invalid(
     value: ParameterValue, keys: tuple[object, ...], source: str | None, consumer: Consumer
 ) -> None:
     values, _ = await register(consumer)
@@ -276,7 +276,7 @@ async def test_a_value_that_is_not_what_its_keys_say_is_invalid(
         (replace(DUST, text="x" * 5000), DUST_KEYS),
     ],
 )
-async def test_a_notification_that_is_not_what_its_keys_say_is_invalid(
+async def test_a_notification_that_contradicts_its_keys_is_invalid(
     notification: Notification, keys: tuple[object, ...], consumer: Consumer
 ) -> None:
     values, notifications = await register(consumer)

@@ -10,10 +10,16 @@ import pytest
 from adapters.mal import CallContext, MalUri, Provider, ServiceId
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
-from adapters.mrs.spec import CameraState, Notification, ServiceDescriptor, mrs_specification
+from adapters.mrs.spec import (
+    CameraState,
+    Notification,
+    ReceivedReport,
+    ServiceDescriptor,
+    mrs_specification,
+)
 from tests.mrs.aboard import event
 
-ASKED = MalUri("tunnel", 5000, "MRS")
+REQUESTED = MalUri("tunnel", 5000, "MRS")
 SELF = "maltcp://10.0.0.1:21000/MRS"
 OTHER = "maltcp://10.0.0.2:42000/Other"
 
@@ -39,10 +45,10 @@ DIRECTORY = descriptor("ServiceLayer", SELF)
 
 
 @pytest.mark.parametrize(
-    ("found", "places"),
+    ("found", "locations"),
     [
         ((descriptor("Camera", SELF),), ServiceLocations()),
-        ((descriptor("Camera", str(ASKED)),), ServiceLocations()),
+        ((descriptor("Camera", str(REQUESTED)),), ServiceLocations()),
         ((descriptor("Notification", SELF, f"{SELF}InternalBroker"),), ServiceLocations()),
         ((descriptor("Camera", OTHER),), ServiceLocations({"Camera": ServiceLocation(OTHER)})),
         (
@@ -62,10 +68,10 @@ DIRECTORY = descriptor("ServiceLayer", SELF)
         ),
     ],
 )
-def test_sorts_out_what_the_directory_says(
-    found: tuple[ServiceDescriptor, ...], places: ServiceLocations
+def test_sorts_the_entries_of_the_directory(
+    found: tuple[ServiceDescriptor, ...], locations: ServiceLocations
 ) -> None:
-    assert service_locations((DIRECTORY, *found), ASKED) == places
+    assert service_locations((DIRECTORY, *found), REQUESTED) == locations
 
 
 @dataclass(slots=True)
@@ -120,11 +126,11 @@ async def in_parts() -> AsyncIterator[Parts]:
         await provider.close()
 
 
-async def next_of(stream: AsyncIterator[Notification]) -> int:
-    return (await asyncio.wait_for(anext(stream), 60.0)).sequence
+async def next_of(stream: AsyncIterator[ReceivedReport]) -> int:
+    return (await asyncio.wait_for(anext(stream), 60.0)).report.sequence
 
 
-def test_calls_and_subscriptions_go_where_the_directory_says() -> None:
+def test_calls_and_subscriptions_use_the_addresses_of_the_directory() -> None:
     async def scenario() -> None:
         async with in_parts() as parts, await MrsClient.connect(str(parts.directory.uri)) as client:
             stream = client.notifications()
@@ -136,7 +142,7 @@ def test_calls_and_subscriptions_go_where_the_directory_says() -> None:
     asyncio.run(scenario())
 
 
-def test_a_service_that_comes_back_is_found_again() -> None:
+def test_a_restarted_service_is_found_again() -> None:
     async def scenario() -> None:
         async with in_parts() as parts, await MrsClient.connect(str(parts.directory.uri)) as client:
             stream = client.notifications()
@@ -156,7 +162,7 @@ def test_a_service_that_comes_back_is_found_again() -> None:
     asyncio.run(scenario())
 
 
-def test_a_broker_that_is_gone_is_a_lost_link() -> None:
+def test_a_closed_broker_is_a_lost_link() -> None:
     async def scenario() -> None:
         async with in_parts() as parts:
             await parts.broker.close()

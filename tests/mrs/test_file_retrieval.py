@@ -47,14 +47,14 @@ class Cutting:
         except ConnectionError:
             writer.transport.abort()
             return
-        ways = [
+        routes = [
             asyncio.create_task(self._pump(reader, back, None)),
             asyncio.create_task(self._pump(there, writer, next(self._budgets))),
         ]
-        await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-        for way in ways:
-            way.cancel()
-        await asyncio.gather(*ways, return_exceptions=True)
+        await asyncio.wait(routes, return_when=asyncio.FIRST_COMPLETED)
+        for path in routes:
+            path.cancel()
+        await asyncio.gather(*routes, return_exceptions=True)
         for end in (writer, back):
             end.transport.abort()
             with suppress(ConnectionError):
@@ -100,14 +100,14 @@ def part_of(to: Path, octets: bytes) -> Path:
 
 async def test_a_file_is_fetched_whole(aboard: Aboard, tmp_path: Path, client: MrsClient) -> None:
     aboard.put("a/rock.jpg", OCTETS)
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     to = tmp_path / "here" / "rock.jpg"
 
-    file = await client.retrieve_file("a/rock.jpg", to, lambda *at: told.append(at))
+    file = await client.retrieve_file("a/rock.jpg", to, lambda *at: reported.append(at))
     assert (file.size, file.checksum) == (len(OCTETS), crc32(OCTETS))
     assert to.read_bytes() == OCTETS
-    assert told == sorted(told)
-    assert (told[0], told[-1]) == ((0, len(OCTETS)), (len(OCTETS), len(OCTETS)))
+    assert reported == sorted(reported)
+    assert (reported[0], reported[-1]) == ((0, len(OCTETS)), (len(OCTETS), len(OCTETS)))
     assert [path.name for path in to.parent.iterdir()] == ["rock.jpg"]
 
 
@@ -131,11 +131,11 @@ def test_a_file_is_fetched_on_the_terms_of_the_link(
 
     async def session() -> None:
         async with await MrsClient.connect(rover.uri, terms=ours) as client:
-            news = await client.file_events()
+            updates = await client.file_events()
             await client.retrieve_file("rock.jpg", to)
-            events = [(await anext(news)).event]
+            events = [(await anext(updates)).event]
             while events[-1] is not FileEventType.TRANSFERRED:
-                events.append((await anext(news)).event)
+                events.append((await anext(updates)).event)
             assert set(events[:-1]) <= {FileEventType.STORED}  # told late
 
     try:
@@ -168,7 +168,7 @@ def test_a_cut_link_costs_nothing_but_the_rest(aboard: Aboard, tmp_path: Path, s
     assert progress == sorted(progress), "nothing that was here came again"
 
 
-async def test_what_was_interrupted_goes_on_later(
+async def test_an_interrupted_transfer_continues_later(
     aboard: Aboard, tmp_path: Path, client: MrsClient
 ) -> None:
     aboard.put("rock.jpg", OCTETS)
@@ -195,12 +195,12 @@ def test_a_part_that_is_wrong_is_noticed_and_thrown_away(aboard: Aboard, tmp_pat
 
 
 def test_a_file_changed_between_two_attempts_is_not_mixed(aboard: Aboard, tmp_path: Path) -> None:
-    place = aboard.put("rock.jpg", OCTETS)
+    path = aboard.put("rock.jpg", OCTETS)
     to = tmp_path / "rock.jpg"
 
     def change(done: int, _: int) -> None:
         if 0 < done < len(OCTETS) // 2:
-            place.write_bytes(OCTETS[::-1])
+            path.write_bytes(OCTETS[::-1])
 
     async def session() -> None:
         link = chain([None, 1_000_000], repeat(None))
@@ -217,7 +217,7 @@ def test_a_file_changed_between_two_attempts_is_not_mixed(aboard: Aboard, tmp_pa
     assert to.read_bytes() == OCTETS[::-1]
 
 
-def test_what_is_not_there_cannot_be_fetched(aboard: Aboard, tmp_path: Path) -> None:
+def test_an_absent_file_cannot_be_fetched(aboard: Aboard, tmp_path: Path) -> None:
     for path in ("nothing.jpg", "../ledger.sqlite", "a//b"):
         with raises(5):
             aboard.ground(lambda client, path=path: client.retrieve_file(path, tmp_path / "x"))  # type: ignore[misc]
@@ -229,10 +229,10 @@ def test_a_picture_shows_up_by_itself_and_goes(aboard: Aboard) -> None:
 
     async def session() -> list[tuple[FileEventType, str]]:
         async with await MrsClient.connect(aboard.uri) as client:
-            news = await client.file_events()
+            updates = await client.file_events()
             picture = client.command(TakePicture(), command_id=7)
             assert (await client.run(picture)).executed
-            (stored,) = [await anext(news)]
+            (stored,) = [await anext(updates)]
             assert {known.name for known in stored.file.metaData or ()} > {"commandId", "POS_X"}
             path = stored.file.path
             assert await client.list_files() == await client.list_files("pictures")
@@ -242,7 +242,7 @@ def test_a_picture_shows_up_by_itself_and_goes(aboard: Aboard) -> None:
             assert file.mimeType == "image/jpeg"
             assert (await client.run(client.command(MoveFile(path, "kept/a.jpg")))).executed
             assert (await client.run(client.command(DeleteFile("kept/a.jpg")))).executed
-            rest = [await anext(news) for _ in range(3)]
+            rest = [await anext(updates) for _ in range(3)]
             assert await client.list_files() == ()
             return [(each.event, each.file.path) for each in (stored, *rest)]
 
@@ -254,15 +254,15 @@ def test_a_picture_shows_up_by_itself_and_goes(aboard: Aboard) -> None:
     ]
 
 
-def test_news_of_files_come_again_after_a_loss(aboard: Aboard) -> None:
+def test_file_events_arrive_again_after_a_loss(aboard: Aboard) -> None:
     aboard.runs = True
 
     async def session() -> str:
         async with await MrsClient.connect(aboard.uri) as client:
-            news = await client.file_events()
+            updates = await client.file_events()
             await asyncio.to_thread(aboard.hang_up)
             await asyncio.to_thread(aboard.listen)
             assert (await client.run(client.command(TakePicture(), command_id=8))).executed
-            return (await anext(news)).file.path
+            return (await anext(updates)).file.path
 
     assert asyncio.run(session()) == "pictures/MOE-8.jpg"

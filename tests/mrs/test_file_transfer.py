@@ -81,9 +81,9 @@ def test_chunks_join_to_the_rest_of_the_file(
             with raises(1):
                 await fetch(consumer, "film.avi", offset, chunk)
             return
-        came, report = await fetch(consumer, "film.avi", offset, chunk)
+        arrived, report = await fetch(consumer, "film.avi", offset, chunk)
         rest = film[offset or 0 :]
-        assert came == rest
+        assert arrived == rest
         wanted = FileReport(path="film.avi", octets=len(rest), checksum=crc32(film))
         assert report == wanted
 
@@ -91,7 +91,7 @@ def test_chunks_join_to_the_rest_of_the_file(
 
 
 @pytest.mark.parametrize(
-    ("asked", "number", "extra"),
+    ("requested", "number", "extra"),
     [
         (("nothing",), 5, "nothing"),
         (("../ledger.sqlite",), 1, "path: '../ledger.sqlite': it leaves the folder"),
@@ -102,12 +102,12 @@ def test_chunks_join_to_the_rest_of_the_file(
     ],
 )
 async def test_what_cannot_be_sent_is_refused(
-    aboard: Aboard, asked: tuple[str, int], number: int, extra: str, consumer: Consumer
+    aboard: Aboard, requested: tuple[str, int], number: int, extra: str, consumer: Consumer
 ) -> None:
     aboard.put("film.avi", b"film")
 
     with pytest.raises(MalError) as raised:
-        await fetch(consumer, *asked)
+        await fetch(consumer, *requested)
     error = raised.value
     assert error.number == number
     assert error.extra.value == extra
@@ -133,7 +133,7 @@ async def test_a_stop_is_served_between_two_chunks(aboard: Aboard, consumer: Con
     assert aboard.do(lambda bench: bench.finish(1)) is Stage.EXECUTED
 
 
-async def test_several_at_a_time_and_no_more_than_there_is_room_for(
+async def test_several_at_a_time_and_no_further_than_capacity(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_services.MAX_TRANSFERS", 2)
@@ -155,21 +155,21 @@ async def test_several_at_a_time_and_no_more_than_there_is_room_for(
     await neighbour.close()
 
 
-async def test_it_is_told_when_all_was_sent(aboard: Aboard, consumer: Consumer) -> None:
+async def test_it_is_notified_when_all_was_sent(aboard: Aboard, consumer: Consumer) -> None:
     aboard.put("film.avi", b"film")
-    heard: asyncio.Queue[tuple[FileEventType, str]] = asyncio.Queue()
+    received: asyncio.Queue[tuple[FileEventType, str]] = asyncio.Queue()
 
     await consumer.subscribe(
         "FileManagement",
         "monitorFiles",
         Subscription(subscriptionId="all"),
-        lambda _, event, file: heard.put_nowait((event, file.path)),
+        lambda _, event, file: received.put_nowait((event, file.path)),
     )
     await fetch(consumer, "film.avi", 2)
-    assert await heard.get() == (FileEventType.TRANSFERRED, "film.avi")
+    assert await received.get() == (FileEventType.TRANSFERRED, "film.avi")
 
 
-def test_who_takes_nothing_holds_up_nobody(aboard: Aboard) -> None:
+def test_a_consumer_that_accepts_nothing_delays_no_other(aboard: Aboard) -> None:
     aboard.put("film.avi", BIG)
 
     async def session(slow: Consumer) -> None:
@@ -186,7 +186,7 @@ def test_who_takes_nothing_holds_up_nobody(aboard: Aboard) -> None:
     aboard.consume(session)
 
 
-def test_who_takes_nothing_for_too_long_is_given_up(
+def test_a_consumer_that_accepts_nothing_for_too_long_is_aborted(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_services.STALLED_S", 0.2)
@@ -261,7 +261,7 @@ def test_a_transfer_is_cancelled_from_another_connection_of_its_peer(
         aboard.consume(cancel)
 
 
-def test_who_hangs_up_is_sent_nothing_more(aboard: Aboard) -> None:
+def test_a_disconnected_consumer_is_sent_nothing_further(aboard: Aboard) -> None:
     aboard.put("film.avi", BIG)
 
     async def leave(consumer: Consumer) -> None:

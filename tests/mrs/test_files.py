@@ -28,7 +28,7 @@ from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0
 PARTS = st.sampled_from(["", ".", "..", "files", "ledger.sqlite", ".about", "out", "a", "\0", "ü"])
-Told = asyncio.Queue[tuple[FileEventKind, str]]
+Reported = asyncio.Queue[tuple[FileEventKind, str]]
 
 
 def root_of(aboard: Aboard) -> Path:
@@ -58,7 +58,7 @@ def leads_back(root: Path, path: str) -> bool:
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(path=st.lists(PARTS, max_size=5).map("/".join))
 @example(path="out/files")
-def test_nothing_outside_the_folder_is_told_of(aboard: Aboard, path: str) -> None:
+def test_nothing_outside_the_folder_is_reported(aboard: Aboard, path: str) -> None:
     root = root_of(aboard)
     if not (root / "out").is_symlink():
         (root / "out").symlink_to(root.parent)
@@ -91,49 +91,49 @@ async def test_a_full_folder_is_listed_by_what_changed_last(
 async def test_a_checksum_is_in_the_list_once_it_is_known(
     aboard: Aboard, client: MrsClient
 ) -> None:
-    place = root_of(aboard) / "rock.JPEG"
-    place.write_bytes(b"rock")
+    path = root_of(aboard) / "rock.JPEG"
+    path.write_bytes(b"rock")
 
     assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
     assert (await client.list_files())[0].checksum is None, "it may change within its second"
-    _age(place)
+    _age(path)
     assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
     assert (await client.list_files())[0].checksum == crc32(b"rock")
-    place.write_bytes(b"moss")
+    path.write_bytes(b"moss")
     assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"moss")
 
 
-def _age(place: Path) -> None:
-    os.utime(place, ns=(10**18, 10**18))
+def _age(path: Path) -> None:
+    os.utime(path, ns=(10**18, 10**18))
 
 
-def test_what_is_not_as_said_is_not_stored(aboard: Aboard) -> None:
+def test_a_file_unlike_its_description_is_not_stored(aboard: Aboard) -> None:
     (root_of(aboard) / "lidar.pcd").write_bytes(b"points")
-    said = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
-    assert number_of(aboard, "fileStored", replace(said, size=5)) == 1
-    assert number_of(aboard, "fileStored", replace(said, checksum=0)) == 1
-    assert number_of(aboard, "fileStored", replace(said, path="nothing")) == 1
+    message = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
+    assert number_of(aboard, "fileStored", replace(message, size=5)) == 1
+    assert number_of(aboard, "fileStored", replace(message, checksum=0)) == 1
+    assert number_of(aboard, "fileStored", replace(message, path="nothing")) == 1
 
 
-async def test_what_others_store_is_announced_once(aboard: Aboard, client: MrsClient) -> None:
-    place = root_of(aboard) / "lidar.pcd"
-    place.write_bytes(b"points")
-    said = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
-    news = await client.file_events()
+async def test_a_file_stored_by_others_is_announced_once(aboard: Aboard, client: MrsClient) -> None:
+    path = root_of(aboard) / "lidar.pcd"
+    path.write_bytes(b"points")
+    message = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
+    events = await client.file_events()
     for _ in range(2):
-        await client.file_stored(said)
-    place.write_bytes(b"more points")
-    await client.file_stored(replace(said, size=11, checksum=None))
-    first, second = [await anext(news) for _ in range(2)]
+        await client.file_stored(message)
+    path.write_bytes(b"more points")
+    await client.file_stored(replace(message, size=11, checksum=None))
+    first, second = [await anext(events) for _ in range(2)]
     assert (first.event, first.file.size) == (FileEventType.STORED, 6)
     assert (second.event, second.file.size) == (FileEventType.CHANGED, 11)
 
 
-async def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard, client: MrsClient) -> None:
+async def test_events_can_be_requested_by_kind_of_file(aboard: Aboard, client: MrsClient) -> None:
     root = root_of(aboard)
     (root / "a.txt").write_bytes(b"1")
     (root / "a.jpg").write_bytes(b"1")
-    heard: asyncio.Queue[FileInfo] = asyncio.Queue()
+    received: asyncio.Queue[FileInfo] = asyncio.Queue()
 
     consumer = await Consumer.connect(mrs_specification(), aboard.uri)
     pictures = SubscriptionFilter(
@@ -143,16 +143,16 @@ async def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard, client: Mrs
         "FileManagement",
         "monitorFiles",
         Subscription(subscriptionId="pictures", filters=(pictures,)),
-        lambda _header, _event, file: heard.put_nowait(file),
+        lambda _header, _event, file: received.put_nowait(file),
     )
     for name in ("a.txt", "a.jpg"):
         await client.file_stored(FileInfo(path=name, size=1, modified=0))
-    first = await heard.get()
+    first = await received.get()
     await consumer.close()
     assert first.path == "a.jpg"
 
 
-def test_what_a_camera_program_writes_shows_up(
+def test_a_file_written_by_a_camera_program_is_listed(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     aboard.hang_up()
@@ -161,65 +161,65 @@ def test_what_a_camera_program_writes_shows_up(
     root = root_of(aboard)
 
     async def session(client: MrsClient) -> None:
-        news = await client.file_events()
+        events = await client.file_events()
         (root / "camera").mkdir()
         (root / "camera" / ".1.png").write_bytes(b"png")
         (root / "camera" / ".1.png").rename(root / "camera" / "1.png")
-        stored = await anext(news)
+        stored = await anext(events)
         assert (stored.event, stored.file.path) == (FileEventType.STORED, "camera/1.png")
         assert (stored.file.size, stored.file.mimeType) == (3, "image/png")
         (root / "camera" / "1.png").unlink()
-        gone = await anext(news)
-        assert (gone.event, gone.file) == (FileEventType.DELETED, stored.file)
+        closed = await anext(events)
+        assert (closed.event, closed.file) == (FileEventType.DELETED, stored.file)
 
     aboard.ground(session)
 
 
-async def _told(told: Told, count: int) -> list[tuple[FileEventKind, str]]:
+async def _reported(reported: Reported, count: int) -> list[tuple[FileEventKind, str]]:
     async with asyncio.timeout(LIMIT_S):
-        return [await told.get() for _ in range(count)]
+        return [await reported.get() for _ in range(count)]
 
 
 def _watching(
-    act: Callable[[FileFolder, FolderWatcher, Told], Awaitable[None]], root: Path
+    act: Callable[[FileFolder, FolderWatcher, Reported], Awaitable[None]], root: Path
 ) -> None:
     """Run a session with a watch over a folder."""
 
     async def hold() -> None:
-        told: Told = asyncio.Queue()
+        reported: Reported = asyncio.Queue()
 
         folder = FileFolder(root, lambda _: None)
-        watch = FolderWatcher(folder, lambda kind, path, *_: told.put_nowait((kind, path)))
-        await act(folder, watch, told)
+        watch = FolderWatcher(folder, lambda kind, path, *_: reported.put_nowait((kind, path)))
+        await act(folder, watch, reported)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("adapters.mrs.aboard.file_access.PERIOD_S", 0.01)
         asyncio.run(hold())
 
 
-def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:
+def test_a_change_is_reported_once_by_the_first_observer(tmp_path: Path) -> None:
     (tmp_path / "known").write_bytes(b"1")
 
-    async def act(folder: FileFolder, watch: FolderWatcher, told: Told) -> None:
+    async def act(folder: FileFolder, watch: FolderWatcher, reported: Reported) -> None:
         (tmp_path / "new").write_bytes(b"1")
         watch.notify(FileEventKind.STORED, "new", folder.stamp("new"))
         (tmp_path / "found").write_bytes(b"1")
-        assert sorted(path for _, path in await _told(told, 2)) == ["found", "new"]
+        assert sorted(path for _, path in await _reported(reported, 2)) == ["found", "new"]
         watch.notify(FileEventKind.STORED, "found", folder.stamp("found"))
         (tmp_path / "known").write_bytes(b"22")
-        assert await _told(told, 1) == [(FileEventKind.CHANGED, "known")]
+        assert await _reported(reported, 1) == [(FileEventKind.CHANGED, "known")]
         (tmp_path / "known").unlink()
-        assert await _told(told, 1) == [(FileEventKind.DELETED, "known")]
+        assert await _reported(reported, 1) == [(FileEventKind.DELETED, "known")]
         watch.notify(FileEventKind.DELETED, "known", None)
         watch.notify(FileEventKind.DELETED, "never", None)
         (tmp_path / "last").write_bytes(b"1")
-        assert await _told(told, 1) == [(FileEventKind.STORED, "last")]
+        assert await _reported(reported, 1) == [(FileEventKind.STORED, "last")]
 
     _watching(act, tmp_path)
 
 
-def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
-    async def act(folder: FileFolder, watch: FolderWatcher, told: Told) -> None:
+def test_a_created_and_deleted_file_is_reported_in_order(tmp_path: Path) -> None:
+    async def act(folder: FileFolder, watch: FolderWatcher, reported: Reported) -> None:
         for name in ("a", "b"):
             (tmp_path / name).write_bytes(b"1")
             stamp = folder.stamp(name)
@@ -227,53 +227,55 @@ def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
             watch.notify(FileEventKind.STORED, name, stamp)
             watch.notify(FileEventKind.DELETED, name, None)
         both = (FileEventKind.STORED, FileEventKind.DELETED)
-        assert await _told(told, 4) == [(kind, name) for name in ("a", "b") for kind in both]
+        assert await _reported(reported, 4) == [
+            (kind, name) for name in ("a", "b") for kind in both
+        ]
 
     _watching(act, tmp_path)
 
 
-def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -> None:
-    async def act(folder: FileFolder, _: FolderWatcher, told: Told) -> None:
-        looks = 0
+def test_a_file_being_written_is_reported_when_complete(tmp_path: Path) -> None:
+    async def act(folder: FileFolder, _: FolderWatcher, reported: Reported) -> None:
+        polls = 0
         entries = folder.entries
 
         def grow() -> object:
-            nonlocal looks
-            looks += 1
+            nonlocal polls
+            polls += 1
             with (tmp_path / "film").open("ab") as file:
-                file.write(b"x" * (looks < 10))
+                file.write(b"x" * (polls < 10))
             return entries()
 
         folder.entries = grow  # type: ignore[method-assign, assignment]
-        assert await _told(told, 1) == [(FileEventKind.STORED, "film")]
-        assert looks >= 10
+        assert await _reported(reported, 1) == [(FileEventKind.STORED, "film")]
+        assert polls >= 10
 
     _watching(act, tmp_path)
 
 
-def test_many_files_at_once_are_told_of_in_their_time(
+def test_many_simultaneous_files_are_reported_in_their_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_access.MAX_REPORTED", 7)
 
-    async def act(_: FileFolder, __: FolderWatcher, told: Told) -> None:
+    async def act(_: FileFolder, __: FolderWatcher, reported: Reported) -> None:
         names = [f"{number:02}" for number in range(30)]
         for name in names:
             (tmp_path / name).write_bytes(b"1")
-        assert sorted(path for _, path in await _told(told, 30)) == names
+        assert sorted(path for _, path in await _reported(reported, 30)) == names
         for name in names:
             (tmp_path / name).unlink()
-        kinds = {kind for kind, _ in await _told(told, 30)}
+        kinds = {kind for kind, _ in await _reported(reported, 30)}
         assert kinds == {FileEventKind.DELETED}
-        assert told.empty()
+        assert reported.empty()
 
     _watching(act, tmp_path)
 
 
-def test_a_folder_that_cannot_be_looked_at_is_looked_at_again(
+def test_an_unreadable_folder_is_checked_again(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def act(folder: FileFolder, _: FolderWatcher, told: Told) -> None:
+    async def act(folder: FileFolder, _: FolderWatcher, reported: Reported) -> None:
         entries, faults = folder.entries, iter([OSError("bad disk")])
 
         def fail() -> object:
@@ -283,7 +285,7 @@ def test_a_folder_that_cannot_be_looked_at_is_looked_at_again(
 
         folder.entries = fail  # type: ignore[method-assign, assignment]
         (tmp_path / "a").write_bytes(b"1")
-        assert await _told(told, 1) == [(FileEventKind.STORED, "a")]
+        assert await _reported(reported, 1) == [(FileEventKind.STORED, "a")]
 
     _watching(act, tmp_path)
     assert "cannot be scanned" in caplog.text

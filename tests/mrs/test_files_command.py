@@ -35,14 +35,14 @@ def test_files_are_listed_and_described(aboard: Aboard, picture: str) -> None:
         listed = files(aboard, "list", *folder)
         assert listed.exit_code == 0
         assert f"{picture} " in listed.output
-    told = files(aboard, "info", picture)
-    assert told.exit_code == 0
-    assert f"{len(PICTURE)} octets" in told.output
-    assert f"{crc32(PICTURE):08x}" in told.output
-    assert {"commandId", "POS_X", "CAM_PAN"} <= set(told.output.split())
-    assert re.search(r"modified +[-0-9]+ [:0-9]+ UTC\n", told.output)
-    assert re.search(r"POS_X +[-.0-9e]+ m\n", told.output)
-    assert re.search(r"CAM_PAN +[-.0-9e]+ rad\n", told.output)
+    reported = files(aboard, "info", picture)
+    assert reported.exit_code == 0
+    assert f"{len(PICTURE)} octets" in reported.output
+    assert f"{crc32(PICTURE):08x}" in reported.output
+    assert {"commandId", "POS_X", "CAM_PAN"} <= set(reported.output.split())
+    assert re.search(r"modified +[-0-9]+ [:0-9]+ UTC\n", reported.output)
+    assert re.search(r"POS_X +[-.0-9e]+ m\n", reported.output)
+    assert re.search(r"CAM_PAN +[-.0-9e]+ rad\n", reported.output)
 
 
 def test_a_file_is_fetched_to_where_it_is_wanted(
@@ -68,7 +68,7 @@ def test_a_file_is_fetched_to_where_it_is_wanted(
     "typed",
     ["list nothing", "list ../x", "info nothing", "get nothing there.jpg", "cancel nothing"],
 )
-def test_what_is_not_there_fails_in_words(aboard: Aboard, typed: str) -> None:
+def test_an_absent_file_fails_with_a_text(aboard: Aboard, typed: str) -> None:
     failed = files(aboard, *typed.split())
     assert failed.exit_code == 1
     assert failed.output == f"Error: NotFound: {typed.split()[1]}\n"
@@ -81,7 +81,7 @@ def test_a_folder_cannot_be_fetched_and_is_called_so(aboard: Aboard) -> None:
     assert failed.output.startswith("Error: pictures is a folder: `rover files list pictures`")
 
 
-def test_what_cannot_be_stored_here_fails_in_words(
+def test_a_file_that_cannot_be_stored_here_fails_with_a_text(
     aboard: Aboard, picture: str, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_bytes(b"")
@@ -98,12 +98,12 @@ def test_a_folder_that_is_not_here_is_no_file(aboard: Aboard, picture: str, tmp_
     assert list(tmp_path.glob("none*")) == []
 
 
-def test_files_are_told_as_json(aboard: Aboard, picture: str) -> None:
+def test_files_are_printed_as_json(aboard: Aboard, picture: str) -> None:
     (listed,) = map(json.loads, files(aboard, "list", "--json").output.splitlines())
-    told = json.loads(files(aboard, "info", "--json", picture).output)
-    assert listed["path"] == told["path"] == picture
-    assert told["checksum"] == crc32(PICTURE)
-    assert told["metaData"]["POS_X"] == 0.0
+    reported = json.loads(files(aboard, "info", "--json", picture).output)
+    assert listed["path"] == reported["path"] == picture
+    assert reported["checksum"] == crc32(PICTURE)
+    assert reported["metaData"]["POS_X"] == 0.0
 
 
 def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -> None:
@@ -114,7 +114,7 @@ def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -
     assert command(aboard, "deleteFile", "kept/[rock].jpg").exit_code == 1
 
 
-def test_watching_tells_of_a_picture(aboard: Aboard) -> None:
+def test_watching_reports_a_picture(aboard: Aboard) -> None:
     aboard.runs = True
     process = subprocess.Popen(
         [sys.executable, "-c", ROVER, "files", "watch", "--to", aboard.uri],

@@ -30,7 +30,7 @@ from adapters.mrs.spec import (
 from tests.mrs.aboard import event, raises, reading
 
 
-def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
+def notification_of(sequence: int, text: str = "", figures: int = 0) -> Notification:
     figure = NamedValue(name="x", value=TypedAttribute(AttributeType.DOUBLE, 1.0))
     return event(sequence=sequence, text=text, parameters=(figure,) * figures)
 
@@ -47,28 +47,29 @@ def numbers(
         max_size=120,
     )
 )
-def test_a_history_holds_the_end_of_what_was_said_in_order(
-    told: list[tuple[int, str, int]],
+def test_a_history_holds_the_last_reports_in_order(
+    reported: list[tuple[int, str, int]],
 ) -> None:
     bounds = pytest.MonkeyPatch()
     bounds.setattr(histories, "MAX_NOTIFICATIONS", 10)
     bounds.setattr(histories, "MAX_OCTETS", 8000)
     try:
         history = NotificationHistory()
-        kept: list[Notification] = []
-        for one in (said(number, text, figures) for number, text, figures in told):
-            known = one in kept
+        stored: list[Notification] = []
+        for one in (notification_of(number, text, figures) for number, text, figures in reported):
+            known = one in stored
             assert history.add(one) is not known
             if not known:
-                kept = [one] if kept and one.sequence <= kept[-1].sequence else [*kept, one]
+                stored = [one] if stored and one.sequence <= stored[-1].sequence else [*stored, one]
             held = list(history.since(0, 100))
-            assert held == kept[len(kept) - len(held) :]
-            kept = held
+            assert held == stored[len(stored) - len(held) :]
+            stored = held
             assert history.last == one or known
             assert 1 <= len(held) <= 10
         for first in (0, 7, 41):
             assert (
-                numbers(history, first, 3) == [k.sequence for k in kept if k.sequence >= first][:3]
+                numbers(history, first, 3)
+                == [k.sequence for k in stored if k.sequence >= first][:3]
             )
     finally:
         bounds.undo()
@@ -77,29 +78,29 @@ def test_a_history_holds_the_end_of_what_was_said_in_order(
 def test_a_thousand_short_ones_fit_and_long_ones_are_fewer() -> None:
     history = NotificationHistory()
     for number in range(1, 3 * MAX_NOTIFICATIONS):
-        history.add(said(number, "executed"))
+        history.add(notification_of(number, "executed"))
     assert numbers(history) == list(range(2 * MAX_NOTIFICATIONS, 3 * MAX_NOTIFICATIONS))
     for number in range(1, MAX_NOTIFICATIONS):
-        history.add(said(number, "x" * 4096, figures=32))
+        history.add(notification_of(number, "x" * 4096, figures=32))
     assert 0 < len(numbers(history)) < MAX_OCTETS / 8192
     assert numbers(history)[-1] == MAX_NOTIFICATIONS - 1
 
 
-def test_a_repeat_is_no_news_and_a_lower_number_is_a_new_ledger() -> None:
+def test_a_repeat_is_no_change_and_a_lower_number_is_a_new_ledger() -> None:
     history = NotificationHistory()
-    assert [history.add(said(number)) for number in (1, 2, 2, 1, 3)] == [
+    assert [history.add(notification_of(number)) for number in (1, 2, 2, 1, 3)] == [
         True,
         True,
         False,
         False,
         True,
     ]
-    assert history.add(said(2, "otherwise"))
+    assert history.add(notification_of(2, "otherwise"))
     assert numbers(history) == [2]
 
 
 @given(st.lists(st.text(max_size=3), max_size=3 * MAX_ASSETS))
-def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
+def test_the_size_of_a_fleet_is_bounded(names: list[str]) -> None:
     fleet = KnownAssets("jackal")
     for name in (*names, *map(str, range(2 * MAX_ASSETS)), "jackal"):
         try:
@@ -112,7 +113,7 @@ def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
     assert not fleet.knows("jackal")
 
 
-def test_those_of_the_service_layer_above_do_not_give_way() -> None:
+def test_those_of_the_service_layer_above_are_not_replaced() -> None:
     fleet = KnownAssets("jackal")
     for number in range(MAX_ASSETS):
         fleet.find_or_add(f"scout{number}").above = True
@@ -122,12 +123,12 @@ def test_those_of_the_service_layer_above_do_not_give_way() -> None:
 
 
 @pytest.mark.parametrize(("name", "number"), [("", 1), ("two words", 1), ("jackal", 3)])
-def test_nobody_is_called_so(name: str, number: int) -> None:
+def test_the_reserved_name_is_refused(name: str, number: int) -> None:
     with raises(number):
         KnownAssets("jackal").find_or_add(name)
 
 
-def test_an_asset_has_only_so_many_parameters() -> None:
+def test_the_parameters_of_an_asset_are_bounded() -> None:
     scout = KnownAssets("jackal").find_or_add("scout")
     for number in range(MAX_PARAMETERS):
         scout.add_value(reading(f"P{number}"))
@@ -159,12 +160,12 @@ def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
 @pytest.mark.parametrize(
     "notification",
     [
-        said(1, "x" * 4097),
-        said(1, figures=33),
-        replace(said(1), source="x" * 257),
-        replace(said(1), parameters=(NamedValue(name="n" * 257),)),
+        notification_of(1, "x" * 4097),
+        notification_of(1, figures=33),
+        replace(notification_of(1), source="x" * 257),
+        replace(notification_of(1), parameters=(NamedValue(name="n" * 257),)),
         replace(
-            said(1),
+            notification_of(1),
             parameters=(
                 NamedValue(name="n", value=TypedAttribute(AttributeType.BLOB, bytes(999))),
             ),
@@ -172,7 +173,7 @@ def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
     ],
 )
 def test_a_notification_is_of_a_sound_size(notification: Notification) -> None:
-    assert is_valid_notification(said(1, "x" * 4096, figures=32))
+    assert is_valid_notification(notification_of(1, "x" * 4096, figures=32))
     assert not is_valid_notification(notification)
 
 
@@ -181,12 +182,12 @@ class Above:
 
     def __init__(self, remembered: list[Notification]) -> None:
         self._remembered = remembered
-        self.asked = 0
+        self.requested = 0
 
-    async def request(self, _: str, __: str, ___: str, since: int, most: int) -> tuple[Any]:
-        self.asked += 1
+    async def request(self, _: str, __: str, ___: str, since: int, maximum: int) -> tuple[Any]:
+        self.requested += 1
         found = [each for each in self._remembered if each.sequence >= since]
-        return (tuple(found[: most or 7]),)
+        return (tuple(found[: maximum or 7]),)
 
     def missed(self, last: Notification | None) -> list[int]:
         async def gather() -> list[int]:
@@ -198,21 +199,23 @@ class Above:
 @given(st.sets(st.integers(1, 100_000), max_size=40))
 def test_the_past_of_a_stranger_is_its_last_hundred(sequences: set[int]) -> None:
     remembered = sorted(sequences)
-    above = Above([said(number) for number in remembered])
+    above = Above([notification_of(number) for number in remembered])
     newest = max(remembered, default=0)
     assert above.missed(None) == [number for number in remembered if number > newest - FIRST_PAGE]
-    assert above.asked < 60
+    assert above.requested < 60
 
 
 @given(st.integers(1, 60), st.integers(1, 60))
-def test_what_was_missed_is_what_followed_the_last_heard(heard: int, newest: int) -> None:
-    above = Above([said(number) for number in range(1, newest + 1)])
-    if heard <= newest:
-        assert above.missed(said(heard)) == list(range(heard + 1, newest + 1))
+def test_missed_reports_are_those_after_the_last_received(received: int, newest: int) -> None:
+    above = Above([notification_of(number) for number in range(1, newest + 1)])
+    if received <= newest:
+        assert above.missed(notification_of(received)) == list(range(received + 1, newest + 1))
     else:
-        assert above.missed(said(heard)) == list(range(max(1, newest - FIRST_PAGE + 1), newest + 1))
+        assert above.missed(notification_of(received)) == list(
+            range(max(1, newest - FIRST_PAGE + 1), newest + 1)
+        )
 
 
 def test_after_another_ledger_all_that_is_new_was_missed() -> None:
-    above = Above([said(number, "anew") for number in range(1, 31)])
-    assert above.missed(said(12)) == list(range(1, 31))
+    above = Above([notification_of(number, "anew") for number in range(1, 31)])
+    assert above.missed(notification_of(12)) == list(range(1, 31))

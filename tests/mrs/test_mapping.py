@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adapters.explanation import entry_line
 from adapters.mal import (
     AttributeType,
     MalError,
@@ -16,6 +17,8 @@ from adapters.mal import (
     TypedAttribute,
     TypedList,
 )
+from adapters.mrs.cli.sending import report_line
+from adapters.mrs.cli.terminal import echo_json
 from adapters.mrs.ground.client import EPOCH_MS, CommandIdGenerator
 from adapters.mrs.spec import (
     REQUESTS,
@@ -23,17 +26,31 @@ from adapters.mrs.spec import (
     Stage,
     command_of,
     describe_error,
+    forwarded_command,
+    frame_supplements,
+    framed,
     header_of,
     invocation,
+    lost_command,
     notification_keys,
     notification_of,
     refusal_error,
+    report_of,
     supplements_of,
     with_text,
 )
 from adapters.mrs.spec.mapping import carrier_of
 from adapters.mrs.spec.types import Severity
-from executive.commands import Command, MoveForward, PreemptionPolicy, Request, Stop, declaration_of
+from executive.commands import (
+    Command,
+    MoveForward,
+    MoveTo,
+    PreemptionPolicy,
+    Request,
+    Stop,
+    Waypoint,
+    declaration_of,
+)
 from executive.values import reports
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
@@ -50,15 +67,16 @@ commands_of_any_kind = st.builds(
     counter=st.none() | st.integers(0, 1000),
     report_started=st.booleans(),
     report_progress=st.booleans(),
-    arrival=st.sampled_from(PreemptionPolicy),
+    preemption=st.sampled_from(PreemptionPolicy),
     authority=st.none() | st.integers(1, (1 << 63) - 1),
 )
 
 
 @given(requests)
-def test_a_request_comes_back_from_its_operation(request: Request) -> None:
+def test_a_request_is_decoded_from_its_operation(request: Request) -> None:
     call = invocation(request)
-    back = REQUESTS[call.service, call.operation](*call.parts)
+    made = REQUESTS[call.service, call.operation](*call.parts)
+    back = framed(made, frame_supplements(request))
     assert repr(back) == repr(request)  # NaN equals nothing
 
 
@@ -76,23 +94,30 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
 
 
 @given(commands_of_any_kind)
-def test_a_command_comes_back_from_its_header(command: Command) -> None:
+def test_a_command_is_decoded_from_its_header(command: Command) -> None:
     header, supplements = header_of(command), supplements_of(command)
     if isinstance(command.request, Stop):  # to which neither says anything
-        command = replace(command, arrival=PreemptionPolicy.APPEND, authority=None)
+        command = replace(command, preemption=PreemptionPolicy.APPEND, authority=None)
     assert command_of(header, supplements, command.request) == command
 
 
 def supplement(kind: AttributeType, value: object) -> NamedValue:
-    return NamedValue(name="arrival", value=TypedAttribute(kind, value))
+    return NamedValue(name="preemption", value=TypedAttribute(kind, value))
 
 
 HEADER = header_of(Command(Identity("MOE", 1), Stop(), "direct"))
 
 
-def test_supplements_of_others_say_nothing_on_arrival() -> None:
+def test_a_frame_that_is_none_is_invalid() -> None:
+    value = TypedAttribute(AttributeType.IDENTIFIER, "utm")
+    with pytest.raises(MalError) as raised:
+        command_of(HEADER, (NamedValue(name="frame", value=value),), MoveTo(Waypoint(1.0, 0.0)))
+    assert "supplement frame: one Identifier, map or odom" in describe_error(raised.value)
+
+
+def test_supplements_of_others_do_not_set_preemption() -> None:
     other = NamedValue(name="trace", value=TypedAttribute(AttributeType.STRING, "replace"))
-    assert command_of(HEADER, (other,), MoveForward(1.0)).arrival is PreemptionPolicy.APPEND
+    assert command_of(HEADER, (other,), MoveForward(1.0)).preemption is PreemptionPolicy.APPEND
 
 
 @pytest.mark.parametrize(
@@ -100,20 +125,20 @@ def test_supplements_of_others_say_nothing_on_arrival() -> None:
     [
         (supplement(AttributeType.IDENTIFIER, "later"),),
         (supplement(AttributeType.STRING, "replace"),),
-        (NamedValue(name="arrival"),),
+        (NamedValue(name="preemption"),),
         (supplement(AttributeType.IDENTIFIER, "append"),) * 2,
         (NamedValue(name="authority", value=TypedAttribute(AttributeType.STRING, "7")),),
         (NamedValue(name="authority"),),
         (NamedValue(name="authority", value=TypedAttribute(AttributeType.LONG, 7)),) * 2,
     ],
 )
-def test_a_supplement_that_says_nothing_clear_is_invalid_but_keeps_no_stop(
+def test_an_ambiguous_supplement_is_invalid_but_does_not_prevent_a_stop(
     supplements: tuple[NamedValue, ...],
 ) -> None:
     with pytest.raises(MalError) as raised:
         command_of(HEADER, supplements, MoveForward(1.0))
     assert describe_error(raised.value).startswith(f"Invalid: supplement {supplements[0].name}: ")
-    assert command_of(HEADER, supplements, Stop()).arrival is PreemptionPolicy.APPEND
+    assert command_of(HEADER, supplements, Stop()).preemption is PreemptionPolicy.APPEND
 
 
 @pytest.mark.parametrize(
@@ -140,7 +165,7 @@ def test_a_refusal_that_blames_no_argument_names_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "words"),
+    ("error", "text"),
     [
         (refusal_error(Refusal(Reason.NOT_FINITE, "", argument=2), Identity("A", 1)), "argument 2"),
         (refusal_error(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command id 71"),
@@ -153,8 +178,8 @@ def test_a_refusal_that_blames_no_argument_names_none() -> None:
         (MalError(StandardError.DESTINATION_LOST), "the connection was lost (DESTINATION_LOST)"),
     ],
 )
-def test_errors_read_as_words(error: MalError, words: str) -> None:
-    assert words in describe_error(error)
+def test_errors_read_as_text(error: MalError, text: str) -> None:
+    assert text in describe_error(error)
 
 
 def test_a_report_becomes_a_notification() -> None:
@@ -182,9 +207,43 @@ def test_a_report_becomes_a_notification() -> None:
     assert notification_keys("jackal", found) == ("jackal", 1, 2, 9, 3)
 
 
-def test_what_is_of_no_command_has_no_command_in_its_keys() -> None:
+def test_a_reason_of_a_newer_rover_retains_its_number_and_text(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    known = reports.Report(
+        12, 1.8e9, reports.ReportKind.COMMAND, reports.Severity.WARNING, "the mast is cold"
+    )
+    received = replace(notification_of(known), code=7999)
+    report = report_of(received)
+    assert report.reason is not None
+    assert (report.reason.value, report.reason.name) == (7999, "unknown here")
+    assert report.text == "the mast is cold"
+    assert notification_of(report) == received
+    assert "7999 unknown here: the mast is cold" in report_line(report)
+    assert "unknown here 7999" in entry_line(report, str)
+    echo_json(report)
+    assert '"reason": 7999' in capsys.readouterr().out
+
+
+def test_a_report_without_command_has_no_command_in_its_keys() -> None:
     event = reports.Report(1, 0.0, reports.ReportKind.EVENT, reports.Severity.ALARM, "tilted")
     assert notification_keys("jackal", notification_of(event)) == ("jackal", 2, 3, None, None)
+
+
+def test_the_fields_of_a_report_are_decoded_from_its_notification() -> None:
+    event = reports.Report(1, 0.0, reports.ReportKind.EVENT, reports.Severity.ALARM, "tilted")
+    for names in (
+        {"fault": "tilted"},
+        {"cause": Identity("MOE", 9)},
+        {"publishers": ("/joystick",)},
+        {"publishers": ()},
+    ):
+        report = replace(event, **names)
+        assert report_of(notification_of(report)) == report
+    lost = replace(event, kind=reports.ReportKind.LINK, identity=Identity("MOE", 9))
+    assert report_of(notification_of(lost)) == lost
+    assert lost_command(lost) == lost.identity
+    assert forwarded_command(lost) is None
 
 
 def test_numbers_of_kin_are_equal() -> None:

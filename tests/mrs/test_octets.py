@@ -99,7 +99,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
         b"GET / HTTP/1.1\r\nHost: rover\r\n\r\n",
     ],
 )
-def test_what_is_no_message_ends_the_connection_and_nothing_else(
+def test_an_invalid_message_ends_the_connection_and_nothing_else(
     aboard: Aboard, octets: bytes
 ) -> None:
     with socket.create_connection(address(aboard), timeout=ANSWER_S) as connection:

@@ -13,9 +13,9 @@ from adapters.cli.main import main
 from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, palette, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
 from adapters.mrs.cli.terminal import table
-from adapters.mrs.spec import PlanStatus, PlanUpdate
 from executive.plans import LEAVES
 from executive.plans.plan_xml import read_xml
+from executive.values.reports import PlanStatus, PlanUpdate
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
@@ -31,15 +31,15 @@ def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
     assert (good.exit_code, good.stdout) == (0, "look-around: 8 leaves, 10 commands at most\n")
     bad = tmp_path / "bad.xml"
     bad.write_text(EXAMPLE.read_text().replace("<takePicture", "<takePictures"))
-    told = rover("check", str(bad))
-    assert told.exit_code == 1
-    assert "PLAN_UNKNOWN_NODE: line 23: unknown node 'takePictures'" in told.stderr
-    asks = tmp_path / "asks.xml"
-    asks.write_bytes(plan('<moveForward distance="{far}" deadline_s="9"/>').content)
-    assert rover("check", str(asks)).exit_code == 1
-    assert rover("check", str(asks), "--arg", "far=2").exit_code == 0
-    assert rover("check", str(asks), "--arg", "far").exit_code == 2
-    assert rover("check", str(asks), "--asset", "nobody").exit_code == 2
+    reported = rover("check", str(bad))
+    assert reported.exit_code == 1
+    assert "PLAN_UNKNOWN_NODE: line 23: unknown node 'takePictures'" in reported.stderr
+    requests = tmp_path / "asks.xml"
+    requests.write_bytes(plan('<moveForward distance="{far}" deadline_s="9"/>').content)
+    assert rover("check", str(requests)).exit_code == 1
+    assert rover("check", str(requests), "--arg", "far=2").exit_code == 0
+    assert rover("check", str(requests), "--arg", "far").exit_code == 2
+    assert rover("check", str(requests), "--asset", "nobody").exit_code == 2
 
 
 def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
@@ -65,8 +65,8 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     assert rover("abort", "ahead", *to).exit_code == 0
     assert rover("remove", "ahead", *to).exit_code == 0
     assert rover("status", *to).output == "no plans: submit one with `rover plan submit`\n"
-    gone = rover("status", "ahead", *to)
-    assert (gone.exit_code, gone.stderr) == (1, "Error: NotFound: ahead\n")
+    closed = rover("status", "ahead", *to)
+    assert (closed.exit_code, closed.stderr) == (1, "Error: NotFound: ahead\n")
 
 
 def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> None:
@@ -79,13 +79,10 @@ def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> 
 
 
 def update(node: str, text: str) -> PlanUpdate:
-    status, time_ns = PlanStatus.EXECUTING, 1_700_000_000_000_000_000
-    return PlanUpdate(
-        planId="look", status=status, timestamp=time_ns, node=node, done=1, total=3, text=text
-    )
+    return PlanUpdate("look", PlanStatus.EXECUTING, 1.7e9, node, done=1, total=3, text=text)
 
 
-def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
+def test_a_remark_on_a_leaf_is_printed_once_and_short() -> None:
     lines = PlanLines()
     late = "plan:look/a: not done within 3 s"
     first = lines.line(update("plan:look/a", late))
@@ -95,12 +92,12 @@ def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
 
 
 def test_plans_fit_a_narrow_terminal() -> None:
-    told = StringIO()
-    longest = "plan:look/Fallback/takePicture"
-    rows = [plan_row(update(longest, f"{longest}: CANCELLED"))]
-    Console(file=told, width=80).print(table(rows, *COLUMNS))
-    assert "Fallback/takePicture   CANCELLED" in told.getvalue()
-    assert "plan:look" not in told.getvalue()
+    reported = StringIO()
+    maximum = "plan:look/Fallback/takePicture"
+    rows = [plan_row(update(maximum, f"{maximum}: CANCELLED"))]
+    Console(file=reported, width=80).print(table(rows, *COLUMNS))
+    assert "Fallback/takePicture   CANCELLED" in reported.getvalue()
+    assert "plan:look" not in reported.getvalue()
 
 
 def test_assets_are_completed() -> None:

@@ -15,7 +15,7 @@ from adapters.mal import (
     UpdateHeader,
 )
 from adapters.mrs.ground import CommandOutcome, MrsClient
-from adapters.mrs.spec import AssetMode, PlanStatus, PlanUpdate, Stage
+from adapters.mrs.spec import AssetMode, ReceivedReport, Stage
 from adapters.mrs.spec.mapping import definition_of, wire_definition
 from adapters.mrs.spec.types import PlanDefinition
 from executive.commands import (
@@ -30,7 +30,9 @@ from executive.commands import (
     SubmitPlan,
     SuspendPlan,
 )
-from tests.mrs.aboard import Aboard, raises
+from executive.values.reasons import Reason
+from executive.values.reports import PlanStatus, PlanUpdate
+from tests.mrs.aboard import Aboard, number_of, raises
 from tests.support.plans import plan
 
 pytestmark = pytest.mark.usefixtures("running")
@@ -38,38 +40,43 @@ pytestmark = pytest.mark.usefixtures("running")
 AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
 
 
+def is_of_plan(received: ReceivedReport) -> bool:
+    identity = received.report.identity
+    return identity is not None and identity.source == "plan:survey"
+
+
 async def send(client: MrsClient, *requests: Request) -> list[CommandOutcome]:
     return [await client.run(client.command(request)) for request in requests]
 
 
 async def test_a_plan_is_watched_to_its_end(client: MrsClient) -> None:
-    updates, heard = await client.plan_updates(), []
+    updates, arrived = await client.plan_updates(), []
     notifications = client.notifications()
     outcomes = await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
     assert all(outcome.executed for outcome in outcomes)
     async for update in updates:
-        heard.append(update)
+        arrived.append(update)
         if update.status is PlanStatus.EXECUTING and update.node:
             status = await client.get_status()
             assert (status.mode, status.activePlan) == (AssetMode.PLAN, "survey")
         if update.status is PlanStatus.COMPLETED:
             break
-    async for notification in notifications:
-        if notification.source == "plan:survey" and notification.stage is Stage.EXECUTED:
+    async for received in notifications:
+        if is_of_plan(received) and received.report.stage is Stage.EXECUTED:
             break
-    assert await client.get_plan_status("survey") == (heard[-1],)
-    assert [update.status.name for update in heard] == [
+    assert await client.get_plan_status("survey") == (arrived[-1],)
+    assert [update.status.name for update in arrived] == [
         "SUBMITTED",
         "ACTIVATED",
         "EXECUTING",
         "EXECUTING",
         "COMPLETED",
     ]
-    assert [(update.done, update.total) for update in heard][-1] == (1, 1)
-    assert heard[-1].node == "plan:survey/moveForward"
+    assert [(update.done, update.total) for update in arrived][-1] == (1, 1)
+    assert arrived[-1].node == "plan:survey/moveForward"
 
 
-async def test_a_stop_suspends_and_resume_plan_goes_on(client: MrsClient) -> None:
+async def test_a_stop_suspends_and_resume_plan_continues(client: MrsClient) -> None:
     updates = await client.plan_updates()
     await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
     async for update in updates:
@@ -91,7 +98,7 @@ async def test_a_stop_suspends_and_resume_plan_goes_on(client: MrsClient) -> Non
 
 
 @pytest.mark.parametrize(
-    ("request_", "number", "said"),
+    ("request_", "number", "message"),
     [
         (ActivatePlan("nothing"), 5, "nothing"),
         (RemovePlan("nothing"), 5, "nothing"),
@@ -101,18 +108,18 @@ async def test_a_stop_suspends_and_resume_plan_goes_on(client: MrsClient) -> Non
     ],
 )
 async def test_what_cannot_be_is_answered_by_an_error(
-    request_: Request, number: int, said: str | None, client: MrsClient
+    request_: Request, number: int, message: str | None, client: MrsClient
 ) -> None:
     await send(client, SubmitPlan(AHEAD))
     (outcome,) = await send(client, request_)
     assert outcome.refusal is not None
     assert outcome.refusal.number == number
-    if said is None:
+    if message is None:
         assert outcome.refusal.extra.values == (1,)
-        assert outcome.notifications[-1].code == 115
-        assert (outcome.notifications[-1].text or "").startswith("line 3: unknown node 'fly'")
+        assert outcome.reports[-1].reason is Reason.PLAN_UNKNOWN_NODE
+        assert outcome.reports[-1].text.startswith("line 3: unknown node 'fly'")
     else:
-        assert said in outcome.refusal.extra.value
+        assert message in outcome.refusal.extra.value
 
 
 async def test_the_status_of_no_plan_is_not_found(client: MrsClient) -> None:
@@ -123,15 +130,15 @@ async def test_the_status_of_no_plan_is_not_found(client: MrsClient) -> None:
 
 def test_updates_carry_their_keys(running: Aboard) -> None:
     async def session(consumer: Consumer) -> object:
-        heard: asyncio.Queue[UpdateHeader] = asyncio.Queue()
+        arrived: asyncio.Queue[UpdateHeader] = asyncio.Queue()
         await consumer.subscribe(
             "Plan",
             "monitorPlanExecution",
             Subscription(subscriptionId="mine"),
-            lambda header, _: heard.put_nowait(header),
+            lambda header, _: arrived.put_nowait(header),
         )
         threading.Thread(target=submit).start()
-        return [key.value and key.value.value for key in (await heard.get()).keyValues or ()]
+        return [key.value and key.value.value for key in (await arrived.get()).keyValues or ()]
 
     def submit() -> None:
         async def inner(client: MrsClient) -> None:
@@ -142,7 +149,7 @@ def test_updates_carry_their_keys(running: Aboard) -> None:
     assert running.consume(session) == ["jackal", "survey", 1]
 
 
-def test_after_a_kill_it_is_suspended_and_goes_on(tmp_path: Path) -> None:
+def test_after_a_kill_it_is_suspended_and_continues(tmp_path: Path) -> None:
     first = Aboard(tmp_path)
     first.runs = True
 
@@ -153,10 +160,10 @@ def test_after_a_kill_it_is_suspended_and_goes_on(tmp_path: Path) -> None:
             if update.node:
                 return
 
-    async def go_on(client: MrsClient) -> list[int]:
+    async def proceed(client: MrsClient) -> list[int]:
         (found,) = await client.get_plan_status()
         assert found.status is PlanStatus.SUSPENDED
-        assert "restarted" in (found.text or "")
+        assert "restarted" in found.text
         updates = await client.plan_updates()
         (outcome,) = await send(client, ResumePlan("survey"))
         assert outcome.executed
@@ -164,14 +171,14 @@ def test_after_a_kill_it_is_suspended_and_goes_on(tmp_path: Path) -> None:
             if update.status is PlanStatus.COMPLETED:
                 break
         past = await client.get_notifications(since=1)
-        return [n.commandId or 0 for n in past if n.source == "plan:survey"]
+        return [number_of(n) or 0 for n in past if is_of_plan(n)]
 
     first.ground(begin)
     first.die()
     second = Aboard(tmp_path)
     second.runs = True
     try:
-        assert sorted(set(second.ground(go_on))) == [1, 2]
+        assert sorted(set(second.ground(proceed))) == [1, 2]
     finally:
         second.close()
 

@@ -20,22 +20,29 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     Controller,
-    Notification,
     Preview,
     PreviewPose,
     PreviewRequest,
+    ReceivedReport,
     Stage,
-    is_prediction,
+    frame_supplements,
+    framed,
     motion_of,
     preview_request,
 )
 from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, all_declarations
+from executive.values.reports import ReportKind
 from tests.mrs.aboard import Aboard, raises
 from tests.support.plans import AHEAD, plan
 
 HERE = PreviewPose(time=2.0, x=1.0, y=0.0, heading=0.0)
-TOLD = Preview(
-    duration=2.0, length=1.0, frame="odom", path=(HERE,), endWithin=0.02, headingWithin=0.03
+REPORTED = Preview(
+    duration=2.0,
+    length=1.0,
+    frame="odom",
+    path=(HERE,),
+    endUncertainty=0.02,
+    headingUncertainty=0.03,
 )
 
 
@@ -45,22 +52,23 @@ def typed(*arguments: str, to: Aboard | None = None) -> click.testing.Result:
 
 
 @given(st.one_of(*(st.from_type(kind) for kind in get_args(Motion))))
-def test_a_motion_comes_back_from_its_parts(motion: Motion) -> None:
-    assert repr(motion_of(preview_request(motion))) == repr(motion)
+def test_a_motion_is_decoded_from_its_parts(motion: Motion) -> None:
+    back = framed(motion_of(preview_request(motion)), frame_supplements(motion))
+    assert repr(back) == repr(motion)
 
 
-async def test_a_rover_tells_what_a_motion_and_a_plan_come_to(client: MrsClient) -> None:
-    told = await client.preview(MoveTo(Waypoint(3.0, 2.0, 1.5)))
-    end = told.path[-1]
+async def test_a_rover_previews_a_motion_and_a_plan(client: MrsClient) -> None:
+    reported = await client.preview(MoveTo(Waypoint(3.0, 2.0, 1.5)))
+    end = reported.path[-1]
     assert (end.x, end.y, end.heading) == pytest.approx((3.0, 2.0, 1.5), abs=0.05)
-    assert told.duration == end.time
+    assert reported.duration == end.time
     planned = await client.preview_plan(plan(f"<Sequence>{AHEAD}{AHEAD}</Sequence>"))
     assert planned.length == pytest.approx(8.0, abs=0.1)
     assert await client.get_plan_status() == ()
     assert await client.get_notifications() == ()
 
 
-async def test_it_needs_no_mode_and_the_refusal_says_why(client: MrsClient) -> None:
+async def test_it_needs_no_mode_and_the_refusal_gives_the_reason(client: MrsClient) -> None:
     await client.submit(client.command(Stop()))
     assert (await client.preview(MoveForward(1.0))).length == pytest.approx(1.0, abs=0.05)
     with pytest.raises(MalError, match="distance 1000 m is above its bound of 100 m") as refused:
@@ -70,7 +78,7 @@ async def test_it_needs_no_mode_and_the_refusal_says_why(client: MrsClient) -> N
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("requested", "message"),
     [
         (PreviewRequest("moveBy", None, None), "operation 'moveBy': one of moveTo, moveForward"),
         (PreviewRequest("stop", None, None), "one of moveTo"),
@@ -83,25 +91,25 @@ async def test_it_needs_no_mode_and_the_refusal_says_why(client: MrsClient) -> N
         ),
     ],
 )
-def test_parts_that_are_no_motion_are_refused(asked: PreviewRequest, said: str) -> None:
+def test_parts_that_are_no_motion_are_refused(requested: PreviewRequest, message: str) -> None:
     with pytest.raises(MalError) as refused:
-        motion_of(asked)
-    assert said in str(refused.value)
+        motion_of(requested)
+    assert message in str(refused.value)
 
 
-async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
-    asked = ("MotionControl", "preview", "moveForward", None, (3.0,), None)
-    most = preview_service.MAX_CONCURRENT
-    first = [asyncio.create_task(consumer.request(*asked)) for _ in range(most)]
+async def test_concurrent_previews_are_bounded(consumer: Consumer) -> None:
+    requested = ("MotionControl", "preview", "moveForward", None, (3.0,), None)
+    maximum = preview_service.MAX_CONCURRENT
+    first = [asyncio.create_task(consumer.request(*requested)) for _ in range(maximum)]
     await asyncio.sleep(0)
     with raises(AreaError.BUSY.value):
-        await consumer.request(*asked)
-    for told in await asyncio.gather(*first):
-        assert told[0].length == pytest.approx(3.0, abs=0.1)
+        await consumer.request(*requested)
+    for reported in await asyncio.gather(*first):
+        assert reported[0].length == pytest.approx(3.0, abs=0.1)
     await consumer.request("MotionControl", "preview", "moveForward", None, (1.0,), None)
 
 
-async def test_one_that_takes_too_long_is_given_up(
+async def test_a_preview_that_takes_too_long_is_aborted(
     client: MrsClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
@@ -113,10 +121,10 @@ async def test_one_that_takes_too_long_is_given_up(
 
 
 def test_as_typed(aboard: Aboard, tmp_path: Path) -> None:
-    told = typed("moveTo", "3", "2", "--heading", "90deg", to=aboard)
-    assert told.exit_code == 0, told.output
-    assert "ends at x 3.0" in told.stdout
-    assert "heading 90." in told.stdout or "heading 89." in told.stdout
+    reported = typed("moveTo", "3", "2", "--heading", "90deg", to=aboard)
+    assert reported.exit_code == 0, reported.output
+    assert "ends at x 3.0" in reported.stdout
+    assert "heading 90." in reported.stdout or "heading 89." in reported.stdout
     as_json = typed("--json", "moveForward", "-1", to=aboard)
     assert json.loads(as_json.stdout)["path"][0]["time"] == 0.0
     file = tmp_path / "ahead.xml"
@@ -145,12 +153,12 @@ def test_every_motion_can_be_typed() -> None:
     assert "--replace" not in shown
 
 
-def test_lines_for_people() -> None:
-    assert preview_lines(TOLD) == [
+def test_formatted_lines() -> None:
+    assert preview_lines(REPORTED) == [
         "duration 2.0 s, 1.00 m",
         "ends at x 1.00 m, y 0.00 m, heading 0.0°, within 0.02 m and 1.7° (2 sigma)",
     ]
-    more = replace(TOLD, energy=111.4, clearance=0.5, nearest="rock 'boulder'")
+    more = replace(REPORTED, energy=111.4, clearance=0.5, nearest="rock 'boulder'")
     first, _, last = preview_lines(more)
     assert first == "duration 2.0 s, 1.00 m, 111 J"
     assert last == "clearance 0.50 m to rock 'boulder'"
@@ -158,27 +166,22 @@ def test_lines_for_people() -> None:
 
 async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsClient) -> None:
     aboard.runs = True
-    heard: list[Notification] = []
-    outcome = await client.run(client.command(MoveForward(0.5)), heard.append)
-    foretold = outcome.prediction
-    assert foretold is not None
-    assert is_prediction(foretold)
-    assert (foretold.source, foretold.commandId) == (
-        client.source,
-        outcome.notifications[0].commandId,
-    )
-    assert [each.stage for each in heard] == [
-        *(each.stage for each in outcome.notifications[:-1]),
+    received: list[ReceivedReport] = []
+    outcome = await client.run(client.command(MoveForward(0.5)), received.append)
+    predicted = outcome.prediction
+    assert predicted is not None
+    assert (predicted.kind, predicted.stage) == (ReportKind.EVENT, None)
+    assert predicted.identity == outcome.reports[0].identity == outcome.command.identity
+    assert predicted.identity.source == client.source
+    assert [each.report.stage for each in received] == [
+        *(each.stage for each in outcome.reports[:-1]),
         None,
         Stage.EXECUTED,
     ]
-    values = {
-        each.name: each.value.value
-        for each in outcome.notifications[-1].parameters or ()
-        if each.value
-    }
-    told = {each.name: each.value.value for each in foretold.parameters or () if each.value}
-    assert told
-    assert {name: values[name] for name in told} == told
+    values = {each.name: each.value for each in outcome.reports[-1].figures}
+    reported = {each.name: each.value for each in predicted.figures}
+    assert reported
+    assert {name: values[name] for name in reported} == reported
     assert values["duration"] == pytest.approx(values["predicted duration"], abs=0.2)
-    assert foretold in await client.get_notifications(command_id=foretold.commandId)
+    past = await client.get_notifications(command_id=predicted.identity.command_id)
+    assert predicted in [each.report for each in past]

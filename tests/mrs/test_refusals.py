@@ -53,29 +53,28 @@ def test_refuses_with_number_and_cause(
     assert outcome.refusal.number == number
     assert extra is None or outcome.refusal.extra == extra
     assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
-    assert outcome.notifications[-1].code == code.value
-    assert outcome.notifications[-1].text
+    assert outcome.reports[-1].reason is code
+    assert outcome.reports[-1].text
 
 
-def test_what_the_battery_cannot_bring_back_is_refused_with_its_figures(aboard: Aboard) -> None:
+def test_a_drive_without_battery_for_its_return_is_refused_with_its_figures(aboard: Aboard) -> None:
     aboard.do(lambda bench: setattr(bench, "charge_ratio", 0.1))
     aboard.run(0.1)
     (outcome,) = aboard.carry_out(MoveForward(1.0))
     assert outcome.refusal is not None
     assert outcome.refusal.number == 2
     assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
-    assert outcome.notifications[-1].code == Reason.BATTERY_SHORT.value
-    told = outcome.notifications[-1].parameters or ()
-    figures = {each.name: each.value.value for each in told if each.value}
+    assert outcome.reports[-1].reason is Reason.BATTERY_INSUFFICIENT
+    figures = {each.name: each.value for each in outcome.reports[-1].figures}
     assert figures["needed"] > 0.0 == figures["left"]
     assert figures["reserve"] == 97_200.0
     (home,) = aboard.carry_out(MoveTo(Waypoint(0.0, 0.0)))
     assert home.executed
 
 
-async def test_says_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClient) -> None:
-    room = aboard.do(lambda bench: bench.settings.drive.queue_length)
-    for _ in range(room):
+async def test_reports_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClient) -> None:
+    capacity = aboard.do(lambda bench: bench.settings.drive.queue_length)
+    for _ in range(capacity):
         await client.submit(client.command(MoveForward(1.0)))
     with raises(6):
         await client.submit(client.command(MoveForward(1.0)))
@@ -88,7 +87,7 @@ async def test_a_name_too_long_to_be_sent_back_is_refused(
 
     with raises(1, 0):
         await consumer.submit("MotionControl", "moveForward", header, 1.0)
-    assert aboard.do(lambda bench: bench.heard.reports) == []
+    assert aboard.do(lambda bench: bench.received.reports) == []
 
 
 @pytest.mark.parametrize(
@@ -100,12 +99,12 @@ async def test_a_name_too_long_to_be_sent_back_is_refused(
         ("Monitoring", "publishParameters", ((HEAD,) * 1001,)),
     ],
 )
-async def test_nobody_asks_for_so_much_that_others_wait(
+async def test_no_request_is_large_enough_to_delay_others(
     service: str, operation: str, parts: tuple[object, ...], consumer: Consumer
 ) -> None:
-    ask = consumer.submit if operation.startswith("publish") else consumer.request
+    call = consumer.submit if operation.startswith("publish") else consumer.request
     with raises(StandardError.TOO_MANY.value):
-        await ask(service, operation, *parts)
+        await call(service, operation, *parts)
 
 
 async def test_number_nought_is_refused(client: MrsClient) -> None:
@@ -113,11 +112,11 @@ async def test_number_nought_is_refused(client: MrsClient) -> None:
         await client.submit(client.command(MoveForward(1.0), command_id=0))
 
 
-def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard) -> None:
+def test_a_repeat_is_not_executed_and_receives_the_last_report_again(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
         command = client.command(MoveForward(0.2))
         assert (await client.run(command)).executed
-        place = aboard.do(lambda bench: bench.rover.pose)
+        position = aboard.do(lambda bench: bench.rover.pose)
         again = await client.run(command)
         assert again.refusal is not None
         assert again.refusal.number == 3
@@ -132,13 +131,13 @@ def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard
         assert other.refusal is not None
         assert other.refusal.number == 3
         assert not other.executed
-        assert aboard.do(lambda bench: bench.rover.pose) == place
+        assert aboard.do(lambda bench: bench.rover.pose) == position
 
     aboard.runs = True
     aboard.ground(session)
 
 
-async def test_what_is_too_old_is_not_begun(aboard: Aboard, consumer: Consumer) -> None:
+async def test_an_expired_command_is_not_begun(aboard: Aboard, consumer: Consumer) -> None:
     aboard_s = aboard.do(lambda bench: bench.clock.utc_s())
     header = replace(HEADER, lifetime=2.0, creationTime=round((aboard_s - 3.0) * 1e9))
 
@@ -152,14 +151,14 @@ async def test_what_is_too_old_is_not_begun(aboard: Aboard, consumer: Consumer) 
 async def test_an_unknown_arrival_never_reaches_the_core(
     aboard: Aboard, consumer: Consumer
 ) -> None:
-    later = NamedValue(name="arrival", value=TypedAttribute(AttributeType.IDENTIFIER, "later"))
+    later = NamedValue(name="preemption", value=TypedAttribute(AttributeType.IDENTIFIER, "later"))
 
     with raises(1):
         await consumer.submit("MotionControl", "moveForward", HEADER, 1.0, supplements=(later,))
     assert aboard.do(lambda bench: bench.stages(1)) == []
 
 
-def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_core_is_reported(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.gateway.ANSWER_TIMEOUT_S", 0.05)
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
@@ -172,14 +171,14 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
     aboard.ground(session)
 
 
-async def test_who_asks_without_end_keeps_no_stop_waiting(
+async def test_endless_requests_delay_no_stop(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch, client: MrsClient
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.gateway.MAX_PENDING", 3)
     turn = aboard.do(lambda bench: bench.executive.wake)
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
-    asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
+    requested = [asyncio.create_task(client.get_pose()) for _ in range(3)]
     await asyncio.sleep(0)
     for refused in (client.get_pose(), client.submit(client.command(MoveForward(1.0)))):
         with raises(StandardError.TOO_MANY.value):
@@ -189,6 +188,6 @@ async def test_who_asks_without_end_keeps_no_stop_waiting(
         aboard.do(lambda bench: bench.executive.serve_inbox())
         await asyncio.sleep(0.01)
     await stop
-    await asyncio.gather(*asked)
+    await asyncio.gather(*requested)
     aboard.do(lambda bench: setattr(bench.executive, "wake", turn))
     await client.get_pose()

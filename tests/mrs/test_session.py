@@ -13,9 +13,9 @@ import pytest
 from adapters.mal import MalError, OnUpdate, StandardError, Subscription, UpdateHeader
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from adapters.mrs.ground import MrsClient, Stream, parse_address
-from adapters.mrs.ground.notification_stream import NotificationStream
+from adapters.mrs.ground.streams import NotificationStream
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec import Notification, Stage, cursor_of
+from adapters.mrs.spec import Notification, ReceivedReport
 from executive.commands import (
     Command,
     MoveForward,
@@ -26,32 +26,33 @@ from executive.commands import (
 )
 from executive.plans.plan_xml import MAX_PLAN_OCTETS
 from executive.values.reasons import Reason
+from executive.values.reports import Identity, Report, Stage
 from tests.mrs.aboard import Aboard, LinkedBench, event
 
-LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
-async def heard(stream: Stream[Notification], stage: Stage) -> Notification:
+async def arrived(stream: Stream[ReceivedReport], stage: Stage) -> Report:
     """Wait for a stage."""
-    async for notification in stream:
-        if notification.stage is stage:
-            return notification
+    async for received in stream:
+        if received.report.stage is stage:
+            return received.report
     raise AssertionError(f"the stream ended before {stage}")
 
 
-async def under_way(
+async def active(
     client: MrsClient, command: Command, aboard: Aboard
 ) -> "asyncio.Task[list[Stage | None]]":
     """Run a command until it has started, and return what waits for its life."""
     stream = client.notifications()
 
-    async def life() -> list[Stage | None]:
-        return [notification.stage for notification in (await client.run(command)).notifications]
+    async def lifecycle() -> list[Stage | None]:
+        return [report.stage for report in (await client.run(command)).reports]
 
-    task = asyncio.create_task(life())
-    await heard(stream, Stage.ACCEPTED)
+    task = asyncio.create_task(lifecycle())
+    await arrived(stream, Stage.ACCEPTED)
     aboard.run(1.0)
-    await heard(stream, Stage.STARTED)
+    await arrived(stream, Stage.STARTED)
     return task
 
 
@@ -60,14 +61,14 @@ def plan(octets: int) -> SubmitPlan:
 
 
 @contextmanager
-def come_back(folder: Path, port: int) -> Iterator[Aboard]:
+def restart(folder: Path, port: int) -> Iterator[Aboard]:
     """Give a rover at the address of one that is gone."""
     rover = Aboard(folder, port)
     yield rover
     rover.close()
 
 
-def test_every_client_hears_of_every_command(aboard: Aboard) -> None:
+def test_every_client_receives_reports_of_every_command(aboard: Aboard) -> None:
     async def session(one: MrsClient) -> None:
         async with await MrsClient.connect(aboard.uri, source="MOE-2") as two:
             streams = [one.notifications(), two.notifications()]
@@ -76,16 +77,16 @@ def test_every_client_hears_of_every_command(aboard: Aboard) -> None:
             await two.submit(two.command(Stop(), command_id=1))
             aboard.run(1.0)
             for stream in streams:
-                stopped = await heard(stream, Stage.CANCELLED)
-                assert (stopped.source, stopped.commandId) == ("MOE", 1)
-                stop = await heard(stream, Stage.EXECUTED)
-                assert (stop.source, stop.commandId) == ("MOE-2", 1)
+                stopped = await arrived(stream, Stage.CANCELLED)
+                assert stopped.identity == Identity("MOE", 1)
+                stop = await arrived(stream, Stage.EXECUTED)
+                assert stop.identity == Identity("MOE-2", 1)
 
     aboard.ground(session)
 
 
-def test_what_a_listener_raises_ends_the_waiting(aboard: Aboard) -> None:
-    def full(_: Notification) -> None:
+def test_an_exception_of_a_listener_ends_the_waiting(aboard: Aboard) -> None:
+    def full(_: ReceivedReport) -> None:
         raise OSError("no space left")
 
     async def session() -> None:
@@ -96,12 +97,14 @@ def test_what_a_listener_raises_ends_the_waiting(aboard: Aboard) -> None:
         asyncio.run(session())
 
 
-async def test_the_life_of_a_command_outlives_the_link(aboard: Aboard, client: MrsClient) -> None:
-    task = await under_way(client, client.command(MoveForward(2.0)), aboard)
+async def test_the_life_cycle_of_a_command_outlives_the_link(
+    aboard: Aboard, client: MrsClient
+) -> None:
+    task = await active(client, client.command(MoveForward(2.0)), aboard)
     aboard.hang_up()
     aboard.run(10.0)
     aboard.listen()
-    assert await task == LIFE
+    assert await task == STAGES
 
 
 async def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(
@@ -127,29 +130,29 @@ async def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(
     ("octets", "reason"),
     [(MAX_PLAN_OCTETS, Reason.PLAN_NOT_XML), (MAX_PLAN_OCTETS + 1, Reason.PLAN_TOO_LARGE)],
 )
-def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason: Reason) -> None:
+def test_the_maximum_plan_reaches_the_rover(aboard: Aboard, octets: int, reason: Reason) -> None:
     (outcome,) = aboard.carry_out(plan(octets))
-    assert outcome.notifications[-1].code == reason.value
+    assert outcome.reports[-1].reason is reason
 
 
 async def test_a_message_that_is_too_long_is_answered_and_the_link_stays(client: MrsClient) -> None:
-    told = client.notifications()
+    reported = client.notifications()
     with pytest.raises(MalError, match=f"TOO_MANY.*at most {MESSAGE_CAP} are accepted"):
         await client.submit(client.command(plan(MESSAGE_CAP)))
     await client.submit(client.command(MoveForward(1.0)))
-    await heard(told, Stage.ACCEPTED)
+    await arrived(reported, Stage.ACCEPTED)
 
 
-def test_a_rover_that_died_says_so_when_it_is_back(tmp_path: Path) -> None:
+def test_a_crashed_rover_reports_it_after_its_restart(tmp_path: Path) -> None:
     async def session(client: MrsClient) -> None:
         task = asyncio.create_task(client.run(client.command(MoveForward(9.0))))
-        await heard(client.notifications(), Stage.ACCEPTED)
+        await arrived(client.notifications(), Stage.ACCEPTED)
         first.run(1.0)
         first.die()
-        with come_back(tmp_path, first.port) as second:
+        with restart(tmp_path, first.port) as second:
             outcome = await task
-            assert outcome.notifications[-1].stage is Stage.FAILED
-            assert outcome.notifications[-1].code == Reason.INTERRUPTED.value
+            assert outcome.reports[-1].stage is Stage.FAILED
+            assert outcome.reports[-1].reason is Reason.INTERRUPTED
             second.run(1.0)
             assert second.do(lambda bench: bench.rover.pose.x_m) == 0.0
 
@@ -160,9 +163,9 @@ def test_a_rover_that_died_says_so_when_it_is_back(tmp_path: Path) -> None:
 def test_a_rover_without_its_ledger_is_a_stranger(tmp_path: Path) -> None:
     async def session(client: MrsClient) -> None:
         task = asyncio.create_task(client.run(client.command(MoveForward(9.0))))
-        await heard(client.notifications(), Stage.ACCEPTED)
+        await arrived(client.notifications(), Stage.ACCEPTED)
         first.die()
-        with come_back(tmp_path / "other", first.port):
+        with restart(tmp_path / "other", first.port):
             with pytest.raises(ConnectionError, match="without its ledger"):
                 await task
             assert (await client.get_asset()).asset == "jackal"
@@ -171,7 +174,9 @@ def test_a_rover_without_its_ledger_is_a_stranger(tmp_path: Path) -> None:
     first.ground(session)
 
 
-async def test_streams_go_on_after_a_loss_without_a_gap(aboard: Aboard, client: MrsClient) -> None:
+async def test_streams_continue_after_a_loss_without_a_gap(
+    aboard: Aboard, client: MrsClient
+) -> None:
     stream, values = client.notifications(), await client.telemetry()
     await client.submit(client.command(SetStatusInterval(0.5)))
     aboard.hang_up()
@@ -181,21 +186,21 @@ async def test_streams_go_on_after_a_loss_without_a_gap(aboard: Aboard, client: 
     await client.get_pose()
     aboard.run(1.0)
     assert (await anext(values)).name == "POS_X"
-    sequences = [(await anext(stream)).sequence for _ in range(8)]
+    sequences = [(await anext(stream)).report.sequence for _ in range(8)]
     assert sequences == list(range(1, 9))
 
 
-def test_gives_up_on_a_rover_that_stays_away(aboard: Aboard) -> None:
+def test_times_out_if_a_rover_remains_absent(aboard: Aboard) -> None:
     async def session() -> None:
         async with await MrsClient.connect(aboard.uri, patience_s=0.1) as client:
             stream = client.notifications()
             task = asyncio.create_task(client.run(client.command(MoveForward(5.0))))
-            await heard(stream, Stage.RECEIVED)
+            await arrived(stream, Stage.RECEIVED)
             aboard.hang_up()
             with pytest.raises(ConnectionError, match="no answer at maltcp://"):
                 await task
             with pytest.raises(ConnectionError):
-                await heard(stream, Stage.EXECUTED)
+                await arrived(stream, Stage.EXECUTED)
             with pytest.raises(ConnectionError):
                 await client.get_pose()
 
@@ -207,9 +212,9 @@ def test_a_session_that_is_closed_ends_everything(aboard: Aboard) -> None:
         client = await MrsClient.connect(aboard.uri)
         stream = client.notifications()
         task = asyncio.create_task(client.run(client.command(MoveForward(5.0))))
-        await heard(stream, Stage.RECEIVED)
+        await arrived(stream, Stage.RECEIVED)
         await client.close()
-        assert Stage.EXECUTED not in [n.stage async for n in stream]
+        assert Stage.EXECUTED not in [n.report.stage async for n in stream]
         with pytest.raises(ConnectionError, match="closed"):
             await task
         with pytest.raises(ConnectionError, match="closed"):
@@ -218,7 +223,7 @@ def test_a_session_that_is_closed_ends_everything(aboard: Aboard) -> None:
     asyncio.run(session())
 
 
-def test_nobody_there_is_a_connection_error(aboard: Aboard) -> None:
+def test_an_absent_rover_is_a_connection_error(aboard: Aboard) -> None:
     aboard.hang_up()
     with pytest.raises(ConnectionError, match=f"no answer at {aboard.uri}"):
         asyncio.run(MrsClient.connect(aboard.uri))
@@ -229,7 +234,7 @@ def test_another_name_is_no_rover(aboard: Aboard) -> None:
         asyncio.run(MrsClient.connect(aboard.uri + "X"))
 
 
-def test_a_link_that_cannot_listen_says_so_at_once(aboard: Aboard) -> None:
+def test_a_link_that_cannot_listen_reports_it_at_once(aboard: Aboard) -> None:
     def listen(bench: LinkedBench) -> None:
         MrsLink(bench.settings, port=aboard.port).start(bench.executive)
 
@@ -266,25 +271,25 @@ class Connection:
 
     Args:
         ledger: what the rover has written down.
-        meanwhile: what it sends while it is asked for that.
+        during: what it sends while it is asked for that.
     """
 
-    def __init__(self, *ledger: Notification, meanwhile: tuple[Notification, ...] = ()) -> None:
+    def __init__(self, *ledger: Notification, during: tuple[Notification, ...] = ()) -> None:
         self.ledger = ledger
-        self.meanwhile = list(meanwhile)
+        self.during = list(during)
         self.readable = True
 
     async def subscribe(self, _: str, __: str, ___: Subscription, on_update: OnUpdate) -> None:
         self._on_update = on_update
 
     async def request(self, _: str, operation: str, since: int = 0, *__: Any) -> tuple[Any, ...]:
-        while self.meanwhile:
-            self.send(self.meanwhile.pop(0))
+        while self.during:
+            self.send(self.during.pop(0))
         if not self.readable:
             raise MalError(StandardError.INTERNAL)
         if operation == "getLastNotification":
             return (self.ledger[-1] if self.ledger else None,)
-        return (tuple(n for n in self.ledger if cursor_of(n) >= since)[:2],)
+        return (tuple(n for n in self.ledger if (n.cursor or 0) >= since)[:2],)
 
     def send(self, notification: Notification) -> None:
         self._on_update(UpdateHeader(), notification)
@@ -292,30 +297,33 @@ class Connection:
 
 class Listener:
     def __init__(self) -> None:
-        self.heard: list[int] = []
+        self.received: list[int] = []
         self.new_ledgers = 0
-        self.feed = NotificationStream(lambda n: self.heard.append(n.sequence), self._strange)
+        self.feed = NotificationStream(self._receive, self._strange)
 
     def on(self, connection: Connection) -> Connection:
         asyncio.run(self.feed.restore(connection))  # type: ignore[arg-type]
         return connection
 
+    def _receive(self, received: ReceivedReport) -> None:
+        self.received.append(received.report.sequence)
+
     def _strange(self) -> None:
         self.new_ledgers += 1
 
 
-def test_the_first_connection_asks_for_nothing_of_the_past() -> None:
+def test_the_first_connection_requests_nothing_of_the_past() -> None:
     listener = Listener()
     listener.on(Connection(fact(1), fact(2))).send(fact(3))
-    assert listener.heard == [3]
+    assert listener.received == [3]
 
 
-def test_what_was_recorded_after_the_first_connection_is_caught_up_with() -> None:
+def test_reports_recorded_after_the_first_connection_are_fetched() -> None:
     for ledger in ((), (fact(1), fact(2))):
         listener = Listener()
         listener.on(Connection(*ledger))
         listener.on(Connection(*ledger, fact(3), fact(4)))
-        assert (listener.heard, listener.new_ledgers) == ([3, 4], 0)
+        assert (listener.received, listener.new_ledgers) == ([3, 4], 0)
 
 
 def test_numbers_need_not_be_in_the_order_of_recording() -> None:
@@ -326,15 +334,15 @@ def test_numbers_need_not_be_in_the_order_of_recording() -> None:
         first.send(each)
     refusal = fact(0, "refused", cursor=3)
     listener.on(Connection(*received, refusal, fact(2, cursor=4))).send(fact(0, "contact"))
-    assert (listener.heard, listener.new_ledgers) == ([1, 3, 0, 2, 0], 0)
+    assert (listener.received, listener.new_ledgers) == ([1, 3, 0, 2, 0], 0)
 
 
-def test_what_was_missed_comes_before_what_comes() -> None:
+def test_missed_reports_precede_new_ones() -> None:
     listener = Listener()
     listener.on(Connection()).send(fact(1))
-    again = Connection(*map(fact, range(1, 7)), meanwhile=(fact(6), fact(7)))
+    again = Connection(*map(fact, range(1, 7)), during=(fact(6), fact(7)))
     listener.on(again).send(fact(8))
-    assert listener.heard == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert listener.received == [1, 2, 3, 4, 5, 6, 7, 8]
     assert listener.new_ledgers == 0
 
 
@@ -344,47 +352,47 @@ def test_a_rover_that_cannot_read_its_record_is_caught_up_with_later() -> None:
     again = Connection(*map(fact, range(1, 7)))
     again.readable = False
     listener.on(again).send(fact(5))
-    assert (listener.heard, listener.feed.behind) == ([2, 5], True)
+    assert (listener.received, listener.feed.behind) == ([2, 5], True)
     again.readable = True
-    again.meanwhile = [fact(7)]
+    again.during = [fact(7)]
     for _ in range(2):
         asyncio.run(listener.feed.catch_up(again))  # type: ignore[arg-type]
     again.send(fact(8))
-    assert (listener.heard, listener.feed.behind) == ([2, 5, 3, 4, 6, 7, 8], False)
+    assert (listener.received, listener.feed.behind) == ([2, 5, 3, 4, 6, 7, 8], False)
     assert listener.new_ledgers == 0
 
 
-def test_what_is_sent_again_is_heard_again_and_is_not_the_last() -> None:
+def test_a_resent_report_is_received_again_and_is_not_the_last() -> None:
     listener = Listener()
     first = listener.on(Connection())
     for sequence in (4, 5, 4):
         first.send(fact(sequence))
     listener.on(Connection(*map(fact, range(1, 7))))
-    assert listener.heard == [4, 5, 4, 6]
+    assert listener.received == [4, 5, 4, 6]
 
 
-def test_another_ledger_is_told_from_the_one_known() -> None:
+def test_another_ledger_is_distinguished_from_the_known_one() -> None:
     for ledger in ((), (fact(1),), (fact(5, "other"), fact(6))):
         listener = Listener()
         listener.on(Connection()).send(fact(5))
         listener.on(Connection(*ledger)).send(fact(2))
-        assert listener.heard == [5, 2]
+        assert listener.received == [5, 2]
         assert listener.new_ledgers == 1
 
 
-def test_what_a_relay_says_of_itself_has_no_place_among_the_numbers() -> None:
+def test_reports_of_a_relay_itself_are_outside_the_numbering() -> None:
     listener = Listener()
     first = listener.on(Connection())
     first.send(fact(0, "contact"))
     first.send(fact(1))
     first.send(fact(0, "no contact"))
-    listener.on(Connection(fact(1), fact(2), meanwhile=(fact(0, "contact"),)))
-    assert listener.heard == [0, 1, 0, 2, 0]
+    listener.on(Connection(fact(1), fact(2), during=(fact(0, "contact"),)))
+    assert listener.received == [0, 1, 0, 2, 0]
     assert listener.new_ledgers == 0
 
 
 @pytest.mark.parametrize("steps", range(1, 4))
-def test_a_session_whose_end_is_cancelled_leaves_no_connection(aboard: Aboard, steps: int) -> None:
+def test_a_session_with_a_cancelled_end_leaves_no_connection(aboard: Aboard, steps: int) -> None:
     async def session() -> None:
         client = await MrsClient.connect(aboard.uri)
         await client.telemetry()

@@ -52,11 +52,11 @@ def test_a_question_is_a_sign(aboard: Aboard, octets: Octets, operation: tuple[s
 def test_a_command_is_a_sign_also_if_it_is_refused(
     aboard: Aboard, octets: Octets, request_: SetTravelSpeed | Stop
 ) -> None:
-    octets.ask(request_)
+    octets.request(request_)
     assert silent_s(aboard) < 0.1
 
 
-def test_what_rovers_ask_one_another_and_a_subscription_are_none(
+def test_requests_between_rovers_and_a_subscription_are_none(
     aboard: Aboard, octets: Octets
 ) -> None:
     for operation in ("getServices", "getAsset"):
@@ -78,7 +78,7 @@ def test_rovers_that_read_one_another_do_not_take_each_other_for_the_ground(
     scout = fleet.launch("scout", above=jackal)
 
     def joined() -> bool:
-        reports = scout.do(lambda bench: bench.heard.reports)
+        reports = scout.do(lambda bench: bench.received.reports)
         return any("registered as" in report.text for report in reports)
 
     eventually(joined)

@@ -17,9 +17,12 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     Notification,
     ParameterValue,
+    ReceivedReport,
+    ReceivedValue,
     Stage,
     TreeUpdate,
     mrs_specification,
+    received_value,
 )
 from adapters.mrs.spec.tree_updates import snapshot_of_update
 from executive.commands import MoveForward, SetCameraAngles, SetStatusInterval
@@ -29,7 +32,7 @@ from tests.mrs.aboard import Aboard
 from tests.support.kinematic import STEP_S
 from trees import TreeSnapshot, snapshot_of
 
-ROOM_OCTETS = 4096
+CAPACITY_OCTETS = 4096
 ANSWER_S = 60.0
 OWN_URI = "maltcp://127.0.0.1:1/slow"
 
@@ -47,7 +50,7 @@ class SlowSubscriber:
         self._broker = str(uri.broker)
         self._codec = Codec(mrs_specification())
         self._socket = socket.socket()
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM_OCTETS)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, CAPACITY_OCTETS)
         self._socket.settimeout(ANSWER_S)
         self._socket.connect((uri.host, uri.port))
         self._octets = bytearray()
@@ -96,7 +99,7 @@ class SlowSubscriber:
         return message
 
 
-LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 ROUNDS = 48
 TICKS = 10
 """In a round; a client that reads is up to date after each."""
@@ -107,14 +110,14 @@ class Watched:
     """What a client that reads heard while another did not."""
 
     def __init__(self) -> None:
-        self.lives: list[list[Stage | None]] = []
-        self.values: list[ParameterValue] = []
-        self.reports: list[Notification] = []
+        self.lifecycles: list[list[Stage | None]] = []
+        self.values: list[ReceivedValue] = []
+        self.sequences: list[int] = []
 
 
 async def work(client: MrsClient, aboard: Aboard, rounds: int) -> Watched:
     """Let telemetry flow at every tick, command now and then, and listen to all of it."""
-    heard = Watched()
+    received = Watched()
     await client.submit(client.command(SetStatusInterval(STEP_S)))
     reports, values = client.notifications(), await client.telemetry()
     for number in range(rounds):
@@ -125,16 +128,16 @@ async def work(client: MrsClient, aboard: Aboard, rounds: int) -> Watched:
             await anext(reports)
         await asyncio.to_thread(aboard.run, TICKS * STEP_S)
         if running is not None:
-            heard.lives.append([report.stage for report in (await running).notifications])
+            received.lifecycles.append([report.stage for report in (await running).reports])
         for _ in range(TICKS * len(Parameter)):
-            heard.values.append(await anext(values))
-    heard.reports = list(await client.get_notifications())
-    return heard
+            received.values.append(await anext(values))
+    received.sequences = [each.report.sequence for each in await client.get_notifications()]
+    return received
 
 
-def times(values: list[ParameterValue]) -> list[int]:
+def times(values: list[ReceivedValue]) -> list[int]:
     """When the position was taken, in ms of the rover's time."""
-    return [value.timestamp // 1_000_000 for value in values if value.name == "POS_X"]
+    return [round(value.utc_s * 1000.0) for value in values if value.name == "POS_X"]
 
 
 def gaps(times_ms: list[int]) -> list[int]:
@@ -148,24 +151,24 @@ def gaps(times_ms: list[int]) -> list[int]:
 
 def test_one_that_reads_late_lacks_only_old_telemetry(aboard: Aboard) -> None:
     with SlowSubscriber(aboard.uri, REPORTS, VALUES) as slow:
-        heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
-        assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
-        assert gaps(times(heard.values)) == []
+        received = aboard.ground(lambda client: work(client, aboard, ROUNDS))
+        assert received.lifecycles == [STAGES] * (ROUNDS // COMMAND_EVERY)
+        assert gaps(times(received.values)) == []
 
-        newest = heard.values[-1].timestamp
-        values: list[ParameterValue] = []
+        newest = received.values[-1]
+        values: list[ReceivedValue] = []
         sequences: list[int] = []
-        for told in slow.read():
-            if isinstance(told, Notification):
-                sequences.append(told.sequence)
+        for reported in slow.read():
+            if isinstance(reported, Notification):
+                sequences.append(reported.sequence)
                 continue
-            assert isinstance(told, ParameterValue)
-            values.append(told)
-            if told.timestamp == newest and told.name == heard.values[-1].name:
+            assert isinstance(reported, ParameterValue)
+            values.append(received_value(reported))
+            if values[-1] == newest:
                 break
-    assert sequences == [report.sequence for report in heard.reports]
+    assert sequences == received.sequences
     (gap,) = gaps(times(values))
-    assert len(values) < len(heard.values)
+    assert len(values) < len(received.values)
     waited = connection.DROPPABLE_CAP // len(Parameter)
     assert waited <= len(times(values)[gap:]) <= waited + 1
 
@@ -175,18 +178,18 @@ def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
 ) -> None:
     monkeypatch.setattr(connection, "BACKLOG_CAP", 20)
     with SlowSubscriber(aboard.uri, REPORTS, VALUES) as dead:
-        heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
-        assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
-        assert gaps(times(heard.values)) == []
-        got = [told.sequence for told in dead.read() if isinstance(told, Notification)]
+        received = aboard.ground(lambda client: work(client, aboard, ROUNDS))
+        assert received.lifecycles == [STAGES] * (ROUNDS // COMMAND_EVERY)
+        assert gaps(times(received.values)) == []
+        got = [reported.sequence for reported in dead.read() if isinstance(reported, Notification)]
     assert got == list(range(1, len(got) + 1))
-    assert len(got) < len(heard.reports)
+    assert len(got) < len(received.sequences)
 
-    async def catch_up(client: MrsClient) -> tuple[Notification, ...]:
+    async def catch_up(client: MrsClient) -> tuple[ReceivedReport, ...]:
         return await client.get_notifications(since=got[-1] + 1)
 
     missed = aboard.ground(catch_up)
-    assert got + [report.sequence for report in missed] == [r.sequence for r in heard.reports]
+    assert got + [each.report.sequence for each in missed] == received.sequences
 
 
 def much(executive: Executive, utc_s: float) -> TreeSnapshot:

@@ -19,7 +19,7 @@ OF_THE_CORE = (
     "NotificationKind=executive.values.reports.ReportKind",
     "PlanStatus=executive.values.reports.PlanStatus",
     "FileEventType=executive.values.reports.FileEventKind",
-    "Unmonitored=executive.safety.Unmonitored",
+    "Unmonitored=executive.faults.Unmonitored",
 )
 """Types of the specification that are classes of the core: with the same numbers, or fields."""
 
@@ -32,7 +32,7 @@ def written(fields: tuple[Field, ...]) -> str:
     )
 
 
-def test_has_as_many_as_the_standard_asks_for() -> None:
+def test_has_the_number_required_by_the_standard() -> None:
     assert (AREA.name, AREA.number, AREA.version) == ("MRS", 3001, 1)
     assert [service.number for service in AREA.services] == list(range(1, 14))
     assert sum(len(service.operations) for service in AREA.services) == 68
@@ -62,11 +62,11 @@ def test_every_command_names_what_may_refuse_it() -> None:
 
 
 def test_commands_begin_with_the_header() -> None:
-    tells = {"registerService", "deregisterService", "sendNotification", "publishParameters"}
-    tells |= {"cancelTransfer", "fileStored"}
+    publishes = {"registerService", "deregisterService", "sendNotification", "publishParameters"}
+    publishes |= {"cancelTransfer", "fileStored"}
     for service in AREA.services:
         for operation in service.operations:
-            if operation.pattern is Pattern.SUBMIT and operation.name not in tells:
+            if operation.pattern is Pattern.SUBMIT and operation.name not in publishes:
                 assert written(operation.parts[InteractionStage.SUBMIT][:1]) == HEADER
 
 

@@ -1,5 +1,6 @@
 """The operations that read, and those that broadcast: values, definitions, filters, the past."""
 
+import asyncio
 import threading
 from collections.abc import Awaitable, Callable
 from math import isnan
@@ -27,7 +28,8 @@ from adapters.mrs.spec import (
     ParameterValue,
     Severity,
     Stage,
-    Validity,
+    notification_of,
+    utc_s_of,
 )
 from executive.commands import (
     MoveForward,
@@ -41,8 +43,8 @@ from executive.commands import (
     TakePicture,
 )
 from executive.record import LedgerError, LedgerRetention
-from executive.values.reasons import Reason
-from tests.mrs.aboard import Aboard, LinkedBench, event, raises
+from executive.values.reasons import Figure, Reason
+from tests.mrs.aboard import Aboard, LinkedBench, event, number_of, raises
 
 UNITS = {
     "POS_X": "m",
@@ -82,7 +84,7 @@ def double(value: float) -> TypedAttribute:
     return TypedAttribute(AttributeType.DOUBLE, value)
 
 
-async def test_tells_where_it_is_and_how_fast(aboard: Aboard, client: MrsClient) -> None:
+async def test_reports_pose_and_speed(aboard: Aboard, client: MrsClient) -> None:
     await client.submit(client.command(MoveForward(5.0)))
     aboard.run(3.0)
     pose, speeds = await client.get_pose(), await client.get_speeds()
@@ -92,17 +94,17 @@ async def test_tells_where_it_is_and_how_fast(aboard: Aboard, client: MrsClient)
     assert speeds.travelSpeed == 1.0
 
 
-async def test_what_is_not_known_is_not_a_number(aboard: Aboard, client: MrsClient) -> None:
+async def test_an_unknown_value_is_not_a_number(aboard: Aboard, client: MrsClient) -> None:
     forget_sensors(aboard)
 
     pose, state = await client.get_pose(), await client.get_camera_state()
     assert all(map(isnan, (pose.x, pose.y, pose.z, pose.heading, state.pan, state.tilt)))
     assert isnan((await client.get_speeds()).currentTravelSpeed)
     (voltage,) = await client.get_value("BATERY_VOLTAGE")
-    assert (voltage.validity, voltage.value) == (Validity.INVALID, None)
+    assert voltage.value is None
 
 
-async def test_tells_mode_and_work(aboard: Aboard, client: MrsClient) -> None:
+async def test_reports_mode_and_activity(aboard: Aboard, client: MrsClient) -> None:
     idle = await client.get_status()
     assert (idle.mode, idle.activeCommandId, idle.queuedCommands) == (AssetMode.IDLE, None, 0)
     assert [value.name for value in idle.values] == NAMES
@@ -116,12 +118,14 @@ async def test_tells_mode_and_work(aboard: Aboard, client: MrsClient) -> None:
     assert (stopped.mode, stopped.queuedCommands) == (AssetMode.STOPPED, 0)
 
 
-async def test_tells_its_faults_from_their_beginning_to_their_end(
+async def test_reports_its_faults_from_their_beginning_to_their_end(
     aboard: Aboard, client: MrsClient
 ) -> None:
     calm = await client.get_faults()
     assert (calm.why, calm.active) == ("standing: no motion goal", ())
-    assert ("slip", "no second odometry") in [(each.what, each.why) for each in calm.unmonitored]
+    assert ("slip", "no second odometry") in [
+        (each.quantity, each.cause) for each in calm.unmonitored
+    ]
     await client.submit(client.command(MoveForward(50.0)))
     aboard.run(1.0)
     aboard.do(lambda bench: setattr(bench, "odometry", False))
@@ -131,9 +135,9 @@ async def test_tells_its_faults_from_their_beginning_to_their_end(
     assert (stale.reaction, stale.onResume) == (FaultReaction.SAFE, True)
     assert stale.code == Reason.ODOMETRY_STALE.value
     past = await client.get_notifications()
-    told = next(each for each in past if each.code == stale.code)
-    assert (told.text, told.parameters) == (stale.text, stale.parameters)
-    assert 0 <= told.timestamp - stale.began < 1_000_000_000
+    reported = next(each.report for each in past if each.report.reason is Reason.ODOMETRY_STALE)
+    assert (reported.text, notification_of(reported).parameters) == (stale.text, stale.parameters)
+    assert 0.0 <= reported.utc_s - utc_s_of(stale.began) < 1.0
     aboard.do(lambda bench: setattr(bench, "odometry", True))
     aboard.run(2.0)
     assert [each.name for each in (await client.get_faults()).active] == ["odometry_stale"]
@@ -141,7 +145,7 @@ async def test_tells_its_faults_from_their_beginning_to_their_end(
     assert (await client.get_faults()).active == ()
 
 
-async def test_tells_a_fault_that_ends_by_itself(aboard: Aboard, client: MrsClient) -> None:
+async def test_reports_a_fault_that_ends_by_itself(aboard: Aboard, client: MrsClient) -> None:
     aboard.do(lambda bench: setattr(bench, "odometry", False))
     aboard.run(2.0)
     (silent,) = (await client.get_faults()).active
@@ -152,7 +156,7 @@ async def test_tells_a_fault_that_ends_by_itself(aboard: Aboard, client: MrsClie
     assert (await client.get_faults()).active == ()
 
 
-async def test_gives_parameters_by_name_in_the_order_asked_for(client: MrsClient) -> None:
+async def test_gives_parameters_by_name_in_the_requested_order(client: MrsClient) -> None:
     found = await client.get_value("HEAD", "POS_X", "HEAD")
     assert [value.name for value in found] == ["HEAD", "POS_X", "HEAD"]
     assert [value.name for value in await client.get_value()] == NAMES
@@ -170,21 +174,24 @@ async def test_sends_telemetry_at_the_interval(aboard: Aboard, client: MrsClient
     aboard.run(1.0)
     seen = [await anext(values) for _ in range(2 * len(NAMES))]
     assert [value.name for value in seen] == NAMES * 2
-    gap_ns = seen[len(NAMES)].timestamp - seen[0].timestamp
-    assert gap_ns == 500_000_000
+    assert seen[len(NAMES)].utc_s - seen[0].utc_s == pytest.approx(0.5, abs=1e-6)
 
 
-async def test_an_event_of_others_is_reported_with_the_name_of_who_tells_it(
-    client: MrsClient,
+async def test_an_event_of_others_is_reported_with_the_name_of_its_sender(
+    aboard: Aboard, client: MrsClient
 ) -> None:
-    heard = client.notifications()
+    received = client.notifications()
     figure = NamedValue(name="dust", value=TypedAttribute(AttributeType.FLOAT, 0.5))
     await client.send_notification(event(sequence=99, parameters=(figure,)))
-    found = await anext(heard)
+    found = (await anext(received)).report
     assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
     assert (found.text, found.sequence) == ("127.0.0.1: the lens is dusty", 1)
-    assert found.parameters == (NamedValue(name="dust", value=double(0.5)),)
-    assert found.timestamp // 10**9 == 1_800_000_000
+    assert found.figures == (Figure("dust", 0.5),)
+    (last,) = await asyncio.to_thread(
+        aboard.consume, lambda consumer: consumer.request("Notification", "getLastNotification")
+    )
+    assert last.parameters == (NamedValue(name="dust", value=double(0.5)),)
+    assert int(found.utc_s) == 1_800_000_000
 
 
 @pytest.mark.parametrize(
@@ -201,9 +208,9 @@ async def test_an_event_of_others_is_reported_with_the_name_of_who_tells_it(
         event(parameters=(NamedValue(name="d", value=TypedAttribute(AttributeType.STRING, "1")),)),
     ],
 )
-def test_nobody_else_reports_on_commands(aboard: Aboard, wrong: Notification) -> None:
+def test_no_other_client_reports_on_commands(aboard: Aboard, wrong: Notification) -> None:
     assert errors_of(aboard, lambda client: client.send_notification(wrong)).number == 1
-    assert aboard.do(lambda bench: bench.heard.reports) == []
+    assert aboard.do(lambda bench: bench.received.reports) == []
 
 
 async def test_returns_notifications_of_the_past(aboard: Aboard, client: MrsClient) -> None:
@@ -211,18 +218,18 @@ async def test_returns_notifications_of_the_past(aboard: Aboard, client: MrsClie
         await client.submit(client.command(TakePicture(), command_id=number))
     aboard.run(2.0)
     everything = await client.get_notifications()
-    assert [n.sequence for n in everything] == list(range(1, len(everything) + 1))
+    assert [n.report.sequence for n in everything] == list(range(1, len(everything) + 1))
     assert await client.get_notifications(since=3) == everything[2:]
     assert await client.get_notifications(max_count=2) == everything[:2]
     of_one = await client.get_notifications(command_id=12)
-    assert of_one == tuple(n for n in everything if n.commandId == 12)
-    assert of_one[-1].stage is Stage.EXECUTED
+    assert of_one == tuple(n for n in everything if number_of(n) == 12)
+    assert of_one[-1].report.stage is Stage.EXECUTED
     assert await client.get_notifications(since=2**64 - 1) == ()
     assert await client.get_last_notification() == everything[-1]
-    assert [n.cursor for n in everything] == [n.sequence for n in everything]
+    assert [n.cursor for n in everything] == [n.report.sequence for n in everything]
 
 
-async def test_tells_what_it_is(client: MrsClient) -> None:
+async def test_reports_its_properties(client: MrsClient) -> None:
     asset = await client.get_asset()
     assert (asset.asset, asset.domain) == ("jackal", ("meteron", "jackal"))
     assert asset.mode is AssetMode.IDLE
@@ -274,7 +281,7 @@ def test_a_question_that_fails_leaves_the_core_at_work(
     aboard.run(1.0)
 
 
-async def test_telling_over_a_lost_link_is_a_connection_error(
+async def test_sending_over_a_lost_link_is_a_connection_error(
     aboard: Aboard, client: MrsClient
 ) -> None:
     executive = aboard.do(lambda bench: bench.executive)
@@ -304,20 +311,20 @@ def test_every_parameter_is_defined_with_its_unit(aboard: Aboard) -> None:
     assert all(each.description and each.type is AttributeType.DOUBLE for each in definitions)
 
 
-def test_what_is_writable_can_be_set_and_nothing_else_is(aboard: Aboard) -> None:
+def test_writable_parameters_can_be_set_and_no_others(aboard: Aboard) -> None:
     definitions = aboard.ground(lambda client: client.list_definition())
     assert {each.name for each in definitions if each.writable} == SETTERS.keys()
     aboard.carry_out(*(setter(0.3) for setter in SETTERS.values()))
 
     async def session(client: MrsClient) -> None:
         for value in await client.get_value(*SETTERS):
-            assert value.value == TypedAttribute(AttributeType.DOUBLE, 0.3), value.name
+            assert value.value == 0.3, value.name
 
     aboard.ground(session)
 
 
 @pytest.mark.parametrize(
-    ("filters", "heard"),
+    ("filters", "received"),
     [
         ((is_one_of("parameter", *names("HEAD", "POS_X")),), ["POS_X", "HEAD"]),
         ((is_one_of("parameter", *names("*")), is_one_of("asset", *names("jackal"))), [*UNITS]),
@@ -326,37 +333,37 @@ def test_what_is_writable_can_be_set_and_nothing_else_is(aboard: Aboard) -> None
     ],
 )
 async def test_a_subscription_is_for_the_parameters_and_assets_it_names(
-    aboard: Aboard, filters: tuple[SubscriptionFilter, ...], heard: list[str], consumer: Consumer
+    aboard: Aboard, filters: tuple[SubscriptionFilter, ...], received: list[str], consumer: Consumer
 ) -> None:
     found: list[str] = []
 
-    def hear(update: UpdateHeader, value: ParameterValue) -> None:
+    def receive(update: UpdateHeader, value: ParameterValue) -> None:
         assert update.source == "jackal"
         found.append(value.name)
 
     subscription = Subscription(subscriptionId="some", filters=filters)
-    await consumer.subscribe("Monitoring", "monitorValue", subscription, hear)
+    await consumer.subscribe("Monitoring", "monitorValue", subscription, receive)
     aboard.run(2.0)
     await consumer.request("ServiceLayer", "getAsset")
-    assert found == heard * 2
+    assert found == received * 2
     await consumer.unsubscribe("Monitoring", "monitorValue", "some")
     aboard.run(2.0)
     await consumer.request("ServiceLayer", "getAsset")
-    assert found == heard * 2
+    assert found == received * 2
 
 
-async def test_on_change_a_client_hears_what_changed_and_no_more(
+async def test_on_change_a_client_receives_only_changed_values(
     aboard: Aboard, consumer: Consumer
 ) -> None:
     found: list[str] = []
 
-    def hear(_: UpdateHeader, value: ParameterValue) -> None:
+    def receive(_: UpdateHeader, value: ParameterValue) -> None:
         found.append(value.name)
 
     aboard.do(lambda bench: bench.submit(SetStatusInterval(0.0), 1))
     aboard.run(0.5)
     everything = Subscription(subscriptionId="all")
-    await consumer.subscribe("Monitoring", "monitorValue", everything, hear)
+    await consumer.subscribe("Monitoring", "monitorValue", everything, receive)
     aboard.run(5.0)
     assert await consumer.request("Status", "getStatusInterval") == (0.0,)
     assert found == []
@@ -371,7 +378,7 @@ async def test_on_change_a_client_hears_what_changed_and_no_more(
 
 
 @pytest.mark.parametrize(
-    ("filters", "heard"),
+    ("filters", "received"),
     [
         ((is_one_of("commandId", TypedAttribute(AttributeType.LONG, 2)),), {(2, Stage.EXECUTED)}),
         (
@@ -385,24 +392,24 @@ async def test_on_change_a_client_hears_what_changed_and_no_more(
 async def test_notifications_are_filtered_by_their_keys(
     aboard: Aboard,
     filters: tuple[SubscriptionFilter, ...],
-    heard: set[tuple[int | None, Stage]],
+    received: set[tuple[int | None, Stage]],
     consumer: Consumer,
 ) -> None:
     found: list[tuple[int | None, Stage | None]] = []
 
-    def hear(_: UpdateHeader, notification: Notification) -> None:
+    def receive(_: UpdateHeader, notification: Notification) -> None:
         found.append((notification.commandId, notification.stage))
 
     subscription = Subscription(subscriptionId="some", filters=filters)
-    await consumer.subscribe("Notification", "monitorNotification", subscription, hear)
+    await consumer.subscribe("Notification", "monitorNotification", subscription, receive)
     aboard.do(lambda bench: bench.submit(MoveForward(5.0), 1))
     aboard.run(1.0)
     aboard.do(lambda bench: bench.submit(Stop(), 2))
     aboard.run(1.0)
     await consumer.request("ServiceLayer", "getAsset")
     ends = {(number, stage) for number, stage in found if stage in _ENDS}
-    assert ends == heard
-    everything = aboard.do(lambda bench: len(bench.heard.reports))
+    assert ends == received
+    everything = aboard.do(lambda bench: len(bench.received.reports))
     assert len(found) < everything
 
 
@@ -427,15 +434,15 @@ async def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(
         await client.send_notification(dust)
     write(possible=True)
     await client.send_notification(dust)
-    told = aboard.do(lambda bench: [report.text for report in bench.heard.reports])
-    assert told.count("127.0.0.1: dust") == 2
+    reported = aboard.do(lambda bench: [report.text for report in bench.received.reports])
+    assert reported.count("127.0.0.1: dust") == 2
 
 
-KEPT, AT_ONCE = 20, 4
+RETAINED, AT_ONCE = 20, 4
 
 
 def forgetful(bench: LinkedBench) -> None:
-    bench.executive.retention = LedgerRetention(bench.ledger, KEPT, AT_ONCE)
+    bench.executive.retention = LedgerRetention(bench.ledger, RETAINED, AT_ONCE)
 
 
 async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(
@@ -450,9 +457,9 @@ async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate
         await client.submit(client.command(SetTravelSpeed(0.5), command_id=1))
     assert await client.get_notifications(command_id=1) == ()
     past = await client.get_notifications(since=1)
-    first, last = past[0].sequence, past[-1].sequence
+    first, last = past[0].report.sequence, past[-1].report.sequence
     assert first > 1
-    assert [told.sequence for told in past] == list(range(first, last + 1))
-    assert KEPT <= len(past) < KEPT + AT_ONCE + 1
-    assert past[-1].code == Reason.DUPLICATE.value
-    assert "its command is no longer stored" in str(past[-1].text)
+    assert [reported.report.sequence for reported in past] == list(range(first, last + 1))
+    assert RETAINED <= len(past) < RETAINED + AT_ONCE + 1
+    assert past[-1].report.reason is Reason.DUPLICATE
+    assert "its command is no longer stored" in past[-1].report.text

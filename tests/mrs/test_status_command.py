@@ -24,14 +24,14 @@ from tests.mrs.test_command_command import (
     ROVER,
     USAGE,
     command,
-    typed_elsewhere,
+    typed_in_process,
     wait_for,
 )
 from tests.support.plans import plan
 
 
 def test_watches_until_ctrl_c(aboard: Aboard) -> None:
-    watching = typed_elsewhere("status", "--to", aboard.uri, "--watch", "--json")
+    watching = typed_in_process("status", "--to", aboard.uri, "--watch", "--json")
     wait_for(watching, '"mode": "IDLE"')
     aboard.do(lambda bench: bench.submit(Stop(), 1))
     wait_for(watching, '"mode": "STOPPED"')
@@ -41,7 +41,7 @@ def test_watches_until_ctrl_c(aboard: Aboard) -> None:
 
 
 def test_watches_into_a_file_too(aboard: Aboard) -> None:
-    watching = typed_elsewhere("status", "--to", aboard.uri, "--watch")
+    watching = typed_in_process("status", "--to", aboard.uri, "--watch")
     wait_for(watching, "jackal  IDLE")
     aboard.do(lambda bench: bench.submit(Stop(), 1))
     wait_for(watching, "jackal  STOPPED")
@@ -96,7 +96,7 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "400")
 
 
-def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
+def test_shows_how_a_stopped_rover_continues(aboard: Aboard) -> None:
     idle = ["jackal  IDLE", "standing: no motion goal", "no command active, queue empty"]
     assert shown(aboard)[:3] == idle
     assert not any("to continue" in line for line in shown(aboard))
@@ -105,14 +105,14 @@ def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
     assert shown(aboard)[3] == "to continue: rover command resume"
 
 
-def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
+def test_shows_how_a_rover_in_safe_mode_continues(aboard: Aboard) -> None:
     command(aboard, "--no-wait", "moveForward", "50")
     aboard.run(1.0)
     aboard.do(lambda bench: setattr(bench, "odometry", False))
     aboard.run(1.0)
     lines = shown(aboard)
     assert lines[0] == "jackal  SAFE"
-    assert lines[1].startswith("standing: SAFE because odometry is 0.30 s old")
+    assert lines[1].startswith("SAFE: odometry is 0.30 s old")
     assert re.fullmatch(r"ALARM odometry_stale since [\d :-]+ UTC, safe until a resume", lines[2])
     assert lines[4] == "to continue, once the cause is cleared: rover command resume"
     (fault,) = json.loads(rover("status", "--to", aboard.uri, "--json").output)["faults"]
@@ -120,26 +120,26 @@ def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
     assert fault["parameters"]["age"] > fault["parameters"]["bound"]
 
 
-def test_says_that_a_fault_ends_by_itself(aboard: Aboard) -> None:
+def test_shows_that_a_fault_ends_by_itself(aboard: Aboard) -> None:
     aboard.do(lambda bench: setattr(bench, "odometry", False))
     aboard.run(2.0)
-    said = (
+    message = (
         r"WARNING odometry_silent since [\d :-]+ UTC, warn while it persists: the newest odometry "
     )
-    assert re.match(said, shown(aboard)[2])
+    assert re.match(message, shown(aboard)[2])
     assert not any("to continue" in line for line in shown(aboard))
 
 
-def test_says_in_a_line_what_is_not_monitored(aboard: Aboard) -> None:
+def test_lists_unmonitored_quantities_in_a_line(aboard: Aboard) -> None:
     (line,) = (each for each in shown(aboard) if each.startswith("not monitored: "))
     assert "slip (no second odometry); the path ahead (no laser)" in line
-    told = json.loads(rover("status", "--to", aboard.uri, "--json").output)["unmonitored"]
-    slip = next(each for each in told if each["what"] == "slip")
-    assert slip["why"] == "no second odometry"
-    assert "turn_slips" in slip["faults"]
+    reported = json.loads(rover("status", "--to", aboard.uri, "--json").output)["unmonitored"]
+    slip = next(each for each in reported if each["quantity"] == "slip")
+    assert slip["cause"] == "no second odometry"
+    assert "turn_slip" in slip["faults"]
 
 
-def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) -> None:
+def test_names_the_suspended_plan_and_how_it_continues(aboard: Aboard) -> None:
     ahead = plan('<moveForward distance="50" deadline_s="900"/>', "ahead")
     aboard.carry_out(SubmitPlan(ahead))
     aboard.carry_out(ActivatePlan("ahead"))
@@ -163,7 +163,7 @@ def test_shows_the_state_as_json(aboard: Aboard) -> None:
     assert state["parameters"]["BATERY_VOLTAGE"] == {"value": 26.0, "unit": "V"}
 
 
-def test_lists_what_is_served_and_where(aboard: Aboard) -> None:
+def test_lists_the_services_and_their_addresses(aboard: Aboard) -> None:
     result = rover("services", "--to", aboard.uri)
     assert result.exit_code == DONE
     assert re.match(r"jackal  IDLE\n.*Jackal.*\ndomain meteron.jackal, software \d", result.output)
@@ -201,12 +201,12 @@ def test_lists_the_rovers_and_shows_one(uri: str) -> None:
     shown = status("--to", uri, "--asset", "scout")
     assert shown.exit_code == 0, shown.output
     assert ["TRAVEL_SPEED", "0.250", "m/s"] in [s.split()[:3] for s in shown.output.splitlines()]
-    told = json.loads(status("--to", uri, "--asset", "scout", "--json").output)
-    assert told["asset"] == "scout"
-    assert told["parameters"]["TRAVEL_SPEED"]["value"] == 0.25
+    reported = json.loads(status("--to", uri, "--asset", "scout", "--json").output)
+    assert reported["asset"] == "scout"
+    assert reported["parameters"]["TRAVEL_SPEED"]["value"] == 0.25
 
 
-def test_says_who_was_not_heard_of(uri: str) -> None:
+def test_names_the_rovers_without_contact(uri: str) -> None:
     result = status("--to", uri, "--asset", "mule")
     assert result.exit_code == USAGE
     assert "mule is unknown" in result.output

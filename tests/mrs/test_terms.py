@@ -18,7 +18,7 @@ from tests.mrs.aboard import Aboard, LinkedBench, rover
 from tests.support.certificates import Ends, make_ends, options
 
 DONE, USAGE, UNREACHABLE = 0, 2, 3
-LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def carry_out(rover: Aboard, terms: TransportSettings) -> None:
         async with await MrsClient.connect(rover.uri, terms=terms) as client:
             values = await client.telemetry()
             outcome = await client.run(client.command(MoveForward(0.5)))
-            assert [report.stage for report in outcome.notifications] == LIFE
+            assert [report.stage for report in outcome.reports] == STAGES
             assert (await client.get_pose()).x == pytest.approx(0.5, abs=0.05)
             assert (await anext(values)).value is not None
 
@@ -95,30 +95,30 @@ def test_a_session_over_tls_outlives_the_link(secured: Aboard, ends: Ends) -> No
 
 
 @pytest.mark.parametrize(
-    ("who", "why"),
+    ("source", "why"),
     [
         (lambda ends: ends.stranger, "closed the connection: it does not trust this certificate"),
         (lambda ends: ends.suspicious, "is not trusted: .SSL.*certificate verify failed"),
         (lambda _: None, "closed the connection: is TLS needed"),
     ],
 )
-def test_who_is_not_believed_is_told_so(
-    secured: Aboard, ends: Ends, who: Callable[[Ends], Certificates | None], why: str
+def test_an_untrusted_peer_is_notified(
+    secured: Aboard, ends: Ends, source: Callable[[Ends], Certificates | None], why: str
 ) -> None:
     with pytest.raises(ConnectionError, match=why):
-        connect(secured, TransportSettings(certificates=who(ends)))
+        connect(secured, TransportSettings(certificates=source(ends)))
     connect(secured, TransportSettings(certificates=ends.ground))
 
 
 def test_a_rover_without_tls_does_not_answer_by_it(aboard: Aboard, ends: Ends) -> None:
-    with pytest.raises(ConnectionError, match="the rover may use clear text"):
+    with pytest.raises(ConnectionError, match="perhaps it uses clear text"):
         connect(aboard, TransportSettings(certificates=ends.ground))
     aboard.hang_up()
     with pytest.raises(ConnectionError, match=f"no answer at {aboard.uri}$"):
         connect(aboard, TransportSettings(certificates=ends.ground))
 
 
-def test_others_are_served_by_tls_or_when_clear_text_is_asked_for(
+def test_others_are_served_by_tls_or_when_clear_text_is_requested(
     aboard: Aboard, ends: Ends
 ) -> None:
     def listen(terms: TransportSettings, clear_text: bool = False) -> Callable[[LinkedBench], None]:
@@ -136,9 +136,9 @@ def test_others_are_served_by_tls_or_when_clear_text_is_asked_for(
 
 
 def test_certificates_that_cannot_be_used_are_named(aboard: Aboard, ends: Ends) -> None:
-    gone = Certificates(ends.rover.certificate, Path("gone.key"), ends.rover.authorities)
+    closed = Certificates(ends.rover.certificate, Path("gone.key"), ends.rover.authorities)
     mixed = Certificates(ends.rover.certificate, ends.ground.key, ends.rover.authorities)
-    for wrong, why in ((gone, "gone.key: No such file"), (mixed, "ground.key.*MISMATCH")):
+    for wrong, why in ((closed, "gone.key: No such file"), (mixed, "ground.key.*MISMATCH")):
         with pytest.raises(CertificateError, match=why):
             aboard.do(partial(started_with, wrong))
         with pytest.raises(CertificateError, match=why):
@@ -157,14 +157,14 @@ def test_certificates_are_options_of_what_people_type(
 ) -> None:
     secured.runs = True
     first, *rest = typed
-    told = rover(first, "--to", secured.uri, *options(ends.ground), *rest)
-    assert told.exit_code == DONE, told.output
+    reported = rover(first, "--to", secured.uri, *options(ends.ground), *rest)
+    assert reported.exit_code == DONE, reported.output
     unknown = rover(first, "--to", secured.uri, *options(ends.stranger), *rest)
     assert unknown.exit_code == UNREACHABLE
     assert "does not trust this certificate; check --cert" in unknown.output
 
 
-def test_certificates_may_stand_in_the_environment(
+def test_certificates_may_be_set_in_the_environment(
     secured: Aboard, ends: Ends, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROVER_URI", secured.uri)

@@ -40,7 +40,7 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tree_service, "FIGURES_ONLY_S", 0.0)
 
 
-async def test_the_tree_is_told_whole_and_then_as_it_changes(
+async def test_the_tree_is_published_completely_and_then_as_it_changes(
     client: MrsClient, aboard: Aboard
 ) -> None:
     trees = await client.tree_snapshots()
@@ -54,7 +54,7 @@ async def test_the_tree_is_told_whole_and_then_as_it_changes(
     await seen(trees, now(aboard))
 
 
-async def test_the_tree_of_a_plan_is_told(client: MrsClient, aboard: Aboard) -> None:
+async def test_the_tree_of_a_plan_is_published(client: MrsClient, aboard: Aboard) -> None:
     trees = await client.tree_snapshots()
     await client.submit(client.command(SubmitPlan(plan(AHEAD))))
     await client.submit(client.command(ActivatePlan("survey")))
@@ -64,15 +64,15 @@ async def test_the_tree_of_a_plan_is_told(client: MrsClient, aboard: Aboard) -> 
 
 
 @pytest.mark.usefixtures("hasty")
-async def test_only_what_differs_is_told_and_nothing_where_nothing_does(
+async def test_only_differences_are_published_and_nothing_without_any(
     consumer: Consumer, aboard: Aboard
 ) -> None:
     updates: list[TreeUpdate] = []
 
-    def hear(_: UpdateHeader, update: TreeUpdate) -> None:
+    def receive(_: UpdateHeader, update: TreeUpdate) -> None:
         updates.append(update)
 
-    await consumer.subscribe("Status", "monitorTree", Subscription(subscriptionId="all"), hear)
+    await consumer.subscribe("Status", "monitorTree", Subscription(subscriptionId="all"), receive)
     for _ in range(ROUND_TRIPS):
         await consumer.request("Status", "getStatus")
     (whole,) = updates
@@ -89,7 +89,7 @@ async def test_only_what_differs_is_told_and_nothing_where_nothing_does(
 
 
 @pytest.mark.usefixtures("hasty")
-async def test_nothing_is_asked_of_the_core_while_nobody_is_subscribed(
+async def test_the_core_is_not_queried_without_subscribers(
     consumer: Consumer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken: list[float] = []
@@ -108,13 +108,13 @@ async def test_nothing_is_asked_of_the_core_while_nobody_is_subscribed(
         await consumer.request("Status", "getStatus")
     await consumer.unsubscribe("Status", "monitorTree", "all")
     await consumer.request("Status", "getStatus")
-    asked = len(taken)
+    requested = len(taken)
     for _ in range(ROUND_TRIPS):
         await consumer.request("Status", "getStatus")
-    assert len(taken) == asked
+    assert len(taken) == requested
 
 
-def test_each_who_subscribes_gets_the_whole(aboard: Aboard) -> None:
+def test_each_subscriber_gets_the_complete_tree(aboard: Aboard) -> None:
     async def session(one: MrsClient) -> None:
         trees = await one.tree_snapshots()
         await anext(trees)
@@ -124,7 +124,7 @@ def test_each_who_subscribes_gets_the_whole(aboard: Aboard) -> None:
     aboard.ground(session)
 
 
-async def test_the_stream_goes_on_when_the_link_was_lost(client: MrsClient, aboard: Aboard) -> None:
+async def test_the_stream_continues_after_a_lost_link(client: MrsClient, aboard: Aboard) -> None:
     trees = await client.tree_snapshots()
     await anext(trees)
     aboard.hang_up()
@@ -135,13 +135,13 @@ async def test_the_stream_goes_on_when_the_link_was_lost(client: MrsClient, aboa
 
 
 @pytest.mark.usefixtures("hasty")
-async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
+async def test_a_change_of_a_tree_that_did_not_arrive_is_ignored(
     client: MrsClient, aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wholes: list[TreeSnapshot] = []
     changes: list[TreeUpdate | None] = []
 
-    def kept(number: int, snapshot: TreeSnapshot) -> TreeUpdate:
+    def stored(number: int, snapshot: TreeSnapshot) -> TreeUpdate:
         wholes.append(snapshot)
         return whole_update(number, snapshot)
 
@@ -149,18 +149,18 @@ async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
         changes.append(change_update(number + 1, whole, snapshot))
         return changes[-1]
 
-    monkeypatch.setattr(tree_service, "whole_update", kept)
+    monkeypatch.setattr(tree_service, "whole_update", stored)
     monkeypatch.setattr(tree_service, "change_update", of_another)
     trees = await client.tree_snapshots()
-    heard = [await anext(trees)]
+    received = [await anext(trees)]
     aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
     while not changes:
         await client.get_pose()
     monkeypatch.setattr(tree_service, "FULL_UPDATE_S", 0.0)
     aboard.run(STEP_S)
-    while heard[-1] != now(aboard):
-        heard.append(await anext(trees))
-    assert heard == wholes[: len(heard)]
+    while received[-1] != now(aboard):
+        received.append(await anext(trees))
+    assert received == wholes[: len(received)]
 
 
 @pytest.fixture
@@ -174,15 +174,15 @@ def test_an_update_that_fits_no_tree_is_refused(tree: TreeSnapshot) -> None:
     whole, beyond = whole_update(1, tree), NodeChange(index=len(tree.nodes), status=NodeStatus.IDLE)
     assert snapshot_of_update(whole, None) == tree
     assert whole.nodes is not None
-    for update, known, said in (
+    for update, known, message in (
         (replace(whole, nodes=whole.nodes[1:]), None, "has no parent"),
         (replace(whole, nodes=None), None, "unknown full tree"),
         (replace(whole, nodes=None, changes=(beyond,)), tree, "changed"),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             snapshot_of_update(update, known)
 
 
-async def test_a_rover_that_remembers_nothing_says_so(client: MrsClient) -> None:
+async def test_a_rover_without_history_reports_it(client: MrsClient) -> None:
     with raises(AreaError.NOT_SUPPORTED.value):
         await client.get_history()

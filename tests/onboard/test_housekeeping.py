@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, Validity, to_ns
+from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING
 from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.ros import TickStatistics
 from executive.commands import Resume
@@ -34,12 +34,12 @@ def rover(tmp_path: Path) -> Iterator[Aboard]:
         yield rover
 
 
-def test_the_executive_tells_of_itself_as_of_the_rover(rover: Aboard) -> None:
-    async def session(client: MrsClient) -> dict[str, float | None]:
+def test_the_executive_reports_its_own_state_as_that_of_the_rover(rover: Aboard) -> None:
+    async def session(client: MrsClient) -> dict[str, float | str | None]:
         while True:
             values = await client.get_value()
-            found = {each.name: each.value.value if each.value else None for each in values}
-            if any(each.validity is Validity.VALID for each in values if each.name == "EXEC_TICK"):
+            found = {each.name: each.value for each in values}
+            if found["EXEC_TICK"] is not None:
                 break
             await asyncio.sleep(0.02)
         defined = {each.name: each.unit for each in await client.list_definition()}
@@ -47,9 +47,9 @@ def test_the_executive_tells_of_itself_as_of_the_rover(rover: Aboard) -> None:
         assert defined["EXEC_LEDGER"] == "B"
         (tick,) = await client.get_value("EXEC_TICK")
         begun_s, now_s = START_UTC_S, rover.do(lambda bench: bench.clock.utc_s())
-        assert to_ns(begun_s) <= tick.timestamp <= to_ns(now_s), "by the clock aboard"
-        told = {each.name for each in (await client.get_status()).values}
-        assert told == set(defined)
+        assert begun_s <= tick.utc_s <= now_s, "by the clock aboard"
+        reported = {each.name for each in (await client.get_status()).values}
+        assert reported == set(defined)
         return found
 
     found = rover.ground(session)
@@ -57,7 +57,9 @@ def test_the_executive_tells_of_itself_as_of_the_rover(rover: Aboard) -> None:
     assert (found["EXEC_TICK"], found["EXEC_TICK_PERIOD"]) == (0.0625, 0.125)
     assert (found["EXEC_OVERRUNS"], found["EXEC_GOALS"]) == (3.0, 0.0)
     for name in ("EXEC_MEMORY", "EXEC_DISK_FREE", "EXEC_LEDGER"):
-        assert (found[name] or 0.0) > 1000.0, name
+        size = found[name]
+        assert isinstance(size, float), name
+        assert size > 1000.0, name
 
 
 UNCERTAINTY = ("EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY")
@@ -69,7 +71,7 @@ def jump(bench: LinkedBench) -> Report:
     bench.run(0.5)
     bench.submit(Resume(), 90)
     bench.run(0.5)
-    return next(each for each in bench.heard.reports if each.reason is Reason.POSE_UNCERTAIN)
+    return next(each for each in bench.received.reports if each.reason is Reason.POSE_UNCERTAIN)
 
 
 def test_the_uncertainty_of_the_pose_is_published_at_once(rover: Aboard) -> None:
@@ -81,9 +83,11 @@ def test_the_uncertainty_of_the_pose_is_published_at_once(rover: Aboard) -> None
         stream, found = await client.telemetry(), dict[str, float]()
         begun = await asyncio.to_thread(rover.do, jump)
         async for each in stream:
-            if each.name in UNCERTAINTY and each.timestamp == to_ns(begun.utc_s):
-                assert each.value is not None
-                found[each.name] = each.value.value
+            if each.name in UNCERTAINTY and each.utc_s == pytest.approx(
+                begun.utc_s, abs=1e-6, rel=0.0
+            ):
+                assert isinstance(each.value, float)
+                found[each.name] = each.value
             if len(found) == len(UNCERTAINTY):
                 return found
         raise AssertionError
@@ -91,7 +95,7 @@ def test_the_uncertainty_of_the_pose_is_published_at_once(rover: Aboard) -> None
     assert rover.ground(session) == dict(zip(UNCERTAINTY, (pytest.approx(0.5), 0.0), strict=True))
 
 
-def test_status_and_watch_say_that_the_pose_is_uncertain(
+def test_status_and_watch_show_that_the_pose_is_uncertain(
     rover: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "400")
@@ -102,13 +106,15 @@ def test_status_and_watch_say_that_the_pose_is_uncertain(
     rover.do(jump)
     uncertainty = rover.do(lambda bench: bench.executive.status.uncertainty)
     assert 0.5 <= uncertainty.position_m < 0.6
-    said = f"the pose is uncertain by {uncertainty}, since odometry_jumped"
+    message = f"the pose is uncertain by {uncertainty}, since odometry_jumped"
     lines = typed("status", "--to", rover.uri).output.splitlines()
-    assert lines[1] == f"standing: no motion goal; {said}"
-    (place,) = (line for line in lines if line.startswith("at x "))
-    assert f", uncertain by {uncertainty}, video off" in place
-    (way_out,) = (line for line in lines if line.startswith("the pose is uncertain: "))
-    assert "rover command confirmPose" in way_out
-    assert said in " ".join(typed("watch", "--once", "--to", rover.uri).output.split())
-    assert typed("command", "--to", rover.uri, "confirmPose", "0", "0").exit_code == 0
+    assert lines[1] == f"standing: no motion goal; {message}"
+    (position,) = (line for line in lines if line.startswith("at x "))
+    assert f", uncertain by {uncertainty}, video off" in position
+    (remedy,) = (line for line in lines if line.startswith("the pose is uncertain: "))
+    assert remedy.endswith("by rover command confirmPose 0 0")
+    assert message in " ".join(typed("watch", "--once", "--to", rover.uri).output.split())
+    *_, confirm = remedy.partition("rover command confirmPose")
+    words = ("confirmPose", *confirm.split())
+    assert typed("command", "--to", rover.uri, *words).exit_code == 0
     assert "uncertain by" not in typed("status", "--to", rover.uri).output

@@ -11,7 +11,7 @@ import pytest
 from adapters.mrs.ground import MrsClient
 from executive.commands import MoveTo, Waypoint
 from executive.settings import Controller, config_folder
-from tests.support.ground import ask, until_located
+from tests.support.ground import call_ground, until_located
 from tests.support.probe import probing
 from tests.support.processes import executive, simulation
 
@@ -28,17 +28,19 @@ async def submit(client: MrsClient) -> None:
 def test_it_drives_a_curve(tmp_path: Path) -> None:
     text = (config_folder() / "jackal.yaml").read_text(encoding="utf-8")
     asset = tmp_path / "jackal.yaml"
-    asset.write_text(text.replace("offered: false", "offered: true"), encoding="utf-8")
+    asset.write_text(text.replace("selectable: false", "selectable: true"), encoding="utf-8")
     with (
         simulation(tmp_path, "--speed", "0.5", "--camera", "off"),
         probing() as probe,
         executive(tmp_path, "--asset", str(asset), *SIMULATED) as (process, uri),
     ):
         until_located(uri)
-        ask(uri, submit)
+        call_ground(uri, submit)
         probe.until(
-            lambda: any(min(abs(v.linear.x), abs(v.angular.z)) > 0.2 for v in probe.velocities),
+            lambda: any(
+                min(abs(v.twist.linear.x), abs(v.twist.angular.z)) > 0.2 for v in probe.velocities
+            ),
             "a curve",
         )
-        process.said("moveTo predicted: ")
-        process.said("EXECUTED moveTo")
+        process.output("moveTo predicted: ")
+        process.output("EXECUTED moveTo")

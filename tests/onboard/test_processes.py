@@ -9,11 +9,11 @@ from pathlib import Path
 import psutil
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 
 from adapters.mal import MalUri
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec.types import Notification, PlanStatus, Severity, Stage
+from adapters.mrs.spec.types import PlanStatus, Severity, Stage
 from adapters.recording.replay import replay
 from adapters.ros import ros_node, steady_timer
 from adapters.ros.context import SpunNode
@@ -30,8 +30,9 @@ from executive.commands.catalogue import (
 )
 from executive.settings import config_folder
 from executive.values.reasons import Reason
+from executive.values.reports import Report
 from tests.benchmarks.octets import Octets
-from tests.support.ground import ask, carry_out, located, until_located
+from tests.support.ground import call_ground, carry_out, located, until_located
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing
 from tests.support.processes import Running, executive, running, simulation
@@ -64,14 +65,18 @@ def start(uri: str, request: Request) -> int:
         await client.submit(command)
         return command.identity.command_id
 
-    return ask(uri, submit)
+    return call_ground(uri, submit)
 
 
-def notifications(uri: str) -> tuple[Notification, ...]:
-    return ask(uri, lambda client: client.get_notifications())
+def reported(uri: str) -> list[Report]:
+    return [each.report for each in call_ground(uri, lambda client: client.get_notifications())]
 
 
-def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so(
+def number_of(report: Report) -> int | None:
+    return None if report.identity is None else report.identity.command_id
+
+
+def test_a_killed_executive_leaves_a_stationary_rover_and_a_successor_that_reports_it(
     probe: Probe, aboard: tuple[Running, str], tmp_path: Path
 ) -> None:
     process, uri = aboard
@@ -80,16 +85,18 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     probe.advanced(0.75)
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
-    stood = probe.fresh_truth().pose.pose.position
+    stop_position = probe.fresh_truth().pose.pose.position
     with executive(tmp_path) as (successor, again):
         until_located(again)
-        life = [n for n in notifications(again) if n.commandId == drive]
-        assert life[-1].stage is Stage.FAILED
-        assert life[-1].code == Reason.INTERRUPTED.value
-        sequences = [n.sequence for n in notifications(again)]
+        lifecycle = [n for n in reported(again) if number_of(n) == drive]
+        assert lifecycle[-1].stage is Stage.FAILED
+        assert lifecycle[-1].reason is Reason.INTERRUPTED
+        sequences = [n.sequence for n in reported(again)]
         assert sequences == list(range(1, len(sequences) + 1))
-        stands = probe.fresh_truth().pose.pose.position
-        assert (stands.x, stands.y) == pytest.approx((stood.x, stood.y), abs=0.005)
+        final_position = probe.fresh_truth().pose.pose.position
+        assert (final_position.x, final_position.y) == pytest.approx(
+            (stop_position.x, stop_position.y), abs=0.005
+        )
         carry_out(again, MoveForward(0.3))
         assert successor.end(signal.SIGTERM) == 0
     killed, ended = (replay(path) for path in sorted((tmp_path / "data/recordings").iterdir()))
@@ -98,9 +105,7 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     assert killed.decisions > 5, "what was done before the kill is there, but for its last second"
 
 
-def test_a_stall_of_the_executive_is_taken_for_no_fault(
-    probe: Probe, aboard: tuple[Running, str]
-) -> None:
+def test_a_stall_of_the_executive_is_no_fault(probe: Probe, aboard: tuple[Running, str]) -> None:
     process, uri = aboard
     until_located(uri)
     turns = [RotateBy(angle_rad) for angle_rad in (1.0, -1.5, 1.5, -1.0)]
@@ -111,7 +116,7 @@ def test_a_stall_of_the_executive_is_taken_for_no_fault(
             process.send(signal.SIGSTOP)
             time.sleep(STALL_S)
             process.send(signal.SIGCONT)
-    ends = [outcome.notifications[-1] for outcome in outcomes.result()]
+    ends = [outcome.reports[-1] for outcome in outcomes.result()]
     assert [(end.stage, end.text) for end in ends if end.stage is not Stage.EXECUTED] == []
     probe.standing()
 
@@ -125,15 +130,15 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
     probe.driven()
     probe.moving()
     process.send(signal.SIGTERM)
-    process.said("termination requested")
+    process.output("termination requested")
     process.send(signal.SIGINT)  # from somebody impatient
     assert process.ended() == 0
     assert "Traceback" not in process.text
-    probe.until(lambda: probe.velocities[-1].linear.x == 0.0, "a last zero")
+    probe.until(lambda: probe.velocities[-1].twist.linear.x == 0.0, "a last zero")
     with executive(tmp_path) as (_, again):
-        last = [n for n in notifications(again) if n.commandId == drive][-1]
+        last = [n for n in reported(again) if number_of(n) == drive][-1]
         assert last.stage is Stage.CANCELLED
-        assert last.code == Reason.INTERRUPTED.value
+        assert last.reason is Reason.INTERRUPTED
 
 
 def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, str]) -> None:
@@ -142,22 +147,22 @@ def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, st
     async def listen(client: MrsClient) -> str:
         stream = client.notifications()
         with ros_node("joystick", "jackal") as node:
-            node.create_publisher(Twist, probe.topics.cmd_vel.name, 1)
-            async for notification in stream:
-                if "/jackal/joystick" in (text := notification.text or ""):
+            node.create_publisher(TwistStamped, probe.topics.cmd_vel.name, 1)
+            async for received in stream:
+                if "/jackal/joystick" in (text := received.report.text):
                     return text
         raise AssertionError("the stream ended")
 
-    assert "may move the rover" in ask(uri, listen)
+    assert "other velocity publishers" in call_ground(uri, listen)
 
 
 @pytest.fixture
 def joystick(probe: Probe) -> Iterator[None]:
     """Have somebody drive backward at 50 Hz, on an input of the mux above the executive's."""
     spun = SpunNode("joystick", probe.node)
-    publisher = spun.node.create_publisher(Twist, "joy_vel", 1)
-    backward = Twist()
-    backward.linear.x = -0.4
+    publisher = spun.node.create_publisher(TwistStamped, "joy_teleop/cmd_vel", 1)
+    backward = TwistStamped()
+    backward.twist.linear.x = -0.4
     steady_timer(spun.node, 0.02, lambda: publisher.publish(backward))
     yield
     spun.close()
@@ -179,10 +184,10 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     process, uri = aboard
     rows: list[tuple[bytes, str]] = []
 
-    def hear(message: DiagnosticArray) -> None:
+    def receive(message: DiagnosticArray) -> None:
         rows.extend((s.level, s.message) for s in message.status if s.name.endswith(": guard"))
 
-    probe.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    probe.node.create_subscription(DiagnosticArray, "/diagnostics", receive, 10)
     probe.until(lambda: (DiagnosticStatus.OK, "the guard runs") in rows, "a row of the guard")
     (supervisor,) = psutil.Process(process.pid).children()
     (guard,) = supervisor.children()
@@ -190,7 +195,7 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     died = "the guard was killed by signal 9 and restarted"
     probe.until(lambda: (DiagnosticStatus.WARN, died) in rows, "it is shown")
     assert died in process.text
-    (event,) = [each for each in notifications(uri) if each.text == died]
+    (event,) = [each for each in reported(uri) if each.text == died]
     assert event.severity is Severity.ALARM
     probe.until(lambda: supervisor.children() not in ([], [guard]), "another one")
     until_located(uri)
@@ -205,18 +210,18 @@ def test_the_end_of_the_supervisor_of_the_guard_is_reported(aboard: tuple[Runnin
     process, uri = aboard
     (supervisor,) = psutil.Process(process.pid).children()
     supervisor.kill()
-    process.said("the supervisor of the guard ended")
-    assert any("supervisor of the guard" in (each.text or "") for each in notifications(uri))
+    process.output("the supervisor of the guard ended")
+    assert any("supervisor of the guard" in each.text for each in reported(uri))
     assert process.end(signal.SIGTERM) == 0
 
 
 @pytest.mark.usefixtures("joystick")
-def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
+def test_after_a_stop_it_is_stationary_despite_another_publisher_even_if_killed(
     probe: Probe, aboard: tuple[Running, str], tmp_path: Path
 ) -> None:
     process, uri = aboard
 
-    def stands() -> None:
+    def final_position() -> None:
         probe.standing()
         x_m = probe.fresh_truth().pose.pose.position.x
         probe.until(lambda: len(probe.truth) > 50, "a second of true poses")
@@ -225,13 +230,13 @@ def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
     probe.moving()
     (stopped,) = carry_out(uri, Stop())
     assert stopped.executed
-    stands()
+    final_position()
     (resumed,) = carry_out(uri, Resume())
     assert resumed.executed
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.until(lambda: "zero was published instead\n" in process.text, "its guard has acted")
-    stands()
+    final_position()
     with executive(tmp_path):
         probe.moving()
 
@@ -240,7 +245,8 @@ def test_the_stages_of_a_lost_link_follow_while_a_silent_connection_is_open(
     probe: Probe, tmp_path: Path
 ) -> None:
     asset = tmp_path / "jackal.yaml"
-    stages = "{after_s: 0.5, then: go_on}, {after_s: 1, then: stop}, {after_s: 1.5, then: return}"
+    later = "{after_s: 1, then: stop}, {after_s: 1.5, then: return}"
+    stages = f"{{after_s: 0.5, then: continue}}, {later}"
     usual = (config_folder() / "jackal.yaml").read_text(encoding="utf-8")
     asset.write_text(f"{usual}link_loss: {{teleop: [{stages}]}}\n", encoding="utf-8")
     with executive(tmp_path, "--asset", str(asset)) as (process, uri):
@@ -248,13 +254,13 @@ def test_the_stages_of_a_lost_link_follow_while_a_silent_connection_is_open(
         probe.standing()
         began = probe.fresh_truth().pose.pose.position
         with Octets(MalUri.parse(uri).port, "MOE") as silent:
-            assert silent.ask(LONG_DRIVE)
-            process.said("the rover is back at the position of the last ground contact")
+            assert silent.request(LONG_DRIVE)
+            process.output("the rover is back at the position of the last ground contact")
         ended = probe.fresh_truth().pose.pose.position
         assert (ended.x, ended.y) == pytest.approx((began.x, began.y), abs=0.1)
-        reports = [n for n in notifications(uri) if n.code == Reason.LINK_LOST.value]
-        told = [(n.stage, (n.text or "").partition(": ")[2]) for n in reports]
-        assert told == [
+        reports = [n for n in reported(uri) if n.reason is Reason.LINK_LOST]
+        notified = [(n.stage, n.text.partition(": ")[2]) for n in reports]
+        assert notified == [
             (None, "the rover continues"),
             (None, "the rover is stopped"),
             (Stage.FAILED, "the rover is stopped"),
@@ -289,10 +295,10 @@ def until_done(uri: str, done: int, *requests: Request) -> PlanStatus:
                 return update.status
         raise AssertionError("the stream ended")
 
-    return ask(uri, follow)
+    return call_ground(uri, follow)
 
 
-def test_killed_amid_a_plan_it_goes_on_when_told_to(probe: Probe, tmp_path: Path) -> None:
+def test_killed_amid_a_plan_it_continues_on_command(probe: Probe, tmp_path: Path) -> None:
     start = probe.fresh_truth().pose.pose.position.x
     with executive(tmp_path) as (process, uri):
         until_done(uri, 1, SubmitPlan(PLAN), ActivatePlan("survey"))
@@ -300,12 +306,16 @@ def test_killed_amid_a_plan_it_goes_on_when_told_to(probe: Probe, tmp_path: Path
         assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
     with executive(tmp_path) as (_, again):
-        (found,) = ask(again, lambda client: client.get_plan_status())
+        (found,) = call_ground(again, lambda client: client.get_plan_status())
         assert (found.status, found.done) == (PlanStatus.SUSPENDED, 1)
-        past = notifications(again)
-        lives = [(n.commandId, n.stage) for n in past if n.source == "plan:survey"]
-        assert (1, Stage.EXECUTED) in lives
-        assert lives[-1] == (2, Stage.FAILED)
+        past = reported(again)
+        lifecycles = [
+            (n.identity.command_id, n.stage)
+            for n in past
+            if n.identity is not None and n.identity.source == "plan:survey"
+        ]
+        assert (1, Stage.EXECUTED) in lifecycles
+        assert lifecycles[-1] == (2, Stage.FAILED)
         killed_at = probe.fresh_truth().pose.pose.position.x
         assert killed_at - start > 0.4
         assert until_done(again, 2, ResumePlan("survey")) is PlanStatus.COMPLETED

@@ -18,7 +18,7 @@ from executive.commands.catalogue import SetTravelSpeed
 from executive.settings import Settings, SettingsError, load_settings
 from executive.values.reasons import Reason
 from tests.support.certificates import Ends, make_ends, options
-from tests.support.ground import ask, carry_out
+from tests.support.ground import call_ground, carry_out
 from tests.support.processes import executive, running
 
 JACKAL = load_settings("jackal")
@@ -35,7 +35,7 @@ def test_mocup_is_named_by_its_settings() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asset", "rover", "told"),
+    ("asset", "rover", "reported"),
     [
         (MOCUP, None, "needs the key rover: module:Class"),
         *((MOCUP, name, "module:Class, such as") for name in ("mocup", "mocup:", ":Mocup", "")),
@@ -43,13 +43,13 @@ def test_mocup_is_named_by_its_settings() -> None:
         (MOCUP, "adapters.onboard.mocup:Mocup", "has no class 'Mocup'; there are: MocupOnRos$"),
         (JACKAL, "adapters.ros.rover:STANDING", "has no class 'STANDING'; there are: RosRover$"),
         (JACKAL, MOCUP.rover, "lacks drive: with locomotion velocity"),
-        (MOCUP, "adapters.ros.rover:RosRover", "lacks execute_motion, halt: with .* whole_motion"),
+        (MOCUP, "adapters.ros.rover:RosRover", "lacks execute_motion, halt: with .* delegated"),
     ],
 )
-def test_what_names_no_fitting_class_is_told_why(
-    asset: Settings, rover: str | None, told: str
+def test_an_unsuitable_class_is_reported_with_the_reason(
+    asset: Settings, rover: str | None, reported: str
 ) -> None:
-    with pytest.raises(SettingsError, match=re.compile(told, re.DOTALL)):
+    with pytest.raises(SettingsError, match=re.compile(reported, re.DOTALL)):
         rover_kind(replace(asset, rover=rover))
 
 
@@ -76,16 +76,16 @@ def test_arguments_are_options_of_the_process_with_its_defaults() -> None:
         for node in module.body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "OPTIONS"
     )
-    words = [word for name, (text, _) in options.items() if text for word in (f"--{name}", text)]
+    texts = [word for name, (text, _) in options.items() if text for word in (f"--{name}", text)]
     files = ("certificate", "key", "authorities")
     assert {name for name, (text, _) in options.items() if not text} == set(files)
-    assert parsed(words) == parsed([])
+    assert parsed(texts) == parsed([])
     taken = parsed([word for name in files for word in (f"--{name}", "a.pem")])
     assert [str(taken[name]) for name in files] == ["a.pem"] * 3
 
 
-def parsed(words: list[str]) -> dict[str, Any]:
-    params: dict[str, Any] = main.make_context("rover-executive", words).params
+def parsed(texts: list[str]) -> dict[str, Any]:
+    params: dict[str, Any] = main.make_context("rover-executive", texts).params
     return params
 
 
@@ -100,19 +100,19 @@ def ends(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> En
 
 @pytest.mark.ros
 def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends) -> None:
-    told = (*options(ends.rover), "--encoding", "split", "--host", "0.0.0.0")
-    with executive(tmp_path, *told) as (_, uri):
+    reported = (*options(ends.rover), "--encoding", "split", "--host", "0.0.0.0")
+    with executive(tmp_path, *reported) as (_, uri):
         reached = uri.replace("0.0.0.0", "127.0.0.1")
         terms = TransportSettings(Encoding.SPLIT, ends.ground)
 
         async def command(client: MrsClient) -> None:
             unauthorized = await client.run(client.command(SetTravelSpeed(0.4)))
-            assert unauthorized.notifications[-1].code == Reason.NO_AUTHORITY.value
+            assert unauthorized.reports[-1].reason is Reason.NO_AUTHORITY
             await client.authority.request()
             assert (await client.run(client.command(SetTravelSpeed(0.5)))).executed
 
-        ask(reached, command, terms)
-        assert ask(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
+        call_ground(reached, command, terms)
+        assert call_ground(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
         for wrong, why in (
             (TransportSettings(Encoding.SPLIT, ends.stranger), "does not trust this certificate"),
             (TransportSettings(Encoding.SPLIT), "is TLS needed"),
@@ -137,8 +137,8 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
     ],
 )
 def test_terms_that_make_no_sense(tmp_path: Path, typed: list[str], status: int, why: str) -> None:
-    told = ("--port", "0", "--data", str(tmp_path / "data"), *typed)
-    with running(tmp_path / "log", "rover-executive", *told) as process:
+    reported = ("--port", "0", "--data", str(tmp_path / "data"), *typed)
+    with running(tmp_path / "log", "rover-executive", *reported) as process:
         assert process.ended() == status
         assert re.search(why, process.text)
         assert "Traceback" not in process.text

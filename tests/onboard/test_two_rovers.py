@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec.types import AssetMode, Notification, NotificationKind, Severity
+from adapters.mrs.spec.types import AssetMode, NotificationKind, Severity
 from executive.commands.catalogue import SetTravelSpeed
+from executive.values.reports import Report
 from tests.conftest import port_of, reserved_domain
 from tests.suite import CHECKOUT
-from tests.support.ground import T, ask
+from tests.support.ground import T, call_ground
 from tests.support.processes import LIMIT_S, LISTENS, Running, running
 
 pytestmark = pytest.mark.ros
@@ -46,22 +47,23 @@ class Rovers:
         log = self._folder / f"{name}-{time.monotonic_ns()}.log"
         options = ("--asset", name, "--port", port, "--data", str(self._folder / name))
         process = self._held.enter_context(running(log, "rover-executive", *options, *arguments))
-        process.said(LISTENS)
+        process.output(LISTENS)
         return process
 
-    def ask(self, name: str, session: Callable[[MrsClient], Awaitable[T]]) -> T:
-        return ask(self.uris[name], session)
+    def request(self, name: str, session: Callable[[MrsClient], Awaitable[T]]) -> T:
+        return call_ground(self.uris[name], session)
 
     def modes(self, name: str) -> dict[str, AssetMode]:
-        assets = self.ask(name, lambda client: client.list_assets())
+        assets = self.request(name, lambda client: client.list_assets())
         return {asset.asset: asset.mode for asset in assets}
 
     def answering(self, name: str) -> set[str]:
         modes = self.modes(name)
         return {asset for asset, mode in modes.items() if mode is not AssetMode.OFFLINE}
 
-    def heard(self, name: str, of: str) -> tuple[Notification, ...]:
-        return self.ask(name, lambda client: client.get_asset_notifications(of))
+    def received(self, name: str, of: str) -> list[Report]:
+        found = self.request(name, lambda client: client.get_asset_notifications(of))
+        return [each.report for each in found]
 
 
 @pytest.fixture
@@ -87,21 +89,21 @@ def test_each_reads_the_other_over_kills_and_restarts(rovers: Rovers) -> None:
 
     jackal.end(signal.SIGKILL)
     eventually(lambda: rovers.modes("scout")["jackal"] is AssetMode.OFFLINE)
-    eventually(lambda: [n.severity for n in rovers.heard("scout", "scout")][-1:] == WARNED)
-    assert rovers.heard("scout", "scout")[-1].kind is NotificationKind.LINK
-    speed = rovers.ask("scout", lambda client: client.run(client.command(SetTravelSpeed(0.25))))
+    eventually(lambda: [n.severity for n in rovers.received("scout", "scout")][-1:] == WARNED)
+    assert rovers.received("scout", "scout")[-1].kind is NotificationKind.LINK
+    speed = rovers.request("scout", lambda client: client.run(client.command(SetTravelSpeed(0.25))))
     assert speed.executed
 
     rovers.start("jackal")
     eventually(lambda: rovers.modes("jackal").keys() == both)
-    eventually(lambda: rovers.heard("jackal", "scout") == rovers.heard("scout", "scout"))
+    eventually(lambda: rovers.received("jackal", "scout") == rovers.received("scout", "scout"))
 
     scout.end(signal.SIGKILL)
     eventually(lambda: rovers.modes("jackal")["scout"] is AssetMode.OFFLINE)
     scout = rovers.start("scout", "--service-layer", rovers.uris["jackal"])
     eventually(lambda: rovers.modes("jackal")["scout"] is not AssetMode.OFFLINE)
-    eventually(lambda: rovers.heard("jackal", "scout") == rovers.heard("scout", "scout"))
+    eventually(lambda: rovers.received("jackal", "scout") == rovers.received("scout", "scout"))
 
     assert scout.end() == 0
-    services = rovers.ask("jackal", lambda client: client.get_services())
+    services = rovers.request("jackal", lambda client: client.get_services())
     assert "scout.ServiceLayer" not in {service.name for service in services}

@@ -9,7 +9,7 @@ from PIL import Image
 
 from adapters.recording import RunFile
 from executive.commands import Mode
-from executive.history import TrackSource
+from executive.history.motion_tracks import TrackSource
 from executive.values.reports import Stage
 from sim.drawing import draw_run
 from sim.plot import plot_of
@@ -18,12 +18,12 @@ from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
-from tests.drawing.pictures import words
+from tests.drawing.pictures import labels
 
 
 def recorded(name: str, folder: Path, lasts_s: int) -> Path:
     path = folder / "run.mcap"
-    scenario = load_scenario(name, RunMode.LOCK_STEP, (Override.parse(f"lasts={lasts_s}"),))
+    scenario = load_scenario(name, RunMode.LOCK_STEP, (Override.parse(f"duration={lasts_s}"),))
     with closing(RunFile(path)) as tape:
         run_in_lock_step(scenario, folder / "data", tape)
     return path
@@ -38,7 +38,7 @@ def typed(*arguments: object) -> Result:
     return CliRunner().invoke(plot, list(map(str, arguments)), catch_exceptions=False)
 
 
-def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> None:
+def test_a_failed_drive_is_drawn_with_its_figures_and_its_position(stuck: Path) -> None:
     shown = plot_of(stuck)
     first, *others = shown.timeline.commands
     assert (first.title, first.last) == ("moveForward MOE:1", Stage.FAILED)
@@ -54,24 +54,24 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
     assert {each.source for each in speed.series} == set(TrackSource) - {TrackSource.SECOND}
     for each in speed.series:
         assert 0.9 < max(each.values) < 1.1, each.source
-    assert {"speed, m/s", "turn rate, rad/s", first.figures} <= words(draw_run(shown))
+    assert {"speed, m/s", "turn rate, rad/s", first.figures} <= labels(draw_run(shown))
     assert turn.unit == "rad/s"
 
 
 def test_no_line_leads_over_the_time_without_an_executive(tmp_path: Path) -> None:
     shown = plot_of(recorded("killed", tmp_path, 18))
-    ((gone_s, again_s),) = shown.timeline.absences
-    assert (round(gone_s), round(again_s)) == (3, 5)
+    ((absent_s, again_s),) = shown.timeline.absences
+    assert (round(absent_s), round(again_s)) == (3, 5)
     assert "2 starts of the executive" in shown.figures
     assert not [mode for mode, begin_s, end_s in shown.timeline.modes if begin_s < 4 < end_s]
     first = shown.timeline.commands[0]
     assert first.ended_s is not None
     assert first.ended_s < 6, "when it was reported first, not when that was repeated"
     assert len(shown.incidents) == 1
-    assert "no executive" in words(draw_run(shown))
+    assert "no executive" in labels(draw_run(shown))
 
 
-def test_the_picture_is_written_where_it_is_asked_for(stuck: Path, tmp_path: Path) -> None:
+def test_the_picture_is_written_to_its_stated_path(stuck: Path, tmp_path: Path) -> None:
     assert typed(stuck).exit_code == 0
     with Image.open(stuck.with_name("plot.png")) as picture:
         assert picture.width == 1240
@@ -79,10 +79,10 @@ def test_the_picture_is_written_where_it_is_asked_for(stuck: Path, tmp_path: Pat
     assert (tmp_path / "drive.svg").read_text().startswith("<svg")
 
 
-def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
+def test_bad_input_is_reported(stuck: Path, tmp_path: Path) -> None:
     none = tmp_path / "none.mcap"
     none.write_bytes(b"no recording")
-    for arguments, told in (
+    for arguments, reported in (
         ((none,), "is no MCAP file"),
         ((tmp_path / "absent.mcap",), "cannot be read"),
         ((stuck, "--out", tmp_path / "drive.gif"), "name a file that ends in .png or .svg"),
@@ -90,7 +90,7 @@ def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
     ):
         result = typed(*arguments)
         assert result.exit_code == 2
-        assert told in result.output
+        assert reported in result.output
 
 
 def test_figures_that_cannot_be_drawn_are_an_error_of_the_recording(

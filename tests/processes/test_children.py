@@ -38,7 +38,7 @@ async def watch(child: ChildProcess, kills: int) -> None:
         guard.cancel()
 
 
-def test_a_child_that_was_up_is_started_again_and_keeps_its_log(tmp_path: Path) -> None:
+def test_a_child_that_was_up_is_started_again_and_retains_its_log(tmp_path: Path) -> None:
     with server(tmp_path, "127.0.0.1", UP) as child:
         asyncio.run(watch(child, kills=2))
 

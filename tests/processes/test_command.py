@@ -47,7 +47,7 @@ def run(*typed: str) -> Result:
     return CliRunner().invoke(rover_any, typed)
 
 
-def test_the_data_lie_where_they_are_told_or_with_everybodys(
+def test_the_data_are_in_the_stated_or_the_common_folder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
@@ -59,7 +59,7 @@ def test_the_data_lie_where_they_are_told_or_with_everybodys(
 
 
 @pytest.mark.parametrize(
-    ("typed", "status", "said"),
+    ("typed", "status", "message"),
     [
         (["--port", "65536"], 2, "65536 is not in the range 0<=x<=65535"),
         (["--port", "-1"], 2, "-1 is not in the range"),
@@ -70,10 +70,10 @@ def test_the_data_lie_where_they_are_told_or_with_everybodys(
         (["--ros-args", "-r", "a:=b", "--", "--port", "7"], 0, "7 None ('-r', 'a:=b')"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(typed: list[str], status: int, said: str) -> None:
+def test_an_error_is_reported_in_one_line(typed: list[str], status: int, message: str) -> None:
     done = run(*typed)
     assert done.exit_code == status
-    assert said in done.output.splitlines()[-1]
+    assert message in done.output.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
@@ -91,25 +91,25 @@ def test_arguments_for_ros_are_set_apart(line: str, own: str, ros: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("package", "main", "typed", "said"),
+    ("package", "main", "typed", "message"),
     [
-        ("rclpy", "adapters.onboard.process:main", [], "install ROS 2 Jazzy"),
-        ("diagnostic_msgs", "adapters.relay.rover.process:main", [], "install ROS 2 Jazzy"),
-        ("rclpy", "sim.ros.process:main", [], "install ROS 2 Jazzy"),
-        ("rclpy", "adapters.cli.main:main", ["watch"], "install ROS 2 Jazzy"),
-        ("rclpy", "adapters.cli.main:main", ["demo"], "install ROS 2 Jazzy"),
+        ("rclpy", "adapters.onboard.process:main", [], "Jazzy or newer"),
+        ("diagnostic_msgs", "adapters.relay.rover.process:main", [], "Jazzy or newer"),
+        ("rclpy", "sim.ros.process:main", [], "Jazzy or newer"),
+        ("rclpy", "adapters.cli.main:main", ["watch"], "Jazzy or newer"),
+        ("rclpy", "adapters.cli.main:main", ["demo"], "Jazzy or newer"),
         ("usb", "adapters.mocup.brick.process:main", [], "'rover-executive[nxt]'"),
         ("mujoco", "adapters.cli.main:main", ["scenario", "--list"], "'rover-executive[sim]'"),
     ],
 )
 def test_a_package_that_is_missing_is_named_with_what_brings_it(
-    package: str, main: str, typed: list[str], said: str
+    package: str, main: str, typed: list[str], message: str
 ) -> None:
     code = WITHOUT.format(package, *main.split(":"), typed)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith("Error: ")
-    assert said in done.stderr
+    assert message in done.stderr
     assert missing_package(ModuleNotFoundError(name="yaml")) is None
 
 
@@ -119,7 +119,7 @@ def test_the_extras_exist() -> None:
 
 
 @pytest.mark.parametrize("start", ["executive", "simulation", "orbiter", "relay", "brick"])
-def test_somebody_elses_package_ends_the_start(start: str, tmp_path: Path) -> None:
+def test_a_foreign_package_ends_the_start(start: str, tmp_path: Path) -> None:
     (tmp_path / "executive").mkdir()
     (tmp_path / "executive" / "__init__.py").touch()
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from adapters.process import start"

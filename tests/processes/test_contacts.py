@@ -3,7 +3,7 @@
 import pytest
 
 from adapters.bundle.links.contact import parse_plan
-from sim.processes.contacts import Outage, plan_text
+from sim.processes.relay import Outage, plan_text
 
 ORBITER, JACKAL, MOCUP = 1, 2, 3
 START_S = 1_795_000_000
@@ -13,7 +13,7 @@ START_S = 1_795_000_000
     ("eclipses", "dark"),
     [((), set()), ((Outage(2, 4),), {2, 3}), ((Outage(0, 1), Outage(3, 5)), {0, 3, 4})],
 )
-def test_there_is_contact_with_all_both_ways_but_in_an_eclipse(
+def test_there_is_contact_with_all_in_both_directions_except_in_an_outage(
     eclipses: tuple[Outage, ...], dark: set[int]
 ) -> None:
     plan = parse_plan(plan_text(eclipses, START_S, ORBITER, [JACKAL, MOCUP]), 0.0)

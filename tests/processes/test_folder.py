@@ -44,14 +44,14 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
         pass
 
 
-def test_the_lock_names_nobody_when_nobody_holds_it(tmp_path: Path) -> None:
+def test_a_free_lock_names_no_holder(tmp_path: Path) -> None:
     with exclusive(tmp_path, "lock"):
         assert (tmp_path / "lock").read_text() == f"{os.getpid()}\n"
     assert (tmp_path / "lock").read_text() == ""
 
 
-def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
-    asked = subprocess.run(
+def test_a_full_disk_is_reported_with_the_folder(tmp_path: Path) -> None:
+    requested = subprocess.run(
         (sys.executable, "-c", HOLD_WHERE_NOTHING_CAN_GROW, str(tmp_path)),
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -59,4 +59,4 @@ def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
         check=True,
     )
     why = f"{tmp_path} cannot be written: {os.strerror(errno.EFBIG)}; free some space, or name"
-    assert asked.stdout.startswith(why)
+    assert requested.stdout.startswith(why)

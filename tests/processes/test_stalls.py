@@ -35,10 +35,10 @@ def test_that_fails_the_first_time(again):
 
 
 @pytest.mark.parametrize(
-    ("bound_s", "status", "says"), [(1000.0, 1, "1 failed"), (STALL_S, 0, "1 passed")]
+    ("bound_s", "status", "text"), [(1000.0, 1, "1 failed"), (STALL_S, 0, "1 passed")]
 )
 def test_only_a_stall_excuses_a_failure(
-    tmp_path: Path, bound_s: float, status: int, says: str
+    tmp_path: Path, bound_s: float, status: int, text: str
 ) -> None:
     (tmp_path / "conftest.py").write_text(HOOK.format(bound_s=bound_s))
     (tmp_path / "test_it.py").write_text(TEST)
@@ -46,4 +46,4 @@ def test_only_a_stall_excuses_a_failure(
     command = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q")
     done = run_to_end(*command, cwd=tmp_path, PYTHONPATH=str(CONFIG.parent))
     assert done.returncode == status, done.stdout + done.stderr
-    assert says in done.stdout
+    assert text in done.stdout

@@ -16,7 +16,7 @@ from sim.scenario.reading import load_scenario
 def stuck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give the recording of a drive that fails after 1.25 s: the wheels of a side are stuck."""
     folder = tmp_path_factory.mktemp("stuck")
-    scenario = load_scenario("side_stuck", RunMode.LOCK_STEP, (Override.parse("lasts=8"),))
+    scenario = load_scenario("side_stuck", RunMode.LOCK_STEP, (Override.parse("duration=8"),))
     with closing(RunFile(folder / "run.mcap")) as tape:
         run_in_lock_step(scenario, folder / "data", tape)
     return folder / "run.mcap"

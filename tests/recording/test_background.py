@@ -8,22 +8,22 @@ from queue import SimpleQueue
 import pytest
 
 from adapters.recording import BackgroundRecorder, RunFile, RunReader, background
-from executive.core.recording import Call, Called, KeptFile, Life
+from executive.core.recording import CoreCall, CoreCalled, ProcessStart, StoredFile
 from executive.settings import RecordingSettings, load_settings
 
 JACKAL = load_settings("jackal")
-SMALLEST = RecordingSettings(most_mb=10.0)
+MINIMUM = RecordingSettings(max_mb=10.0)
 FULL = Path("/dev/full")
 PATIENCE_S = 60.0
 
 
-def tick(number: int) -> Called:
-    return Called(float(number), float(number), Call.TICK)
+def tick(number: int) -> CoreCalled:
+    return CoreCalled(float(number), float(number), CoreCall.TICK)
 
 
-def life(octets: int) -> Life:
+def start(octets: int) -> ProcessStart:
     """Return a beginning that cannot be packed to less than so many octets."""
-    return Life(JACKAL, os.urandom(octets), b"", (KeptFile("a", 1),), None, video=False)
+    return ProcessStart(JACKAL, os.urandom(octets), b"", (StoredFile("a", 1),), None, video=False)
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -32,7 +32,7 @@ def recordings(folder: Path) -> list[Path]:
 
 def test_all_that_is_handed_over_is_in_the_file(tmp_path: Path) -> None:
     with closing(BackgroundRecorder(tmp_path / "runs", JACKAL.recording)) as tape:
-        tape.put(life(100))
+        tape.put(start(100))
         for number in range(1000):
             tape.put(tick(number))
     (path,) = recordings(tmp_path / "runs")
@@ -41,7 +41,7 @@ def test_all_that_is_handed_over_is_in_the_file(tmp_path: Path) -> None:
     assert reader.whole
 
 
-def test_what_was_flushed_is_there_though_nobody_closed_the_file(tmp_path: Path) -> None:
+def test_flushed_data_are_in_an_unclosed_file(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "run.mcap")
     file.put(tick(1))
     file.flush()
@@ -58,22 +58,24 @@ def test_recordings_begun_in_the_same_second_are_two(tmp_path: Path) -> None:
     assert [len(list(RunReader(path).messages())) for path in recordings(tmp_path)] == [1, 1]
 
 
-def test_a_long_recording_goes_on_in_other_files_and_the_oldest_go(tmp_path: Path) -> None:
+def test_a_long_recording_continues_in_other_files_and_the_first_are_deleted(
+    tmp_path: Path,
+) -> None:
     old, ancient = tmp_path / "20200101T000000Z.mcap", tmp_path / "20190101T000000Z.mcap"
     for path, days in ((old, 1), (ancient, 30)):
         path.write_bytes(bytes(500_000))
         changed_s = path.stat().st_mtime - days * 86_400
         os.utime(path, (changed_s, changed_s))
-    with closing(BackgroundRecorder(tmp_path, SMALLEST)) as tape:
+    with closing(BackgroundRecorder(tmp_path, MINIMUM)) as tape:
         for number in range(14):
-            tape.put(life(1_100_000))
+            tape.put(start(1_100_000))
             tape.put(tick(number))
-    kept = recordings(tmp_path)
-    assert old not in kept
-    assert ancient not in kept
-    assert sum(path.stat().st_size for path in kept) <= 10_000_000
-    first = next(path for path in kept if len(path.suffixes) == 1)
-    assert len(kept) >= 6
+    stored = recordings(tmp_path)
+    assert old not in stored
+    assert ancient not in stored
+    assert sum(path.stat().st_size for path in stored) <= 10_000_000
+    first = next(path for path in stored if len(path.suffixes) == 1)
+    assert len(stored) >= 6
     assert list(RunReader(first).messages()), "its beginning is kept, with settings and ledger"
 
 
@@ -88,19 +90,19 @@ def test_parts_are_read_as_one(tmp_path: Path) -> None:
     assert reader.whole
 
 
-def test_a_full_disk_ends_the_recording_and_tells_once(
+def test_a_full_disk_ends_the_recording_and_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(background, "_new_file", lambda _: FULL)
     monkeypatch.setattr(background, "FLUSH_S", 0.0)
-    told: SimpleQueue[str] = SimpleQueue()
+    reported: SimpleQueue[str] = SimpleQueue()
     with closing(BackgroundRecorder(tmp_path, JACKAL.recording)) as tape:
-        tape.on_fault = told.put
+        tape.on_fault = reported.put
         tape.put(tick(1))
-        said = told.get(timeout=PATIENCE_S)
+        message = reported.get(timeout=PATIENCE_S)
         tape.put(tick(2))
-    assert said == "the recording full ends: it cannot be written; the rover continues"
-    assert told.empty()
+    assert message == "the recording full ends: it cannot be written; the rover continues"
+    assert reported.empty()
 
 
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:

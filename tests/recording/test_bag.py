@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pytest
 from click.testing import CliRunner, Result
@@ -15,6 +15,7 @@ from adapters.cli.bag import bag
 from adapters.recording import frames
 from adapters.ros import odometry_fact
 
+ODOMETRY: Final = "/jackal/platform/odom/filtered"
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_domain")]
 
 
@@ -24,20 +25,20 @@ def typed(*arguments: object) -> Result:
 
 def test_a_bag_holds_what_such_a_rover_has_on_ros(stuck: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run_bag"
-    told = typed(stuck, folder)
-    assert told.exit_code == 0, told.output
+    reported = typed(stuck, folder)
+    assert reported.exit_code == 0, reported.output
     tables = frames(stuck)
     with AnyReader([folder]) as reader:
         topics = {each.topic: each for each in reader.connections}
         counts = {topic: each.msgcount for topic, each in topics.items()}
-        assert f"{counts['/jackal/odom']:7}  /jackal/odom" in told.output
-        assert counts["/jackal/odom"] == len(tables["/in/odometry"])
-        of_camera = counts["/tf"] - counts["/jackal/odom"]
+        assert f"{counts[ODOMETRY]:7}  {ODOMETRY}" in reported.output
+        assert counts[ODOMETRY] == len(tables["/in/odometry"])
+        of_camera = counts["/tf"] - counts[ODOMETRY]
         assert len(tables["/in/camera_angles"]) - of_camera in (0, 1)  # one before any odometry
-        assert counts["/jackal/imu/data"] == len(tables["/in/imu"])
-        assert counts["/jackal/executive_vel"] == len(tables["/out/drove"])
-        assert counts["/rosout"] == len(tables["/out/reported"])
-        assert topics["/jackal/joint_states"].msgtype == "sensor_msgs/msg/JointState"
+        assert counts["/jackal/sensors/imu_0/data"] == len(tables["/in/imu"])
+        assert counts["/jackal/executive/cmd_vel"] == len(tables["/out/velocity_commanded"])
+        assert counts["/rosout"] == len(tables["/out/report_sent"])
+        assert topics["/jackal/platform/joint_states"].msgtype == "sensor_msgs/msg/JointState"
         first = next(reader.messages([topics["/tf"]]))
         moved: Any = reader.deserialize(first[2], "tf2_msgs/msg/TFMessage")
         (transform,) = moved.transforms
@@ -53,12 +54,12 @@ def test_a_bag_holds_what_such_a_rover_has_on_ros(stuck: Path, tmp_path: Path) -
             (qos,) = extension.offered_qos_profiles
             assert qos.durability.name == "TRANSIENT_LOCAL"
         *_, last = reader.messages([topics["/jackal/executive/tree"]])
-        told_of_tree: Any = reader.deserialize(last[2], "std_msgs/msg/String")
-        tree = json.loads(told_of_tree.data)
+        tree_message: Any = reader.deserialize(last[2], "std_msgs/msg/String")
+        tree = json.loads(tree_message.data)
         assert tree["nodes"][0]["name"] == "rover"
 
 
-def test_what_ros_reads_is_what_was_recorded(stuck: Path, tmp_path: Path) -> None:
+def test_messages_read_by_ros_are_those_recorded(stuck: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run_bag"
     assert typed(stuck, folder).exit_code == 0
     odometry = frames(stuck)["/in/odometry"]
@@ -67,23 +68,23 @@ def test_what_ros_reads_is_what_was_recorded(stuck: Path, tmp_path: Path) -> Non
         assert reader.get_header().profile == "ros2"
         facts = [
             odometry_fact(deserialize_message(message.data, OdometryMessage))
-            for _, _, message in reader.iter_messages(["/jackal/odom"])
+            for _, _, message in reader.iter_messages([ODOMETRY])
         ]
-    for column, told in (
+    for column, reported in (
         ("pose.x_m", [fact.pose.x_m for fact in facts]),
         ("pose.heading_rad", [fact.pose.heading_rad for fact in facts]),
         ("velocity.travel_mps", [fact.velocity.travel_mps for fact in facts]),
     ):
-        assert told == pytest.approx(odometry[column].to_list(), abs=0.51e-4)
+        assert reported == pytest.approx(odometry[column].to_list(), abs=0.51e-4)
 
 
-def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
-    for arguments, words in (
+def test_bad_input_is_reported(stuck: Path, tmp_path: Path) -> None:
+    for arguments, text in (
         ((stuck, tmp_path), "exists: give a new folder"),
         ((tmp_path / "none.mcap", tmp_path / "bag"), "cannot be read"),
         ((stuck, stuck / "bag"), "cannot be written"),
     ):
         refused = typed(*arguments)
         assert refused.exit_code != 0
-        assert words in refused.output, refused.output
+        assert text in refused.output, refused.output
     assert list(tmp_path.glob("bag")) == []

@@ -1,4 +1,4 @@
-"""A recording that broke off is completed: viewers read it by its index, and nothing is lost."""
+"""A truncated recording is completed: viewers read it by its index, and nothing is lost."""
 
 import os
 from contextlib import closing
@@ -7,10 +7,17 @@ from pathlib import Path
 import pytest
 from mcap.reader import SeekingReader
 
-from adapters.recording import BackgroundRecorder, RunFile, RunReader, complete
+from adapters.recording import (
+    PROFILE,
+    BackgroundRecorder,
+    RecordingError,
+    RunFile,
+    RunReader,
+    complete,
+)
 from adapters.recording.replay import replay
 from adapters.recording.rows import RowReader
-from executive.core.recording import Call, Called
+from executive.core.recording import CoreCall, CoreCalled
 from executive.settings import load_settings
 
 SETTINGS = load_settings("jackal")
@@ -29,9 +36,9 @@ def batches(path: Path) -> list[bytes]:
         assert summary is not None
         assert summary.statistics is not None
         found = [message.data for _, _, message in reader.iter_messages(["/run"])]
-        told = summary.statistics.channel_message_counts
+        reported = summary.statistics.channel_message_counts
         (number,) = (key for key, each in summary.channels.items() if each.topic == "/run")
-        assert told[number] == len(found)
+        assert reported[number] == len(found)
         return found
 
 
@@ -56,7 +63,16 @@ def test_it_has_an_index_and_all_that_could_be_read(
         assert replay(path).difference is None
 
 
-def test_what_is_whole_or_no_recording_is_left_alone(flushed: Path, tmp_path: Path) -> None:
+def test_it_remains_of_the_version_that_wrote_it(flushed: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    older = flushed.read_bytes().replace(PROFILE.encode(), b"rover-run-2", 1)
+    path.write_bytes(older[: len(older) // 2])
+    assert complete(path)
+    with pytest.raises(RecordingError, match=r"of another version \(rover-run-2, not "):
+        messages(path)
+
+
+def test_complete_files_and_other_files_are_left_alone(flushed: Path, tmp_path: Path) -> None:
     for octets in (flushed.read_bytes(), b"", b"\x89MCAP0", b"a text, and no recording at all"):
         path = tmp_path / "run.mcap"
         path.write_bytes(octets)
@@ -77,9 +93,9 @@ def test_garbage_behind_the_last_chunk_is_cut_off(flushed: Path, tmp_path: Path)
         assert messages(path) == sound
 
 
-def test_the_next_start_completes_what_a_kill_left(tmp_path: Path) -> None:
+def test_the_next_start_completes_the_file_of_a_killed_process(tmp_path: Path) -> None:
     killed = RunFile(tmp_path / "20200101T000000Z.mcap")
-    killed.put(Called(1.0, 1.0, Call.TICK))
+    killed.put(CoreCalled(1.0, 1.0, CoreCall.TICK))
     killed.flush()
     with closing(BackgroundRecorder(tmp_path, SETTINGS.recording)):
         pass

@@ -12,7 +12,7 @@ from adapters.recording import RecordingError, RunFile, RunReader, complete, dec
 from adapters.recording.container import read_records
 from adapters.recording.replay import replay
 from adapters.recording.run_file import part_of
-from executive.core.recording import KeptFile, Life
+from executive.core.recording import ProcessStart, StoredFile
 from tests.stress.recording_mutants import batches_of, hostile, recording_of
 from tests.stress.recording_readers import MAX_CPU_S, MAX_MB, READERS, Meter, Reader
 
@@ -30,24 +30,24 @@ def starts(path: Path, opcode: int) -> list[int]:
         return [each.start for each in read_records(file) if each.opcode == opcode]
 
 
-def flip(octets: bytes, place: int) -> bytes:
-    return octets[:place] + bytes([octets[place] ^ 0x10]) + octets[place + 1 :]
+def flip(octets: bytes, offset: int) -> bytes:
+    return octets[:offset] + bytes([octets[offset] ^ 0x10]) + octets[offset + 1 :]
 
 
 def in_a_chunk(path: Path) -> bytes:
-    places = starts(path, CHUNK)
-    return flip(path.read_bytes(), places[len(places) // 2] + 300)
+    offsets = starts(path, CHUNK)
+    return flip(path.read_bytes(), offsets[len(offsets) // 2] + 300)
 
 
 def in_the_kind_of_a_chunk(path: Path) -> bytes:
-    octets, places = path.read_bytes(), starts(path, CHUNK)
-    place = places[len(places) // 2]
-    return octets[:place] + bytes([INDEX]) + octets[place + 1 :]
+    octets, offsets = path.read_bytes(), starts(path, CHUNK)
+    offset = offsets[len(offsets) // 2]
+    return octets[:offset] + bytes([INDEX]) + octets[offset + 1 :]
 
 
 def zeros_at_the_end(path: Path) -> bytes:
-    places = starts(path, CHUNK)
-    return path.read_bytes()[: places[len(places) // 2]] + bytes(4096)
+    offsets = starts(path, CHUNK)
+    return path.read_bytes()[: offsets[len(offsets) // 2]] + bytes(4096)
 
 
 DAMAGES = pytest.mark.parametrize("damage", [in_a_chunk, in_the_kind_of_a_chunk, zeros_at_the_end])
@@ -66,14 +66,14 @@ def test_every_reader_reads_up_to_the_damage(
     path.write_bytes(damage(flushed))
     assert reader(path, tmp_path) == ""
     if reader is not READERS["complete"]:
-        said = [each.getMessage() for each in caplog.records if "damaged" in each.getMessage()]
-        assert said
-        assert all(each.startswith(f"{path}: damaged after ") for each in said)
-        assert all(" s: read up to there (" in each for each in said)
+        message = [each.getMessage() for each in caplog.records if "damaged" in each.getMessage()]
+        assert message
+        assert all(each.startswith(f"{path}: damaged after ") for each in message)
+        assert all(" s: read up to there (" in each for each in message)
 
 
 @DAMAGES
-def test_what_is_before_the_damage_is_as_it_was(
+def test_records_before_the_damage_are_unchanged(
     damage: Callable[[Path], bytes], flushed: Path, tmp_path: Path
 ) -> None:
     path, sound = tmp_path / "run.mcap", messages(flushed)
@@ -86,14 +86,14 @@ def test_what_is_before_the_damage_is_as_it_was(
     assert 2.0 < replayed.duration_s < 6.0
 
 
-def test_what_is_behind_the_data_does_not_matter(flushed: Path, tmp_path: Path) -> None:
+def test_octets_behind_the_data_do_not_matter(flushed: Path, tmp_path: Path) -> None:
     path, octets, (end,) = tmp_path / "run.mcap", flushed.read_bytes(), starts(flushed, DATA_END)
     sound, behind = messages(flushed), end + 13
     for changed in (
         octets[:behind],
         octets + bytes(5000),
         octets[:behind] + bytes(len(octets) - behind),
-        *(flip(octets, place) for place in range(behind, len(octets), 499)),
+        *(flip(octets, offset) for offset in range(behind, len(octets), 499)),
         flip(octets, len(octets) - 20),
     ):
         path.write_bytes(changed)
@@ -103,9 +103,7 @@ def test_what_is_behind_the_data_does_not_matter(flushed: Path, tmp_path: Path) 
         assert not reader.damaged
 
 
-def test_a_file_in_which_it_goes_on_is_not_read_behind_damage(
-    flushed: Path, tmp_path: Path
-) -> None:
+def test_a_file_with_later_records_is_not_read_behind_damage(flushed: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(in_a_chunk(flushed))
     part_of(path, 2).write_bytes(flushed.read_bytes())
@@ -115,7 +113,7 @@ def test_a_file_in_which_it_goes_on_is_not_read_behind_damage(
     assert len(messages(flushed)) < len(messages(path)) < 2 * len(messages(flushed))
 
 
-def test_what_is_damaged_at_its_beginning_is_no_recording(flushed: Path, tmp_path: Path) -> None:
+def test_a_file_damaged_at_its_beginning_is_no_recording(flushed: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(flip(flushed.read_bytes(), starts(flushed, CHUNK)[0] + 300))
     with pytest.raises(RecordingError, match=r"run.mcap: is no MCAP file, or damaged \(the chunk"):
@@ -131,25 +129,25 @@ def test_a_torn_file_that_is_damaged_is_left_as_it_is(flushed: Path, tmp_path: P
 
 
 def test_a_damaged_chunk_at_the_end_is_torn(flushed: Path, tmp_path: Path) -> None:
-    path, places = tmp_path / "run.mcap", starts(flushed, CHUNK)
-    octets = flushed.read_bytes()[: places[5] - 400]
-    path.write_bytes(octets[: places[4] + 99] + bytes(len(octets) - places[4] - 99))
+    path, offsets = tmp_path / "run.mcap", starts(flushed, CHUNK)
+    octets = flushed.read_bytes()[: offsets[5] - 400]
+    path.write_bytes(octets[: offsets[4] + 99] + bytes(len(octets) - offsets[4] - 99))
     sound = messages(path)
     assert complete(path)
     assert messages(path) == sound
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("place", ["/tmp/x", "../x", "a/../../x", "a\0b", "x" * 300])
+@pytest.mark.parametrize("offset", ["/tmp/x", "../x", "a/../../x", "a\0b", "x" * 300])
 def test_a_replay_makes_no_file_outside_its_own_folder(
-    place: str, flushed: Path, tmp_path: Path
+    offset: str, flushed: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as file:
         for message in RunReader(flushed).messages():
             item = decode(message.topic, message.data)
-            if isinstance(item, Life):
-                item = replace(item, files=(KeptFile(place, 10),))
+            if isinstance(item, ProcessStart):
+                item = replace(item, files=(StoredFile(offset, 10),))
             file.put(item)
     with pytest.raises(RecordingError):
         replay(path)

@@ -9,7 +9,7 @@ import pytest
 
 from adapters.recording import RecordingError, RunFile, frames
 from adapters.recording.messages import TOPICS
-from executive.core.recording import Call, Called, Observed
+from executive.core.recording import CoreCall, CoreCalled, FactObserved
 from executive.values.facts import LaserScan
 from tests.stress.recording_mutants import recording_of
 
@@ -24,7 +24,7 @@ def test_each_topic_is_a_table_over_time(stuck: Path) -> None:
     assert odometry.index[-1] == pytest.approx(8.0, abs=0.1)
     assert odometry["pose.x_m"].iloc[-1] == pytest.approx(1.76, abs=0.1)
     assert {"left_radps.0", "left_radps.1"} < set(tables["/in/joints"].columns)
-    reports = tables["/out/reported"]
+    reports = tables["/out/report_sent"]
     failed = reports[reports["report.stage"] == "FAILED"]
     assert failed.index.to_list() == [pytest.approx(2.25)]
     assert failed["report.figures"].iloc[0][0]["name"]
@@ -34,19 +34,19 @@ def test_each_topic_is_a_table_over_time(stuck: Path) -> None:
 
 
 def test_topics_can_be_chosen(stuck: Path) -> None:
-    assert set(frames(stuck, {"/out/drove"})) == {"/out/drove"}
+    assert set(frames(stuck, {"/out/velocity_commanded"})) == {"/out/velocity_commanded"}
 
 
-def test_what_is_not_finite_is_a_number(tmp_path: Path) -> None:
+def test_a_non_finite_value_is_a_number(tmp_path: Path) -> None:
     with closing(RunFile(tmp_path / "run.mcap")) as tape:
-        tape.put(Called(1.0, 101.0, Call.START))
-        tape.put(Observed(2.0, 102.0, LaserScan(1.5, 0.0, 0.1, 0.1, 9.0, (1.0, inf))))
+        tape.put(CoreCalled(1.0, 101.0, CoreCall.START))
+        tape.put(FactObserved(2.0, 102.0, LaserScan(1.5, 0.0, 0.1, 0.1, 9.0, (1.0, inf))))
     scans = frames(tmp_path / "run.mcap")["/in/laser_scan"]
     assert scans.index.to_list() == [1.0]
     assert scans[["ranges_m.0", "ranges_m.1"]].to_numpy().tolist() == [[1.0, inf]]
 
 
-def test_a_file_without_a_run_is_told(tmp_path: Path) -> None:
+def test_a_file_without_a_run_is_reported(tmp_path: Path) -> None:
     with closing(RunFile(tmp_path / "run.mcap")):
         pass
     with pytest.raises(RecordingError, match="contains no run"):
@@ -54,7 +54,7 @@ def test_a_file_without_a_run_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("utc_s", [10**400, "x", None, [], {}])
-def test_a_time_that_is_none_is_told(utc_s: object, tmp_path: Path) -> None:
+def test_an_invalid_time_is_reported(utc_s: object, tmp_path: Path) -> None:
     shapes = [["/in/tick", ["now_s", "utc_s", "call"]]]
     rows = [[0, 1.0, 2.0, "TICK"], [0, 1.5, utc_s, "TICK"]]
     path = tmp_path / "run.mcap"

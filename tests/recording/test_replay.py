@@ -29,7 +29,7 @@ from executive.commands import (
     Stop,
 )
 from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
-from executive.core.recording import CommitFailed, SolverAnswered, SwitchedVideo
+from executive.core.recording import CommitFailed, SolverResult, VideoSwitched
 from executive.core.runner import Executive
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
@@ -37,7 +37,7 @@ from executive.motion.velocity_control import DriveLaw
 from executive.record import Ledger, Synchronous
 from executive.settings import config_folder, load_settings
 from executive.values.clock import ManualClock
-from executive.values.facts import Odometry, OtherInput
+from executive.values.facts import ForeignMuxInput, Odometry
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Severity
@@ -83,7 +83,7 @@ def typed(*files: Path) -> Result:
 
 
 @pytest.mark.parametrize(
-    ("name", "lives"),
+    ("name", "runs"),
     [
         ("killed", 2),  # kill -9 within a drive, and another start on the same ledger
         ("takeover", 1),  # stops, a resume
@@ -93,12 +93,12 @@ def typed(*files: Path) -> Result:
     ],
 )
 def test_a_scenario_is_replayed_equally(
-    name: str, lives: int, recording_of: Callable[[str], Path]
+    name: str, runs: int, recording_of: Callable[[str], Path]
 ) -> None:
     replayed = replay(recording_of(name))
     assert replayed.difference is None
     assert replayed.whole
-    assert replayed.starts == lives
+    assert replayed.starts == runs
     assert replayed.ticks > 100
     assert replayed.decisions > 30
 
@@ -131,12 +131,12 @@ def test_what_holds_over_crashes_is_replayed(tmp_path: Path) -> None:
         bench.run(3.0)
         bench.rover.velocity = Velocity(0.3)
         for _ in range(40):
-            bench.executive.observe(OtherInput("external", above=False))
+            bench.executive.observe(ForeignMuxInput("external", overrides=False))
             bench.step()
         bench.rover.velocity = STANDING
         bench.run(1.0)
         assert any(
-            "external, duration 1.95 s, driven 0." in each.text for each in bench.heard.reports
+            "external, duration 1.95 s, driven 0." in each.text for each in bench.received.reports
         )
     replayed = replay(path)
     assert replayed.difference is None
@@ -145,8 +145,8 @@ def test_what_holds_over_crashes_is_replayed(tmp_path: Path) -> None:
 
 def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
     pytest.importorskip("casadi")
-    path = recorded("zones", tmp_path, "settings.controller=mpc", "lasts=8")
-    answers = list(RunReader(path).messages({SolverAnswered}))
+    path = recorded("zones", tmp_path, "settings.controller=mpc", "duration=8")
+    answers = list(RunReader(path).messages({SolverResult}))
     assert len(answers) > 10
     assert replay(path).difference is None
 
@@ -194,11 +194,11 @@ def test_a_changed_rule_is_noticed(
 def test_the_first_difference_is_shown(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert " are the same (" in typed(drive).output
     _other_gain(monkeypatch)
-    told = typed(drive)
-    assert told.exit_code == DIFFERS
-    first, part = told.output.splitlines()
+    reported = typed(drive)
+    assert reported.exit_code == DIFFERS
+    first, part = reported.output.splitlines()
     assert "decisions differ after 0.55 s, in entry " in first
-    assert part.startswith("  /out/drove velocity.rotate_radps: recorded -0.00017")
+    assert part.startswith("  /out/velocity_commanded velocity.rotate_radps: recorded -0.00017")
     assert ", replayed -0.00017" in part
 
 
@@ -206,16 +206,16 @@ def test_the_tree_is_shown_where_it_is_another_one(
     drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(DriveLaw, "done", property(lambda _: True))
-    told = typed(drive)
-    assert told.exit_code == DIFFERS
-    assert re.search(r"drive .*recorded: RUNNING", told.output), told.output
+    reported = typed(drive)
+    assert reported.exit_code == DIFFERS
+    assert re.search(r"drive .*recorded: RUNNING", reported.output), reported.output
 
 
-def test_a_core_that_raises_is_told(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_core_that_raises_is_reported(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Arbiter, "commit", lambda *_: 1 / 0)
-    told = typed(drive)
-    assert told.exit_code == DIFFERS
-    assert "  replayed: ZeroDivisionError: division by zero (line " in told.output
+    reported = typed(drive)
+    assert reported.exit_code == DIFFERS
+    assert "  replayed: ZeroDivisionError: division by zero (line " in reported.output
 
 
 def test_other_settings_are_tried(tmp_path: Path) -> None:
@@ -223,13 +223,13 @@ def test_other_settings_are_tried(tmp_path: Path) -> None:
     ignoring = tmp_path / "ignoring.yaml"
     jackal = (config_folder() / "jackal.yaml").read_text()
     ignoring.write_text(
-        jackal.replace("\nfaults:\n", "\nfaults:\n  wheels_off_command: {then: ignore}\n")
+        jackal.replace("\nfaults:\n", "\nfaults:\n  wheels_off_command: {reaction: ignore}\n")
     )
-    told = CliRunner().invoke(replay_command, [str(path), "--with", str(ignoring)]).output
-    assert "decisions differ after" in told
-    assert "recorded at 2.25 s: MOE:1  FAILED  the left wheels do not follow" in told
-    assert "replayed at 2.35 s: MOE:1  FAILED  the left wheels do not follow" in told
-    assert "predicted" not in told, "says the same"
+    reported = CliRunner().invoke(replay_command, [str(path), "--with", str(ignoring)]).output
+    assert "decisions differ after" in reported
+    assert "recorded at 2.25 s: MOE:1  FAILED  the left wheels do not follow" in reported
+    assert "replayed at 2.35 s: MOE:1  FAILED  the left wheels do not follow" in reported
+    assert "predicted" not in reported, "says the same"
     for bad, why in (("mocup", "is of jackal, not of mocup"), ("none", "no asset")):
         refused = CliRunner().invoke(replay_command, [str(path), "--with", bad])
         assert refused.exit_code == BAD_FILE
@@ -240,9 +240,9 @@ def test_all_recordings_in_a_folder_are_replayed(drive: Path, tmp_path: Path) ->
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.mcap").write_bytes(drive.read_bytes())
-    told = typed(tmp_path)
-    assert told.exit_code == SAME
-    assert told.output.endswith("2 of 2 recordings decide the same\n")
+    reported = typed(tmp_path)
+    assert reported.exit_code == SAME
+    assert reported.output.endswith("2 of 2 recordings decide the same\n")
     (tmp_path / "empty").mkdir()
     refused = typed(tmp_path / "empty")
     assert refused.exit_code == BAD_FILE
@@ -258,26 +258,29 @@ def test_a_decision_that_is_lacking_is_shown(drive: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("part", [0.02, 0.3, 0.8])
-def test_what_was_written_before_a_crash_is_replayed(
+def test_records_written_before_a_crash_are_replayed(
     flushed: Path, whole_ticks: int, part: float, tmp_path: Path
 ) -> None:
     octets = flushed.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(octets[: round(len(octets) * part)])
-    told = typed(cut)
-    assert told.exit_code in (0, BAD_FILE)
-    if told.exit_code == 0:
-        assert told.output.endswith("the recording is truncated there\n")
+    reported = typed(cut)
+    assert reported.exit_code in (0, BAD_FILE)
+    if reported.exit_code == 0:
+        assert reported.output.endswith("the recording is truncated there\n")
         assert replay(cut).ticks < whole_ticks
     else:
-        assert "contains no run" in told.output
+        assert "contains no run" in reported.output
 
 
-def _other_profile(path: Path) -> None:
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start("ros2", "another")
-        writer.finish()
+def _with_profile(profile: str) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start(profile, "another")
+            writer.finish()
+
+    return write
 
 
 def _write(path: Path, batch: bytes) -> None:
@@ -300,25 +303,29 @@ def _with_message(topic: str, plain: dict[str, object]) -> Callable[[Path], None
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "reported"),
     [
         (lambda _: None, "cannot be read (No such file or directory)"),
         (lambda path: path.write_bytes(b""), "contains no run"),
         (lambda path: path.write_bytes(b"text, and no recording"), "is no MCAP file"),
         (
-            _other_profile,
+            _with_profile("ros2"),
             f"is no recording of this version ({PROFILE}), but MCAP of profile 'ros2'",
         ),
-        (_with_message("/life", {}), "message of /life cannot be decoded"),
+        (
+            _with_profile("rover-run-3"),
+            f"is a recording of another version (rover-run-3, not {PROFILE}): record the run again",
+        ),
+        (_with_message("/start", {}), "message of /start cannot be decoded"),
         (_with_message("/in/tick", {"call": []}), "message of /in/tick cannot be decoded"),
         (
             _with_message("/in/tick", {"now_s": 1.0, "utc_s": 1.0, "call": "TICK"}),
-            "begins in the middle, without /life",
+            "begins in the middle, without /start",
         ),
     ],
 )
-def test_a_file_that_is_no_recording_is_told(
-    make: Callable[[Path], None], told: str, tmp_path: Path, drive: Path
+def test_a_file_that_is_no_recording_is_reported(
+    make: Callable[[Path], None], reported: str, tmp_path: Path, drive: Path
 ) -> None:
     path = tmp_path / "run.mcap"
     make(path)
@@ -326,7 +333,7 @@ def test_a_file_that_is_no_recording_is_told(
     assert result.exit_code == BAD_FILE
     first, second, summary = result.output.splitlines()
     assert first.startswith(f"Error: {path}: ")
-    assert told in first
+    assert reported in first
     assert "are the same" in second
     assert summary == "1 of 2 recordings decide the same"
 
@@ -337,7 +344,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(
     scenario = load_scenario("mocup_picture", RunMode.LOCK_STEP)
     with closing(RunFile(Path("/dev/full"))) as tape:
         record = run_in_lock_step(scenario, tmp_path, tape)
-    assert record.simulated_s == scenario.lasts_s
+    assert record.simulated_s == scenario.duration_s
     warnings = [each.getMessage() for each in caplog.records if "recording" in each.getMessage()]
     assert warnings == ["recording /dev/full ends: No space left on device"]
 
@@ -373,7 +380,7 @@ class Recording:
         self.executive.tick()
 
 
-def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path) -> None:
+def test_overtaking_stops_and_events_of_others_are_replayed(tmp_path: Path) -> None:
     made = Recording(tmp_path)
     made.step()
     made.submit(1, MoveForward(1.0))
@@ -383,7 +390,7 @@ def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path)
     made.submit(3, Stop())
     for _ in range(10):
         made.step()
-    made.executive.event(Severity.WARNING, "a link\nis slow")
+    made.executive.report_event(Severity.WARNING, "a link\nis slow")
     made.submit(5, Resume())
     made.executive.serve_inbox()
     made.submit(6, MoveForward(1.0))
@@ -407,14 +414,14 @@ def test_a_rover_without_the_video_of_its_settings_is_replayed_without(tmp_path:
     assert replay(made.path).difference is None
 
 
-def test_what_the_video_is_switched_to_is_recorded(tmp_path: Path) -> None:
+def test_the_destination_of_the_video_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as tape, Bench(tmp_path, tape=tape) as bench:
         bench.execute(ExecuteAction("VIDEO ON"), 1)
         assert bench.video.enabled
     assert replay(path).difference is None
-    switched = [each for each in RunReader(path).messages() if each.topic.kind is SwitchedVideo]
-    assert [json.loads(each.data) for each in switched] == [{"on": True}]
+    switched = [each for each in RunReader(path).messages() if each.topic.kind is VideoSwitched]
+    assert [json.loads(each.data) for each in switched] == [{"enabled": True}]
 
 
 def test_a_ledger_that_cannot_be_written_for_a_while_is_replayed(tmp_path: Path) -> None:
@@ -445,12 +452,12 @@ def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_pa
     made.step()
     made.submit(1, MoveForward(1.0))
     core.query(
-        lambda: granted.append(core.request_authority(asked(AuthorityAction.REQUEST, "MOE")))
+        lambda: granted.append(core.request_authority(requested(AuthorityAction.REQUEST, "MOE")))
     )
-    core.query(lambda: core.event(Severity.WARNING, "a link is slow"))
+    core.query(lambda: core.report_event(Severity.WARNING, "a link is slow"))
     made.submit(2, MoveForward(1.0))
     core.query(
-        lambda: granted.append(core.request_authority(asked(AuthorityAction.RELEASE, "MOE", 1)))
+        lambda: granted.append(core.request_authority(requested(AuthorityAction.RELEASE, "MOE", 1)))
     )
     made.submit(3, SetTravelSpeed(0.2), authority=1)
     made.step()
@@ -465,7 +472,7 @@ def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_pa
     assert (replayed.ticks, replayed.entries) == (3, 3 + 3 + 2)
 
 
-def asked(act: AuthorityAction, source: str, epoch: int = 0) -> AuthorityRequest:
+def requested(act: AuthorityAction, source: str, epoch: int = 0) -> AuthorityRequest:
     return AuthorityRequest(act, source, epoch)
 
 
@@ -483,7 +490,7 @@ class StopsInBetween(KinematicRover):
             stop()
 
 
-def test_a_stop_that_comes_while_the_core_is_at_work_is_replayed(tmp_path: Path) -> None:
+def test_a_stop_that_arrives_during_a_tick_is_replayed(tmp_path: Path) -> None:
     rover = StopsInBetween()
     made = Recording(tmp_path, rover)
     made.step()
@@ -498,7 +505,7 @@ def test_a_stop_that_comes_while_the_core_is_at_work_is_replayed(tmp_path: Path)
     assert replayed.ticks == 6
 
 
-def test_a_recording_that_lacks_its_start_is_told(tmp_path: Path) -> None:
+def test_a_recording_that_lacks_its_start_is_reported(tmp_path: Path) -> None:
     made = Recording(tmp_path)
     made.step()
     made.tape.close()

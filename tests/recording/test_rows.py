@@ -26,7 +26,9 @@ messages = st.lists(
 
 
 @given(batches=st.lists(messages, max_size=4))
-def test_messages_come_back_as_they_were(batches: list[list[tuple[str, dict[str, Any]]]]) -> None:
+def test_messages_are_read_as_they_were_written(
+    batches: list[list[tuple[str, dict[str, Any]]]],
+) -> None:
     writer, reader = RowWriter(), RowReader()
     for batch in batches:
         for topic, plain in batch:
@@ -74,6 +76,6 @@ def test_names_are_written_once() -> None:
         b'{"shapes":[],"rows":[' + b"[]," * 1_000_000 + b"[]]}",
     ],
 )
-def test_what_is_no_batch_is_told(batch: bytes) -> None:
+def test_an_invalid_batch_is_reported(batch: bytes) -> None:
     with pytest.raises(DamageError):
         _ = [row.data for row in RowReader().rows(batch)]

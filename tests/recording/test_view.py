@@ -16,17 +16,17 @@ from adapters.recording import RunFile
 from adapters.recording.view import TOPICS, ViewBuilder, ViewMessage
 from executive.commands import Command, FollowPath, Mode, MoveTo, Request, Waypoint
 from executive.core.recording import (
-    Call,
-    Called,
-    Drove,
+    CommandDequeued,
+    CoreCall,
+    CoreCalled,
+    FactObserved,
     Item,
-    Life,
     ModeChanged,
-    NodeState,
-    Observed,
-    Reported,
-    Served,
+    ProcessStart,
+    ReportSent,
     TreeChanged,
+    TreeNodeState,
+    VelocityCommanded,
 )
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import config_folder, load_settings
@@ -37,30 +37,30 @@ from executive.values.reports import Identity, Report, ReportKind, Severity, Sta
 YARD = ((-1.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-1.0, 2.0))
 ZONES = Zones((KeepIn("yard", YARD),), (KeepOut("bed", YARD),), (KnownRock("boulder", 3, 1, 0.5),))
 SETTINGS = replace(load_settings("jackal"), zones=ZONES)
-WHO = Identity("MOE", 1)
+IDENTITY = Identity("MOE", 1)
 PYTHON: Any = {"string": str, "integer": int, "boolean": bool, "number": (int, float)}
 LAYOUT = config_folder() / "rover.foxglove.json"
 
 
-def life() -> Life:
-    return Life(SETTINGS, b"", b"", (), None, video=False)
+def start() -> ProcessStart:
+    return ProcessStart(SETTINGS, b"", b"", (), None, video=False)
 
 
-def tick(at_s: float) -> Called:
-    return Called(at_s, at_s, Call.TICK)
+def tick(at_s: float) -> CoreCalled:
+    return CoreCalled(at_s, at_s, CoreCall.TICK)
 
 
-def observed(at_s: float, fact: Fact) -> Observed:
-    return Observed(at_s, at_s, fact)
+def observed(at_s: float, fact: Fact) -> FactObserved:
+    return FactObserved(at_s, at_s, fact)
 
 
-def odometry(at_s: float, x_m: float = 0.0) -> Observed:
+def odometry(at_s: float, x_m: float = 0.0) -> FactObserved:
     return observed(at_s, Odometry(at_s, Pose(x_m), Velocity()))
 
 
-def reported(stage: Stage) -> Reported:
-    return Reported(
-        Report(1, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "so", WHO, stage, "direct")
+def reported(stage: Stage) -> ReportSent:
+    return ReportSent(
+        Report(1, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "so", IDENTITY, stage, "direct")
     )
 
 
@@ -109,10 +109,10 @@ def test_a_recording_shows_its_run(stuck: Path) -> None:
                 continue
             assert schema is not None
             assert (schema.name, schema.encoding) == (TOPICS[channel.topic].name, "jsonschema")
-            told = json.loads(message.data, parse_constant=pytest.fail)
+            reported = json.loads(message.data, parse_constant=pytest.fail)
             assert json.loads(schema.data) == TOPICS[channel.topic].json
-            check(channel.topic, told)
-            seen.setdefault(channel.topic, []).append(told)
+            check(channel.topic, reported)
+            seen.setdefault(channel.topic, []).append(reported)
     failed = [each for each in seen["/log"] if each["message"].startswith("FAILED")]
     assert [(each["name"], each["level"]) for each in failed] == [("MOE:1", 4)]
     assert failed[0]["message"].startswith("FAILED, the left wheels do not follow")
@@ -127,18 +127,18 @@ def test_a_recording_shows_its_run(stuck: Path) -> None:
     assert {"/scene/rover", "/scene/track", "/scene/goal", "/pose/truth", "/mode"} <= seen.keys()
 
 
-def test_what_comes_often_is_thinned() -> None:
+def test_frequent_topics_are_thinned() -> None:
     moved = [item for n in range(100) for item in (odometry(n * 0.02), tick(n * 0.02))]
-    messages = shown(life(), *moved)
+    messages = shown(start(), *moved)
     assert len(on("/tf", messages)) == len(on("/motion", messages)) == 20
 
 
-def test_the_places_of_a_track_are_few_however_long_it_is() -> None:
-    messages = shown(life(), *(odometry(float(n), n * 0.25) for n in range(4000)))
+def test_the_positions_of_a_track_are_few_for_any_length() -> None:
+    messages = shown(start(), *(odometry(float(n), n * 0.25) for n in range(4000)))
     (track,) = on("/scene/track", messages)[-1]["entities"]
-    places = track["lines"][0]["points"]
-    assert 50 < len(places) <= 200
-    assert (places[0]["x"], places[-1]["x"]) == (0.0, pytest.approx(999.0, abs=20))
+    positions = track["lines"][0]["points"]
+    assert 50 < len(positions) <= 200
+    assert (positions[0]["x"], positions[-1]["x"]) == (0.0, pytest.approx(999.0, abs=20))
 
 
 @pytest.mark.parametrize(
@@ -150,39 +150,39 @@ def test_the_places_of_a_track_are_few_however_long_it_is() -> None:
 )
 def test_a_goal_is_drawn_while_it_is_driven_to(request_: Request, end: tuple[float, float]) -> None:
     messages = shown(
-        life(),
+        start(),
         odometry(1.0, 0.5),
-        Served(Command(WHO, request_, "direct"), overtaken=False),
+        CommandDequeued(Command(IDENTITY, request_, "direct"), overtaken=False),
         reported(Stage.STARTED),
         reported(Stage.EXECUTED),
     )
-    drawn, gone = on("/scene/goal", messages)
+    drawn, closed = on("/scene/goal", messages)
     points = drawn["entities"][0]["lines"][0]["points"]
     assert points[0]["x"] == 0.5
     assert (points[-1]["x"], points[-1]["y"]) == end
-    assert (gone["entities"], len(gone["deletions"])) == ([], 1)
+    assert (closed["entities"], len(closed["deletions"])) == ([], 1)
 
 
 def test_zones_and_rocks_are_shown_once_a_file() -> None:
     view = ViewBuilder()
-    items = (life(), tick(1.0), tick(2.0))
+    items = (start(), tick(1.0), tick(2.0))
     (zones,) = on("/scene/zones", [each for item in items for each in view.of(item)])
     assert [each["id"] for each in zones["entities"]] == [each.label for each in ZONES]
     rock = zones["entities"][-1]["cylinders"][0]
     assert (rock["pose"]["position"]["x"], rock["size"]["y"]) == (3.0, 1.0)
     mode = ModeChanged(Mode.IDLE, None, "nothing is commanded")
-    (told,) = view.of(mode)
+    (reported,) = view.of(mode)
     view.restart_file()
     again = list(view.of(tick(3.0)))
     assert on("/scene/zones", again) == [
         json.loads(json.dumps(zones).replace('"sec": 1,', '"sec": 3,'))
     ]
-    assert on("/mode", again) == [told.message]
+    assert on("/mode", again) == [reported.message]
 
 
 def test_a_scan_and_a_second_odometry_are_shown() -> None:
     messages = shown(
-        life(),
+        start(),
         observed(1.0, LaserScan(1.0, -1.0, 1.0, 0.1, 10.0, (1.234, inf, 2.0))),
         observed(1.0, SecondOdometry(1.0, Pose(2.0))),
     )
@@ -193,9 +193,9 @@ def test_a_scan_and_a_second_odometry_are_shown() -> None:
     assert pose["pose"]["position"]["x"] == 2.0
 
 
-def test_what_is_no_number_is_not_shown() -> None:
+def test_an_invalid_number_is_not_shown() -> None:
     facts = (Odometry(1.0, Pose(nan), Velocity()), SecondOdometry(1.0, Pose(inf)))
-    assert shown(life(), *(observed(1.0, fact) for fact in facts)) == []
+    assert shown(start(), *(observed(1.0, fact) for fact in facts)) == []
 
 
 def test_a_picture_is_shown_small() -> None:
@@ -203,15 +203,15 @@ def test_a_picture_is_shown_small() -> None:
     out = io.BytesIO()
     image.new("RGB", (640, 480), "red").save(out, "JPEG")
     pictures = (Frame(1.0, "JPG", out.getvalue()), Frame(1.0, "JPG", b"\xff\xd8\xff, and no more"))
-    (told,) = on("/camera", shown(life(), *(observed(1.0, each) for each in pictures)))
-    with image.open(io.BytesIO(base64.b64decode(told["data"]))) as small:
+    (reported,) = on("/camera", shown(start(), *(observed(1.0, each) for each in pictures)))
+    with image.open(io.BytesIO(base64.b64decode(reported["data"]))) as small:
         assert (small.format, small.size) == ("JPEG", (160, 120))
 
 
 def test_nodes_that_went_are_no_longer_shown() -> None:
-    nodes = (NodeState("a", "RUNNING", "on its way"), NodeState("b", "IDLE", ""))
+    nodes = (TreeNodeState("a", "RUNNING", "on its way"), TreeNodeState("b", "IDLE", ""))
     messages = shown(
-        life(), TreeChanged(nodes, ()), tick(1.0), tick(1.5), TreeChanged((), ("a",)), tick(3.0)
+        start(), TreeChanged(nodes, ()), tick(1.0), tick(1.5), TreeChanged((), ("a",)), tick(3.0)
     )
     assert on("/tree", messages) == [
         {"nodes": [{"path": "a", "status": "RUNNING", "message": "on its way"}]},
@@ -221,7 +221,7 @@ def test_nodes_that_went_are_no_longer_shown() -> None:
 
 def test_what_cannot_be_shown_harms_no_recording(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "run.mcap")
-    for item in (life(), tick(1.0), Drove(Velocity(nan, 0.0)), tick(2.0)):
+    for item in (start(), tick(1.0), VelocityCommanded(Velocity(nan, 0.0)), tick(2.0)):
         file.put(item)
     file.close()
     with (tmp_path / "run.mcap").open("rb") as written:

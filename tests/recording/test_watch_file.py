@@ -20,7 +20,7 @@ def typed(*arguments: object) -> Result:
     return CliRunner().invoke(watch, list(map(str, arguments)), catch_exceptions=False)
 
 
-def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
+def test_a_moment_has_its_tree_its_pose_and_its_commands(stuck: Path) -> None:
     recorded = RecordedMoments(stuck)
     moment = recorded.moments[recorded.index_at(1.5)]
     assert round(moment.time_s, 2) == 1.5
@@ -43,7 +43,7 @@ def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "told"),
+    ("at", "reported"),
     [
         ("1.5", "1.50 of 8.00 s"),
         ("99", "8.00 of 8.00 s"),
@@ -51,10 +51,10 @@ def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
         ("WHEELS_OFF_COMMAND", "2.25 of 8.00 s"),
     ],
 )
-def test_a_moment_is_found_by_time_command_and_reason(stuck: Path, at: str, told: str) -> None:
+def test_a_moment_is_found_by_time_command_and_reason(stuck: Path, at: str, reported: str) -> None:
     result = typed("--file", stuck, "--at", at)
     assert result.exit_code == 0
-    assert told in result.output
+    assert reported in result.output
     assert "nothing to do" in result.output
 
 
@@ -62,13 +62,13 @@ def test_keys_step_and_go_to_reports(stuck: Path, monkeypatch: pytest.MonkeyPatc
     keys: Iterator[str] = iter(["l", "h", "j", "j", "k", ">", "<", "G", "g", "?", "q"])
     shown: list[float] = []
     monkeypatch.setattr(click, "getchar", lambda: next(keys))
-    look = watch_file._shown
+    poll = watch_file._shown
 
-    def keep(recorded: RecordedMoments, moment: Moment, height: int | None) -> object:
+    def retain(recorded: RecordedMoments, moment: Moment, height: int | None) -> object:
         shown.append(round(moment.time_s, 2))
-        return look(recorded, moment, height)
+        return poll(recorded, moment, height)
 
-    monkeypatch.setattr(watch_file, "_shown", keep)
+    monkeypatch.setattr(watch_file, "_shown", retain)
     watch_file.browse(stuck, "0.5")
     assert shown[:3] == [0.5, 0.55, 0.5]
     first, second, back = shown[3:6]
@@ -105,8 +105,8 @@ def test_the_page_shows_a_moment_in_a_browser(stuck: Path, tmp_path: Path) -> No
     assert "<polyline" in opened.document
 
 
-def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
-    for arguments, told in (
+def test_bad_input_is_reported(stuck: Path, tmp_path: Path) -> None:
+    for arguments, reported in (
         (("--file", stuck, "--at", "MOE:9"), "no such command"),
         (("--file", stuck), "give one time"),
         (("--file", stuck, "--once"), "--once needs a running rover"),
@@ -116,4 +116,4 @@ def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
     ):
         result = typed(*arguments)
         assert result.exit_code == 2, result.output
-        assert told in result.output
+        assert reported in result.output

@@ -13,11 +13,11 @@ pytestmark = pytest.mark.ros
 
 
 def charges(*sent: float, present: bool = True, voltage: float = 26.0) -> list[float | None]:
-    said: list[str] = []
-    reader = BatteryReader(said.append)
+    message: list[str] = []
+    reader = BatteryReader(message.append)
     states = (BatteryState(voltage=voltage, percentage=each, present=present) for each in sent)
     found = [reader.fact(state).charge_ratio for state in states]
-    assert len(said) == reader.percent
+    assert len(message) == reader.percent
     return found
 
 
@@ -46,7 +46,7 @@ def test_a_charge_of_zero_is_empty_unless_nothing_is_measured() -> None:
     assert charges(0.3, 0.0, present=False) == [0.3, 0.0]
 
 
-def test_an_executive_that_learns_that_a_battery_counts_to_100_says_so(
+def test_an_executive_that_learns_that_a_battery_counts_to_100_reports_it(
     ros_domain: int, tmp_path: Path
 ) -> None:
     assert ros_domain > 0

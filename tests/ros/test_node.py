@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -30,22 +30,25 @@ from adapters.ros import (
     battery_message,
     declare_sensor_topics,
     declare_topics,
-    imu_message,
-    joints_message,
     odometry_message,
     ros_node,
-    second_odometry_message,
     single_threaded,
     time_message,
 )
 from adapters.ros.conversions import BatteryReader
 from adapters.ros.robot_model import ROBOT_DESCRIPTION, latched_qos
+from adapters.ros.sensor_messages import (
+    imu_message,
+    joints_message,
+    second_odometry_message,
+)
 from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
-from executive.commands.lifecycle import Admitted, SubmitResult
+from executive.commands.lifecycle import Accepted, SubmitResult
 from executive.core.runner import Executive
 from executive.record import Ledger, Synchronous
 from executive.settings import (
+    CameraLimits,
     LaserSettings,
     SecondOdometrySettings,
     Sensor,
@@ -57,9 +60,9 @@ from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
+    ForeignMuxInput,
     Joints,
     Odometry,
-    OtherInput,
     SecondOdometry,
 )
 from executive.values.facts import Imu as ImuFact
@@ -85,7 +88,7 @@ class Bench:
     rover: Node
     topics: Topics
     executors: tuple[SingleThreadedExecutor, SingleThreadedExecutor]
-    velocities: list[Twist] = field(default_factory=list)
+    velocities: list[Any] = field(default_factory=list)
     locked: list[bool] = field(default_factory=list)
     health: list[DiagnosticArray] = field(default_factory=list)
 
@@ -96,7 +99,8 @@ class Bench:
             for executor in self.executors:
                 executor.spin_once(timeout_sec=0.01)
 
-    def publisher(self, kind: type, topic: Topic) -> Publisher:
+    def publisher(self, kind: type, topic: Topic | None) -> Publisher:
+        assert topic is not None
         publisher = self.rover.create_publisher(kind, topic.name, topic.qos)
         self.until(lambda: self.met(publisher.topic_name), f"{topic.name} is heard")
         return publisher
@@ -104,10 +108,10 @@ class Bench:
     def met(self, topic: str) -> bool:
         """Return whether all ends know each other: before, what is said once is lost."""
         nodes = (self.node, self.rover)
-        heard = [end for node in nodes for end in node.publishers if end.topic_name == topic]
-        told = [end for node in nodes for end in node.subscriptions if end.topic_name == topic]
-        return all(end.get_subscription_count() == len(told) for end in heard) and all(
-            end.get_publisher_count() == len(heard) for end in told
+        received = [end for node in nodes for end in node.publishers if end.topic_name == topic]
+        reported = [end for node in nodes for end in node.subscriptions if end.topic_name == topic]
+        return all(end.get_subscription_count() == len(reported) for end in received) and all(
+            end.get_publisher_count() == len(received) for end in reported
         )
 
     def submit(self, command: Command) -> SubmitResult:
@@ -122,30 +126,34 @@ class Bench:
 
 @contextmanager
 def started(
-    folder: Path, tick_s: float, *ros_arguments: str, sensors: Sensors | None = None
+    folder: Path,
+    tick_s: float,
+    *ros_arguments: str,
+    sensors: Sensors | None = None,
+    parameters: Path = PARAMETERS,
 ) -> Iterator[Bench]:
     jackal = load_settings(str(JACKAL))
     settings = replace(jackal, tick_s=tick_s, sensors=sensors or jackal.sensors)
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
     with (
-        ros_node(NODE_NAME, "jackal", parameters=PARAMETERS, ros_arguments=ros_arguments) as node,
+        ros_node(NODE_NAME, "jackal", parameters=parameters, ros_arguments=ros_arguments) as node,
         single_threaded(node) as ours,
         executive_on(node, settings, ledger, folder / "files", []) as executive,
-        ros_node("rover", "jackal", parameters=PARAMETERS) as rover,
+        ros_node("rover", "jackal", parameters=parameters, ros_arguments=ros_arguments) as rover,
         single_threaded(rover) as theirs,
     ):
         topics = declare_topics(rover)
         bench = Bench(executive, node, rover, topics, (ours, theirs))
-        heard = rover.create_subscription(
-            Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
+        received = rover.create_subscription(
+            topics.cmd_vel.type, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
         )
 
-        def hear_lock(message: Bool) -> None:
+        def receive_lock(message: Bool) -> None:
             bench.locked.append(message.data)
 
-        lock = rover.create_subscription(Bool, "e_stop", hear_lock, 10)
+        lock = rover.create_subscription(Bool, "e_stop", receive_lock, 10)
         rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
-        for each in (heard, lock):
+        for each in (received, lock):
             bench.until(lambda: bench.met(each.topic_name), f"it hears {each.topic_name}")  # noqa: B023
         yield bench
 
@@ -175,9 +183,9 @@ def odometry(x_m: float) -> OdometryMessage:
 
 
 def test_a_stop_does_not_wait_for_the_tick(untimed: Bench) -> None:
-    assert isinstance(untimed.submit(Command(Identity("test", 1), Stop(), "direct")), Admitted)
+    assert isinstance(untimed.submit(Command(Identity("test", 1), Stop(), "direct")), Accepted)
     untimed.until(lambda: bool(untimed.velocities), "a velocity")
-    assert untimed.velocities[-1] == Twist()
+    assert untimed.velocities[-1].twist == Twist()
     assert untimed.executive.mode is Mode.STOPPED
 
 
@@ -186,25 +194,27 @@ def test_the_lock_of_the_mux_is_held_from_a_stop_to_the_resume(bench: Bench) -> 
         lambda: bench.locked[-5:] == [False] * 5, "that it is open, for others lock it, too"
     )
     submitted = bench.submit(Command(Identity("test", 1), Stop(), "direct"))
-    assert isinstance(submitted, Admitted)
+    assert isinstance(submitted, Accepted)
     bench.until(lambda: bench.locked[-5:] == [True] * 5, "the lock")
     bench.locked.clear()
     bench.until(lambda: len(bench.locked) > 5, "the lock, all the time")
     assert all(bench.locked)
-    joystick = bench.rover.create_publisher(Twist, "joy_vel", 1)
+    joystick = bench.rover.create_publisher(TwistStamped, "joy_teleop/cmd_vel", 1)
     history = bench.executive.safety.history
 
-    def heard() -> bool:
-        joystick.publish(Twist())
-        return history.mux_inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
+    def received() -> bool:
+        joystick.publish(TwistStamped())
+        return history.mux_inputs == (
+            ForeignMuxInput("joystick", overrides=True, publisher="/jackal/rover"),
+        )
 
-    bench.until(heard, "the joystick")
+    bench.until(received, "the joystick")
     bench.submit(Command(Identity("test", 2), Resume(), "direct"))
     bench.until(lambda: bench.locked[-1] is False, "the lock opens")
     assert bench.executive.mode is Mode.IDLE
 
 
-def test_the_service_stops_while_the_core_hangs_and_says_who(untimed: Bench) -> None:
+def test_the_service_stops_while_the_core_hangs_and_names_the_sender(untimed: Bench) -> None:
     client = untimed.rover.create_client(Trigger, "executive/e_stop")
     untimed.until(client.service_is_ready, "the service is there")
     called: Any = client.call_async(Trigger.Request())
@@ -218,17 +228,86 @@ def test_the_service_stops_while_the_core_hangs_and_says_who(untimed: Bench) -> 
     assert untimed.executive.why.partition(";")[0].split()[-1] in answer.message
 
 
-def test_velocities_that_the_mux_does_not_hear_are_refused(ros_domain: int, tmp_path: Path) -> None:
+def test_velocities_are_stamped_and_those_of_others_received(
+    ros_domain: int, tmp_path: Path
+) -> None:
     assert ros_domain > 0
-    elsewhere = ("-p", "cmd_vel.topic:=cmd_vel")
+    with started(tmp_path, 0.05) as bench:
+        bench.submit(Command(Identity("test", 1), Stop(), "direct"))
+        bench.until(lambda: bool(bench.velocities), "the zero of the stop")
+        header = bench.velocities[-1].header
+        assert header.stamp.sec > 0
+        assert header.frame_id == "base_link"
+        joystick = bench.rover.create_publisher(TwistStamped, "joy_teleop/cmd_vel", 1)
+        history = bench.executive.safety.history
+
+        def received() -> bool:
+            joystick.publish(TwistStamped())
+            return history.mux_inputs == (
+                ForeignMuxInput("joystick", overrides=True, publisher="/jackal/rover"),
+            )
+
+        bench.until(received, "the joystick, and by whom")  # a name may be discovered later
+
+
+def test_a_robot_with_odometry_and_velocity_alone_is_served(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain > 0
+    parameters = tmp_path / "bare.ros.yaml"
+    parameters.write_text(
+        """
+/**:
+  ros__parameters:
+    odometry: {topic: platform/odom/filtered, reliability: best_effort, depth: 50}
+    cmd_vel: {topic: cmd_vel, reliability: reliable, depth: 1}
+    tree_hz: 5.0
+"""
+    )
+    settings = replace(
+        load_settings(str(JACKAL)), sensors=Sensors(), mux=None, camera=CameraLimits(), battery=None
+    )
+    ledger = Ledger(tmp_path / "ledger.sqlite", Synchronous.NORMAL)
     with (
-        pytest.raises(ParameterError, match=r"executive, has the topic executive_vel"),
-        started(tmp_path, 0.05, *elsewhere),
+        ros_node(NODE_NAME, "bare", parameters=parameters) as node,
+        single_threaded(node) as executor,
+        executive_on(node, settings, ledger, tmp_path / "files", []) as executive,
+        ros_node("rover", "bare", parameters=parameters) as rover,
+    ):
+        publisher = rover.create_publisher(OdometryMessage, "platform/odom/filtered", 50)
+        deadline_s = time.monotonic() + LIMIT_S
+        while executive.status.odometry is None:
+            assert time.monotonic() < deadline_s
+            publisher.publish(odometry(3.0))
+            executor.spin_once(timeout_sec=0.05)
+        assert executive.status.pose.x_m == 3.0
+        assert executive.status.battery is None
+
+
+def test_a_type_that_is_none_of_the_topic_is_refused(ros_domain: int, tmp_path: Path) -> None:
+    assert ros_domain > 0
+    wrong = ("-p", "cmd_vel.type:=geometry_msgs/msg/Wrench")
+    known = "geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped"
+    with (
+        pytest.raises(ParameterError, match=f"cmd_vel.type is 'geometry_msgs/msg/Wrench': {known}"),
+        started(tmp_path, 0.05, *wrong),
     ):
         pass
 
 
-def test_what_the_rover_measures_becomes_its_status(untimed: Bench) -> None:
+def test_velocities_that_the_mux_does_not_receive_are_refused(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain > 0
+    other = ("-p", "cmd_vel.topic:=cmd_vel")
+    with (
+        pytest.raises(ParameterError, match=r"executive, has the topic executive/cmd_vel"),
+        started(tmp_path, 0.05, *other),
+    ):
+        pass
+
+
+def test_measurements_of_the_rover_become_its_status(untimed: Bench) -> None:
     topics, status = untimed.topics, untimed.executive.status
     untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
     untimed.publisher(BatteryState, topics.battery).publish(BatteryState(voltage=25.5))
@@ -240,7 +319,7 @@ def test_what_the_rover_measures_becomes_its_status(untimed: Bench) -> None:
     assert status.battery == Battery(25.5)
 
 
-def test_a_battery_comes_through() -> None:
+def test_a_battery_message_is_converted() -> None:
     for sent in (Battery(25.5, 0.5), Battery(25.5, 0.0), Battery(25.5)):
         assert BatteryReader(pytest.fail).fact(battery_message(sent, 0.0)) == sent
 
@@ -308,10 +387,10 @@ def test_a_rover_is_described_where_its_parameters_want_that(
 ) -> None:
     assert ros_domain > 0
     with started(tmp_path, NEVER_S, "-p", "robot_model:=true") as bench:
-        said: list[String] = []
-        bench.rover.create_subscription(String, ROBOT_DESCRIPTION, said.append, latched_qos())
-        bench.until(lambda: bool(said), "a description")
-        assert '<robot name="jackal">' in said[0].data
+        message: list[String] = []
+        bench.rover.create_subscription(String, ROBOT_DESCRIPTION, message.append, latched_qos())
+        bench.until(lambda: bool(message), "a description")
+        assert '<robot name="jackal">' in message[0].data
         bench.publisher(OdometryMessage, bench.topics.odometry).publish(odometry(3.0))
         bench.until(lambda: bench.executive.status.odometry is not None, "odometry")
 
@@ -328,7 +407,7 @@ def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.Monke
     assert fresh[0]
 
 
-def test_sensors_are_heard_at_the_tick_where_they_have_a_topic(
+def test_sensors_are_received_in_the_tick_if_they_have_a_topic(
     ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert ros_domain > 0
@@ -340,22 +419,22 @@ def test_sensors_are_heard_at_the_tick_where_they_have_a_topic(
     with started(tmp_path, 0.05, "-p", "laser.topic:=''", sensors=sensors) as bench:
         present = {Sensor.IMU, Sensor.JOINTS, Sensor.SECOND_ODOMETRY}
         assert bench.executive.settings.sensors.present == present
-        told = declare_sensor_topics(bench.rover, bench.executive.settings.sensors)
-        heard: list[Fact] = []
-        monkeypatch.setattr(bench.executive, "observe", heard.append)
-        imu = bench.publisher(Imu, told.topics[Sensor.IMU])
-        joints = bench.publisher(JointState, told.topics[Sensor.JOINTS])
-        second = bench.publisher(OdometryMessage, told.topics[Sensor.SECOND_ODOMETRY])
+        reported = declare_sensor_topics(bench.rover, bench.executive.settings.sensors)
+        received: list[Fact] = []
+        monkeypatch.setattr(bench.executive, "observe", received.append)
+        imu = bench.publisher(Imu, reported.topics[Sensor.IMU])
+        joints = bench.publisher(JointState, reported.topics[Sensor.JOINTS])
+        second = bench.publisher(OdometryMessage, reported.topics[Sensor.SECOND_ODOMETRY])
         for stamp_s, sign in enumerate((1.0, -1.0, 2.0), 1):
             imu.publish(imu_message(replace(LEVEL, stamp_s=stamp_s, gyro_z_radps=sign)))
         wheels = Joints(1.0, (1.0, 2.0), (3.0, 4.0))
         joints.publish(JointState(name=["front_left_wheel_joint"], velocity=[1.0]))
-        joints.publish(joints_message(wheels, told.joints))
+        joints.publish(joints_message(wheels, reported.joints))
         where = SecondOdometry(2.0, Pose(x_m=1.0), 0.25, 0.5)
         second.publish(second_odometry_message(where, "visual_odom"))
-        bench.until(lambda: {wheels, where} <= set(heard), "what wheels and camera tell")
-        bench.until(lambda: len([f for f in heard if isinstance(f, ImuFact)]) == 3, "the IMU")
-        rates = [fact.gyro_z_radps for fact in heard if isinstance(fact, ImuFact)]
+        bench.until(lambda: {wheels, where} <= set(received), "what wheels and camera tell")
+        bench.until(lambda: len([f for f in received if isinstance(f, ImuFact)]) == 3, "the IMU")
+        rates = [fact.gyro_z_radps for fact in received if isinstance(fact, ImuFact)]
         assert rates == [1.0, -1.0, 2.0]
         bench.until(lambda: any(refused(array) for array in bench.health), "the bad message")
         assert bench.executive.mode is Mode.IDLE
@@ -395,19 +474,20 @@ def test_a_callback_that_raises_leaves_the_rover_safe_and_the_process_alive(
     untimed.publisher(BatteryState, topics.battery).publish(BatteryState(voltage=25.5))
     untimed.until(lambda: executive.mode is Mode.SAFE, "the rover is SAFE")
     untimed.until(lambda: bool(untimed.velocities), "zero velocity")
-    assert untimed.velocities[-1] == Twist()
+    assert untimed.velocities[-1].twist == Twist()
     assert "no such thing" in executive.why
     untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
     untimed.until(lambda: executive.status.odometry is not None, "odometry goes on")
     untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
-    assert isinstance(untimed.submit(Command(Identity("test", 1), Resume(), "direct")), Admitted)
+    assert isinstance(untimed.submit(Command(Identity("test", 1), Resume(), "direct")), Accepted)
     assert executive.mode is Mode.IDLE
 
 
-def test_the_camera_is_heard_only_until_a_requested_frame_came(
+def test_the_camera_is_received_only_until_a_requested_frame_arrived(
     untimed: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    topic = untimed.topics.camera_compressed
+    topic = untimed.topics.camera
+    assert topic is not None
     frames = untimed.rover.create_publisher(CompressedImage, topic.name, topic.qos)
     status, tree = untimed.executive.status, untimed.executive.tree
     assert isinstance(tree, RoverTree)
@@ -439,7 +519,9 @@ def test_a_thread_that_hangs_shows_in_the_diagnostics(untimed: Bench) -> None:
         shown = "/jackal/executive: watchdog"
         untimed.until(lambda: shown in {a.status[0].name for a in untimed.health}, "its alarm")
         reports = untimed.executive.reports
-        untimed.until(lambda: any("did not tick" in told.text for told in reports()), "its event")
+        untimed.until(
+            lambda: any("did not tick" in reported.text for reported in reports()), "its event"
+        )
 
 
 def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """The parts of the ROS adapter that need no ROS network."""
 
 import os
+import re
 from dataclasses import astuple, replace
-from io import StringIO
+from io import BytesIO, StringIO
 from math import inf, isnan, nan, pi
 
 import pytest
@@ -11,10 +12,13 @@ from geometry_msgs.msg import Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry as OdometryMessage
+from PIL import Image as Pillow
 from rclpy.clock import Clock
 from rclpy.time import Time
 from rich.console import Console
-from sensor_msgs.msg import BatteryState, CompressedImage
+from sensor_msgs.msg import BatteryState, CompressedImage, Image, JointState
+from std_msgs.msg import Float32, Float64
+from trajectory_msgs.msg import JointTrajectory
 
 from adapters.onboard.process import main as executive
 from adapters.ros import MessageError, conversions, odometry_message, ros_node
@@ -25,9 +29,16 @@ from adapters.ros.tree_topic import from_json, to_json
 from executive.settings import config_folder, load_settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
+from executive.values.reports import Severity
 from trees.rover import preview
 from trees.screen import collapse, render
-from trees.snapshot import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
+from trees.snapshot import (
+    FaultSnapshot,
+    NodeKind,
+    NodeStatus,
+    TreeNodeSnapshot,
+    TreeSnapshot,
+)
 
 
 class SetClock(Clock):
@@ -44,7 +55,7 @@ def node(path: str, status: NodeStatus) -> TreeNodeSnapshot:
     return TreeNodeSnapshot(path, path.split("/")[-1], depth, NodeKind.LEAF, status, "")
 
 
-def test_time_never_steps_back_where_a_simulation_starts_anew() -> None:
+def test_time_never_steps_back_when_a_simulation_restarts() -> None:
     shown = SetClock()
     clock = RosClock(shown)
     times = []
@@ -58,22 +69,26 @@ def test_a_snapshot_survives_the_wire() -> None:
     nodes = preview(load_settings("jackal"))
     snapshot = TreeSnapshot(7, 1_800_000_000.25, "IDLE", "standing: „no“ goal", nodes)
     assert from_json(to_json(snapshot)) == snapshot
-    told = replace(snapshot, faults=("WARNING slides: it slides",), unmonitored="slip (no camera)")
-    assert from_json(to_json(told)) == told
+    reported = replace(
+        snapshot,
+        faults=(FaultSnapshot("slide_at_rest", Severity.WARNING, "it slides"),),
+        unmonitored="slip (no camera)",
+    )
+    assert from_json(to_json(reported)) == reported
 
 
-def test_the_head_says_faults_and_what_is_not_monitored() -> None:
+def test_the_header_lists_faults_and_unmonitored_quantities() -> None:
     nodes = preview(load_settings("jackal"))
     snapshot = TreeSnapshot(
         *(7, 0.0, "IDLE", "standing: no motion goal", nodes),
-        faults=("WARNING odometry_silent: the newest odometry is 1.00 s old",),
+        faults=(FaultSnapshot("odometry_silent", Severity.WARNING, "the newest odometry is old"),),
         unmonitored="slip (no second odometry)",
     )
     console = Console(record=True, file=StringIO(), width=100)
     console.print(render("jackal", snapshot))
     assert console.export_text().splitlines()[1:5] == [
         "standing: no motion goal",
-        "WARNING odometry_silent: the newest odometry is 1.00 s old",
+        "WARNING odometry_silent: the newest odometry is old",
         "not monitored: slip (no second odometry)",
         "",
     ]
@@ -85,7 +100,7 @@ def test_a_text_that_is_no_snapshot_is_refused(text: str) -> None:
         from_json(text)
 
 
-def test_folding_hides_what_came_to_nothing() -> None:
+def test_folding_hides_inactive_branches() -> None:
     nodes = [
         node("a", NodeStatus.RUNNING),
         node("a/b", NodeStatus.FAILURE),
@@ -106,37 +121,37 @@ def test_the_tick_monitor_counts_late_and_long_ticks() -> None:
         for _ in range(3):
             with monitor.tick():
                 pass
-    beat = never_late.take()
+    beat = never_late.pop_statistics()
     assert (beat.ticks, beat.overruns) == (3, 0)
     assert beat.period_s is not None
     assert beat.max_period_s >= beat.period_s
-    assert always_long.take().overruns == 3
-    empty = always_long.take()
+    assert always_long.pop_statistics().overruns == 3
+    empty = always_long.pop_statistics()
     assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "text"),
     [
         (["--port", "70000"], "70000 is not in the range"),
         (["--ros-params", "none.yaml"], "File 'none.yaml' does not exist"),
         (["--asset", "none"], "there is no asset 'none'"),
     ],
 )
-def test_a_command_line_that_cannot_be_gets_one_error(arguments: list[str], says: str) -> None:
+def test_a_command_line_that_cannot_be_gets_one_error(arguments: list[str], text: str) -> None:
     done = CliRunner().invoke(executive, arguments)
     assert done.exit_code == 2
-    assert says in done.output
+    assert text in done.output
 
 
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 @pytest.fixture
 def no_choice(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> None:
     """Take away what the user, or the fixture before this one, chose."""
     assert ros_domain > 0
-    for name in (PROFILE, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISCOVERY_SERVER", "ROS_DISTRO"):
+    for name in (*PROFILES, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISCOVERY_SERVER", "ROS_DISTRO"):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -144,16 +159,16 @@ def no_choice(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> None:
 @pytest.mark.usefixtures("no_choice")
 def test_without_a_choice_a_node_stays_on_loopback() -> None:
     with ros_node("node", "jackal"):
-        assert os.environ[PROFILE] == str(config_folder() / "fastdds.xml")
+        assert {os.environ[each] for each in PROFILES} == {str(config_folder() / "fastdds.xml")}
 
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("no_choice")
-@pytest.mark.parametrize("choice", ["FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISTRO"])
+@pytest.mark.parametrize("choice", ["FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISTRO", PROFILES[1]])
 def test_a_choice_is_respected(choice: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(choice, "UDPv4")
     with ros_node("node", "jackal"):
-        assert PROFILE not in os.environ
+        assert not ({*PROFILES} - {choice}) & {*os.environ}
 
 
 UPRIGHT = pi / 2 - 0.01
@@ -163,20 +178,20 @@ lengths = st.floats(-1e4, 1e4)
 JPEG = b"\xff\xd8\xff\xe0 and so on"
 
 
-def half(kept: Precision) -> float:
+def half(stored: Precision) -> float:
     """Return half of the last digit that is kept, and what numbers in binary add."""
-    return 0.51 * 10.0**-kept
+    return 0.51 * 10.0**-stored
 
 
 @given(heading_rad=turns, roll_rad=tilts, pitch_rad=tilts)
-def test_angles_come_back_from_the_rotation_made_of_them(
+def test_angles_survive_the_conversion_to_a_rotation(
     heading_rad: float, roll_rad: float, pitch_rad: float
 ) -> None:
     pose = Pose(heading_rad=heading_rad, roll_rad=roll_rad, pitch_rad=pitch_rad)
     roll, pitch, heading = conversions.angles(quaternion(pose))
-    kept = half(Precision.HEADING)
-    assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=kept)
-    assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=kept)
+    stored = half(Precision.HEADING)
+    assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=stored)
+    assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=stored)
 
 
 @pytest.mark.parametrize(
@@ -193,8 +208,8 @@ def test_angles_come_back_from_the_rotation_made_of_them(
 def test_angles_of_known_rotations(
     x: float, y: float, z: float, w: float, expected: tuple[float, float, float]
 ) -> None:
-    told = conversions.angles(Quaternion(x=x, y=y, z=z, w=w))
-    assert told == pytest.approx(expected, abs=half(Precision.HEADING))
+    reported = conversions.angles(Quaternion(x=x, y=y, z=z, w=w))
+    assert reported == pytest.approx(expected, abs=half(Precision.HEADING))
 
 
 @pytest.mark.parametrize(
@@ -208,7 +223,7 @@ def test_angles_of_known_rotations(
         Quaternion(w=1e200, x=1e200),
     ],
 )
-def test_what_is_no_rotation_is_refused(rotation: Quaternion) -> None:
+def test_an_invalid_rotation_is_refused(rotation: Quaternion) -> None:
     with pytest.raises(MessageError, match="not a rotation"):
         conversions.angles(rotation)
 
@@ -228,20 +243,20 @@ def xyz(pose: Pose) -> tuple[float, float, float]:
 
 
 @given(ODOMETRY)
-def test_odometry_comes_through(sent: Odometry) -> None:
+def test_odometry_is_converted(sent: Odometry) -> None:
     received = conversions.odometry_fact(odometry_message(sent))
-    for told, measured in zip(
+    for reported, measured in zip(
         (received.stamp_s, *astuple(received.velocity), *xyz(received.pose)),
         (sent.stamp_s, *astuple(sent.velocity), *xyz(sent.pose)),
         strict=True,
     ):
-        assert told == pytest.approx(measured, abs=half(Precision.LENGTH))
+        assert reported == pytest.approx(measured, abs=half(Precision.LENGTH))
     sd = (received.position_sd_m, received.heading_sd_rad)
     assert sd == pytest.approx((sent.position_sd_m, sent.heading_sd_rad), abs=1e-6)
 
 
 @pytest.mark.parametrize("variance", [nan, inf, -1.0, 0.0])
-def test_a_covariance_that_says_nothing_does_not_cost_the_odometry(variance: float) -> None:
+def test_an_empty_covariance_does_not_invalidate_the_odometry(variance: float) -> None:
     message = odometry_message(Odometry(1.0, Pose(), Velocity()))
     message.pose.covariance = [variance] * 36
     assert conversions.odometry_fact(message).position_sd_m == 0.0
@@ -262,9 +277,9 @@ def test_a_covariance_that_says_nothing_does_not_cost_the_odometry(variance: flo
 )
 def test_odometry_with_a_figure_that_is_none_is_refused(path: str, value: float) -> None:
     message = OdometryMessage()
-    *way, last = path.split(".")
+    *route, last = path.split(".")
     part = message
-    for name in way:
+    for name in route:
         part = getattr(part, name)
     setattr(part, last, value)
     with pytest.raises(MessageError):
@@ -277,7 +292,7 @@ def test_a_battery_that_is_not_measured_is_refused() -> None:
     assert isnan(reader.fact(BatteryState(voltage=nan)).voltage_v)
 
 
-def test_a_frame_is_told_by_its_octets() -> None:
+def test_a_frame_is_recognised_by_its_octets() -> None:
     message = CompressedImage(format="rgb8; jpeg compressed bgr8", data=list(JPEG))
     message.header.stamp.sec = 7
     frame = conversions.frame_fact(message)
@@ -290,3 +305,70 @@ def test_a_frame_is_told_by_its_octets() -> None:
 def test_octets_of_no_picture_are_refused(data: bytes) -> None:
     with pytest.raises(MessageError, match="neither JPEG nor PNG"):
         conversions.frame_fact(CompressedImage(format="jpeg", data=list(data)))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixel", "rgb"),
+    [
+        ("rgb8", (200, 40, 10), (200, 40, 10)),
+        ("bgr8", (10, 40, 200), (200, 40, 10)),
+        ("mono8", (90,), 90),
+    ],
+)
+def test_a_raw_image_becomes_a_jpeg_of_its_colours(
+    encoding: str, pixel: tuple[int, ...], rgb: tuple[int, ...] | int
+) -> None:
+    padding = b"\0" * 5
+    row = bytes(pixel) * 16 + padding
+    image = Image(encoding=encoding, width=16, height=8, step=len(row), data=row * 8)
+    frame = conversions.frame_fact(image)
+    assert frame.format == "JPG"
+    picture = Pillow.open(BytesIO(frame.data))
+    assert picture.size == (16, 8)
+    assert picture.getpixel((7, 3)) == pytest.approx(rgb, abs=6)
+
+
+@pytest.mark.parametrize(
+    ("image", "text"),
+    [
+        (
+            Image(encoding="bayer_rggb8", width=2, height=2, step=2, data=b"1234"),
+            "'bayer_rggb8': rgb8,",
+        ),
+        (
+            Image(encoding="rgb8", width=2, height=2, step=6, data=b"1234"),
+            "2 x 2 rgb8, step 6, 4 octets",
+        ),
+        (Image(encoding="rgb8", width=2, height=2, step=1, data=b"1234"), "2 x 2 rgb8, step 1"),
+        (Image(encoding="mono8", data=b""), "0 x 0 mono8"),
+    ],
+)
+def test_a_raw_image_that_cannot_be_read_is_refused(image: Image, text: str) -> None:
+    with pytest.raises(MessageError, match=re.escape(text)):
+        conversions.frame_fact(image)
+
+
+def test_a_battery_may_be_its_voltage_alone() -> None:
+    fact = conversions.BatteryReader(pytest.fail).fact(Float32(data=15.5))
+    assert (fact.voltage_v, fact.charge_ratio) == (15.5, None)
+
+
+def test_an_angle_may_be_one_of_many_joints() -> None:
+    message = JointState(name=["wheel", "pan"], position=[9.0, 0.5])
+    assert conversions.joint_angle(message, "pan") == 0.5
+    assert conversions.joint_angle(message, "tilt") is None
+    assert conversions.joint_angle(Float64(data=0.25), "") == 0.25
+    for wrong in (JointState(name=["pan"]), JointState(name=["pan"], position=[nan])):
+        with pytest.raises(MessageError, match="joint pan"):
+            conversions.joint_angle(wrong, "pan")
+
+
+def test_an_angle_is_commanded_in_the_type_of_its_topic() -> None:
+    trajectory = conversions.joint_command(JointTrajectory, "pan", 0.5, 0.4, -0.2)
+    assert trajectory.joint_names == ["pan"]
+    (point,) = trajectory.points
+    assert list(point.positions) == [0.5]
+    assert point.time_from_start.nanosec == 500_000_000
+    state = conversions.joint_command(JointState, "pan", 0.5, 0.4, -0.2)
+    assert (state.name, list(state.position), list(state.velocity)) == (["pan"], [0.5], [0.4])
+    assert conversions.joint_command(Float64, "", 0.5, 0.4, 0.1) == Float64(data=0.5)

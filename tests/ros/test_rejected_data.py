@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState, LaserScan
+from std_msgs.msg import Bool
 
 from adapters.ros import declare_sensor_topics
 from executive.commands import MoveForward
 from executive.commands.catalogue import Command
-from executive.commands.lifecycle import Refused
+from executive.commands.lifecycle import Rejected
 from executive.settings import ImuSettings, JointsSettings, LaserSettings, Sensor, Sensors
 from executive.values.facts import Source
 from executive.values.reports import Identity
-from tests.ros.test_node import Bench, started
+from tests.ros.test_node import PARAMETERS, Bench, started
 
 pytestmark = pytest.mark.ros
 
@@ -93,17 +94,17 @@ def test_odometry_that_cannot_be_used_is_in_the_refusal(
     status = bench.executive.status
     bench.until(lambda: not status.odometry_fresh and "Hz" in why(bench, Source.ODOMETRY), "age")
     answer = bench.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
-    assert isinstance(answer, Refused)
+    assert isinstance(answer, Rejected)
     assert "the position of the rover is unknown; odometry arrives at " in answer.refusal.text
     assert "rejected: " in answer.refusal.text
     assert re.search(reason, answer.refusal.text)
     assert bench.executive.why.startswith("standing: no odometry; odometry arrives at ")
 
 
-def test_sensors_that_cannot_be_used_say_why(bench: Bench) -> None:
-    told = declare_sensor_topics(bench.rover, SENSORS)
+def test_unusable_sensors_give_the_reason(bench: Bench) -> None:
+    reported = declare_sensor_topics(bench.rover, SENSORS)
     imu, joints, scan = (
-        bench.publisher(kind, told.topics[sensor])
+        bench.publisher(kind, reported.topics[sensor])
         for kind, sensor in (
             (Imu, Sensor.IMU),
             (JointState, Sensor.JOINTS),
@@ -121,7 +122,9 @@ def test_sensors_that_cannot_be_used_say_why(bench: Bench) -> None:
     assert "angles and bounds of the scan" in sends(bench, scan, lambda _: flat, Source.LASER)
 
 
-def test_best_effort_for_a_reliable_subscription_is_said(ros_domain: int, tmp_path: Path) -> None:
+def test_best_effort_for_a_reliable_subscription_is_reported(
+    ros_domain: int, tmp_path: Path
+) -> None:
     assert ros_domain > 0
     reliable = ("-p", "odometry.reliability:=reliable")
     with started(tmp_path, 0.05, *reliable) as bench:
@@ -135,11 +138,77 @@ def test_best_effort_for_a_reliable_subscription_is_said(ros_domain: int, tmp_pa
 
         bench.until(reported, "a mismatch")
         assert why(bench, Source.ODOMETRY) == (
-            "odometry is not received: publisher is best effort, subscription reliable"
+            "odometry is not received: platform/odom/filtered:"
+            " publisher is best effort, subscription reliable"
         )
 
 
-def test_a_base_that_subscribes_to_another_type_is_said(ros_domain: int, tmp_path: Path) -> None:
+def parameter_file(folder: Path, *states: str) -> Path:
+    """Return a parameter file in which some topics state no reliability."""
+    text = PARAMETERS.read_text()
+    for each in states:
+        text, count = re.subn(rf"( {each}: {{topic: [^,]*,) reliability: \w*,", r"\1", text)
+        assert count == 1
+    path = folder / "jackal.ros.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("reliability", ["BEST_EFFORT", "RELIABLE"])
+def test_a_subscription_without_reliability_follows_its_publisher(
+    ros_domain: int, tmp_path: Path, reliability: str
+) -> None:
+    assert ros_domain > 0
+    file = parameter_file(tmp_path, "odometry", "imu")
+    wanted = ReliabilityPolicy[reliability]
+    qos = QoSProfile(depth=1, reliability=wanted)  # type: ignore[no-untyped-call]
+    with started(tmp_path, 0.05, sensors=SENSORS, parameters=file) as bench:
+        stamps = count(1)
+        sent = bench.rover.create_publisher(OdometryMessage, bench.topics.odometry.name, qos)
+        bench.rover.create_publisher(Imu, "sensors/imu_0/data", qos)
+
+        def follows() -> bool:
+            sent.publish(odometry(next(stamps)))
+            own = [
+                each.qos_profile.reliability
+                for name in (sent.topic_name, "/jackal/sensors/imu_0/data")
+                for each in bench.node.get_subscriptions_info_by_topic(name)
+            ]
+            return own == [wanted, wanted]
+
+        bench.until(follows, "subscriptions that match")
+        before = bench.executive.status.odometry
+        bench.until(lambda: follows() and bench.executive.status.odometry != before, "odometry")
+        assert not why(bench, Source.ODOMETRY)
+
+
+def test_a_topic_that_is_no_sensor_reports_its_mismatch_once(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain > 0
+    stated = ("topic:=stop", "reliability:=reliable", "depth:=1")
+    text = [word for each in stated for word in ("-p", f"emergency_stop.{each}")]
+    best_effort = QoSProfile(  # type: ignore[no-untyped-call]
+        depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
+    )
+    with started(tmp_path, 0.05, *text) as bench:
+        bench.rover.create_publisher(Bool, "stop", best_effort)
+
+        def events() -> list[str]:
+            found = [each.text for each in bench.executive.reports()]
+            return [each for each in found if "nothing is received" in each]
+
+        bench.until(lambda: bool(events()), "a mismatch")
+        seen = len(bench.health)
+        bench.until(lambda: len(bench.health) > seen + 2, "two more seconds")
+        assert events() == [
+            "nothing is received on stop: publisher is best effort, subscription reliable"
+        ]
+
+
+def test_a_base_that_subscribes_to_another_type_is_reported(
+    ros_domain: int, tmp_path: Path
+) -> None:
     assert ros_domain > 0
     with started(tmp_path, 0.05) as bench:
         topic = bench.topics.cmd_vel
@@ -150,20 +219,20 @@ def test_a_base_that_subscribes_to_another_type_is_said(ros_domain: int, tmp_pat
         )
         assert not why(bench, Source.VELOCITY)
         bench.rover.destroy_subscription(own)
-        bench.rover.create_subscription(TwistStamped, topic.name, lambda _: None, topic.qos)
+        bench.rover.create_subscription(Twist, topic.name, lambda _: None, topic.qos)
         bench.until(lambda: bool(why(bench, Source.VELOCITY)), "a mismatch")
         assert why(bench, Source.VELOCITY) == (
-            f"velocity command is not received: no subscriber to {topic.name} as Twist,"
-            " the base subscribes as TwistStamped"
+            f"velocity command is not received: no subscriber to {topic.name} as TwistStamped,"
+            " the base subscribes as Twist"
         )
 
 
 def test_sound_messages_are_no_rejections(bench: Bench) -> None:
     """Odometry that is sent twice, and joint states of an arm between those of the wheels."""
-    told = declare_sensor_topics(bench.rover, SENSORS)
+    reported = declare_sensor_topics(bench.rover, SENSORS)
     publisher = bench.publisher(OdometryMessage, bench.topics.odometry)
-    joints = bench.publisher(JointState, told.topics[Sensor.JOINTS])
-    wheels = JointState(name=[*told.joints.left, *told.joints.right], velocity=[0.0] * 4)
+    joints = bench.publisher(JointState, reported.topics[Sensor.JOINTS])
+    wheels = JointState(name=[*reported.joints.left, *reported.joints.right], velocity=[0.0] * 4)
     arm = JointState(name=["joint1"], velocity=[0.0])
     ticks, stamps = len(bench.health), count(1)
 

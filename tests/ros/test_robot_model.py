@@ -39,7 +39,7 @@ def all_transforms(angles: CameraAngles) -> list[TransformStamped]:
     return [base_transform(odometry), *camera_transforms(angles, 7.5), *static_transforms(0.0)]
 
 
-def test_the_camera_looks_where_it_is_pointed() -> None:
+def test_the_camera_points_in_its_direction() -> None:
     pan_rad, tilt_rad = 0.7, 0.3
     _, *camera = all_transforms(CameraAngles(pan_rad, tilt_rad))
     ahead = (0.0, 0.0, 1.0)  # of an optical frame
@@ -83,7 +83,7 @@ def test_a_rover_of_unknown_size_has_frames_all_the_same() -> None:
     assert len(list(robot.iter("joint"))) == 3
 
 
-def test_rviz_is_told_topics_that_there_are() -> None:
+def test_rviz_uses_existing_topics() -> None:
     folder = config_folder()
     shown = yaml.safe_load((folder / "rover.rviz").read_text(encoding="utf-8"))
     parameters = yaml.safe_load((folder / "jackal.ros.yaml").read_text(encoding="utf-8"))

@@ -11,24 +11,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64, String
 
 from adapters.ros import (
     CAMERA_OPTICAL,
-    MESSAGES,
     ROBOT_DESCRIPTION,
     Topic,
     conversions,
     declare_sensor_topics,
+    latched_qos,
+)
+from adapters.ros.conversions import joint_command
+from adapters.ros.sensor_messages import (
     imu_fact,
     joints_fact,
     laser_fact,
-    latched_qos,
     second_odometry_fact,
 )
 from executive.settings import (
@@ -47,18 +49,45 @@ from tests.support.processes import running, simulation
 pytestmark = pytest.mark.ros
 
 
-def test_what_the_topic_says_is_aboard_if_it_is_a_mass(ros_domain: int, tmp_path: Path) -> None:
+def test_a_valid_mass_on_the_topic_is_aboard(ros_domain: int, tmp_path: Path) -> None:
     parameters = config_folder() / "jackal.ros.yaml"
     with (
         simulation(tmp_path, "--camera", "off") as process,
         cargo_publisher("jackal", ros_domain, parameters) as load,
     ):
         load(20.0)
-        process.said(r"cargo aboard: 20 kg")
+        process.output(r"cargo aboard: 20 kg")
         if find_spec("tf2_msgs") is None:
-            process.said("no /tf and /tf_static: this ROS has no tf2_msgs")
+            process.output("no /tf and /tf_static: this ROS has no tf2_msgs")
         load(-1.0)
-        process.said(r"a cargo of -1 kg is not in 0 \.\. 50 kg")
+        process.output(r"a cargo of -1 kg is not in 0 \.\. 50 kg")
+        assert process.end() == 0
+
+
+def test_the_simulation_speaks_in_the_types_of_its_topics(ros_domain: int, tmp_path: Path) -> None:
+    assert ros_domain > 0
+    text = (config_folder() / "jackal.ros.yaml").read_text()
+    for key, kind in (
+        ("battery", "type: std_msgs/msg/Float32"),
+        ("camera_pan_state", "type: sensor_msgs/msg/JointState, joint: pan"),
+        ("camera_pan", "type: trajectory_msgs/msg/JointTrajectory, joint: pan"),
+    ):
+        text, found = re.subn(rf"(\n    {key}: \{{)", rf"\1{kind}, ", text)
+        assert found == 1
+    parameters = tmp_path / "jackal.ros.yaml"
+    parameters.write_text(text)
+    with (
+        simulation(tmp_path, "--camera", "off", "--ros-params", str(parameters)) as process,
+        probing(parameters) as probe,
+    ):
+        first(probe, probe.topics.battery, lambda m: 20.0 < m.data < 30.0)
+        topic = probe.topics.camera_pan
+        assert topic is not None
+        publisher = probe.node.create_publisher(topic.type, topic.name, topic.qos)
+        probe.until(lambda: publisher.get_subscription_count() > 0, "it is subscribed")
+        publisher.publish(joint_command(topic.type, "pan", 0.4, 1.0, 0.4))
+        state = probe.topics.camera_pan_state
+        first(probe, state, lambda m: m.name == ["pan"] and abs(m.position[0] - 0.4) < 0.02)
         assert process.end() == 0
 
 
@@ -78,13 +107,16 @@ def probe(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> I
         yield probe
 
 
-def first(probe: Probe, kind: type, topic: Topic, fits: Callable[..., bool]) -> object:
+def first(probe: Probe, topic: Topic | None, fits: Callable[..., bool]) -> object:
     """Wait for the first message that fits."""
-    heard: list[object] = []
-    subscription = probe.node.create_subscription(kind, topic.name, heard.append, topic.qos)
-    probe.until(lambda: any(fits(message) for message in heard), f"{topic.name} as it should be")
+    assert topic is not None
+    received: list[object] = []
+    subscription = probe.node.create_subscription(
+        topic.type, topic.name, received.append, topic.qos
+    )
+    probe.until(lambda: any(fits(message) for message in received), f"{topic.name} as it should be")
     probe.node.destroy_subscription(subscription)
-    return heard[-1]
+    return received[-1]
 
 
 def test_sensors_are_published(probe: Probe) -> None:
@@ -94,21 +126,24 @@ def test_sensors_are_published(probe: Probe) -> None:
         fact = conversions.odometry_fact(message)
         return message.header.frame_id == "odom" and fact.pose.finite
 
-    first(probe, Odometry, topics.odometry, is_odometry)
+    first(probe, topics.odometry, is_odometry)
     first(
         probe,
-        BatteryState,
         topics.battery,
         lambda m: 20.0 < m.voltage < 30.0,
     )
-    first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
-    first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
+    first(probe, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
+    first(probe, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
 
 
-def test_tools_are_told_how_the_rover_looks_and_how_its_camera_projects(probe: Probe) -> None:
-    kept = Topic(ROBOT_DESCRIPTION, latched_qos())
-    first(probe, String, kept, lambda m: '<robot name="jackal">' in m.data)
-    info = Topic("camera/camera_info", probe.topics.camera_image.qos)
+def test_tools_receive_the_shape_of_the_rover_and_the_projection_of_its_camera(
+    probe: Probe,
+) -> None:
+    stored = Topic(ROBOT_DESCRIPTION, String, latched_qos())
+    first(probe, stored, lambda m: '<robot name="jackal">' in m.data)
+    raw = probe.topics.camera_raw
+    assert raw is not None
+    info = Topic("camera/camera_info", CameraInfo, raw.qos)
 
     def of_a_pinhole(message: CameraInfo) -> bool:
         half_rad = atan2(message.height / 2, message.k[4])
@@ -116,7 +151,7 @@ def test_tools_are_told_how_the_rover_looks_and_how_its_camera_projects(probe: P
             radians(55 / 2)
         )
 
-    first(probe, CameraInfo, info, of_a_pinhole)
+    first(probe, info, of_a_pinhole)
 
 
 @pytest.mark.skipif(find_spec("tf2_msgs") is None, reason="this ROS has no tf2_msgs")
@@ -127,48 +162,48 @@ def test_frames_are_published(probe: Probe) -> None:
         return lambda m: any(each.child_frame_id == child for each in m.transforms)
 
     moving, still = QoSProfile(depth=100), latched_qos()  # type: ignore[no-untyped-call]
-    first(probe, TFMessage, Topic("/tf", moving), has("base_link"))
-    first(probe, TFMessage, Topic("/tf", moving), has("camera_link"))
-    first(probe, TFMessage, Topic("/tf_static", still), has("camera_optical"))
+    first(probe, Topic("/tf", TFMessage, moving), has("base_link"))
+    first(probe, Topic("/tf", TFMessage, moving), has("camera_link"))
+    first(probe, Topic("/tf_static", TFMessage, still), has("camera_optical"))
 
 
-def test_what_the_settings_name_is_published(probe: Probe) -> None:
+def test_the_configured_topics_are_published(probe: Probe) -> None:
     sensors = Sensors(
         ImuSettings(100), JointsSettings(50, 1, 1), SecondOdometrySettings(2), LaserSettings(10)
     )
-    told = declare_sensor_topics(probe.node, sensors)
+    reported = declare_sensor_topics(probe.node, sensors)
 
-    def hear(sensor: Sensor, fits: Callable[[Any], bool]) -> None:
-        first(probe, MESSAGES[sensor], told.topics[sensor], fits)
+    def receive(sensor: Sensor, fits: Callable[[Any], bool]) -> None:
+        first(probe, reported.topics[sensor], fits)
 
-    hear(Sensor.IMU, lambda m: abs(imu_fact(m).acceleration_z_mps2 - 9.81) < 1.0)
-    hear(Sensor.JOINTS, lambda m: joints_fact(m, told.joints) is not None)
-    hear(Sensor.SECOND_ODOMETRY, lambda m: second_odometry_fact(m).position_sd_m > 0.005)
-    hear(Sensor.LASER, lambda m: set(laser_fact(m).ranges_m) == {inf})
+    receive(Sensor.IMU, lambda m: abs(imu_fact(m).acceleration_z_mps2 - 9.81) < 1.0)
+    receive(Sensor.JOINTS, lambda m: joints_fact(m, reported.joints) is not None)
+    receive(Sensor.SECOND_ODOMETRY, lambda m: second_odometry_fact(m).position_sd_m > 0.005)
+    receive(Sensor.LASER, lambda m: set(laser_fact(m).ranges_m) == {inf})
 
 
-def test_time_is_published_and_runs_as_fast_as_asked_for(probe: Probe) -> None:
-    heard: list[float] = []
+def test_time_is_published_and_runs_at_the_requested_rate(probe: Probe) -> None:
+    received: list[float] = []
 
-    def keep(message: Clock) -> None:
-        heard.append(conversions.stamp_s(message.clock))
+    def retain(message: Clock) -> None:
+        received.append(conversions.stamp_s(message.clock))
 
-    probe.node.create_subscription(Clock, "/clock", keep, 10)
-    probe.until(lambda: len(heard) > 20, "the clock")
-    steps = [after - before for before, after in pairwise(heard)]
+    probe.node.create_subscription(Clock, "/clock", retain, 10)
+    probe.until(lambda: len(received) > 20, "the clock")
+    steps = [after - before for before, after in pairwise(received)]
     assert min(steps) == pytest.approx(0.02)
-    assert probe.fresh_truth().header.stamp.sec >= int(heard[0])
+    assert probe.fresh_truth().header.stamp.sec >= int(received[0])
 
 
 @pytest.mark.usefixtures("ros_domain")
 def test_time_that_a_halted_machine_cost_is_caught_up(tmp_path: Path) -> None:
     behind_s: list[float] = []
 
-    def keep(message: Clock) -> None:
+    def retain(message: Clock) -> None:
         behind_s.append(time.monotonic() - conversions.stamp_s(message.clock))
 
     with simulation(tmp_path, "--camera", "off") as process, probing() as probe:
-        probe.node.create_subscription(Clock, "/clock", keep, 10)
+        probe.node.create_subscription(Clock, "/clock", retain, 10)
         probe.until(lambda: len(behind_s) > 20, "the clock")
         usual_s = min(behind_s)
         process.send(signal.SIGSTOP)
@@ -178,54 +213,54 @@ def test_time_that_a_halted_machine_cost_is_caught_up(tmp_path: Path) -> None:
         probe.until(lambda: min(behind_s, default=inf) - usual_s < 0.2, "the time as before")
 
 
-def test_pictures_come_raw_and_compressed(probe: Probe) -> None:
+def test_pictures_arrive_raw_and_compressed(probe: Probe) -> None:
     def is_picture(message: Image) -> bool:
         size = (message.height, message.width, message.step, len(message.data))
         return size == (480, 640, 640 * 3, 480 * 640 * 3) and message.encoding == "rgb8"
 
-    first(probe, Image, probe.topics.camera_image, is_picture)
+    first(probe, probe.topics.camera_raw, is_picture)
     first(
         probe,
-        CompressedImage,
-        probe.topics.camera_compressed,
+        probe.topics.camera,
         lambda message: conversions.frame_fact(message).format == "JPG",
     )
 
 
-def test_the_camera_turns_where_it_is_told_and_nan_is_nowhere(probe: Probe) -> None:
+def test_the_camera_turns_to_its_command_and_nan_is_ignored(probe: Probe) -> None:
     topics = probe.topics
 
-    def tell(topic: Topic, value: float) -> None:
+    def log(topic: Topic | None, value: float) -> None:
+        assert topic is not None
         publisher = probe.node.create_publisher(Float64, topic.name, topic.qos)
         probe.until(lambda: publisher.get_subscription_count() > 0, "it is heard")
         publisher.publish(Float64(data=value))
 
-    tell(topics.camera_speed, 2.0)
-    tell(topics.camera_pan, 0.5)
-    tell(topics.camera_tilt, -0.3)
-    first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data - 0.5) < 0.02)
-    first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data + 0.3) < 0.02)
-    tell(topics.camera_pan, nan)
-    tell(topics.camera_tilt, 0.0)
-    first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.02)
-    first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data - 0.5) < 0.02)
+    log(topics.camera_speed, 2.0)
+    log(topics.camera_pan, 0.5)
+    log(topics.camera_tilt, -0.3)
+    first(probe, topics.camera_pan_state, lambda m: abs(m.data - 0.5) < 0.02)
+    first(probe, topics.camera_tilt_state, lambda m: abs(m.data + 0.3) < 0.02)
+    log(topics.camera_pan, nan)
+    log(topics.camera_tilt, 0.0)
+    first(probe, topics.camera_tilt_state, lambda m: abs(m.data) < 0.02)
+    first(probe, topics.camera_pan_state, lambda m: abs(m.data - 0.5) < 0.02)
 
 
 def test_velocity_is_obeyed_until_it_times_out_and_nan_is_not(probe: Probe) -> None:
     topic = probe.topics.cmd_vel
-    publisher = probe.node.create_publisher(Twist, topic.name, topic.qos)
+    publisher = probe.node.create_publisher(TwistStamped, topic.name, topic.qos)
     probe.until(lambda: publisher.get_subscription_count() > 1, "the simulation hears")
-    twist = Twist()
-    twist.linear.x = 0.4
+    message = TwistStamped()
+    message.twist.linear.x = 0.4
 
     def moves() -> bool:
-        publisher.publish(twist)
+        publisher.publish(message)
         return bool(abs(probe.fresh_truth().twist.twist.linear.x - 0.4) < 0.1)
 
     probe.until(moves, "it moves")
     probe.standing()
-    twist.linear.x = nan
-    publisher.publish(twist)
+    message.twist.linear.x = nan
+    publisher.publish(message)
     assert conversions.odometry_fact(probe.fresh_truth()).velocity.finite
 
 
@@ -238,7 +273,7 @@ def test_a_signal_ends_it_with_status_0(tmp_path: Path, number: signal.Signals) 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "text"),
     [
         (("--world", "nowhere"), "there is no world 'nowhere'"),
         (("--asset", "nobody"), "there is no asset 'nobody'"),
@@ -246,10 +281,10 @@ def test_a_signal_ends_it_with_status_0(tmp_path: Path, number: signal.Signals) 
     ],
 )
 @pytest.mark.usefixtures("ros_domain")
-def test_what_it_cannot_use_is_refused_with_status_2(
-    tmp_path: Path, arguments: tuple[str, ...], says: str
+def test_an_unusable_request_is_refused_with_status_2(
+    tmp_path: Path, arguments: tuple[str, ...], text: str
 ) -> None:
     with running(tmp_path / "log", "rover-sim", *arguments) as process:
         assert process.ended() == 2
-        assert says in process.text
+        assert text in process.text
         assert "Traceback" not in process.text

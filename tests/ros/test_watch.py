@@ -26,7 +26,7 @@ def domain(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> 
         yield module_ros_domain
 
 
-def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
+def test_once_prints_the_tree_and_the_reason_of_standstill(domain: int) -> None:
     done = watch("--once", "--domain-id", str(domain))
     assert done.returncode == 0, done.stderr
     top, tree = done.stdout.split("\n\n")
@@ -42,13 +42,13 @@ def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
 @pytest.mark.usefixtures("domain")
 def test_live_ends_with_ctrl_c(tmp_path: Path) -> None:
     with running(tmp_path / "log", "rover", "watch") as process:
-        process.said("standing: no odometry")
+        process.output("standing: no odometry")
         assert process.end(signal.SIGINT) == 130
         assert "Traceback" not in process.text
 
 
 @pytest.mark.usefixtures("domain")
-def test_where_no_executive_is_heard_it_says_how_to_start_one() -> None:
+def test_without_an_executive_it_shows_how_to_start_one() -> None:
     done = watch("--once", "--asset", "nobody")
     assert done.returncode == 3
     assert "rover-executive --asset nobody" in done.stderr

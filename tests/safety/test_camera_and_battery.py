@@ -5,7 +5,7 @@ import pytest
 from executive.commands import TakePicture
 from executive.values.facts import Frame
 from executive.values.parameters import Parameter
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import ReportKind, Severity, Stage
 from tests.support.kinematic import Bench
 
@@ -38,7 +38,7 @@ def test_a_frame_of_now_is_waited_for(bench: Bench) -> None:
 
 def test_a_cut_frame_is_no_picture(bench: Bench) -> None:
     assert picture(bench, 0.2, data=WHOLE[:-2]) is Stage.FAILED
-    assert bench.last(1).reason is Reason.CAPTURE_CUT
+    assert bench.last(1).reason is Reason.CAPTURE_TRUNCATED
 
 
 def test_a_camera_with_a_clock_of_its_own_is_believed_until_it_repeats_itself(bench: Bench) -> None:
@@ -57,9 +57,9 @@ def voltage(bench: Bench) -> float | None:
     )
 
 
-def warnings(bench: Bench) -> list[Reason | None]:
+def warnings(bench: Bench) -> list[Reason | UnknownReason | None]:
     """Return the reasons of the warnings so far."""
-    events = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
+    events = [report for report in bench.received.reports if report.kind is ReportKind.EVENT]
     return [event.reason for event in events if event.severity is Severity.WARNING]
 
 
@@ -72,7 +72,7 @@ def test_a_voltage_that_is_no_number_is_not_known_and_told(bench: Bench) -> None
     bench.voltage_v = 25.0
     bench.run(1.0)
     assert voltage(bench) == 25.0
-    assert bench.heard.reports[-1].reason is Reason.FAULT_OVER
+    assert bench.received.reports[-1].reason is Reason.FAULT_CLEARED
 
 
 def test_an_old_voltage_is_not_told_as_a_new_one(bench: Bench) -> None:
@@ -91,4 +91,4 @@ def test_odometry_that_is_lost_while_nothing_moves_is_told(bench: Bench) -> None
     assert warnings(bench) == [Reason.ODOMETRY_SILENT]
     bench.odometry = True
     bench.run(1.0)
-    assert bench.heard.reports[-1].reason is Reason.FAULT_OVER
+    assert bench.received.reports[-1].reason is Reason.FAULT_CLEARED

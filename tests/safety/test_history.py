@@ -4,11 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.faults import FaultTable
 from executive.safety import Channel, MotionHistory
+from executive.settings import load_settings
 from executive.values.clock import ManualClock
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose, Velocity
+
+SETTINGS = load_settings("jackal")
 
 
 class Drive:
@@ -16,7 +18,7 @@ class Drive:
 
     def __init__(self, offset_s: float = 0.0) -> None:
         self.clock = ManualClock()
-        self.history = MotionHistory(self.clock, FaultTable())
+        self.history = MotionHistory(self.clock, SETTINGS)
         self.offset_s = offset_s
         self.late_s = 0.02
 
@@ -45,7 +47,7 @@ def test_a_channel_tells_what_was_added_between_any_two_times(
         channel.add(time_s, (3.0 * (time_s - 5.0), 10.0 - (time_s - 5.0)))
     span_s = min(max(time_s - 5.03, 0.0), 9.0)
     from_s, to_s = sorted((time_s - span_s * first, time_s - span_s * second))
-    added = channel.between(from_s, to_s)
+    added = channel.increase_between(from_s, to_s)
     assert added == pytest.approx([3.0 * (to_s - from_s), from_s - to_s], abs=1e-6)
 
 
@@ -54,9 +56,9 @@ def test_what_is_older_or_newer_than_all_is_not_known() -> None:
     drive = Drive()
     drive.go(15.0)
     moved, now_s = drive.history.moved, drive.clock.now_s()
-    assert moved.between(now_s - 9.5, now_s - 9.0) is not None
-    assert moved.between(now_s - 14.0, now_s - 9.0) is None
-    assert moved.between(now_s - 1.0, now_s + 1.0) is None
+    assert moved.increase_between(now_s - 9.5, now_s - 9.0) is not None
+    assert moved.increase_between(now_s - 14.0, now_s - 9.0) is None
+    assert moved.increase_between(now_s - 1.0, now_s + 1.0) is None
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 1000.0, -1e6, 1.8e9])
@@ -110,7 +112,7 @@ def hold(
 
 def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
     clock = ManualClock()
-    history = MotionHistory(clock, FaultTable())
+    history = MotionHistory(clock, SETTINGS)
     hold(clock, history, Velocity(-0.5), STANDING)
     hold(clock, history, Velocity(-0.5))
     history.command(STANDING)
@@ -125,7 +127,7 @@ def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
 
 def test_commands_of_a_window_are_those_in_force_within_it() -> None:
     clock = ManualClock()
-    history = MotionHistory(clock, FaultTable())
+    history = MotionHistory(clock, SETTINGS)
     for velocity in (STANDING, Velocity(1.0), Velocity(0.5, 0.2), STANDING):
         hold(clock, history, velocity)
     found = history.commands_in(1.5, clock.now_s())
@@ -138,7 +140,7 @@ def test_commands_of_a_window_are_those_in_force_within_it() -> None:
 
 def test_which_way_was_commanded_is_not_known_over_a_stall() -> None:
     clock = ManualClock()
-    history = MotionHistory(clock, FaultTable())
+    history = MotionHistory(clock, SETTINGS)
     hold(clock, history, Velocity(1.0))
     clock.advance(0.3)
     hold(clock, history, Velocity(1.0))

@@ -5,6 +5,7 @@ from math import inf, nan, radians, sin
 import pytest
 
 from executive.safety.inertial_velocity import InertialVelocity
+from executive.settings import SlipSettings
 from executive.state import SourceMotion
 from executive.values.facts import Imu
 from executive.values.geometry import GRAVITY_MPS2, STANDING, Velocity
@@ -18,15 +19,17 @@ class Rover:
     Attributes:
         pitch_rad: nose down is positive, as the ground is below it.
         heard: whether the IMU is received.
+        received, cycle: the steps of a cycle with a message, and its length.
     """
 
     def __init__(self, pitch_rad: float = 0.0, bias_mps2: float = 0.08) -> None:
-        self.felt = InertialVelocity()
+        self.felt = InertialVelocity(SlipSettings())
         self.now_s = 10.0
         self.true_mps = self.wheels_mps = 0.0
         self.pitch_rad, self.bias_mps2 = pitch_rad, bias_mps2
         self.aside_mps2 = 0.0
         self.heard = True
+        self.received, self.cycle, self._steps = {0}, 1, 0
         self.go(1.0)
 
     def go(
@@ -44,7 +47,8 @@ class Rover:
             fact = Imu(
                 self.now_s, 0.0, self.pitch_rad, 0.0, 0.0, 0.0, ahead_mps2, self.aside_mps2, 9.81
             )
-            if self.heard:
+            self._steps += 1
+            if self.heard and self._steps % self.cycle in self.received:
                 self.felt.feel(fact, self.now_s, resting=abs(self.wheels_mps) < 1e-9)
             if step % 2:
                 self.felt.roll(Velocity(self.wheels_mps, 0.0), self.now_s)
@@ -72,7 +76,7 @@ def test_a_rover_at_rest_stands_whatever_the_bias() -> None:
 
 
 def test_nothing_is_told_before_the_first_message_and_once_it_is_silent() -> None:
-    assert InertialVelocity().motion(1.0) is None
+    assert InertialVelocity(SlipSettings()).motion(1.0) is None
     rover = Rover()
     rover.heard = False
     rover.go(0.5)
@@ -98,12 +102,34 @@ def test_wheels_that_lock_on_ice_are_not_believed_until_the_speed_is_felt_lost(
     assert rover.motion.is_standing
 
 
+def test_an_imu_of_20_hz_with_lost_messages_shows_no_slide() -> None:
+    rover = Rover()
+    rover.received, rover.cycle = {0, 5, 20}, 30
+    for _ in range(20):
+        rover.go(0.33, 1.0)
+        rover.go(0.41)
+        rover.go(0.33, -1.0)
+        rover.go(0.37)
+    assert rover.felt.slid_m == 0.0
+
+
+def test_an_imu_of_20_hz_shows_a_slide() -> None:
+    rover = Rover()
+    rover.received, rover.cycle = {0}, 5
+    rover.go(1.0, 1.0)
+    rover.go(1.0)
+    rover.lock()
+    rover.brake(0.05, 1.0)
+    assert not rover.motion.is_standing
+    assert rover.felt.slid_m > 0.5
+
+
 def test_it_tells_what_the_wheels_lost_and_what_was_felt() -> None:
     rover = Rover()
     rover.go(1.0, 1.0)
     rover.lock()
     rover.brake(0.05, 0.5)
-    wheels, felt = rover.felt.lost
+    wheels, felt = rover.felt.lost_speeds
     assert (wheels.value, felt.value) == pytest.approx((1.0, 0.245), abs=0.03)
     assert rover.motion.figures[0].value == pytest.approx(0.755, abs=0.03)
 
@@ -170,7 +196,7 @@ def test_on_a_slope_it_takes_another_source() -> None:
     rover.heard = True
     rover.go(4.0)
     assert not rover.motion.is_standing
-    rover.felt.rest(rover.now_s - 0.4)
+    rover.felt.reset_at_rest(rover.now_s - 0.4)
     assert rover.motion.is_standing
 
 
@@ -179,7 +205,7 @@ def test_another_source_does_not_overrule_that_friction_brakes_the_rover() -> No
     rover.go(1.0, 1.0)
     rover.lock()
     rover.brake(0.05, 1.0)
-    rover.felt.rest(rover.now_s - 0.4)
+    rover.felt.reset_at_rest(rover.now_s - 0.4)
     assert not rover.motion.is_standing
     assert rover.motion.figures[0].value == pytest.approx(rover.true_mps, abs=0.03)
 
@@ -213,7 +239,7 @@ def test_a_disagreement_of_long_ago_is_within_the_drift_once_the_wheels_turn() -
 
 
 def test_it_is_told_to_move_where_it_begins_in_motion() -> None:
-    felt = InertialVelocity()
+    felt = InertialVelocity(SlipSettings())
     for step in range(100):
         now_s = step * STEP_S
         felt.feel(Imu(now_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81), now_s, resting=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.faults import DECLARED, ClearPolicy, FaultResponse, MonitoredWhen, Reaction, Window
 from executive.safety import MONITORS, Evidence, MotionHistory
 from executive.settings import (
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.alike
 
 MODES = {Reaction.PAUSE: Mode.PAUSED, Reaction.STOP: Mode.STOPPED, Reaction.SAFE: Mode.SAFE}
 LATCHED = [name for name, each in DECLARED.items() if each.row.clears is ClearPolicy.ON_RESUME]
-ENDED = [name for name, each in DECLARED.items() if each.row.clears is ClearPolicy.ITSELF]
+ENDED = [name for name, each in DECLARED.items() if each.row.clears is ClearPolicy.AUTO]
 OF_WHOLE_MOTIONS = ("steady_off_command", "steady_turn_off_command")
 DANGERS = (Reason.CORE_HUNG, Reason.ADAPTER_RAISED)
 Make = Callable[..., Bench]
@@ -51,7 +51,7 @@ def cause() -> Cause:
 def watching(asset: str, name: str, row: FaultResponse) -> Settings:
     """Return settings of an asset that watches for one fault all the time, and for no other."""
     settings = load_settings(asset)
-    rows = {each: replace(known.row, then=Reaction.IGNORE) for each, known in DECLARED.items()}
+    rows = {each: replace(known.row, reaction=Reaction.IGNORE) for each, known in DECLARED.items()}
     rows[name] = with_figures(replace(row, when=MonitoredWhen.ALWAYS), for_s=0.0)
     return replace(settings, faults=replace(settings.faults, **rows))
 
@@ -87,15 +87,15 @@ def test_each_fault_that_a_resume_ends_holds_over_kill_9(
         why = bench.executive.why
         for _ in range(2):
             bench.crash()
-            assert is_in(bench, MODES[row.then])
+            assert is_in(bench, MODES[row.reaction])
             bench.run(1.0)
-        assert is_in(bench, MODES[row.then])
+        assert is_in(bench, MODES[row.reaction])
         assert bench.executive.why == why
         (restored,) = bench.executive.safety.active
         assert str(restored) == str(fault)
         assert restored.refusal == fault.refusal
         assert (restored.begun_utc_s, restored.row) == (fault.begun_utc_s, fault.row)
-        if row.then is Reaction.PAUSE:
+        if row.reaction is Reaction.PAUSE:
             bench.submit(MoveForward(1.0), 1)
             bench.run(1.0)
             assert bench.stages(1) == [Stage.RECEIVED, Stage.ACCEPTED]
@@ -105,9 +105,9 @@ def test_each_fault_that_a_resume_ends_holds_over_kill_9(
         cause.there = True
         assert bench.refusal(Resume(), 2).reason is Reason.CAUSE_PERSISTS
         cause.there = False
-        assert isinstance(bench.submit(Resume(), 3), Admitted)
+        assert isinstance(bench.submit(Resume(), 3), Accepted)
         assert bench.executive.safety.active == []
-        assert f"{name} is over" in [each.text for each in bench.heard.reports]
+        assert f"{name} cleared" in [each.text for each in bench.received.reports]
         bench.crash()
         assert is_in(bench, Mode.IDLE)
         assert bench.executive.safety.active == []
@@ -132,14 +132,14 @@ def test_what_ends_by_itself_is_looked_for_afresh(
 def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
     then: Reaction, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(MONITORS, "slides", cause)
-    row = replace(DECLARED["slides"].row, then=then, clears=ClearPolicy.ON_RESUME)
-    with Bench(tmp_path, watching("jackal", "slides", row)) as bench:
+    monkeypatch.setitem(MONITORS, "slide_at_rest", cause)
+    row = replace(DECLARED["slide_at_rest"].row, reaction=then, clears=ClearPolicy.ON_RESUME)
+    with Bench(tmp_path, watching("jackal", "slide_at_rest", row)) as bench:
         begin(bench, cause)
         slow_ratio = bench.executive.status.speed_limit_ratio
         bench.crash()
         assert is_in(bench, MODES.get(then, Mode.IDLE))
-        assert [each.name for each in bench.executive.safety.active] == ["slides"]
+        assert [each.name for each in bench.executive.safety.active] == ["slide_at_rest"]
         assert bench.executive.status.speed_limit_ratio == slow_ratio
         assert (slow_ratio < 1.0) is (then is Reaction.SLOW_DOWN)
 
@@ -147,15 +147,15 @@ def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
 def test_a_fault_that_the_file_no_longer_watches_for_ends_by_a_resume_alone(
     tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(MONITORS, "tilted", cause)
-    with Bench(tmp_path, watching("jackal", "tilted", DECLARED["tilted"].row)) as bench:
+    monkeypatch.setitem(MONITORS, "tilt_limit", cause)
+    with Bench(tmp_path, watching("jackal", "tilt_limit", DECLARED["tilt_limit"].row)) as bench:
         begin(bench, cause)
         cause.there = True
-        bench.settings = watching("jackal", "slides", DECLARED["slides"].row)
+        bench.settings = watching("jackal", "slide_at_rest", DECLARED["slide_at_rest"].row)
         bench.crash()
         bench.run(0.5)
         assert is_in(bench, Mode.SAFE)
-        assert isinstance(bench.submit(Resume(), 1), Admitted)
+        assert isinstance(bench.submit(Resume(), 1), Accepted)
         assert is_in(bench, Mode.IDLE)
 
 
@@ -172,7 +172,7 @@ def test_what_is_made_safe_beside_the_table_is_safe_after_kill_9(
     bench.run(0.5)
     assert is_in(bench, Mode.SAFE)
     assert bench.executive.why.endswith(
-        "SAFE because it hung for 2.0 s; that is over: resume to go on"
+        "SAFE: it hung for 2.0 s; the cause is cleared: send resume"
     )
     assert [each.name for each in bench.executive.safety.active] == [reason.name.lower()]
     bench.submit(Resume(), 2)
@@ -221,8 +221,8 @@ def test_what_ends_by_itself_does_not_end_what_a_resume_ends(
     tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The thread hung while the rover slipped; the slip was over first."""
-    monkeypatch.setitem(MONITORS, "slips", cause)
-    with Bench(tmp_path, watching("jackal", "slips", DECLARED["slips"].row)) as bench:
+    monkeypatch.setitem(MONITORS, "travel_slip", cause)
+    with Bench(tmp_path, watching("jackal", "travel_slip", DECLARED["travel_slip"].row)) as bench:
         begin(bench, cause)
         bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
         assert is_in(bench, Mode.SAFE)

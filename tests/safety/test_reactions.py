@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.faults import ClearPolicy, Reaction
 from executive.settings import load_settings
 from executive.values.geometry import STANDING
@@ -31,7 +31,7 @@ class WeakBench(Bench):
 
     @property
     def events(self) -> list[Report]:
-        return [each for each in self.heard.reports if each.kind is ReportKind.EVENT]
+        return [each for each in self.received.reports if each.kind is ReportKind.EVENT]
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def make(tmp_path: Path) -> Iterator[Make]:
 
         def make_bench(then: Reaction, clears: ClearPolicy, for_s: float = 0.0) -> WeakBench:
             settings = load_settings("jackal")
-            row = replace(settings.faults.battery_low, then=then, clears=clears)
+            row = replace(settings.faults.battery_low, reaction=then, clears=clears)
             row = with_figures(row, for_s=for_s)
             faults = replace(settings.faults, battery_low=row)
             return stack.enter_context(WeakBench(tmp_path, replace(settings, faults=faults)))
@@ -74,37 +74,37 @@ def test_stop_and_safe_hold_the_rover_until_a_resume(
         ("bound", 22.0),
     ]
     assert bench.refusal(Resume(), 3).reason is Reason.CAUSE_PERSISTS
-    assert "resume when that is mended" in bench.executive.why
+    assert "clear the cause, then send resume" in bench.executive.why
     bench.battery(FULL_V, 1.0)
     assert bench.is_in(mode)
-    assert "that is over: resume to go on" in bench.executive.why
-    assert isinstance(bench.submit(Resume(), 4), Admitted)
+    assert "the cause is cleared: send resume" in bench.executive.why
+    assert isinstance(bench.submit(Resume(), 4), Accepted)
     assert bench.is_in(Mode.IDLE)
     bench.execute(MoveForward(0.5), 5)
 
 
 def test_what_clears_itself_holds_the_rover_no_longer_than_it_lasts(make: Make) -> None:
-    bench = make(Reaction.STOP, ClearPolicy.ITSELF)
+    bench = make(Reaction.STOP, ClearPolicy.AUTO)
     bench.submit(*go())
     bench.run(2.0)
     bench.battery(LOW_V, 1.0)
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.is_in(Mode.STOPPED)
-    assert "it goes on when that is over" in bench.executive.why
+    assert "; continues once the cause is cleared" in bench.executive.why
     bench.battery(FULL_V, 1.0)
     assert bench.is_in(Mode.IDLE)
     bench.execute(MoveForward(0.5), 2)
     begun, over = (each for each in bench.events if each.identity is None)
     assert (begun.severity, over.severity) == (Severity.ALARM, Severity.INFORMATIONAL)
-    assert (begun.reason, over.reason) == (Reason.BATTERY_LOW, Reason.FAULT_OVER)
-    assert over.text == "battery_low is over"
+    assert (begun.reason, over.reason) == (Reason.BATTERY_LOW, Reason.FAULT_CLEARED)
+    assert over.text == "battery_low cleared"
 
 
 def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
-    bench = make(Reaction.STOP, ClearPolicy.ITSELF)
+    bench = make(Reaction.STOP, ClearPolicy.AUTO)
     bench.battery(LOW_V)
     bench.submit(Stop(), 1)
-    assert "resume once that is over" in bench.executive.why
+    assert "; send resume once the cause is cleared" in bench.executive.why
     bench.battery(FULL_V, 1.0)
     assert bench.is_in(Mode.STOPPED)
     assert "stopped by MOE:1; send resume" in bench.executive.why
@@ -119,7 +119,7 @@ def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
     assert bench.rover.velocity == STANDING
     assert bench.is_in(Mode.PAUSED)
     assert bench.stages(1)[-1] is Stage.STARTED
-    assert "PAUSED because battery voltage 20.0 V is below 22.0 V" in bench.executive.why
+    assert "PAUSED: battery voltage 20.0 V is below 22.0 V" in bench.executive.why
     assert bench.refusal(Resume(), 2).reason is Reason.CAUSE_PERSISTS
     bench.battery(FULL_V)
     bench.submit(Resume(), 3)
@@ -128,7 +128,7 @@ def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
 
 
 def test_a_pause_ends_what_is_relative_to_where_it_began(make: Make) -> None:
-    bench = make(Reaction.PAUSE, ClearPolicy.ITSELF)
+    bench = make(Reaction.PAUSE, ClearPolicy.AUTO)
     bench.drive_on(2.0)
     bench.battery(LOW_V, 1.0)
     assert bench.stages(1)[-1] is Stage.FAILED
@@ -139,7 +139,7 @@ def test_a_pause_ends_what_is_relative_to_where_it_began(make: Make) -> None:
 
 
 def test_slowing_down_leaves_a_part_of_the_speed(make: Make) -> None:
-    bench = make(Reaction.SLOW_DOWN, ClearPolicy.ITSELF)
+    bench = make(Reaction.SLOW_DOWN, ClearPolicy.AUTO)
     bench.submit(*go())
     bench.run(2.0)
     assert bench.rover.velocity.travel_mps == pytest.approx(1.0)
@@ -152,7 +152,7 @@ def test_slowing_down_leaves_a_part_of_the_speed(make: Make) -> None:
 
 
 def test_a_warning_moves_nothing_and_nothing_is_ignored_aloud(make: Make) -> None:
-    bench = make(Reaction.WARN, ClearPolicy.ITSELF)
+    bench = make(Reaction.WARN, ClearPolicy.AUTO)
     bench.submit(*go())
     bench.battery(LOW_V, 0.5)
     assert [each.severity for each in bench.events] == [Severity.WARNING]
@@ -160,7 +160,7 @@ def test_a_warning_moves_nothing_and_nothing_is_ignored_aloud(make: Make) -> Non
 
 
 def test_what_is_ignored_is_not_told(make: Make) -> None:
-    bench = make(Reaction.IGNORE, ClearPolicy.ITSELF)
+    bench = make(Reaction.IGNORE, ClearPolicy.AUTO)
     bench.battery(LOW_V, 1.0)
     assert not bench.events
 
@@ -178,6 +178,6 @@ def test_a_fault_begins_once_it_has_lasted(make: Make) -> None:
 
 
 def test_resume_says_that_nothing_holds_a_rover_with_a_suspended_plan(make: Make) -> None:
-    bench = make(Reaction.WARN, ClearPolicy.ITSELF)
+    bench = make(Reaction.WARN, ClearPolicy.AUTO)
     refusal = bench.refusal(Resume(), 1)
     assert refusal.reason is Reason.WRONG_MODE

@@ -25,7 +25,7 @@ from executive.settings import LaserSettings, Settings, load_settings
 from executive.values.clock import ManualClock
 from executive.values.facts import LaserScan
 from executive.values.geometry import STANDING, Pose, Velocity
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import ReportKind, Stage
 from tests.support.kinematic import Bench, KinematicRover
 from trees import RoverTree
@@ -51,7 +51,7 @@ def scan(stamp_s: float, *points: tuple[float, float]) -> LaserScan:
 def history(
     velocity: Velocity, *points: tuple[float, float], settings: Settings = SEEING
 ) -> MotionHistory:
-    made = MotionHistory(ManualClock(), FaultTable(), surroundings=LaserSurroundings(settings))
+    made = MotionHistory(ManualClock(), settings)
     made.command(velocity)
     made.observe(scan(1.0, *points))
     return made
@@ -263,8 +263,8 @@ def make(tmp_path: Path) -> Iterator[Make]:
         made.executive.simulate_crash()
 
 
-def events(bench: Bench) -> list[Reason | None]:
-    told = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
+def events(bench: Bench) -> list[Reason | UnknownReason | None]:
+    told = [report for report in bench.received.reports if report.kind is ReportKind.EVENT]
     return [report.reason for report in told if report.identity is None]
 
 

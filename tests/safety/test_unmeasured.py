@@ -11,7 +11,7 @@ from executive.safety import unmonitored
 from executive.settings import BatterySettings, LaserSettings, Settings, load_settings
 from executive.values.facts import Battery, Imu, Joints
 from executive.values.geometry import Pose
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import ReportKind
 from tests.support.kinematic import Bench, with_figures
 from trees import snapshot_of
@@ -19,8 +19,8 @@ from trees import snapshot_of
 SENSED = load_settings("jackal")
 
 
-def warnings(bench: Bench) -> list[Reason | None]:
-    return [each.reason for each in bench.heard.reports if each.kind is ReportKind.EVENT]
+def warnings(bench: Bench) -> list[Reason | UnknownReason | None]:
+    return [each.reason for each in bench.received.reports if each.kind is ReportKind.EVENT]
 
 
 def gaps(bench: Bench) -> dict[str, tuple[str, ...]]:
@@ -31,9 +31,7 @@ def gaps(bench: Bench) -> dict[str, tuple[str, ...]]:
 def test_what_is_configured_and_not_measured_is_listed_as_not_monitored(tmp_path: Path) -> None:
     powered = replace(SENSED, battery=BatterySettings(1e6))
     with Bench(tmp_path, powered, all_sensors=True) as bench:
-        assert "charge for the return is not monitored: the battery reports no charge" in gaps(
-            bench
-        )
+        assert "not monitored: charge for the return: the battery reports no charge" in gaps(bench)
         bench.charge_ratio = 0.8
         bench.rover.facts = [
             Joints(1.0, (0.0, 0.0), (0.0, 0.0)),
@@ -42,10 +40,10 @@ def test_what_is_configured_and_not_measured_is_listed_as_not_monitored(tmp_path
         bench.step()
         found = gaps(bench)
         assert not any("charge" in each or "battery" in each for each in found)
-        assert found["the motors is not monitored: joint states have no efforts"]
+        assert found["not monitored: the motors: joint states have no efforts"]
         assert (
-            "tilted_by_imu"
-            in found["wheel spin and tilt by the IMU is not monitored: it measures no orientation"]
+            "tilt_limit_imu"
+            in found["not monitored: wheel spin and tilt by the IMU: it measures no orientation"]
         )
         assert (
             "the motors (joint states have no efforts)"
@@ -61,7 +59,7 @@ def test_what_is_configured_and_not_measured_is_listed_as_not_monitored(tmp_path
 
 def test_a_battery_that_reports_no_voltage_is_listed_as_not_monitored(bench: Bench) -> None:
     quiet = unmonitored(SENSED, type(bench.executive.safety)(bench.clock, SENSED).history)
-    (gap,) = (each for each in quiet if each.why == "no voltage received")
+    (gap,) = (each for each in quiet if each.cause == "no voltage received")
     assert gap.faults == ("battery_low", "battery_silent")
     assert not any("no voltage" in each for each in gaps(bench))
 
@@ -72,14 +70,14 @@ def test_a_laser_without_a_footprint_is_listed_as_not_monitored() -> None:
         footprint=None,
         sensors=replace(SENSED.sensors, laser=LaserSettings(10)),
     )
-    (gap,) = (each for each in unmonitored(bare) if each.why == "footprint is not given")
+    (gap,) = (each for each in unmonitored(bare) if each.cause == "footprint is not given")
     assert "laser_blind" in gap.faults
 
 
 def test_a_charge_of_zero_is_empty(bench: Bench) -> None:
     bench.charge_ratio = 0.0
     bench.step()
-    assert bench.refusal(MoveForward(1.0), 1).reason is Reason.BATTERY_SHORT
+    assert bench.refusal(MoveForward(1.0), 1).reason is Reason.BATTERY_INSUFFICIENT
 
 
 @pytest.mark.parametrize("voltage_v", [65.535, 26_000.0, 3e38, inf, nan])
@@ -96,7 +94,7 @@ def test_a_voltage_that_no_battery_has_is_invalid(bench: Bench, voltage_v: float
 
 
 def test_the_highest_voltage_is_that_of_the_asset(tmp_path: Path) -> None:
-    row = with_figures(SENSED.faults.battery_not_finite, beyond=500.0)
+    row = with_figures(SENSED.faults.battery_not_finite, above=500.0)
     tall = replace(SENSED, faults=replace(SENSED.faults, battery_not_finite=row))
     with Bench(tmp_path, tall) as bench:
         bench.voltage_v = 400.0
@@ -126,3 +124,17 @@ def test_odometry_that_begins_anew_at_its_origin_adds_no_way(bench: Bench) -> No
     bench.rover.pose = Pose()
     bench.run(1.0)
     assert bench.executive.status.travelled_m == pytest.approx(travelled_m, abs=0.01)
+
+
+def test_of_an_imu_without_accelerations_the_gyro_is_used(tmp_path: Path) -> None:
+    with Bench(tmp_path, SENSED, all_sensors=True) as bench:
+        bench.rover.facts = [
+            Imu(0.02 * at, 0.0, 0.0, 0.0, 0.0, 0.1, nan, nan, nan) for at in range(1, 20)
+        ]
+        bench.step()
+        (faults,) = (each for name, each in gaps(bench).items() if "no acceleration" in name)
+        assert faults == ("wheel_slip", "motion_blocked")
+        inertia = bench.executive.safety.history.inertia
+        assert inertia is not None
+        assert inertia.sums.sums[0] > 0.0
+        assert list(inertia.sums.sums[1:]) == pytest.approx([0.0, 0.0], abs=0.01)

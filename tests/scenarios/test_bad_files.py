@@ -11,7 +11,7 @@ from sim.scenario.commands import scenario
 
 GOOD = """\
 title: Good
-lasts: 2
+duration: 2
 timeline:
   - {at: 1, command: {moveForward: {distance: 0.1}}, label: ahead}
 expect:
@@ -31,11 +31,11 @@ def play(path: Path) -> Result:
         ("title: Good", "titel: Good", "unknown key 'titel'"),
         ("title: Good\n", "", "key 'title' is missing"),
         ("title: Good", "title: 7", "title: expected a text, got 7"),
-        ("lasts: 2", "lasts: soon", "lasts: expected a number, got 'soon'"),
-        ("lasts: 2", "lasts: .nan", "lasts: expected a finite number"),
-        ("lasts: 2", "lasts: 0", "lasts: 0 is not in"),
+        ("duration: 2", "duration: soon", "duration: expected a number, got 'soon'"),
+        ("duration: 2", "duration: .nan", "duration: expected a finite number"),
+        ("duration: 2", "duration: 0", "duration: 0 is not in"),
         ("expect:", "expect:\n  - {fetched: x.jpg}", "expect[0].fetched: no 'x.jpg' in timeline"),
-        ("expect:", "expect:\n  - {files: [], asked: x}", "expect[0].asked: no 'x' in timeline"),
+        ("expect:", "expect:\n  - {files: [], query: x}", "expect[0].query: no 'x' in timeline"),
         (
             "expect:",
             "expect:\n  - {file: x, events: [TRANSFERRED]}",
@@ -48,24 +48,40 @@ def play(path: Path) -> Result:
         ),
         ("expect:", "expect:\n  - {video: 1}", "expect[0]: key 'for' is missing"),
         ("expect:", "expect:\n  - {video: 0, for: 1}", "expect[0].video: video works with"),
-        ("lasts: 2", "lasts: 2\nlasts: 3", "duplicate key 'lasts'"),
-        ("lasts: 2", "lasts: 2\non: 3", "key on means True in YAML: quote it"),
-        ("lasts: 2", "lasts: 0.5", "timeline[0]: is later than the end"),
-        ("lasts: 2", "lasts: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
-        ("lasts: 2", "lasts: 2\nseed: -1", "seed: -1 is below 0"),
-        ("lasts: 2", "lasts: 2\nworld: mars", "world: there is no world 'mars'; there are: flat"),
-        ("lasts: 2", "lasts: 2\nworld: {friction: 99}", "world.friction: 99 is not in"),
-        ("lasts: 2", "lasts: 2\nworld: {gravity: 1}", "world: unknown key 'gravity'"),
-        ("lasts: 2", "lasts: 2\nasset: sojourner", "asset: there is no asset 'sojourner'; there"),
-        ("lasts: 2", "lasts: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),
-        ("lasts: 2", "lasts: 2\nsettings: {drive: {wings: 2}}", "settings.drive: unknown key"),
-        ("lasts: 2", "lasts: 2\nsettings: {drive: {rotate_speed: 0}}", "is not above 0"),
+        ("duration: 2", "duration: 2\nduration: 3", "duplicate key 'duration'"),
+        ("duration: 2", "duration: 2\non: 3", "key on means True in YAML: quote it"),
+        ("duration: 2", "duration: 0.5", "timeline[0]: is later than the end"),
+        ("duration: 2", "duration: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
+        ("duration: 2", "duration: 2\nseed: -1", "seed: -1 is below 0"),
         (
-            "lasts: 2",
-            f"lasts: 2\nsettings: {{camera: {{width: 0x1{'0' * 9999}}}}}",
+            "duration: 2",
+            "duration: 2\nworld: mars",
+            "world: there is no world 'mars'; there are: flat",
+        ),
+        ("duration: 2", "duration: 2\nworld: {friction: 99}", "world.friction: 99 is not in"),
+        ("duration: 2", "duration: 2\nworld: {gravity: 1}", "world: unknown key 'gravity'"),
+        (
+            "duration: 2",
+            "duration: 2\nasset: sojourner",
+            "asset: there is no asset 'sojourner'; there",
+        ),
+        ("duration: 2", "duration: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),
+        (
+            "duration: 2",
+            "duration: 2\nsettings: {drive: {wings: 2}}",
+            "settings.drive: unknown key",
+        ),
+        ("duration: 2", "duration: 2\nsettings: {drive: {rotate_speed: 0}}", "is not above 0"),
+        (
+            "duration: 2",
+            f"duration: 2\nsettings: {{camera: {{width: 0x1{'0' * 9999}}}}}",
             "of digits is not",
         ),
-        ("lasts: 2", f"lasts: 2\nasset: 0x1{'0' * 9999}", "asset: expected a text, got a number"),
+        (
+            "duration: 2",
+            f"duration: 2\nasset: 0x1{'0' * 9999}",
+            "asset: expected a text, got a number",
+        ),
         ("at: 1,", "", "timeline[0]: at, after or near is needed"),
         ("at: 1,", "at: 1, after: ahead EXECUTED,", "timeline[0]: at and after exclude"),
         ("at: 1,", "at: -1,", "timeline[0].at: -1 is below 0"),
@@ -95,7 +111,7 @@ def play(path: Path) -> Result:
         ("STARTED,", "BEGUN,", "expect[0].stages[2]: 'BEGUN' is none of RECEIVED"),
         ("[RECEIVED, ACCEPTED, STARTED, EXECUTED]", "EXECUTED", "stages: expected a list"),
         ("timeline:", "timeline:\n  - {at: 1, cargo: 51}", "cargo: 51 is not in 0 .. 50"),
-        ("timeline:", "timeline:\n  - {at: 1, eclipse: 0}", "timeline[0].eclipse: 0 is below"),
+        ("timeline:", "timeline:\n  - {at: 1, outage: 0}", "timeline[0].outage: 0 is below"),
         ("moveForward: {distance: 0.1}", "submitPlan: {plan: x}", "'x' cannot be read (No such"),
         ("moveForward: {distance: 0.1}", "submitPlan: {plan: x.xml}", "'x.xml' cannot be read"),
         ("moveForward: {distance: 0.1}", 'submitPlan: {plan: "a\\0"}', "cannot be read"),
@@ -103,7 +119,7 @@ def play(path: Path) -> Result:
         (GOOD[GOOD.index("  - {command") :], "", "expect: expected a list, got None"),
         (GOOD, "expect: [", "is not YAML"),
         (GOOD, "{a: " * 999 + "}" * 999, "is nested too deeply"),
-        ("lasts: 2", 'lasts: 2\nworld: "a\\0"', "world: 'a\\x00' is no name"),
+        ("duration: 2", 'duration: 2\nworld: "a\\0"', "world: 'a\\x00' is no name"),
         (GOOD, "at: 2026-02-31", "is not YAML"),
         (GOOD, "\a", "is not YAML"),
         (GOOD, "- 1\n- 2", "a scenario is keys and values"),
@@ -121,17 +137,17 @@ def test_one_line_names_file_and_key(tmp_path: Path, good: str, bad: str, blamed
     assert blamed in line
 
 
-def test_a_bad_file_does_not_keep_others_from_being_played(tmp_path: Path) -> None:
+def test_a_bad_file_does_not_prevent_the_run_of_others(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.yaml", tmp_path / "bad.yaml"
     good.write_text(GOOD)
-    bad.write_text(GOOD.replace("lasts: 2", "lasts: soon\nseed: -1"))
+    bad.write_text(GOOD.replace("duration: 2", "duration: soon\nseed: -1"))
     files = [str(bad), str(tmp_path / "none.yaml"), str(good)]
     result = CliRunner().invoke(scenario, files, catch_exceptions=False)
     assert result.exit_code == 2
     wrong, missing, *played = result.output.splitlines()
-    assert "bad.yaml: lasts: expected a number, got 'soon'" in wrong
+    assert "bad.yaml: duration: expected a number, got 'soon'" in wrong
     assert "none.yaml: cannot be read" in missing
-    assert played[-1] == "6 of 6 expectations hold"
+    assert played[-1] == "6 of 6 expectations are met"
 
 
 @pytest.mark.parametrize(
@@ -144,18 +160,18 @@ def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> 
 
 
 @pytest.mark.parametrize(
-    ("said", "blamed"),
+    ("message", "blamed"),
     [
         ("timeline: [{at: 0, fetch: a.jpg}]", "timeline[0]: files do not travel over the relay"),
         ("timeline: [{at: 0, command: stop, replace: true}]", "timeline[0].replace: commands over"),
-        ("timeline: [{at: 0.5, eclipse: 1}]", "timeline[0]: over the relay an eclipse begins"),
+        ("timeline: [{at: 0.5, outage: 1}]", "timeline[0]: over the relay an outage begins"),
         (
-            "timeline: [{at: 0, command: stop}, {after: stop EXECUTED, eclipse: 1}]",
-            "timeline[1]: over the relay an eclipse is planned",
+            "timeline: [{at: 0, command: stop}, {after: stop EXECUTED, outage: 1}]",
+            "timeline[1]: over the relay an outage is planned",
         ),
         (
-            "timeline: [{at: 0, near: {x: 1, y: 0, within: 1}, eclipse: 1}]",
-            "timeline[0]: over the relay an eclipse is planned",
+            "timeline: [{at: 0, near: {x: 1, y: 0, within: 1}, outage: 1}]",
+            "timeline[0]: over the relay an outage is planned",
         ),
         ("timeline: [{at: 0, command: stop, link: third}]", "'third' works in lock step only"),
         ("timeline: [{at: 0, crash: 1}]", "crash works in lock step only"),
@@ -169,10 +185,10 @@ def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> 
         ),
     ],
 )
-def test_the_relay_carries_not_all(tmp_path: Path, said: str, blamed: str) -> None:
+def test_the_relay_carries_not_all(tmp_path: Path, message: str, blamed: str) -> None:
     path = tmp_path / "theirs.yaml"
-    rest = "" if said.startswith("expect") else "expect: [{pictures: 0}]\n"
-    path.write_text(f"title: T\nlasts: 2\n{said}\n{rest}")
+    rest = "" if message.startswith("expect") else "expect: [{pictures: 0}]\n"
+    path.write_text(f"title: T\nduration: 2\n{message}\n{rest}")
     arguments = [str(path), "--live", "--link", "relay"]
     result = CliRunner().invoke(scenario, arguments, catch_exceptions=False)
     assert result.exit_code == 2
@@ -183,7 +199,7 @@ def test_the_relay_carries_not_all(tmp_path: Path, said: str, blamed: str) -> No
 def test_a_good_one_is_played_with_a_world_of_ones_own(tmp_path: Path, world: str) -> None:
     (tmp_path / "ice.yaml").write_text("friction: 0.3\n")
     path = tmp_path / "theirs.yaml"
-    path.write_text(GOOD.replace("lasts: 2", f"lasts: 2{world}"))
+    path.write_text(GOOD.replace("duration: 2", f"duration: 2{world}"))
     assert play(path).exit_code == 0
 
 

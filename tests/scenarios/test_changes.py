@@ -17,15 +17,14 @@ from executive.settings import (
     load_settings,
     settings_reader,
 )
-from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
-from sim.scenario import completion
-from sim.scenario.changes import Override
+from sim.rover.faults import LeftWheelsStuck, LowFriction, OdometryFrozen
+from sim.scenario.changes import Override, completions
 from sim.scenario.model import Clear, Crash, Inject, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 
 FILE = """
 title: T
-lasts: 9
+duration: 9
 world: rough
 timeline:
   - {at: 1, command: {moveForward: {distance: 1}}, label: a}
@@ -48,7 +47,7 @@ def test_each_kind_of_key_is_changed(tmp_path: Path) -> None:
     scenario = load(
         tmp_path,
         "seed=7",
-        "lasts=20",
+        "duration=20",
         "world.friction=0.45",
         "world.rocks.1.x=3",
         "world.ground.amplitude=0",
@@ -58,7 +57,7 @@ def test_each_kind_of_key_is_changed(tmp_path: Path) -> None:
         "command.a.b.distance=3",
         "command.rotateBy.angle=-20deg",
     )
-    assert (scenario.seed, scenario.lasts_s) == (7, 20.0)
+    assert (scenario.seed, scenario.duration_s) == (7, 20.0)
     assert scenario.world.friction == 0.45
     assert scenario.world.rocks[1].x_m == 3.0
     assert scenario.world.rocks[0] == plain.world.rocks[0]
@@ -98,18 +97,18 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
         tmp_path,
         "inject=none",
         "inject={odometry_frozen, at: 2.5}",
-        "inject={after: a STARTED + 1, near: {x: 1, y: 0, within: 0.5}, left_stuck: {}}",
-        "inject={slip: {factor: 0.5}, at: 3, for: 0.5}",
+        "inject={after: a STARTED + 1, near: {x: 1, y: 0, within: 0.5}, left_wheels_stuck: {}}",
+        "inject={low_friction: {factor: 0.5}, at: 3, for: 0.5}",
     )
-    frozen, stuck, slip = (each for each in scenario.timeline if isinstance(each, Inject))
+    frozen, stuck, low_friction = (each for each in scenario.timeline if isinstance(each, Inject))
     assert (frozen.inject, frozen.at_s) == (OdometryFrozen(), 2.5)
-    assert (stuck.inject, stuck.when) == (
-        LeftStuck(),
+    assert (stuck.inject, stuck.time_text) == (
+        LeftWheelsStuck(),
         "after a STARTED + 1 s, within 0.5 m of x 1 y 0",
     )
-    assert (slip.inject, slip.at_s) == (Slip(0.5), 3.0)
+    assert (low_friction.inject, low_friction.at_s) == (LowFriction(0.5), 3.0)
     (end,) = (each for each in scenario.timeline if isinstance(each, Clear))
-    assert (end.clear, end.at_s) == (Slip, 3.5)
+    assert (end.clear, end.at_s) == (LowFriction, 3.5)
 
 
 def test_a_crash_is_added_with_its_time(tmp_path: Path) -> None:
@@ -139,7 +138,7 @@ def leaves(plain: Any, path: str) -> Iterator[tuple[str, Any]]:
         yield path, plain
 
 
-def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path) -> None:
+def test_each_completed_key_can_be_set_to_its_own_value(tmp_path: Path) -> None:
     plain = load(tmp_path)
     reader = settings_reader({})
     values = {
@@ -147,7 +146,7 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         for root in ("world", "settings", "odometry")
         for path, value in leaves(reader.plain(getattr(plain, root)), root)
     }
-    completed = [text[:-1] for text in completion.changes("") if text.endswith("=")]
+    completed = [text[:-1] for text in completions("") if text.endswith("=")]
     keys = [key for key in completed if "." in key]
     assert set(keys) == set(values)
     assert load(tmp_path, *(f"{key}={json.dumps(values[key])}" for key in keys)) == plain
@@ -161,7 +160,7 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("title=Other", "no key 'title' can be changed"),
         ("seed=-1", "seed: -1 is below 0"),
         ("seed=[", "the value: is not YAML"),
-        ("lasts=2.5", "timeline[3]: is later than the end"),
+        ("duration=2.5", "timeline[3]: is later than the end"),
         ("asset=pluto", "there is no asset 'pluto'"),
         ("world=pluto", "there is no world 'pluto'"),
         ("world.fricton=1", "world: unknown key 'fricton'"),
@@ -184,19 +183,19 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("crash={at: 3, for: -1}", "crash: -1 is below 0"),
         ("crash.at=3", "no key 'crash.at' can be changed"),
         ("inject=odometry_frozen", "expected a fault and its time"),
-        ("inject={odometry_frozen, left_stuck, at: 1}", "expected a fault and its time"),
+        ("inject={odometry_frozen, left_wheels_stuck, at: 1}", "expected a fault and its time"),
         ("inject={odometry_frozen}", "at, after or near is needed"),
         ("inject={gremlins, at: 1}", "gremlins"),
         ("inject={odometry_frozen, at: 99}", "is later than the end"),
         ("inject={odometry_frozen, at: 1, for: 98}", "is later than the end"),
         ("inject={odometry_frozen, at: 1, for: -1}", "for is -1"),
-        ("inject={odometry_frozen, after: a STARTED + 1, for: 1}", "for needs seconds, and at"),
+        ("inject={odometry_frozen, after: a STARTED + 1, for: 1}", "at and for must be numbers"),
         ("inject={tip, at: 1, near: {x: 1, y: 0, within: 1}, for: 1}", "for does not go with near"),
     ],
 )
 def test_the_change_is_named_that_does_not_fit(tmp_path: Path, change: str, blamed: str) -> None:
     with pytest.raises(SettingsError) as caught:
-        load(tmp_path, "lasts=9.5", change, "world.charge=0.5")
+        load(tmp_path, "duration=9.5", change, "world.charge=0.5")
     assert str(caught.value).startswith(f"{tmp_path / 'file.yaml'}: changed by {change}: ")
     assert blamed in str(caught.value)
 

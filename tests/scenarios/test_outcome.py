@@ -26,8 +26,8 @@ def play(folder: Path, name: str, *changes: str) -> ScenarioResult:
 def test_a_drive_in_figures(tmp_path: Path) -> None:
     outcome = play(tmp_path, "drive3m_turn_picture")
     figures = outcome.figures
-    assert outcome.holds
-    assert all(finding.holds for finding in outcome.findings)
+    assert outcome.passed
+    assert all(finding.passed for finding in outcome.findings)
     assert figures.duration_s == pytest.approx(5.75, abs=0.3)
     assert figures.distance_m == pytest.approx(3.06, abs=0.05)
     assert figures.true_error_m == pytest.approx(0.055, abs=0.03)
@@ -48,7 +48,7 @@ def test_detection_and_reasons_of_a_fault(tmp_path: Path) -> None:
 
 JUMPED = """
 title: An odometry that jumped
-lasts: 16
+duration: 16
 timeline:
   - {at: 0.5, inject: {odometry_jump: {by: 0.4}}}
   - {at: 1, command: {moveTo: {x: 1, y: 0}}, label: held}
@@ -69,45 +69,45 @@ def test_a_fix_makes_the_true_pose_the_reported_one(tmp_path: Path) -> None:
     path.write_text(JUMPED)
     outcome = play(tmp_path / "run", str(path))
     figures = outcome.figures
-    assert outcome.holds, outcome.findings
+    assert outcome.passed, outcome.findings
     assert figures.true_error_m == pytest.approx(0.0, abs=0.05)
     assert figures.pose_error_m == pytest.approx(0.4, abs=0.02)
     assert figures.pose_error_rad == pytest.approx(0.0, abs=0.01)
-    assert (figures.executed_alone, figures.executed_fixed) == (0.0, 0.5)
+    assert (figures.executed_before_fix, figures.executed_after_fix) == (0.0, 0.5)
     assert figures.false_after_fault == 0
 
 
 def test_a_second_fix_adds_to_the_first(tmp_path: Path) -> None:
     path = tmp_path / "twice.yaml"
     again = "  - {at: 14, inject: {gyro_bias: {rate: 1}}}\n  - {at: 14.5, clear: gyro_bias}\n"
-    again += "  - {at: 15, fix: again}\n  - {at: 15.2, ask: then}\n"
+    again += "  - {at: 15, fix: again}\n  - {at: 15.2, query: then}\n"
     path.write_text(JUMPED.replace("expect:", f"{again}expect:"))
     outcome = play(tmp_path / "run", str(path))
     (then,) = outcome.record.answers
-    told = {each.parameter: each.value for each in then.values}
+    reported = {each.parameter: each.value for each in then.values}
     (true,) = (seen.pose for seen in outcome.record.poses if abs(seen.time_s - 15.2) < 1e-6)
-    places = (Parameter.POS_X, Parameter.POS_Y, Parameter.POS_Z, Parameter.HEAD)
+    positions = (Parameter.POS_X, Parameter.POS_Y, Parameter.POS_Z, Parameter.HEAD)
     seen = (true.x_m, true.y_m, true.z_m, true.heading_rad)
-    assert [told[each] for each in places] == pytest.approx(seen, abs=0.01)
+    assert [reported[each] for each in positions] == pytest.approx(seen, abs=0.01)
 
 
-def test_what_is_false_after_a_fault_was_reported_is_told_apart(tmp_path: Path) -> None:
+def test_an_untrue_result_after_a_reported_fault_is_distinguished(tmp_path: Path) -> None:
     """Both commands end EXECUTED a metre off; between their ends a fault is reported."""
     record = play(tmp_path, "motion_forward").record
     (end,) = (each for each in record.reports if each.stage is Stage.EXECUTED)
     end_s = record.time_of(end)
     record.poses = [replace(seen, pose=Pose(1.0)) for seen in record.poses]
     record.faults = [FaultChange(end_s - 1, "pushed", True)]
-    for told_s, many in ((end_s - 0.5, 1), (end_s + 0.5, 0)):
-        told = replace(
+    for reported_s, many in ((end_s - 0.5, 1), (end_s + 0.5, 0)):
+        reported = replace(
             end, kind=ReportKind.EVENT, severity=Severity.WARNING, stage=None, identity=None
         )
-        told = replace(told, utc_s=record.start_utc_s + told_s, sequence=99)
-        figures = figures_of(replace(record, reports=[*record.reports, told]))
+        reported = replace(reported, utc_s=record.start_utc_s + reported_s, sequence=99)
+        figures = figures_of(replace(record, reports=[*record.reports, reported]))
         assert (figures.false_executed, figures.false_after_fault) == (1, many)
 
 
-def test_a_motion_that_a_crash_interrupted_tells_of_no_fault(tmp_path: Path) -> None:
+def test_a_motion_interrupted_by_a_crash_reports_no_fault(tmp_path: Path) -> None:
     changes = ("inject={head_stuck, at: 2}", "crash={at: 2.5, for: 1}")
     figures = play(tmp_path, "motion_forward", *changes).figures
     assert figures.reasons == (Reason.INTERRUPTED,)
@@ -116,7 +116,7 @@ def test_a_motion_that_a_crash_interrupted_tells_of_no_fault(tmp_path: Path) -> 
 
 def test_where_nothing_is_commanded_there_are_no_figures(tmp_path: Path) -> None:
     path = tmp_path / "idle.yaml"
-    path.write_text("title: Idle\nlasts: 1\nexpect: [{mode: IDLE}]\n")
+    path.write_text("title: Idle\nduration: 1\nexpect: [{mode: IDLE}]\n")
     figures = play(tmp_path / "run", str(path), "inject={camera_dead, at: 0.5}").figures
     assert (figures.duration_s, figures.true_error_m, figures.true_error_rad) == (None, None, None)
     assert (figures.detection_s, figures.executed, figures.reasons) == (None, 0, ())

@@ -19,14 +19,14 @@ from sim.scenario.record import Record
 
 RUN: Final = """
 title: Stuck, stopped, lost
-lasts: 9
+duration: 9
 settings: {status_interval: 0.5}
 timeline:
   - {at: 0.5, command: {moveTo: {x: 1, y: 0}}, label: near}
   - {at: 0.6, command: {moveForward: {distance: 2}}, label: further}
-  - {after: further STARTED + 1, inject: {slip: {factor: 0.9}}}
+  - {after: further STARTED + 1, inject: {low_friction: {factor: 0.9}}}
   - {after: further STARTED + 1.5, command: stop}
-  - {after: stop EXECUTED, clear: slip}
+  - {after: stop EXECUTED, clear: low_friction}
   - {after: stop EXECUTED + 1, crash: 1}
   - {after: stop EXECUTED + 1.5, command: resume, label: unheard}
   - {after: unheard EXECUTED, inject: camera_dead}
@@ -61,7 +61,7 @@ def test_the_timeline_has_a_lane_for_each_command_that_was_sent(
     assert (unheard.text, unheard.last, unheard.ended_s) == ("lost", None, None)
 
 
-def test_a_fault_lasts_until_it_is_cleared_and_only_if_its_time_came(
+def test_a_fault_lasts_until_it_is_cleared_and_only_if_it_was_injected(
     played: tuple[Scenario, Record],
 ) -> None:
     timeline = timeline_of(*played)
@@ -69,7 +69,7 @@ def test_a_fault_lasts_until_it_is_cleared_and_only_if_its_time_came(
     stuck, lost = timeline.faults
     assert further.started_s is not None
     assert stop.ended_s is not None
-    assert (stuck.name, lost.name) == ("slip", "executive lost")
+    assert (stuck.name, lost.name) == ("low_friction", "executive lost")
     assert stuck.begin_s == pytest.approx(further.started_s + 1)
     assert stuck.end_s == pytest.approx(stop.ended_s)
     assert lost.end_s - lost.begin_s == pytest.approx(1.0)
@@ -87,16 +87,16 @@ def test_the_map_shows_goals_tracks_stops_and_what_went_wrong_where(
     played: tuple[Scenario, Record],
 ) -> None:
     drive = drive_of(*played)
-    assert [round(place.x_m, 1) for place in drive.planned] == [1.0, 3.0]
+    assert [round(position.x_m, 1) for position in drive.planned] == [1.0, 3.0]
     assert len(drive.driven) > 3
     assert drive.true[0].x_m == pytest.approx(0.0, abs=0.01)
     (stop,) = drive.stops
     assert 1.1 < stop.x_m < 2.5
-    assert [incident.text for incident in drive.incidents] == ["slip", "executive lost"]
+    assert [incident.text for incident in drive.incidents] == ["low_friction", "executive lost"]
     assert drive.incidents[0].pose.x_m < stop.x_m
 
 
-def test_a_run_of_which_nothing_was_seen_is_drawn_where_the_rover_began(
+def test_a_run_without_observations_is_drawn_at_its_start(
     played: tuple[Scenario, Record],
 ) -> None:
     scenario, _ = played
@@ -123,7 +123,7 @@ def test_files_are_whole_and_reports_carry_names(
 
 UNTRUE: Final = """
 title: Not there
-lasts: 8
+duration: 8
 odometry: {gyro_bias: 2deg}
 settings: {sensors: {imu: null, joints: null}}
 timeline:
@@ -133,7 +133,7 @@ expect:
 """
 
 
-def test_what_was_executed_but_is_not_true_is_on_the_map(tmp_path: Path) -> None:
+def test_an_executed_but_untrue_motion_is_on_the_map(tmp_path: Path) -> None:
     path = tmp_path / "untrue.yaml"
     path.write_text(UNTRUE)
     scenario = load_scenario(str(path))
@@ -141,13 +141,13 @@ def test_what_was_executed_but_is_not_true_is_on_the_map(tmp_path: Path) -> None
     assert any(each.text.startswith("there EXECUTED, but") for each in drive.incidents)
 
 
-def keep(*arguments: str) -> Result:
+def run_scenarios(*arguments: str) -> Result:
     return CliRunner().invoke(scenario_command, arguments, catch_exceptions=False)
 
 
-def test_out_keeps_a_folder_of_each_run(tmp_path: Path) -> None:
+def test_out_stores_a_folder_of_each_run(tmp_path: Path) -> None:
     out = tmp_path / "kept"
-    result = keep("expired", "replaced", "expired", "--out", str(out))
+    result = run_scenarios("expired", "replaced", "expired", "--out", str(out))
     assert result.exit_code == 0, result.output
     assert str(out) in result.output.splitlines()[-1]
     assert {path.name for path in out.iterdir()} == {"expired", "replaced", "expired-2"}
@@ -157,10 +157,10 @@ def test_out_keeps_a_folder_of_each_run(tmp_path: Path) -> None:
         assert "data/ledger.sqlite" in left
 
 
-def test_out_takes_no_folder_in_which_something_is(tmp_path: Path) -> None:
+def test_out_requires_an_empty_folder(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("keep")
     for out in (tmp_path, tmp_path / "mine" / "below"):
-        result = keep("expired", "--out", str(out))
+        result = run_scenarios("expired", "--out", str(out))
         assert result.exit_code == 2
         assert f"--out {out}" in result.output
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,7 +20,7 @@ from sim.scenario.run import RunError, run_scenario
 
 FILE = """
 title: Ahead
-lasts: 4
+duration: 4
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 1}}, label: ahead}
 expect:
@@ -47,21 +48,21 @@ def test_json_is_one_document_of_every_run_and_error(file: str) -> None:
     document = json.loads(result.stdout)
     assert result.exit_code == 2
     assert "there is no scenario 'nowhere'" in result.stderr
-    assert document["holds"] is False
+    assert document["passed"] is False
     (error,) = document["errors"]
     assert (error["scenario"], error["text"][:8]) == ("nowhere", "there is")
     (played,) = document["runs"]
-    assert (played["scenario"], played["seed"], played["holds"]) == (file, 3, True)
+    assert (played["scenario"], played["seed"], played["passed"]) == (file, 3, True)
     assert played["changes"] == ["world.friction=0.5"]
     assert len(played["findings"]) == 6
-    assert played["findings"][0]["seen"].startswith("ends EXECUTED")
+    assert played["findings"][0]["observed"].startswith("ends EXECUTED")
     assert played["figures"]["executed"] == 1
     assert played["figures"]["reasons"] == []
 
 
 def test_the_command_of_a_run_plays_it_again_bit_for_bit(file: str) -> None:
-    first = documented(file, "--seed", "5", "--set", "inject={left_stuck, at: 1}")["runs"][0]
-    assert first["holds"] is False
+    first = documented(file, "--seed", "5", "--set", "inject={left_wheels_stuck, at: 1}")["runs"][0]
+    assert first["passed"] is False
     rover, command, *arguments = first["command"].replace("'", "").split(" --set ")[0].split()
     assert (rover, command, arguments) == ("rover", "scenario", [file])
     again = documented(file, "--set", first["changes"][0], "--seed", str(first["seed"]))["runs"][0]
@@ -72,31 +73,35 @@ def test_the_command_of_a_run_plays_it_again_bit_for_bit(file: str) -> None:
 def test_repeats_have_the_next_seeds_and_are_counted(file: str) -> None:
     result = run(file, "--repeat", "3", "--seed", "4")
     assert result.exit_code == 0
-    assert result.output.splitlines() == [f"{file}: 3 of 3 runs hold, seeds 4 to 6"]
+    assert result.output.splitlines() == [f"{file}: 3 of 3 runs passed, seeds 4 to 6"]
     assert [run["seed"] for run in documented(file, "--repeat", "2")["runs"]] == [0, 1]
 
 
-def test_what_repeats_leave_is_kept_by_seed(file: str, tmp_path: Path) -> None:
+def test_artifacts_of_repeats_are_stored_by_seed(file: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = run(file, "--repeat", "2", "--seed", "4", "--out", str(out))
     assert result.output.splitlines()[-1] == f"maps, timelines, reports and ledgers are in {out}"
     assert {path.parent.parent.name for path in out.rglob("map.png")} == {"seed-4", "seed-5"}
 
 
-def test_a_repeat_that_fails_is_told_with_its_command(file: str) -> None:
-    result = run(file, "--repeat", "2", "--set", "inject={left_stuck, at: 1}")
+def test_a_repeat_that_fails_is_reported_with_its_command(file: str) -> None:
+    result = run(file, "--repeat", "2", "--set", "inject={left_wheels_stuck, at: 1}")
     assert result.exit_code == 1
     count, command, found, *_ = result.output.splitlines()
-    assert count == f"{file}: 0 of 2 runs hold, seeds 0 to 1"
-    assert command == f"  rover scenario {file} --set 'inject={{left_stuck, at: 1}}' --seed 0"
+    assert count == f"{file}: 0 of 2 runs passed, seeds 0 to 1"
+    assert (
+        command == f"  rover scenario {file} --set 'inject={{left_wheels_stuck, at: 1}}' --seed 0"
+    )
     assert "command ahead: ends EXECUTED, within 3 s; observed: " in found
 
 
 def test_junit_is_read_back_by_a_parser(file: str, tmp_path: Path) -> None:
     path = tmp_path / "results.xml"
-    result = run(file, "nowhere", "--junit", str(path), "--set", "inject={left_stuck, at: 1}")
+    result = run(
+        file, "nowhere", "--junit", str(path), "--set", "inject={left_wheels_stuck, at: 1}"
+    )
     assert result.exit_code == 2
-    assert "FAILS" in result.stdout
+    assert re.search(r"^FAILED", result.stdout, re.MULTILINE)
     played, missing = JUnitXml.fromfile(str(path))
     assert played.name == f"{file} seed 0"
     seed, _ = ElementTree.parse(path).iter("property")
@@ -110,7 +115,7 @@ def test_junit_is_read_back_by_a_parser(file: str, tmp_path: Path) -> None:
     assert "there is no scenario" in case.result[0].message
 
 
-def test_junit_takes_any_text_and_tells_cases_apart() -> None:
+def test_junit_accepts_any_text_and_distinguishes_cases() -> None:
     cases = [JunitCase("same", "a\x00b\n<&>", CaseStatus.FAILURE), JunitCase("same", "fine")]
     file = io.BytesIO()
     write_junit(file, "all", [JunitSuite("s\x1b", cases, 1.5)])
@@ -120,7 +125,7 @@ def test_junit_takes_any_text_and_tells_cases_apart() -> None:
     assert next(iter(suite)).result[0].message == "a\\x00b\\n<&>"
 
 
-def test_a_run_that_breaks_down_does_not_keep_others_from_being_played(
+def test_a_run_that_breaks_down_does_not_prevent_the_run_of_others(
     file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     errors = iter([RunError("it: rover-sim ended"), TimeoutError("not ready")])
@@ -136,7 +141,7 @@ def test_a_run_that_breaks_down_does_not_keep_others_from_being_played(
     assert result.exit_code == 3
     assert "Error: it: rover-sim ended" in result.stderr
     assert "cannot reach the rover: not ready" in result.stderr
-    assert result.stdout.splitlines()[-1] == "6 of 6 expectations hold"
+    assert result.stdout.splitlines()[-1] == "6 of 6 expectations are met"
 
 
 @pytest.mark.parametrize(

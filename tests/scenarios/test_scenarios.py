@@ -1,5 +1,6 @@
 """The scenarios at hand hold, and one that does not hold says where."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +12,14 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.reading import load_scenario, scenario_folder
 from sim.scenario.record import Record
 from tests.docs.pages import CHECKOUT, blocks
+from tests.support.patience import shipped_names
 
-NAMES = sorted(path.stem for path in scenario_folder().glob("*.yaml"))
+NAMES = shipped_names(scenario_folder())
 PAGE = CHECKOUT / "docs" / "scenarios.md"
 LIVE_ONLY = {"relay", "video"}
 WRONG = """
 title: Half wrong
-lasts: 4
+duration: 4
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 1}}, label: ahead}
 expect:
@@ -29,39 +31,39 @@ expect:
 DARK = """
 title: Dark
 settings: {status_interval: 0.5}
-lasts: 6
+duration: 6
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 0.5}}, label: ahead}
-  - {at: 1, eclipse: 3}
+  - {at: 1, outage: 3}
   - {at: 2, command: stop, label: unheard}
-  - {at: 2, ask: nobody}
+  - {at: 2, query: nobody}
   - {at: 2, fetch: no.jpg}
   - {after: ahead EXECUTED, command: {rotateBy: {angle: 90deg}}, label: turn}
 expect:
   - {command: ahead, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED], within: 2}
   - {command: unheard, stages: [], answers: [lost]}
-  - {files: [], asked: nobody}
-  - {rover: stands, at: 2.5, for: 1.5}
+  - {files: [], query: nobody}
+  - {rover: stationary, at: 2.5, for: 1.5}
   - {command: turn, ends: EXECUTED}
   - {telemetry: 0, at: 1.1, for: 2.8}
 """
 
 CONDITIONS = """
 title: Stopped on the way, and back
-lasts: 14
+duration: 14
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 3}}, label: ahead}
   - {near: {x: 2, y: 0, within: 0.5}, command: stop}
   - {after: ahead ENDED + 1, command: resume}
   - {after: resume ENDED, command: {moveForward: {distance: 500}}, label: far}
   - {after: far ENDED, command: {moveForward: {distance: -1}}, label: back}
-  - {after: back STARTED, near: {x: 1.5, y: 0, within: 0.1}, ask: passing}
+  - {after: back STARTED, near: {x: 1.5, y: 0, within: 0.1}, query: passing}
 expect:
   - {pose: {x: 1.55, y: 0}, tolerance: 0.06, near: {x: 2, y: 0, within: 0.5}}
   - {command: ahead, ends: CANCELLED, reason: STOPPED}
   - {command: far, ends: REJECTED}
   - {command: back, ends: EXECUTED}
-  - {parameter: POS_X, value: 1.5, tolerance: 0.15, asked: passing}
+  - {parameter: POS_X, value: 1.5, tolerance: 0.15, query: passing}
 """
 
 
@@ -73,7 +75,7 @@ def play(*arguments: str) -> Result:
 def test_holds(name: str) -> None:
     result = play(name)
     assert result.exit_code == 0, result.output
-    assert "FAILS" not in result.output
+    assert not re.search(r"^FAILED", result.output, re.MULTILINE)
 
 
 def test_those_of_the_thesis_are_there() -> None:
@@ -93,43 +95,43 @@ def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text(WRONG)
     result = play(str(path))
-    failing = [line for line in result.output.splitlines() if line.startswith("FAILS")]
+    failing = [line for line in result.output.splitlines() if line.startswith("FAILED")]
     assert result.exit_code == 1
     assert len(failing) == 1
     assert "true pose" in failing[0]
     assert "x 2.00 y 0.00" in failing[0]
     assert "x 0.99" in failing[0].split("at the end")[1]
-    assert result.output.splitlines()[-1] == "6 of 7 expectations hold"
+    assert result.output.splitlines()[-1] == "6 of 7 expectations are met"
 
 
-def test_marvin_comes_back_heavier_than_it_went(tmp_path: Path) -> None:
+def test_marvin_returns_heavier_than_at_its_start(tmp_path: Path) -> None:
     text = (scenario_folder() / "marvin.yaml").read_text()
     path = tmp_path / "light.yaml"
     path.write_text(text.replace("cargo: 20", "cargo: 0"))
-    failing = [line for line in play(str(path)).output.splitlines() if line.startswith("FAILS")]
+    failing = [line for line in play(str(path)).output.splitlines() if line.startswith("FAILED")]
     assert len(failing) == 1
     assert "BATERY_VOLTAGE" in failing[0]
 
 
-def test_in_an_eclipse_nothing_is_heard_or_said_until_it_ends(tmp_path: Path) -> None:
+def test_in_an_outage_nothing_is_received_or_sent_until_it_ends(tmp_path: Path) -> None:
     path = tmp_path / "dark.yaml"
     path.write_text(DARK)
     result = play(str(path))
     assert result.exit_code == 0, result.output
 
 
-def test_what_waits_for_an_end_or_a_place_is_done_then(tmp_path: Path) -> None:
+def test_a_step_waiting_for_an_end_or_a_position_is_executed_then(tmp_path: Path) -> None:
     path = tmp_path / "conditions.yaml"
     path.write_text(CONDITIONS)
     result = play(str(path))
     assert result.exit_code == 0, result.output
 
 
-def test_what_waits_for_a_place_is_never_done_where_the_rover_does_not_come(tmp_path: Path) -> None:
+def test_a_step_waiting_for_an_unreached_position_is_never_executed(tmp_path: Path) -> None:
     path = tmp_path / "conditions.yaml"
     path.write_text(CONDITIONS.replace("y: 0, within: 0.1", "y: 1, within: 0.1"))
     result = play(str(path))
-    failing = [line for line in result.output.splitlines() if line.startswith("FAILS")]
+    failing = [line for line in result.output.splitlines() if line.startswith("FAILED")]
     assert result.exit_code == 1
     assert any("all 6 entries of the timeline are executed" in line for line in failing)
 
@@ -145,7 +147,7 @@ def test_an_example_of_the_page_holds(example: str, tmp_path: Path) -> None:
 def test_several_files_are_summed_up_and_verbose_shows_every_report() -> None:
     result = play("expired", "replaced", "--verbose")
     assert result.exit_code == 0
-    assert result.output.splitlines()[-1] == "20 of 20 expectations hold"
+    assert result.output.splitlines()[-1] == "20 of 20 expectations are met"
     assert "EXPIRED" in result.output
     assert "too-old" in result.output
 

@@ -29,7 +29,7 @@ from sim.scenario.reading import load_scenario
 from sim.scenario.record import AdmittedRequest, Answer, Record, SentCommand, TruePose
 from sim.scenario.truth import check_executed_truth, true_ends, undelayed_s
 
-WHO = Identity("MOE", 1)
+IDENTITY = Identity("MOE", 1)
 BEGUN_S, ENDED_S = 1.0, 5.0
 START = Pose(1.0, 2.0, heading_rad=radians(90))
 
@@ -39,11 +39,11 @@ def ran(
 ) -> Record:
     """Return a run in which a command was EXECUTED while the rover went evenly to a pose."""
     record = Record(0.0, Path())
-    record.sendings = [SentCommand(label, WHO, 0.9, Answer.ADMITTED)]
-    record.requested = [AdmittedRequest(WHO, request)]
+    record.sendings = [SentCommand(label, IDENTITY, 0.9, Answer.ACCEPTED)]
+    record.requested = [AdmittedRequest(IDENTITY, request)]
     times = ((Stage.RECEIVED, 0.9), (Stage.STARTED, BEGUN_S), (Stage.EXECUTED, ended_s))
     record.reports = [
-        Report(number, time_s, ReportKind.COMMAND, Severity.INFORMATIONAL, "", WHO, stage)
+        Report(number, time_s, ReportKind.COMMAND, Severity.INFORMATIONAL, "", IDENTITY, stage)
         for number, (stage, time_s) in enumerate(times, 1)
     ]
     for step in range(121):
@@ -63,7 +63,7 @@ def between(start: Pose, end: Pose, part: float) -> Pose:
 
 def wrong(record: Record, *false_executed: str) -> str:
     finding = check_executed_truth(record, false_executed)
-    return "" if finding.holds else finding.seen
+    return "" if finding.passed else finding.observed
 
 
 def at(x_m: float, y_m: float, heading_deg: float = 90.0) -> Pose:
@@ -102,7 +102,7 @@ def at(x_m: float, y_m: float, heading_deg: float = 90.0) -> Pose:
         (SetTravelSpeed(1), at(9, 9), ""),
     ],
 )
-def test_the_true_pose_is_what_was_commanded(request_: Request, true: Pose, off: str) -> None:
+def test_the_true_pose_is_the_commanded_one(request_: Request, true: Pose, off: str) -> None:
     seen = wrong(ran(request_, true))
     assert off in seen if off else not seen
 
@@ -123,7 +123,7 @@ def test_a_held_velocity_ends_where_small_steps_of_it_lead(
 
 
 @pytest.mark.parametrize(("speed_mps", "holds"), [(0.0, True), (0.04, True), (0.06, False)])
-def test_a_stop_ends_when_the_rover_truly_stands(speed_mps: float, holds: bool) -> None:
+def test_a_stop_ends_at_the_true_standstill(speed_mps: float, holds: bool) -> None:
     stop = ran(Stop(), START)
     stop.poses = [replace(seen, pose=at(1, 2 + speed_mps * seen.time_s)) for seen in stop.poses]
     assert bool(wrong(stop)) is not holds
@@ -132,7 +132,7 @@ def test_a_stop_ends_when_the_rover_truly_stands(speed_mps: float, holds: bool) 
 @pytest.mark.parametrize("brakes_mps2", [0.5, 1.0, 2.0, 7.0])
 @pytest.mark.parametrize(("speed_mps", "holds"), [(0.0, True), (0.04, True), (0.07, False)])
 @pytest.mark.parametrize("late_s", [0.0, 0.02])
-def test_a_rover_that_still_brakes_does_not_stand(
+def test_a_rover_that_still_brakes_is_not_stationary(
     brakes_mps2: float, speed_mps: float, holds: bool, late_s: float
 ) -> None:
     """It goes at a speed when the stop ends, comes to rest soon after, and went faster before."""
@@ -145,7 +145,7 @@ def test_a_rover_that_still_brakes_does_not_stand(
     assert wrong(stop) == ("" if holds else "go ended at 0.07 m/s")
 
 
-def test_a_relative_motion_begins_where_the_rover_first_stood() -> None:
+def test_a_relative_motion_begins_at_the_first_standstill_of_the_rover() -> None:
     """It was replaced at 1 m/s, and braked for half a metre before its leg was planned."""
     record = ran(MoveForward(1), START)
     for index, seen in enumerate(record.poses):
@@ -163,7 +163,7 @@ def test_without_true_poses_nothing_is_held_to_be_true(request_: Request) -> Non
     assert wrong(record, "go")
 
 
-def test_what_is_known_to_be_untrue_must_be() -> None:
+def test_a_condition_marked_untrue_must_be_untrue() -> None:
     untrue, true = ran(MoveForward(3), at(1, 4)), ran(MoveForward(3), at(1, 5))
     assert not wrong(untrue, "go")
     assert wrong(true, "go") == "go is true"
@@ -172,18 +172,18 @@ def test_what_is_known_to_be_untrue_must_be() -> None:
     )
 
 
-def test_a_plans_command_that_nobody_knows_is_not_held_to_be_true() -> None:
+def test_an_unknown_command_of_a_plan_is_not_required_to_be_true() -> None:
     record = ran(MoveForward(3), at(1, 5))
     step = Identity("plan:errand", 3)
     record.reports.append(replace(record.reports[-1], sequence=9, identity=step))
     assert wrong(record) == "plan:errand:3 has an unknown request"
 
 
-def test_poses_that_were_heard_late_are_of_when_they_were_made() -> None:
+def test_poses_received_late_are_those_of_their_stamp() -> None:
     """The simulation's clock stands at 7 s at our 100 s, and loses half a second at 7.1 s."""
     stamps_s = [7.0, 7.02, 7.04, 7.06, 7.08, 7.1, 7.12]
-    heard_s = [100.0, 100.3, 100.3, 100.3, 100.081, 100.6, 100.9]
-    found = undelayed_s(heard_s, stamps_s)
+    received_s = [100.0, 100.3, 100.3, 100.3, 100.081, 100.6, 100.9]
+    found = undelayed_s(received_s, stamps_s)
     assert found == pytest.approx([100.0, 100.021, 100.041, 100.061, 100.081, 100.6, 100.9])
 
 
@@ -198,7 +198,7 @@ PLAN = """<root BTCPP_format="4">
 """
 PLANNED = """
 title: A plan
-lasts: 6
+duration: 6
 settings: {sensors: {imu: null, joints: null}}
 timeline:
   - {at: 0.1, command: {submitPlan: {plan: there.xml}}}
@@ -215,7 +215,7 @@ def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
     path = tmp_path / "planned.yaml"
     path.write_text(PLANNED)
     outcome = run_once("planned", load_scenario(str(path), RunMode.LOCK_STEP), tmp_path)
-    assert outcome.holds, outcome.findings
+    assert outcome.passed, outcome.findings
     ends = true_ends(outcome.record)
     assert [end.label for end in ends] == ["plan:there:1", "plan:there:2"]
     assert not ends[0].wrong
@@ -224,6 +224,6 @@ def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
 
 def test_an_unknown_label_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
-    path.write_text("title: T\nlasts: 1\nfalse_executed: [go]\nexpect: [{mode: IDLE}]\n")
+    path.write_text("title: T\nduration: 1\nfalse_executed: [go]\nexpect: [{mode: IDLE}]\n")
     with pytest.raises(SettingsError, match="false_executed: no 'go' in timeline"):
         load_scenario(str(path))

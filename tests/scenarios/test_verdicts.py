@@ -20,13 +20,13 @@ from sim.scenario.record import Check, Datagram, Fetched, ModeSample, Record, Tr
 RUN = """
 title: A metre, a stop, a picture
 settings: {camera: {width: 64, height: 48}, status_interval: 0.2}
-lasts: 6
+duration: 6
 timeline:
   - {at: 0.5, command: {moveForward: {distance: 1}}, label: ahead}
   - {after: ahead EXECUTED, command: takePicture, label: look}
   - {after: ahead EXECUTED, command: {rotateBy: {angle: 90deg}}, label: turn, lifetime: 9}
   - {after: turn STARTED + 0.5, command: stop}
-  - {after: stop EXECUTED, ask: there}
+  - {after: stop EXECUTED, query: there}
   - {after: look EXECUTED + 0.1, fetch: pictures/MOE-2.jpg}
   - {after: look EXECUTED + 0.1, fetch: none.jpg}
   - {after: stop EXECUTED + 0.5, repeat: stop}
@@ -59,7 +59,7 @@ def verdict(folder: Path, expectation: str, record: Record) -> Check:
         ("command: turn, stages: [RECEIVED, ACCEPTED, STARTED%]", ", CANCELLED", "", "CANCELLED"),
         ("command: turn, reason: %", "STOPPED", "802", "801 STOPPED: stopped by MOE:4"),
         ("command: ahead, within: %", "3", "1", "after 2."),
-        ("command: stop, answers: [%]", "admitted, duplicate", "admitted", "admitted duplicate"),
+        ("command: stop, answers: [%]", "accepted, duplicate", "accepted", "accepted duplicate"),
         ("event: %", "902, count: 0", "ODOMETRY_STALE", "0 ×"),
         ("pose: {x: 1, y: %}, tolerance: 0.05, after: ahead EXECUTED", "0", "0.1", "0.100 m off"),
         (
@@ -68,8 +68,8 @@ def verdict(folder: Path, expectation: str, record: Record) -> Check:
             "9deg",
             "° off",
         ),
-        ("rover: stands, after: %, for: 1", "stop EXECUTED + 0.2", "ahead STARTED", "went 0."),
-        ("rover: moves, % for: 1", "after: ahead STARTED,", "", "went 0.000 m"),
+        ("rover: stationary, after: %, for: 1", "stop EXECUTED + 0.2", "ahead STARTED", "went 0."),
+        ("rover: moving, % for: 1", "after: ahead STARTED,", "", "went 0.000 m"),
         ("mode: %", "STOPPED", "IDLE", "STOPPED"),
         ("mode: MOVING, %", "after: ahead STARTED", "at: 0.2", "IDLE"),
         ("parameter: POS_X, value: %, tolerance: 0.05, after: ahead EXECUTED", "1", "2", " m"),
@@ -86,13 +86,13 @@ def verdict(folder: Path, expectation: str, record: Record) -> Check:
             "1.5",
             "the nearest of 30",
         ),
-        ("parameter: ROTATE_SPEED, value: %, asked: there", "1.5", "1", "rad/s"),
+        ("parameter: ROTATE_SPEED, value: %, query: there", "1.5", "1", "rad/s"),
         ("telemetry: %, at: 1, for: 1", "5", "6", "5 ×"),
         ("pictures: 1, %: 64", "width", "height", "MOE-2.jpg is 64 × 48 px"),
         ("pictures: %", "1", "2", "1 stored"),
         ("file: pictures/MOE-2.jpg, events: [STORED%]", "", ", DELETED", "STORED"),
         ("file: other, events: [%]", "", "STORED", "no event"),
-        ("files: [%], asked: there", "pictures/MOE-2.jpg", "", "pictures/MOE-2.jpg"),
+        ("files: [%], query: there", "pictures/MOE-2.jpg", "", "pictures/MOE-2.jpg"),
         ("fetched: %.jpg", "pictures/MOE-2", "none", "there is no file none.jpg"),
         ("video: %, for: 1", "0", "1", "0 pictures, 0 datagrams"),
         ("contacts: %", "0", "1", "0 contacts"),
@@ -112,33 +112,33 @@ def test_holds_or_fails(
 ) -> None:
     """Both ways to fill in an expectation, where it has a %."""
     wanted = f"{{{expectation}}}"
-    assert verdict(tmp_path, wanted.replace("%", holding), played[1]).holds
+    assert verdict(tmp_path, wanted.replace("%", holding), played[1]).passed
     finding = verdict(tmp_path, wanted.replace("%", failing), played[1])
-    assert not finding.holds
-    assert seen in finding.seen
+    assert not finding.passed
+    assert seen in finding.observed
 
 
 @pytest.mark.parametrize(
     "never",
     [
         "{pose: {x: 1, y: 0}, tolerance: 9, after: turn EXECUTED}",
-        "{rover: stands, after: turn EXECUTED, for: 1}",
+        "{rover: stationary, after: turn EXECUTED, for: 1}",
         "{mode: IDLE, after: turn EXECUTED}",
         "{telemetry: 0, after: turn EXECUTED, for: 1}",
         "{parameter: POS_X, value: 1, tolerance: 9, after: turn EXECUTED}",
         "{plan: tour, status: SUBMITTED, after: turn EXECUTED}",
     ],
 )
-def test_a_time_that_never_came_fails(
+def test_a_time_that_was_never_reached_fails(
     played: tuple[Scenario, Record], tmp_path: Path, never: str
 ) -> None:
-    assert not verdict(tmp_path, never, played[1]).holds
+    assert not verdict(tmp_path, never, played[1]).passed
 
 
 def broken_promises(played: tuple[Scenario, Record], /, **changes: Any) -> list[str]:
     scenario, record = played
     findings = judge(scenario, replace(record, **changes))
-    return [finding.expected for finding in findings if not finding.holds]
+    return [finding.expected for finding in findings if not finding.passed]
 
 
 def test_a_command_that_ends_twice_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
@@ -165,22 +165,22 @@ def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) 
 @pytest.mark.parametrize(
     ("octets", "fault"), [(b"\xff\xd8no picture", "does not decode"), (None, "is blank")]
 )
-def test_a_picture_must_show_something(
+def test_a_picture_must_have_content(
     played: tuple[Scenario, Record], tmp_path: Path, octets: bytes | None, fault: str
 ) -> None:
     path = tmp_path / "pictures/MOE-2.jpg"
     path.parent.mkdir()
     path.write_bytes(octets or jpeg_of_one_colour())
     finding = judge(played[0], replace(played[1], files=tmp_path))[0]
-    assert not finding.holds
-    assert fault in finding.seen
+    assert not finding.passed
+    assert fault in finding.observed
 
 
 @pytest.mark.parametrize(
     ("change", "fault"),
     [({"received": b"pictura"}, "octets differ"), ({"checksum": 1}, "reported 00000001")],
 )
-def test_what_was_fetched_must_be_what_is_aboard(
+def test_a_fetched_file_must_be_that_aboard(
     played: tuple[Scenario, Record], tmp_path: Path, change: dict[str, Any], fault: str
 ) -> None:
     record = played[1]
@@ -189,12 +189,12 @@ def test_what_was_fetched_must_be_what_is_aboard(
     ]
     wanted = "{fetched: pictures/MOE-2.jpg}"
     finding = verdict(tmp_path, wanted, replace(record, fetched=spoilt))
-    assert not finding.holds
-    assert fault in finding.seen
-    assert "never fetched" in verdict(tmp_path, wanted, replace(record, fetched=[])).seen
+    assert not finding.passed
+    assert fault in finding.observed
+    assert "never fetched" in verdict(tmp_path, wanted, replace(record, fetched=[])).observed
 
 
-def test_video_must_show_something_and_end(played: tuple[Scenario, Record], tmp_path: Path) -> None:
+def test_video_must_have_content_and_end(played: tuple[Scenario, Record], tmp_path: Path) -> None:
     scene = (played[1].files / "pictures/MOE-2.jpg").read_bytes()
     blank = jpeg_of_one_colour()
 
@@ -202,13 +202,13 @@ def test_video_must_show_something_and_end(played: tuple[Scenario, Record], tmp_
         stream = [Datagram(1.5, picture) for picture in pictures]
         return verdict(tmp_path, wanted, replace(played[1], video=stream))
 
-    assert finding("{video: 2, at: 1, for: 1}", None, scene, scene).holds
-    assert not finding("{video: 2, at: 1, for: 1}", None, scene).holds
-    assert not finding("{video: 2, at: 1, for: 0.4}", scene, scene).holds
-    assert "is blank" in finding("{video: 1, at: 1, for: 1}", blank, scene).seen
-    assert "does not decode" in finding("{video: 1, at: 1, for: 1}", b"no", scene).seen
-    assert not finding("{video: 0, at: 1, for: 1}", None).holds
-    assert finding("{video: 0, at: 2, for: 1}", None).holds
+    assert finding("{video: 2, at: 1, for: 1}", None, scene, scene).passed
+    assert not finding("{video: 2, at: 1, for: 1}", None, scene).passed
+    assert not finding("{video: 2, at: 1, for: 0.4}", scene, scene).passed
+    assert "is blank" in finding("{video: 1, at: 1, for: 1}", blank, scene).observed
+    assert "does not decode" in finding("{video: 1, at: 1, for: 1}", b"no", scene).observed
+    assert not finding("{video: 0, at: 1, for: 1}", None).passed
+    assert finding("{video: 0, at: 2, for: 1}", None).passed
 
 
 def jpeg_of_one_colour() -> bytes:

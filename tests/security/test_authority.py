@@ -24,24 +24,24 @@ from executive.commands import (
     Stop,
     SubmitPlan,
 )
-from executive.commands.lifecycle import Admitted, Refused
+from executive.commands.lifecycle import Accepted, Rejected
 from executive.core.authority import Authority, AuthorityState
 from executive.record import AuthorityRecord
 from executive.settings import AuthoritySettings, SettingsError, load_settings, structure
-from executive.values.facts import AuthorityUsed
+from executive.values.facts import ExternalAuthorityUse
 from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, raises, rover
-from tests.mrs.test_command_command import INTERRUPTED, typed_elsewhere, wait_for
+from tests.mrs.test_command_command import INTERRUPTED, typed_in_process, wait_for
 from tests.stress import authority_storm
-from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
+from tests.support.requested_authority import RequestedAuthority
 
 pytestmark = pytest.mark.alike
 
-RULES = AuthoritySettings(needed=True, lease_s=5.0, may_take=("DIRECTOR",))
+RULES = AuthoritySettings(needed=True, lease_s=5.0, takeover_sources=("DIRECTOR",))
 SETTINGS = replace(load_settings("jackal"), authority=RULES)
 
 
@@ -72,8 +72,8 @@ class Operator:
         self._number += 1
         identity = Identity(self._source, self._number)
         answer = self._bench.send(Command(identity, request, self._link, authority=epoch))
-        assert isinstance(answer, Admitted | Refused)
-        return answer.refusal if isinstance(answer, Refused) else None
+        assert isinstance(answer, Accepted | Rejected)
+        return answer.refusal if isinstance(answer, Rejected) else None
 
 
 def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None:
@@ -81,7 +81,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     assert refused is not None
     assert refused.reason is Reason.NO_AUTHORITY
     assert "it is free; request it first" in refused.text
-    epoch = granted(AskedAuthority(bench).request("MOE"))
+    epoch = granted(RequestedAuthority(bench).request("MOE"))
     assert Operator(bench, "MOE-2").send(MoveForward(1.0), None) is not None
     other = Operator(bench, "MOE-3")
     stolen = other.send(MoveForward(1.0), epoch)
@@ -89,7 +89,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     assert "MOE-3 does not hold authority 1: MOE holds it for another 5 s" in stolen.text
     assert [figure.name for figure in stolen.figures] == ["epoch", "lease left"]
     holder = Operator(bench, "HOLDER")
-    AskedAuthority(bench).hand_over("MOE", epoch, "HOLDER")
+    RequestedAuthority(bench).hand_over("MOE", epoch, "HOLDER")
     assert holder.send(MoveForward(5.0), epoch + 1) is None
     bench.run(1.0)
     assert bench.rover.velocity != STANDING
@@ -99,8 +99,8 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("claim", [None, 0, -1, 7, 1 << 62])
-def test_a_stop_acts_whatever_authority_it_claims(bench: Bench, claim: int | None) -> None:
-    epoch = granted(AskedAuthority(bench).request("MOE"))
+def test_a_stop_acts_under_any_claimed_authority(bench: Bench, claim: int | None) -> None:
+    epoch = granted(RequestedAuthority(bench).request("MOE"))
     assert Operator(bench, "MOE").send(MoveForward(5.0), epoch) is None
     bench.run(1.0)
     assert Operator(bench, "NOBODY").send(Stop(), claim) is None
@@ -108,8 +108,8 @@ def test_a_stop_acts_whatever_authority_it_claims(bench: Bench, claim: int | Non
     assert bench.executive.mode is Mode.STOPPED
 
 
-def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench) -> None:
-    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+def test_a_silent_holder_loses_it_and_returns_under_a_new_epoch(bench: Bench) -> None:
+    authority, moe = RequestedAuthority(bench), Operator(bench, "MOE")
     first = granted(authority.request("MOE"))
     for _ in range(3):
         bench.run(4.0)
@@ -118,7 +118,7 @@ def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench)
     late = moe.send(SetTravelSpeed(0.5), first)
     assert late is not None
     assert late.reason is Reason.NO_AUTHORITY
-    assert "the authority of MOE has expired" in [r.text for r in bench.heard.reports]
+    assert "the authority of MOE has expired" in [r.text for r in bench.received.reports]
     second = granted(authority.request("MOE-2"))
     third = granted(authority.hand_over("MOE-2", second, "MOE"))
     assert first < second < third
@@ -126,52 +126,52 @@ def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench)
     assert moe.send(SetTravelSpeed(0.5), third) is None
 
 
-def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
-    authority = AskedAuthority(bench)
+def test_a_request_is_announced_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
+    authority = RequestedAuthority(bench)
     granted(authority.request("MOE"))
     for source in ("MOE-2", "MOE-3", "MOE-2"):
         assert refusal(authority.request(source)).reason is Reason.NO_AUTHORITY
     assert authority.state.requested_by == "MOE-2"
     bench.run(0.1)
-    told = [r.text for r in bench.heard.reports]
-    assert told == [
+    reported = [r.text for r in bench.received.reports]
+    assert reported == [
         "MOE holds the authority (epoch 1)",
         "MOE-2 requests the authority that MOE holds",
     ]
 
 
-def test_asking_again_renews_the_lease_and_other_commanding_by_it_does(bench: Bench) -> None:
-    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+def test_a_repeated_request_renews_the_lease_and_so_does_commanding_by_it(bench: Bench) -> None:
+    authority, moe = RequestedAuthority(bench), Operator(bench, "MOE")
     epoch = granted(authority.request("MOE"))
     bench.run(4.0)
     assert granted(authority.request("MOE")) == epoch
     bench.run(4.0)
-    bench.executive.observe(AuthorityUsed(epoch + 1))
-    bench.executive.observe(AuthorityUsed(epoch))
+    bench.executive.observe(ExternalAuthorityUse(epoch + 1))
+    bench.executive.observe(ExternalAuthorityUse(epoch))
     bench.clock.advance(4.9)
     assert moe.send(SetTravelSpeed(0.5), epoch) is None
-    bench.executive.observe(AuthorityUsed(epoch + 1))
+    bench.executive.observe(ExternalAuthorityUse(epoch + 1))
     bench.clock.advance(RULES.lease_s)
     assert moe.send(SetTravelSpeed(0.4), epoch) is not None, "its time is up"
-    bench.executive.observe(AuthorityUsed(epoch))
+    bench.executive.observe(ExternalAuthorityUse(epoch))
     bench.run(0.1)
-    assert "the authority of MOE has expired" in [r.text for r in bench.heard.reports]
+    assert "the authority of MOE has expired" in [r.text for r in bench.received.reports]
     assert moe.send(SetTravelSpeed(0.4), epoch) is not None
 
 
-def test_who_still_asks_after_a_lease_is_told_again(bench: Bench) -> None:
-    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+def test_a_request_that_lasts_beyond_a_lease_is_announced_again(bench: Bench) -> None:
+    authority, moe = RequestedAuthority(bench), Operator(bench, "MOE")
     epoch = granted(authority.request("MOE"))
     for _ in range(5):
         assert refusal(authority.request("MOE-2")).reason is Reason.NO_AUTHORITY
         bench.clock.advance(RULES.lease_s / 2)
         assert moe.send(SetTravelSpeed(0.5), epoch) is None
-    asked = "MOE-2 requests the authority that MOE holds"
-    assert [r.text for r in bench.heard.reports].count(asked) == 3
+    requested = "MOE-2 requests the authority that MOE holds"
+    assert [r.text for r in bench.received.reports].count(requested) == 3
 
 
-def test_what_is_released_is_free_and_only_its_holder_releases_it(bench: Bench) -> None:
-    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+def test_a_released_authority_is_free_and_only_its_holder_releases_it(bench: Bench) -> None:
+    authority, moe = RequestedAuthority(bench), Operator(bench, "MOE")
     epoch = granted(authority.request("MOE"))
     for source, of in (("MOE-2", epoch), ("MOE", epoch + 1)):
         assert refusal(authority.release(source, of)).reason is Reason.NO_AUTHORITY
@@ -184,13 +184,13 @@ def test_what_is_released_is_free_and_only_its_holder_releases_it(bench: Bench) 
     assert refused.figures == (Figure("epoch", epoch),)
     assert granted(authority.take("MOE-2")) == epoch + 1
     assert granted(authority.take("MOE-2")) == epoch + 1, "it has it"
-    given = granted(authority.hand_over("MOE-2", epoch + 1, "MOE", RULES.longest_lease_s))
-    bench.clock.advance(RULES.longest_lease_s - 0.01)
+    given = granted(authority.hand_over("MOE-2", epoch + 1, "MOE", RULES.max_lease_s))
+    bench.clock.advance(RULES.max_lease_s - 0.01)
     assert moe.send(SetTravelSpeed(0.5), given) is None
 
 
-def test_only_who_may_takes_it(bench: Bench) -> None:
-    authority = AskedAuthority(bench)
+def test_only_permitted_sources_take_it(bench: Bench) -> None:
+    authority = RequestedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     assert "MOE holds it" in refusal(authority.take("MOE-2")).text
     assert granted(authority.take("DIRECTOR")) == epoch + 1
@@ -202,36 +202,36 @@ def test_only_who_may_takes_it(bench: Bench) -> None:
 
 @pytest.mark.alike
 @pytest.mark.parametrize("name", ["", "x" * 257, "a\nb", "\x1b[2J", "plan:survey"])
-def test_nobody_holds_it_under_a_name_that_is_none(bench: Bench, name: str) -> None:
-    authority = AskedAuthority(bench)
-    assert refusal(authority.request(name)).reason is Reason.BAD_IDENTITY
+def test_it_is_not_held_under_an_invalid_name(bench: Bench, name: str) -> None:
+    authority = RequestedAuthority(bench)
+    assert refusal(authority.request(name)).reason is Reason.BAD_IDENTIFIER
     epoch = granted(authority.request("MOE"))
-    assert refusal(authority.request(name)).reason is Reason.BAD_IDENTITY
+    assert refusal(authority.request(name)).reason is Reason.BAD_IDENTIFIER
     assert refusal(authority.hand_over("MOE", epoch, name)).argument == 2
     assert authority.state.holder == "MOE"
 
 
 @pytest.mark.parametrize("lease_s", [0.0, -1.0, 1e9, float("nan"), float("inf")])
 def test_a_lease_is_bounded(bench: Bench, lease_s: float) -> None:
-    authority = AskedAuthority(bench)
+    authority = RequestedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     refused = refusal(authority.hand_over("MOE", epoch, "MOPS", lease_s))
     assert (refused.reason, refused.argument) == (Reason.OUT_OF_RANGE, 3)
 
 
 def test_the_holder_and_the_epochs_outlive_a_kill(bench: Bench) -> None:
-    first = granted(AskedAuthority(bench).request("MOE"))
+    first = granted(RequestedAuthority(bench).request("MOE"))
     bench.crash()
     assert Operator(bench, "MOE").send(SetTravelSpeed(0.5), first) is None
-    assert "MOE holds it" in refusal(AskedAuthority(bench).request("MOE-2")).text
-    second = granted(AskedAuthority(bench).take("DIRECTOR"))
-    AskedAuthority(bench).release("DIRECTOR", second)
+    assert "MOE holds it" in refusal(RequestedAuthority(bench).request("MOE-2")).text
+    second = granted(RequestedAuthority(bench).take("DIRECTOR"))
+    RequestedAuthority(bench).release("DIRECTOR", second)
     bench.crash()
-    assert granted(AskedAuthority(bench).request("MOE-2")) == second + 1
+    assert granted(RequestedAuthority(bench).request("MOE-2")) == second + 1
 
 
 def test_on_a_full_disk_it_does_not_pass_on(bench: Bench) -> None:
-    authority = AskedAuthority(bench)
+    authority = RequestedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     bench.fill_disk()
     assert refusal(authority.take("DIRECTOR")).reason is Reason.LEDGER_FAILED
@@ -240,8 +240,8 @@ def test_on_a_full_disk_it_does_not_pass_on(bench: Bench) -> None:
     assert granted(authority.take("DIRECTOR")) > epoch + 1, "the number tried before is not reused"
 
 
-def test_what_a_full_disk_refused_has_not_happened_after_a_kill(bench: Bench) -> None:
-    authority = AskedAuthority(bench)
+def test_a_change_refused_by_a_full_disk_has_not_happened_after_a_kill(bench: Bench) -> None:
+    authority = RequestedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     bench.fill_disk()
     assert refusal(authority.take("DIRECTOR")).reason is Reason.LEDGER_FAILED
@@ -254,7 +254,7 @@ def test_what_a_full_disk_refused_has_not_happened_after_a_kill(bench: Bench) ->
 
 
 def test_the_relay_commands_by_the_authority_of_the_orbiter_alone(bench: Bench) -> None:
-    authority, relayed = AskedAuthority(bench), Operator(bench, "MOE", link="relay")
+    authority, relayed = RequestedAuthority(bench), Operator(bench, "MOE", link="relay")
     own = granted(authority.request("MOE"))
     refused = relayed.send(SetTravelSpeed(0.5), own)
     assert refused is not None
@@ -270,8 +270,8 @@ def test_the_relay_commands_by_the_authority_of_the_orbiter_alone(bench: Bench) 
     assert relayed.send(Stop(), None) is None
 
 
-def test_the_commands_of_a_plan_have_the_authority_of_who_activated_it(bench: Bench) -> None:
-    epoch = granted(AskedAuthority(bench).request("MOE"))
+def test_the_commands_of_a_plan_have_the_authority_of_its_activation(bench: Bench) -> None:
+    epoch = granted(RequestedAuthority(bench).request("MOE"))
     moe = Operator(bench, "MOE")
     ahead = plan('<moveForward distance="1" deadline_s="60"/>')
     assert Operator(bench, "MOE-2").send(SubmitPlan(ahead), None) is not None
@@ -290,14 +290,14 @@ def test_where_it_is_not_needed_only_a_false_claim_is_refused(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("said", "by_others", "needed"),
+    ("message", "by_others", "needed"),
     [(None, True, True), (None, False, False), (False, True, False), (True, False, True)],
 )
-def test_it_is_needed_where_others_reach_the_rover_unless_the_settings_say_otherwise(
-    said: bool | None, by_others: bool, needed: bool
+def test_it_is_needed_if_others_reach_the_rover_unless_the_settings_permit_them(
+    message: bool | None, by_others: bool, needed: bool
 ) -> None:
-    settings = replace(SETTINGS, authority=replace(RULES, needed=said))
-    assert settings.reached(by_others=by_others).authority == replace(RULES, needed=needed)
+    settings = replace(SETTINGS, authority=replace(RULES, needed=message))
+    assert settings.for_access(by_others=by_others).authority == replace(RULES, needed=needed)
 
 
 def test_settings_with_a_lease_that_is_none_are_refused() -> None:
@@ -321,7 +321,7 @@ def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> 
         (Authority, "_renew", lambda _: None, "commands of the holder refused"),
         (AuthorityRecord, "save", lambda *_: None, "holders beside the one there is"),
         (Authority, "renew_lease", lambda *_: None, "commands of the holder refused"),
-        (RelayAuthority, "fault", lambda *_: "", "commands executed without authority"),
+        (RelayAuthority, "refusal_text", lambda *_: "", "commands executed without authority"),
         (BrickRecord, "authority", lambda _: None, "commands of the holder refused"),
     ],
 )
@@ -344,11 +344,11 @@ def guarded(tmp_path: Path) -> Iterator[Aboard]:
 
 
 @pytest.mark.at_length
-def test_a_session_holds_what_it_requested_and_another_hears_who_does(guarded: Aboard) -> None:
+def test_a_session_holds_its_requested_authority_and_another_is_notified(guarded: Aboard) -> None:
     async def session(first: MrsClient) -> None:
-        heard = first.notifications()
+        arrived = first.notifications()
         refused = await first.run(first.command(MoveForward(0.1)))
-        assert refused.notifications[-1].code == Reason.NO_AUTHORITY.value
+        assert refused.reports[-1].reason is Reason.NO_AUTHORITY
         held = await first.authority.request()
         assert (await first.run(first.command(MoveForward(0.1)))).executed
         async with await MrsClient.connect(guarded.uri, "MOE-2") as second:
@@ -356,16 +356,16 @@ def test_a_session_holds_what_it_requested_and_another_hears_who_does(guarded: A
                 await second.authority.request()
             assert (await second.authority.status()).holder == "MOE"
             stale = replace(second.command(MoveForward(0.1)), authority=held.epoch)
-            told = (await second.run(stale)).refusal
-            assert told is not None
-            assert "MOE holds it for another" in told.extra.value
+            reported = (await second.run(stale)).refusal
+            assert reported is not None
+            assert "MOE holds it for another" in reported.extra.value
             assert (await second.run(second.command(Stop()))).executed
             await first.authority.hand_over("MOE-2")
             assert (await second.authority.request()).epoch == held.epoch + 1
             assert first.authority.epoch is None
         texts = []
-        async for notification in heard:
-            texts.append(notification.text or "")
+        async for received in arrived:
+            texts.append(received.report.text)
             if "handed the authority over to MOE-2" in texts[-1]:
                 break
         assert "MOE-2 requests the authority that MOE holds" in texts
@@ -385,7 +385,7 @@ def test_a_session_renews_its_lease_while_it_lasts(tmp_path: Path) -> None:
                 await asyncio.sleep(0.01)
         async with await MrsClient.connect(aboard.uri, "DIRECTOR") as second:
             await second.authority.take()
-            await client.authority.lost()
+            await client.authority.wait_lost()
             assert client.authority.epoch is None
 
     try:
@@ -394,7 +394,7 @@ def test_a_session_renews_its_lease_while_it_lasts(tmp_path: Path) -> None:
         aboard.close()
 
 
-def test_who_asks_without_end_is_slowed_and_changes_do_not_fill_the_record(
+def test_endless_requests_are_slowed_and_changes_do_not_fill_the_record(
     guarded: Aboard,
 ) -> None:
     async def pass_on(client: MrsClient) -> None:
@@ -409,11 +409,11 @@ def test_who_asks_without_end_is_slowed_and_changes_do_not_fill_the_record(
 
     guarded.ground(session)
     foreign = "SELECT count(*) FROM foreign_reports"
-    ((kept,),) = guarded.do(lambda bench: bench.ledger.rows(foreign))
-    assert kept == guarded.do(lambda bench: len(bench.heard.reports)), "the first to be pruned"
+    ((stored,),) = guarded.do(lambda bench: bench.ledger.rows(foreign))
+    assert stored == guarded.do(lambda bench: len(bench.received.reports)), "the first to be pruned"
 
 
-def test_the_command_line_requests_it_and_says_who_holds_it(guarded: Aboard) -> None:
+def test_the_command_line_requests_it_and_prints_the_holder(guarded: Aboard) -> None:
     guarded.runs = False
     to = ("--to", guarded.uri)
     assert rover("authority", "status", *to).output == "authority free\n"
@@ -440,7 +440,7 @@ def test_the_command_line_requests_it_and_says_who_holds_it(guarded: Aboard) -> 
 @pytest.mark.at_length
 def test_an_operator_holds_it_until_ctrl_c(guarded: Aboard) -> None:
     guarded.runs = False
-    holding = typed_elsewhere("authority", "request", "--hold", "--to", guarded.uri)
+    holding = typed_in_process("authority", "request", "--hold", "--to", guarded.uri)
     wait_for(holding, "MOE holds the authority")
     holding.send_signal(signal.SIGINT)
     holding.communicate()
@@ -449,10 +449,10 @@ def test_an_operator_holds_it_until_ctrl_c(guarded: Aboard) -> None:
 
 
 @pytest.mark.at_length
-def test_an_operator_that_holds_it_is_told_when_another_took_it(tmp_path: Path) -> None:
+def test_an_operator_that_holds_it_is_notified_of_a_takeover(tmp_path: Path) -> None:
     aboard = Aboard(tmp_path, authority=replace(RULES, lease_s=0.3))
     try:
-        holding = typed_elsewhere("authority", "request", "--hold", "--to", aboard.uri)
+        holding = typed_in_process("authority", "request", "--hold", "--to", aboard.uri)
         wait_for(holding, "MOE holds the authority")
         assert rover("authority", "take", "--source", "DIRECTOR", "--to", aboard.uri).exit_code == 0
         _, errors = holding.communicate()
@@ -465,10 +465,10 @@ def test_an_operator_that_holds_it_is_told_when_another_took_it(tmp_path: Path) 
 def test_a_stop_needs_no_round_trip_for_the_authority(
     guarded: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def asked(_: object) -> AuthorityStatus:
+    async def requested(_: object) -> AuthorityStatus:
         raise AssertionError("a stop asked for the authority")
 
-    monkeypatch.setattr("adapters.mrs.ground.authority.SessionAuthority.status", asked)
+    monkeypatch.setattr("adapters.mrs.ground.authority.SessionAuthority.status", requested)
     result = rover("command", "--to", guarded.uri, "--json", "stop")
     assert result.exit_code == 0
     assert Stage.EXECUTED.name in result.output

@@ -59,7 +59,7 @@ def rover(tmp_path: Path) -> TestedNode:
 @pytest.fixture
 def open_rover(tmp_path: Path) -> TestedNode:
     """Give a rover without keys, with a small store."""
-    limits = StoreLimits(most_octets=4_000_000)
+    limits = StoreLimits(max_octets=4_000_000)
     return TestedNode(tmp_path, settings_of(2, 1), Clock(), limits)
 
 
@@ -82,7 +82,7 @@ def forged(
 
 def attack(node: TestedNode, bundle: Bundle | bytes) -> None:
     octets = bundle if isinstance(bundle, bytes) else encode_bundle(bundle)
-    node.node.receiving.arrived("ipn:1.0", octets)
+    node.node.receiving.receive("ipn:1.0", octets)
     node.commit()
 
 
@@ -104,7 +104,7 @@ def test_thousands_of_refused_bundles_leave_nothing_before_a_stop(
 ) -> None:
     for sequence in range(2000):
         octets = encode_bundle(forged(sequence=sequence))
-        rover.node.receiving.arrived("ipn:1.0", octets)
+        rover.node.receiving.receive("ipn:1.0", octets)
     rover.commit()
     orbiter.put(ROVER, b"stop", expedited=True)
     (sent,) = orbiter.node.sending.outgoing("ipn:2.0", 1000, 1000, expedited=True)
@@ -118,22 +118,22 @@ def test_signatures_moved_to_other_bundles_move_nothing(
     """Another payload, time, lifetime, destination or fragment under a signature that was heard."""
     orbiter.put(ROVER, b"stop")
     (sent,) = orbiter.node.sending.outgoing("ipn:2.0", 1000, 1000)
-    heard = decode_bundle(sent.octets)
-    primary, payload = heard.primary, heard.blocks[-1]
+    received = decode_bundle(sent.octets)
+    primary, payload = received.primary, received.blocks[-1]
     for other in (
-        replace(heard, blocks=(*heard.blocks[:-1], replace(payload, data=b"drive"))),
-        replace(heard, primary=replace(primary, creation=Creation(NOW_MS, 99))),
-        replace(heard, primary=replace(primary, lifetime_ms=primary.lifetime_ms + DAY_MS)),
-        replace(heard, primary=replace(primary, destination=Ipn(2, 2))),
-        replace(heard, primary=replace(primary, source=Ipn(1, 2))),
+        replace(received, blocks=(*received.blocks[:-1], replace(payload, data=b"drive"))),
+        replace(received, primary=replace(primary, creation=Creation(NOW_MS, 99))),
+        replace(received, primary=replace(primary, lifetime_ms=primary.lifetime_ms + DAY_MS)),
+        replace(received, primary=replace(primary, destination=Ipn(2, 2))),
+        replace(received, primary=replace(primary, source=Ipn(1, 2))),
         replace(
-            heard, primary=replace(primary, flags=int(Flag.FRAGMENT), part=FragmentRange(0, 4))
+            received, primary=replace(primary, flags=int(Flag.FRAGMENT), part=FragmentRange(0, 4))
         ),
-        replace(heard, blocks=(payload,)),
+        replace(received, blocks=(payload,)),
     ):
         attack(rover, other)
     assert (rover.take(), rover.node.refusals.count) == ([], 7)
-    attack(rover, heard)
+    attack(rover, received)
     assert rover.take() == [b"stop"]
 
 
@@ -154,14 +154,16 @@ def test_a_forged_report_confirms_nothing(orbiter: TestedNode) -> None:
     """What is to be confirmed stays, whoever says that it was delivered."""
     orbiter.put(ROVER, b"drive", confirm=True)
     (sent,) = orbiter.node.sending.outgoing("ipn:2.0", 1000, 1000)
-    told = decode_bundle(sent.octets).primary.creation
-    report = encode_report(StatusReport({Assertion.DELIVERED: None}, 0, ORBITER, told))
+    reported = decode_bundle(sent.octets).primary.creation
+    report = encode_report(StatusReport({Assertion.DELIVERED: None}, 0, ORBITER, reported))
     bundle = forged(report, source=Ipn(2, 0), flags=int(Flag.ADMINISTRATIVE))
     attack(orbiter, replace(bundle, primary=replace(bundle.primary, destination=Ipn(1, 0))))
     assert (orbiter.node.outbox.depth(), orbiter.node.refusals.count) == (1, 1)
 
 
-def test_octets_of_a_signature_at_random_end_nobody(orbiter: TestedNode, rover: TestedNode) -> None:
+def test_random_octets_of_a_signature_end_no_process(
+    orbiter: TestedNode, rover: TestedNode
+) -> None:
     chance = random.Random(1)
     orbiter.put(ROVER, b"drive")
     (sent,) = orbiter.node.sending.outgoing("ipn:2.0", 1000, 1000)
@@ -180,8 +182,8 @@ def test_octets_of_a_signature_at_random_end_nobody(orbiter: TestedNode, rover: 
     [
         (NOW_MS + 365 * DAY_MS, DAY_MS, "creation time is 31536000 s ahead of the clock here"),
         (2**63, 0, "ahead of the clock here"),
-        (NOW_MS, 2**63, "most_lifetime_s is 5184000"),
-        (NOW_MS, 34 * 365 * DAY_MS, "most_lifetime_s is 5184000"),
+        (NOW_MS, 2**63, "max_lifetime_s is 5184000"),
+        (NOW_MS, 34 * 365 * DAY_MS, "max_lifetime_s is 5184000"),
     ],
 )
 def test_times_without_measure_are_refused(
@@ -197,7 +199,7 @@ def test_times_without_measure_are_refused(
 
 
 @pytest.mark.parametrize("sources", [1, 40])
-def test_forged_fragments_take_a_part_of_the_store_and_what_is_whole_goes_in(
+def test_forged_fragments_use_a_part_of_the_store_and_whole_bundles_are_accepted(
     open_rover: TestedNode, sources: int
 ) -> None:
     """700 fragments of 50 kB filled the store and shut the rover off, a stop included."""
@@ -214,7 +216,7 @@ def test_forged_fragments_take_a_part_of_the_store_and_what_is_whole_goes_in(
     assert open_rover.take() == [b"a command", bytes(8000)]
 
 
-def test_fragments_that_overlap_take_no_more_than_their_part(open_rover: TestedNode) -> None:
+def test_overlapping_fragments_use_only_their_part(open_rover: TestedNode) -> None:
     """One unit, of which ever longer pieces come, under ever other total lengths."""
     for number in range(300):
         part = FragmentRange(number, 100_000 + number)
@@ -246,5 +248,5 @@ def test_a_payload_that_is_not_tied_to_the_primary_block_is_refused() -> None:
     free = asb(parameters=((1, b"\x05"), (3, b"\x00")), results=(result,))
     blocks = (signed.blocks[0], Block(BlockType.INTEGRITY, 3, free), *forged().blocks)
     moved = replace(signed, blocks=blocks)
-    assert security.fault(signed, encode_bundle(signed), local=True) == ""
-    assert "primary" in security.fault(moved, encode_bundle(moved), local=True)
+    assert security.signature_error(signed, encode_bundle(signed), local=True) == ""
+    assert "primary" in security.signature_error(moved, encode_bundle(moved), local=True)

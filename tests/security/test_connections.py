@@ -73,7 +73,7 @@ def request(provider: Provider, body: bytes = ONE) -> bytes:
     return encode_message(header, body)
 
 
-async def test_a_crowd_keeps_out_neither_who_is_there_nor_who_comes(
+async def test_a_crowd_blocks_neither_connected_nor_new_clients(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async with besieged(FEW) as (provider, first):
@@ -85,11 +85,13 @@ async def test_a_crowd_keeps_out_neither_who_is_there_nor_who_comes(
             await served(first)
         for each in crowd:
             each.close()
-    told = [record for record in caplog.records if "another peer needs one" in record.getMessage()]
-    assert 1 <= len(told) <= 10
+    reported = [
+        record for record in caplog.records if "another peer needs one" in record.getMessage()
+    ]
+    assert 1 <= len(reported) <= 10
 
 
-async def test_of_a_crowd_that_talks_the_one_that_was_silent_longest_gives_way() -> None:
+async def test_of_an_active_crowd_the_connection_with_the_maximum_silence_is_closed() -> None:
     async with besieged(FEW) as (provider, first):
         crowd = []
         for _ in range(CROWD):
@@ -102,15 +104,15 @@ async def test_of_a_crowd_that_talks_the_one_that_was_silent_longest_gives_way()
             each.close()
 
 
-async def test_who_is_to_be_kept_is_kept() -> None:
-    kept: set[Connection] = set()
+async def test_a_protected_connection_is_not_closed() -> None:
+    stored: set[Connection] = set()
 
     def submit(call: Any, *_: Any) -> None:
-        kept.add(call.connection)
+        stored.add(call.connection)
 
     async with besieged(FEW) as (provider, first):
         provider.serve(SERVICE, "doSubmit", submit)
-        provider.set_priority_check(kept.__contains__)
+        provider.set_priority_check(stored.__contains__)
         await first.submit(SERVICE, "doSubmit", "lamp", True)
         crowd = [await attack(provider, request(provider)) for _ in range(CROWD)]
         await served(first)
@@ -118,7 +120,7 @@ async def test_who_is_to_be_kept_is_kept() -> None:
             each.close()
 
 
-def test_who_holds_the_authority_is_kept(aboard: Aboard) -> None:
+def test_the_connection_of_the_authority_holder_is_not_closed(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
         await client.authority.request()
         await client.submit(client.command(SetTravelSpeed(0.2)))
@@ -134,7 +136,7 @@ def test_who_holds_the_authority_is_kept(aboard: Aboard) -> None:
     aboard.ground(session)
 
 
-async def test_handshakes_that_never_end_keep_nobody_out(
+async def test_handshakes_that_never_end_block_no_client(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     ends: dict[str, Certificates] = certified(tmp_path_factory.mktemp("ends"), "rover", "MOE")
@@ -169,7 +171,7 @@ async def test_half_messages_take_a_bounded_part_of_memory(
     ("octets", "why"),
     [(b"", "no message within 0.05 s"), (b"\0\0\1\0half", "a message is incomplete for 0.05 s")],
 )
-async def test_who_does_not_go_on_is_hung_up_on(
+async def test_a_stalled_handshake_is_disconnected(
     octets: bytes, why: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with besieged(PeerLimits(silence_s=0.05, stall_s=0.05)) as (provider, first):
@@ -214,7 +216,7 @@ async def test_a_flood_on_one_connection_does_not_hold_up_another() -> None:
         flood.close()
 
 
-async def test_registrations_of_who_never_reads_keep_nobody_from_being_told() -> None:
+async def test_registrations_without_readers_delay_no_subscriber() -> None:
     deaf = []
     async with besieged(PeerLimits(subscriptions=64, share=32)) as (provider, first):
         publisher = provider.publisher(SERVICE, "monitor")
@@ -235,17 +237,17 @@ async def test_registrations_of_who_never_reads_keep_nobody_from_being_told() ->
                 writer.write(encode_message(header, b"\0\0\0\1" + bytes([48 + number]) + b"\0\0\0"))
         async with connected(provider) as newcomer:
             await served(newcomer)
-            told = Updates()
-            await newcomer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), told)
+            reported = Updates()
+            await newcomer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), reported)
             for number in range(1000):
                 publish(publisher, float(number))
                 await updates.have(number + 1)
-            await told.have(1000)
+            await reported.have(1000)
         for each in deaf:
             each.close()
 
 
-async def test_what_cannot_be_read_is_told_with_peer_and_reason_and_not_too_often(
+async def test_an_unreadable_message_is_reported_with_peer_and_reason_and_not_too_often(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
@@ -265,7 +267,7 @@ async def test_what_cannot_be_read_is_told_with_peer_and_reason_and_not_too_ofte
     assert "a flag or Boolean must be 0 or 1, not 2" in unread[0]
 
 
-async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> None:
+async def test_slow_answers_are_bounded_and_end_with_their_caller() -> None:
     begun, ended = [0], [0]
 
     async def long(_: object, value: Any, other: Any) -> tuple[Any, Any]:
@@ -279,20 +281,20 @@ async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> No
     async with provided(limits=PeerLimits(share=8)) as provider:
         provider.serve(SERVICE, "echoLong", long)
         async with connected(provider) as first:
-            asked = [
+            requested = [
                 asyncio.create_task(first.request(SERVICE, "echoLong", 1, None)) for _ in range(20)
             ]
-            refused, _ = await asyncio.wait(asked, return_when=asyncio.FIRST_COMPLETED)
+            refused, _ = await asyncio.wait(requested, return_when=asyncio.FIRST_COMPLETED)
             with pytest.raises(MalError, match="at most 8 active interactions"):
                 refused.pop().result()
-        await asyncio.gather(*asked, return_exceptions=True)
+        await asyncio.gather(*requested, return_exceptions=True)
         async with asyncio.timeout(5.0):
             while ended != begun:
                 await asyncio.sleep(0.01)
     assert begun == [8]
 
 
-async def test_who_hangs_up_before_it_is_taken_leaves_nothing_behind(
+async def test_a_disconnection_before_acceptance_leaves_nothing_behind(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async with besieged(FEW) as (provider, first):

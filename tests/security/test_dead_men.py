@@ -32,15 +32,15 @@ def bench() -> Bench:
     return Bench()
 
 
-def cancelled(asked: Message) -> Message:
-    return replace(executed(asked), executed=False, outputs=CANCELLED)
+def cancelled(requested: Message) -> Message:
+    return replace(executed(requested), executed=False, outputs=CANCELLED)
 
 
 def move(bench: Bench, link: BrickLink) -> Message:
     """Have the brick carry out a motion for a link, and return what it was asked."""
-    asked = part(7, 1) if link is BrickLink.DIRECT else forward(8)
-    bench.command(link, *([claimed(forward(7))] if link is BrickLink.DIRECT else []), asked)
-    return asked
+    requested = part(7, 1) if link is BrickLink.DIRECT else forward(8)
+    bench.command(link, *([claimed(forward(7))] if link is BrickLink.DIRECT else []), requested)
+    return requested
 
 
 def sent(bench: Bench) -> list[Message]:
@@ -48,31 +48,31 @@ def sent(bench: Bench) -> list[Message]:
 
 
 @pytest.mark.parametrize(
-    ("link", "who"), [(BrickLink.DIRECT, "the executive"), (BrickLink.RELAY, "rover-relay")]
+    ("link", "source"), [(BrickLink.DIRECT, "the executive"), (BrickLink.RELAY, "rover-relay")]
 )
-def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why(
-    bench: Bench, link: BrickLink, who: str
+def test_the_brick_is_stopped_when_its_commander_is_silent_and_the_reply_has_the_reason(
+    bench: Bench, link: BrickLink, source: str
 ) -> None:
-    asked = move(bench, link)
+    requested = move(bench, link)
     bench.router.on_host_silent(link)
-    assert sent(bench) == [asked, bench.halted()]
-    bench.says(cancelled(asked), executed(bench.halted()))
-    ((told_by, told),) = bench.ports.notified
-    assert told_by is link
-    assert told.outputs == ("CANCELLED", "INTERRUPTED", f"no heartbeat of {who} for 0.5 s")
+    assert sent(bench) == [requested, bench.halted()]
+    bench.sends(cancelled(requested), executed(bench.halted()))
+    ((reported_by, reported),) = bench.ports.notified
+    assert reported_by is link
+    assert reported.outputs == ("CANCELLED", "INTERRUPTED", f"no heartbeat of {source} for 0.5 s")
     assert bench.router.counts.dead_man == 1
 
 
 @pytest.mark.parametrize("link", BOTH)
-def test_who_moves_nothing_may_fall_silent(bench: Bench, link: BrickLink) -> None:
+def test_a_client_that_moves_nothing_may_be_silent(bench: Bench, link: BrickLink) -> None:
     (other,) = set(BrickLink) - {link}
     bench.router.on_host_silent(link)
-    asked = move(bench, other)
+    requested = move(bench, other)
     bench.router.on_host_silent(link)
-    assert sent(bench) == [asked]
+    assert sent(bench) == [requested]
 
 
-def test_what_both_have_asked_goes_on_until_both_are_silent(bench: Bench) -> None:
+def test_a_motion_requested_by_both_continues_until_both_are_silent(bench: Bench) -> None:
     for link in BOTH:
         bench.command(link, forward(7))
     bench.router.on_host_silent(BrickLink.DIRECT)
@@ -81,23 +81,23 @@ def test_what_both_have_asked_goes_on_until_both_are_silent(bench: Bench) -> Non
     assert sent(bench) == [forward(7), bench.halted()]
 
 
-def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
+def test_a_queued_command_of_a_closed_relay_is_not_begun(bench: Bench) -> None:
     move(bench, BrickLink.RELAY)
     bench.command(BrickLink.RELAY, forward(9))
     bench.router.on_host_silent(BrickLink.RELAY)
-    bench.says(cancelled(forward(8)), executed(bench.halted()))
+    bench.sends(cancelled(forward(8)), executed(bench.halted()))
     assert forward(9) not in sent(bench)
     ends = {m.moe_inputs_id: m.outputs[1] for _, m in bench.ports.notified if not m.executed}
     assert ends == {8: "INTERRUPTED", 9: "INTERRUPTED"}
 
 
-def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None:
-    asked = move(bench, BrickLink.DIRECT)
+def test_the_relay_continues_after_an_executive_that_has_ended(bench: Bench) -> None:
+    requested = move(bench, BrickLink.DIRECT)
     bench.command(BrickLink.RELAY, forward(9))
     bench.router.on_host_silent(BrickLink.DIRECT)
-    bench.says(cancelled(asked))
+    bench.sends(cancelled(requested))
     assert sent(bench)[-1].source == SOURCE, "not before the brick has answered the stop"
-    bench.says(executed(bench.halted()))
+    bench.sends(executed(bench.halted()))
     assert sent(bench)[-1] == forward(9)
 
 
@@ -120,7 +120,7 @@ def test_on_a_full_disk_the_brick_is_stopped_all_the_same(bench: Bench) -> None:
         {"inputs": ("1.0", "now")},
     ],
 )
-def test_a_stop_acts_whoever_sends_it_under_whatever_number(
+def test_a_stop_acts_from_any_sender_under_any_number(
     bench: Bench, link: BrickLink, wrong: dict[str, object]
 ) -> None:
     move(bench, BrickLink.DIRECT)
@@ -146,9 +146,9 @@ def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it
     for number, is_stop in enumerate(stops):
         inbox.put(BOTH[number % 2], str(stop(number) if is_stop else forward(number)))
     while arrived := inbox.take():
-        bench.router.command(arrived.link, arrived.text, arrived.overtaken)
+        bench.router.process(arrived.link, arrived.text, arrived.overtaken)
         for message in sent(bench):
-            bench.says(executed(message))
+            bench.sends(executed(message))
     last_stop = max((n for n, is_stop in enumerate(stops) if is_stop), default=-1)
     numbers = [message.moe_inputs_id for message in sent(bench)]
     assert sorted(n for n in numbers if n is not None and stops[n]) == [
@@ -159,7 +159,7 @@ def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it
     )
 
 
-def test_a_stop_has_room_where_too_much_has_arrived(bench: Bench) -> None:
+def test_a_stop_has_capacity_when_too_many_messages_have_arrived(bench: Bench) -> None:
     inbox = StopFirstQueue(bench.router.is_stop)
     for number in range(MAX_INBOX):
         assert inbox.put(BrickLink.RELAY, str(forward(number)))
@@ -177,7 +177,7 @@ def session() -> Iterator[SessionBench]:
         yield bench
 
 
-def test_a_stop_goes_before_what_waits_for_the_brick_and_cuts_off_what_is_written(
+def test_a_stop_precedes_the_queue_for_the_brick_and_truncates_the_pending_write(
     session: SessionBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     held, take = Event(), session.bus.bulk_write
@@ -199,7 +199,7 @@ def test_a_stop_goes_before_what_waits_for_the_brick_and_cuts_off_what_is_writte
     assert session.bus.written == [b"forward " * 8, b"#stop#"]
 
 
-def test_a_session_keeps_the_brick_alive_only_while_its_owner_lives() -> None:
+def test_a_session_feeds_the_watchdog_only_while_its_owner_runs() -> None:
     bench = SessionBench()
     bench.session = BrickSession(lambda: Brick(ADDRESS, bench.bus), lambda: None, b"alive#")
     bench.session.start()
@@ -213,49 +213,49 @@ def keep_alive(silent_s: str) -> bytes:
     return encode(Message(entry.code, SOURCE, "MOCUP", entry.command, tuple(silent_s.split(","))))
 
 
-def stages(rig: Rig, asked: Message) -> list[str]:
-    return [said.message.outputs[0] for said in rig.answers(asked)]
+def stages(rig: Rig, requested: Message) -> list[str]:
+    return [message.message.outputs[0] for message in rig.answers(requested)]
 
 
-def test_a_brick_that_does_not_stop_by_itself_is_complained_of_to_nobody_but_the_log(
+def test_a_brick_that_does_not_stop_by_itself_is_reported_in_the_log_only(
     bench: Bench,
 ) -> None:
-    asked = decode(keep_alive("0.5"))
-    bench.says(replace(asked, source="MOCUP", dest=SOURCE, outputs=("REJECTED", "", "")))
+    requested = decode(keep_alive("0.5"))
+    bench.sends(replace(requested, source="MOCUP", dest=SOURCE, outputs=("REJECTED", "", "")))
     assert bench.ports.notified == []
-    assert bench.told == ["the brick refuses KEEP_ALIVE: it does not stop by itself"]
+    assert bench.reported == ["the brick refuses KEEP_ALIVE: it does not stop by itself"]
 
 
-def test_a_brick_whose_host_is_silent_stands_and_says_why() -> None:
+def test_a_brick_with_a_silent_host_halts_and_gives_the_reason() -> None:
     rig = Rig()
-    asked = rig.say("moveForward", "5.0")
+    requested = rig.send("moveForward", "5.0")
     for _ in range(10):
-        rig.hear(keep_alive(f"{HEARTBEAT_TIMEOUT_S:g}"))
+        rig.receive(keep_alive(f"{HEARTBEAT_TIMEOUT_S:g}"))
         rig.run(0.3)
-    assert stages(rig, asked) == ["STARTED"]
+    assert stages(rig, requested) == ["STARTED"]
     rig.run(0.3)
     assert not rig.turning
-    told = rig.answers(asked)[-1].message
-    assert told.outputs == ("CANCELLED", "INTERRUPTED", "no message of the host for 0.5 s")
+    reported = rig.answers(requested)[-1].message
+    assert reported.outputs == ("CANCELLED", "INTERRUPTED", "no message of the host for 0.5 s")
 
 
 @pytest.mark.parametrize("bound", ["0.5,0.5", "soon", "0", "-1", "nan", "inf"])
 def test_a_brick_obeys_no_bound_that_is_none(bound: str) -> None:
     rig = Rig()
-    rig.hear(keep_alive("0.5"))
-    rig.hear(keep_alive(bound))
-    asked = rig.say("moveForward", "5.0")
+    rig.receive(keep_alive("0.5"))
+    rig.receive(keep_alive(bound))
+    requested = rig.send("moveForward", "5.0")
     rig.run(0.4)
-    assert stages(rig, asked) == ["STARTED"]
+    assert stages(rig, requested) == ["STARTED"]
     rig.run(0.3)
-    assert stages(rig, asked) == ["STARTED", "CANCELLED"]
+    assert stages(rig, requested) == ["STARTED", "CANCELLED"]
 
 
-def test_a_brick_stops_whatever_stands_in_a_stop() -> None:
+def test_a_brick_stops_for_any_content_of_a_stop() -> None:
     rig = Rig()
-    rig.say("moveForward", "5.0")
+    rig.send("moveForward", "5.0")
     rig.run(0.4)
-    rig.hear(encode(replace(command("stop", 1, "1.0", "x"), command="HALT")))
+    rig.receive(encode(replace(command("stop", 1, "1.0", "x"), command="HALT")))
     rig.step()
     assert not rig.turning
 
@@ -270,33 +270,33 @@ class Silences:
     def silent(self) -> None:
         self.count += 1
 
-    def look(self, times: int) -> None:
+    def poll(self, times: int) -> None:
         for _ in range(times):
             self.monitor.update()
 
 
-def test_a_commander_is_gone_after_five_looks_and_told_of_once() -> None:
+def test_a_commander_times_out_after_five_polls_and_is_reported_once() -> None:
     silences = Silences()
-    silences.look(20)
+    silences.poll(20)
     assert silences.count == 0, "who was never there cannot be gone"
     silences.monitor.heartbeat(1)
-    silences.look(4)
+    silences.poll(4)
     assert (silences.count, silences.monitor.alive) == (0, True)
-    silences.look(20)
+    silences.poll(20)
     assert (silences.count, silences.monitor.alive) == (1, False)
     silences.monitor.heartbeat(1)
-    silences.look(5)
+    silences.poll(5)
     assert silences.count == 2
 
 
-def test_who_commands_without_a_heartbeat_is_gone_as_soon() -> None:
+def test_a_commander_without_a_heartbeat_times_out_as_soon() -> None:
     silences = Silences()
     silences.monitor.command()
-    silences.look(5)
+    silences.poll(5)
     assert silences.count == 1
 
 
-def test_another_process_in_the_place_of_the_commander_means_that_it_is_gone() -> None:
+def test_another_process_instead_of_the_commander_means_that_it_has_ended() -> None:
     silences = Silences()
     for sender in (1, 1, 2, 2):
         silences.monitor.heartbeat(sender)
@@ -309,9 +309,9 @@ def test_another_process_in_the_place_of_the_commander_means_that_it_is_gone() -
 @pytest.mark.parametrize(
     ("asset", "targets"), [("mocup", tuple(Target)), ("jackal", (Target.EXECUTIVE,))]
 )
-def test_a_rover_stands_when_who_commands_it_is_killed_in_mid_motion(
+def test_a_rover_halts_when_its_commander_is_killed_in_mid_motion(
     asset: str, targets: tuple[Target, ...]
 ) -> None:
-    stood_s = kill_in_motion(asset, targets, 1, 3, print)
-    for target, (after_s,) in stood_s.items():
+    standstill_s = kill_in_motion(asset, targets, 1, 3, print)
+    for target, (after_s,) in standstill_s.items():
         assert after_s < WATCHED_S - 0.5, f"{target}: `rover bench dead-men` measures"

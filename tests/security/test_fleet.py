@@ -11,7 +11,7 @@ import pytest
 
 from adapters.mal import Consumer, MalError, ServiceId, StandardError, Subscription, UpdateHeader
 from adapters.mrs.aboard.asset_services import ALL_EVENTS_HZ, EVENTS_HZ
-from adapters.mrs.aboard.peer_rate import MAX_PEERS, PeerRateLimiter
+from adapters.mrs.aboard.served_operations import MAX_PEERS, PeerRateLimiter
 from adapters.mrs.fleet.directory_service import MAX_SERVICES_PER_PEER, asset_of
 from adapters.mrs.spec import (
     AreaError,
@@ -25,7 +25,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.transport import TransportSettings
 from tests.mrs.aboard import Aboard, event, reading
-from tests.mrs.fleet import eventually, said, services
+from tests.mrs.fleet import eventually, services, was_reported
 from tests.support.certificates import certified
 
 MOCUP = ServiceDescriptor(
@@ -56,11 +56,11 @@ def listening() -> Iterator[socket.socket]:
         yield server
 
 
-def test_nobody_publishes_values_as_this_rover(aboard: Aboard) -> None:
-    heard: list[object] = []
+def test_no_other_client_publishes_values_as_this_rover(aboard: Aboard) -> None:
+    received: list[object] = []
 
     def on_value(update: UpdateHeader, _: ParameterValue) -> None:
-        heard.extend(key.value.value for key in (update.keyValues or ())[:1] if key.value)
+        received.extend(key.value.value for key in (update.keyValues or ())[:1] if key.value)
 
     async def session(consumer: Consumer) -> None:
         everything = Subscription(subscriptionId="all")
@@ -80,7 +80,7 @@ def test_nobody_publishes_values_as_this_rover(aboard: Aboard) -> None:
         assert await consumer.request("MonitoringClient", "getValue", "mocup", ()) == (flat,)
 
     aboard.consume(session)
-    assert heard == ["mocup"]
+    assert received == ["mocup"]
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_a_certificate_registers_under_its_own_name_only(tmp_path: Path) -> None
         rover.close()
 
 
-def test_a_rover_with_the_certificate_of_another_is_told_why_it_is_not_registered(
+def test_a_rover_with_the_certificate_of_another_receives_the_reason_of_its_refusal(
     tmp_path: Path,
 ) -> None:
     ends = certified(tmp_path, "jackal", "husky")
@@ -141,7 +141,9 @@ def test_a_rover_with_the_certificate_of_another_is_told_why_it_is_not_registere
     terms = TransportSettings(certificates=ends["husky"])
     scout = Aboard(tmp_path / "scout", terms=terms, asset="scout", service_layer=jackal.uri)
     try:
-        eventually(lambda: said(scout, "scout.ServiceLayer: the certificate has the name husky"))
+        eventually(
+            lambda: was_reported(scout, "scout.ServiceLayer: the certificate has the name husky")
+        )
         assert "scout.ServiceLayer" not in services(jackal)
     finally:
         scout.close()
@@ -149,18 +151,18 @@ def test_a_rover_with_the_certificate_of_another_is_told_why_it_is_not_registere
 
 
 def test_a_name_is_free_when_its_holder_hangs_up(aboard: Aboard) -> None:
-    elsewhere = replace(MOCUP, providerURI="maltcp://127.0.0.1:10/MRS")
+    other = replace(MOCUP, providerURI="maltcp://127.0.0.1:10/MRS")
 
     async def session(consumer: Consumer) -> None:
         squatter = await stranger(aboard)
         await squatter.submit(LAYER, "registerService", MOCUP)
-        error = await error_of(consumer, LAYER, "registerService", elsewhere)
+        error = await error_of(consumer, LAYER, "registerService", other)
         assert error.number == AreaError.DUPLICATE.value
         await squatter.close()
         async with asyncio.timeout(10.0):
             while True:
                 try:
-                    await consumer.submit(LAYER, "registerService", elsewhere)
+                    await consumer.submit(LAYER, "registerService", other)
                     break
                 except MalError:
                     await asyncio.sleep(0)
@@ -168,7 +170,7 @@ def test_a_name_is_free_when_its_holder_hangs_up(aboard: Aboard) -> None:
     aboard.consume(session)
 
 
-def test_one_peer_does_not_take_the_room_of_all(aboard: Aboard) -> None:
+def test_one_peer_does_not_use_the_capacity_of_all(aboard: Aboard) -> None:
     async def session(consumer: Consumer) -> None:
         for number in range(MAX_SERVICES_PER_PEER):
             name = f"swarm{number}.ServiceLayer"
@@ -201,7 +203,7 @@ def test_the_rover_is_sent_to_no_other_computer(aboard: Aboard) -> None:
     assert {each.asset: each.mode for each in found}["mocup"] is AssetMode.OFFLINE
 
 
-def test_events_of_others_are_bounded_and_name_who_tells_them(aboard: Aboard) -> None:
+def test_events_of_others_are_bounded_and_name_their_sender(aboard: Aboard) -> None:
     async def session(consumer: Consumer) -> list[MalError]:
         refused = []
         for _ in range(5 * EVENTS_HZ):
@@ -213,19 +215,19 @@ def test_events_of_others_are_bounded_and_name_who_tells_them(aboard: Aboard) ->
         return refused
 
     refused = aboard.consume(session)
-    told = [report.text for report in aboard.do(lambda bench: bench.heard.reports)]
+    reported = [report.text for report in aboard.do(lambda bench: bench.received.reports)]
     assert 4 * EVENTS_HZ >= len(refused) >= 3 * EVENTS_HZ
     assert {error.number for error in refused} == {StandardError.TOO_MANY.value}
     assert f"at most {EVENTS_HZ} a second of 127.0.0.1" in str(refused[0])
-    assert len(told) + len(refused) == 5 * EVENTS_HZ
-    assert set(told) == {"127.0.0.1: MOE:1 EXECUTED"}
+    assert len(reported) + len(refused) == 5 * EVENTS_HZ
+    assert set(reported) == {"127.0.0.1: MOE:1 EXECUTED"}
 
 
-def test_a_peer_that_tells_much_keeps_no_other_from_telling() -> None:
+def test_a_peer_with_many_events_does_not_block_others() -> None:
     now_s = 0.0
     rate = PeerRateLimiter(EVENTS_HZ, lambda: now_s)
 
-    def told(peer: str) -> int:
+    def reported(peer: str) -> int:
         count = 0
         for _ in range(100):
             try:
@@ -235,11 +237,11 @@ def test_a_peer_that_tells_much_keeps_no_other_from_telling() -> None:
                 continue
         return count
 
-    assert told("loud") == EVENTS_HZ
-    assert told("calm") == EVENTS_HZ
+    assert reported("loud") == EVENTS_HZ
+    assert reported("calm") == EVENTS_HZ
     now_s = 0.5
-    assert told("loud") == EVENTS_HZ // 2
+    assert reported("loud") == EVENTS_HZ // 2
     now_s = 100.0
-    assert told("loud") == EVENTS_HZ
-    assert sum(told(str(peer)) for peer in range(MAX_PEERS)) == MAX_PEERS * EVENTS_HZ
+    assert reported("loud") == EVENTS_HZ
+    assert sum(reported(str(peer)) for peer in range(MAX_PEERS)) == MAX_PEERS * EVENTS_HZ
     assert ALL_EVENTS_HZ < 100

@@ -109,19 +109,19 @@ def foreign() -> Iterator[str]:
         ("command moveForward 1", "Notification"),
     ],
 )
-def test_what_a_provider_does_not_serve_is_named(foreign: str, typed: str, missing: str) -> None:
-    told = (
+def test_an_unserved_operation_is_named(foreign: str, typed: str, missing: str) -> None:
+    reported = (
         rover(*typed.split(), "--to", foreign)
         if typed[0] != "c"
         else rover("command", "--to", foreign, *typed.split()[1:])
     )
-    assert told.exit_code == 1, told.output
-    assert f"{foreign} does not serve {missing}\n" in told.output
-    assert "Traceback" not in told.output
-    assert "NullPointer" not in told.output
+    assert reported.exit_code == 1, reported.output
+    assert f"{foreign} does not serve {missing}\n" in reported.output
+    assert "Traceback" not in reported.output
+    assert "NullPointer" not in reported.output
 
 
-def test_what_it_does_serve_can_be_used(foreign: str) -> None:
+def test_a_served_operation_can_be_used(foreign: str) -> None:
     async def session() -> None:
         async with await MrsClient.connect(foreign) as client:
             assert (await client.get_asset()).asset == "foreign"
@@ -164,25 +164,25 @@ FILE = FileInfo(path="a.jpg", size=3, modified=0)
         ),
     ],
 )
-def test_invalid_says_why_where_there_is_no_command(
+def test_invalid_gives_the_reason_if_there_is_no_command(
     aboard: Aboard, service: str, operation: str, part: object, reason: str
 ) -> None:
     async def session(consumer: Consumer) -> None:
         with pytest.raises(MalError) as raised:
             await consumer.submit(service, operation, part)
-        said = describe_error(raised.value)
-        assert said.startswith("Invalid: ")
-        assert reason in said
+        message = describe_error(raised.value)
+        assert message.startswith("Invalid: ")
+        assert reason in message
 
     aboard.consume(session)
 
 
-def test_a_chunk_is_no_larger_than_the_bound_whatever_is_asked_for(aboard: Aboard) -> None:
+def test_a_chunk_is_no_larger_than_the_bound_for_any_request(aboard: Aboard) -> None:
     aboard.put("film.avi", bytes(600_000))
 
     async def session(consumer: Consumer) -> list[int]:
-        asked = ("film.avi", None, 1_000_000)
-        async with consumer.progress("FileTransfer", "retrieveFile", *asked) as progress:
+        requested = ("film.avi", None, 1_000_000)
+        async with consumer.progress("FileTransfer", "retrieveFile", *requested) as progress:
             return [len(chunk.data) async for (chunk,) in progress]
 
     assert aboard.consume(session) == [1 << 18, 1 << 18, 600_000 - (2 << 18)]
@@ -199,7 +199,7 @@ async def rest(consumer: Consumer) -> list[int]:
 
 
 @pytest.mark.at_length
-def test_transfers_that_nobody_reads_give_way(
+def test_transfers_without_a_reader_are_replaced(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     yields_s = "adapters.mrs.aboard.file_services.PREEMPTIBLE_AFTER_S"
@@ -222,25 +222,27 @@ def test_transfers_that_nobody_reads_give_way(
 
 
 @pytest.mark.parametrize(
-    ("header", "arrival"),
+    ("header", "preemption"),
     [
         (STARTED, TypedAttribute(AttributeType.STRING, "replace")),
         (STARTED, TypedAttribute(AttributeType.IDENTIFIER, "at once")),
         (replace(STARTED, source="M" * 5000), None),
     ],
 )
-def test_a_header_that_makes_no_sense_is_named_and_keeps_no_stop_from_acting(
-    aboard: Aboard, header: CommandHeader, arrival: TypedAttribute | None
+def test_an_invalid_header_is_named_and_does_not_prevent_a_stop(
+    aboard: Aboard, header: CommandHeader, preemption: TypedAttribute | None
 ) -> None:
-    supplements = () if arrival is None else (NamedValue(name="arrival", value=arrival),)
+    supplements = () if preemption is None else (NamedValue(name="preemption", value=preemption),)
 
     async def session(consumer: Consumer) -> None:
         with pytest.raises(MalError) as raised:
             await consumer.submit(
                 "MotionControl", "moveForward", header, 1.0, supplements=supplements
             )
-        said = describe_error(raised.value)
-        assert said.startswith("Invalid: supplement arrival" if arrival else "Invalid: argument 0")
+        message = describe_error(raised.value)
+        assert message.startswith(
+            "Invalid: supplement preemption" if preemption else "Invalid: argument 0"
+        )
         with suppress(MalError):  # what is wrong with it may be said afterwards
             await consumer.submit("MotionControl", "stop", header, supplements=supplements)
 
@@ -248,22 +250,22 @@ def test_a_header_that_makes_no_sense_is_named_and_keeps_no_stop_from_acting(
     assert aboard.do(lambda bench: bench.executive.mode).name == "STOPPED"
 
 
-def test_a_repeat_of_which_nothing_is_told_again_is_not_called_another_command(
+def test_a_repeat_without_stored_reports_is_not_treated_as_another_command(
     aboard: Aboard,
 ) -> None:
     async def session(client: MrsClient) -> None:
         await client.submit(client.command(MoveForward(1.0), command_id=5))
 
     aboard.ground(session)
-    told = rover("command", "--to", aboard.uri, "--id", "5", "moveForward", "2")
-    assert told.exit_code == 1
+    reported = rover("command", "--to", aboard.uri, "--id", "5", "moveForward", "2")
+    assert reported.exit_code == 1
     assert (
         "MOE:5 was accepted before, as this or another command, and is not executed again"
-        in told.output
+        in reported.output
     )
 
 
-def test_what_is_invalid_in_an_operation_without_a_command_is_in_the_log_with_peer_and_reason(
+def test_an_invalid_operation_without_a_command_is_in_the_log_with_peer_and_reason(
     aboard: Aboard, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def session(consumer: Consumer) -> None:
@@ -280,7 +282,7 @@ def test_what_is_invalid_in_an_operation_without_a_command_is_in_the_log_with_pe
 
     caplog.set_level("WARNING")
     aboard.consume(session)
-    told = [each for each in caplog.messages if "error 1 for" in each]
-    assert all("from 127.0.0.1:" in each for each in told)
+    reported = [each for each in caplog.messages if "error 1 for" in each]
+    assert all("from 127.0.0.1:" in each for each in reported)
     for reason in ("at a.jpg there is no file", "text: 1 to", "chunkSize: at least 1 octet"):
-        assert sum(reason in each for each in told) == 1, told
+        assert sum(reason in each for each in reported) == 1, reported

@@ -15,19 +15,17 @@ from adapters.mrs.cli.terminal import echo_line, print_table
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
-    PlanStatus,
-    PlanUpdate,
     describe_error,
     mrs_specification,
     with_text,
 )
 from adapters.mrs.transport import TransportSettings
 from executive.commands import Command, Mode, MoveForward, SetTravelSpeed, Stop
-from executive.commands.lifecycle import Refused
+from executive.commands.lifecycle import Rejected
 from executive.settings import AuthoritySettings
 from executive.values.geometry import STANDING
 from executive.values.reasons import Reason
-from executive.values.reports import Identity
+from executive.values.reports import Identity, PlanStatus, PlanUpdate
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.relay.orbiter.sky import Sky, orbiting
 from tests.support.certificates import certified, options
@@ -61,17 +59,17 @@ def test_a_client_speaks_under_the_name_of_its_certificate(
             await client.submit(client.command(SetTravelSpeed(0.5), command_id=7))
             secured.run(0.1)
             (first, *_) = await client.get_notifications(command_id=7)
-            assert (client.source, first.source) == ("MOE-2", "MOE-2")
+            assert (client.source, first.report.identity) == ("MOE-2", Identity("MOE-2", 7))
 
     asyncio.run(session())
 
 
-@pytest.mark.parametrize("who", ["MOE-2", "rover", UNNAMED])
-def test_who_speaks_as_another_is_refused_and_nothing_is_written_down(
-    secured: Aboard, ends: dict[str, Certificates], who: str
+@pytest.mark.parametrize("source", ["MOE-2", "rover", UNNAMED])
+def test_a_client_under_another_name_is_refused_and_nothing_is_recorded(
+    secured: Aboard, ends: dict[str, Certificates], source: str
 ) -> None:
     async def session() -> None:
-        async with await connected(secured, ends[who], "MOE") as client:
+        async with await connected(secured, ends[source], "MOE") as client:
             with raises(1, 0):
                 await client.submit(client.command(SetTravelSpeed(0.5), command_id=7))
             assert await client.get_notifications(command_id=7) == ()
@@ -82,21 +80,21 @@ def test_who_speaks_as_another_is_refused_and_nothing_is_written_down(
             await client.submit(client.command(SetTravelSpeed(0.4), command_id=7))
 
     asyncio.run(session())
-    told = secured.do(lambda bench: [r for r in bench.heard.reports if r.identity is None])
-    assert [report.reason for report in told] == [Reason.BAD_IDENTITY]
+    reported = secured.do(lambda bench: [r for r in bench.received.reports if r.identity is None])
+    assert [report.reason for report in reported] == [Reason.BAD_IDENTIFIER]
 
 
 @pytest.mark.at_length
-@pytest.mark.parametrize("who", ["MOE-2", UNNAMED])
+@pytest.mark.parametrize("source", ["MOE-2", UNNAMED])
 def test_a_stop_under_the_name_of_another_acts(
-    secured: Aboard, ends: dict[str, Certificates], who: str
+    secured: Aboard, ends: dict[str, Certificates], source: str
 ) -> None:
     async def session() -> None:
         async with await connected(secured, ends["MOE"]) as client:
             await client.submit(client.command(MoveForward(10.0)))
             secured.run(2.0)
             assert secured.do(lambda bench: bench.rover.velocity) != STANDING
-        async with await connected(secured, ends[who], "MOE") as client:
+        async with await connected(secured, ends[source], "MOE") as client:
             with pytest.raises(MalError, match=r"by its certificate.*stop") as raised:
                 await client.submit(client.command(Stop()))
             assert raised.value.number == 2
@@ -110,15 +108,15 @@ def test_a_repeat_under_the_name_of_another_is_no_repeat(tmp_path: Path) -> None
     with Bench(tmp_path) as bench:
         mine = Command(Identity("MOE", 1), SetTravelSpeed(0.5), "direct", peer="MOE")
         bench.send(mine)
-        told = len(bench.heard.reports)
+        reported = len(bench.received.reports)
         answer = bench.send(replace(mine, peer="MOE-2"))
-        assert isinstance(answer, Refused)
-        assert answer.refusal.reason is Reason.BAD_IDENTITY
+        assert isinstance(answer, Rejected)
+        assert answer.refusal.reason is Reason.BAD_IDENTIFIER
         assert "its sender is MOE-2 by its certificate" in answer.refusal.text
-        assert [r.reason for r in bench.heard.reports[told:]] == [Reason.BAD_IDENTITY]
+        assert [r.reason for r in bench.received.reports[reported:]] == [Reason.BAD_IDENTIFIER]
 
 
-def test_without_certificates_a_source_is_what_it_says(tmp_path: Path) -> None:
+def test_without_certificates_a_source_is_as_stated(tmp_path: Path) -> None:
     aboard = Aboard(tmp_path)
 
     async def session(client: MrsClient) -> None:
@@ -150,7 +148,7 @@ def test_the_command_line_takes_the_name_and_refuses_another(
         aboard.close()
 
 
-def test_at_the_orbiter_nobody_speaks_as_another_and_a_stop_goes_up(tmp_path: Path) -> None:
+def test_at_the_orbiter_no_client_uses_another_name_and_a_stop_is_uplinked(tmp_path: Path) -> None:
     async def session() -> None:
         async with orbiting(Sky(tmp_path, "jackal")) as (relay, _):
             (relayed,) = relay.rovers.values()
@@ -183,9 +181,7 @@ def test_texts_of_others_are_shown_as_they_are_and_do_nothing(
 
 
 def test_a_plan_of_another_forges_no_line_of_the_terminal() -> None:
-    update = PlanUpdate(
-        planId=EVIL, status=PlanStatus.FAILED, timestamp=0, node=EVIL, done=0, total=1, text=EVIL
-    )
+    update = PlanUpdate(EVIL, PlanStatus.FAILED, 0.0, EVIL, done=0, total=1, text=EVIL)
 
     @click.command()
     def show() -> None:
@@ -196,7 +192,7 @@ def test_a_plan_of_another_forges_no_line_of_the_terminal() -> None:
     assert "\x1b" not in shown
 
 
-def test_a_transfer_is_ended_by_who_began_it_or_holds_the_authority(
+def test_a_transfer_is_ended_by_its_client_or_the_authority_holder(
     secured: Aboard, ends: dict[str, Certificates]
 ) -> None:
     secured.put("film.avi", bytes(4_000_000))

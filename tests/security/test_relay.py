@@ -21,8 +21,8 @@ from executive.values.reasons import Reason
 from executive.values.reports import Identity, Stage
 from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, landed, orbiting
 from tests.relay.rover.ends import ROVER, Ends, octets, until
-from tests.relay.rover.relayed_bench import RelayedBench, asked
-from tests.support.asked_authority import AskedAuthority
+from tests.relay.rover.relayed_bench import RelayedBench, request_message
+from tests.support.requested_authority import RequestedAuthority
 from tests.support.timed_system import TimedSystem
 
 WAITING = 100
@@ -30,7 +30,7 @@ WAITING = 100
 
 async def send(agent: BundleAgent, request: Request, number: int) -> None:
     stop = isinstance(request, Stop)
-    await agent.send(ROVER, octets(asked(request, number)), expedited=stop)
+    await agent.send(ROVER, octets(request_message(request, number)), expedited=stop)
 
 
 def published(ends: Ends, *, overtaken: bool) -> set[int | None]:
@@ -54,7 +54,9 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_exec
                 await send(orbiter, MoveForward(1.0), number)
             await send(orbiter, Resume(), WAITING)
             await until(lambda: bool(ends.rover.commands))
-            both = octets(asked(Resume(), WAITING + 3), asked(Stop(), WAITING + 1))
+            both = octets(
+                request_message(Resume(), WAITING + 3), request_message(Stop(), WAITING + 1)
+            )
             await orbiter.send(ROVER, both, expedited=True)
             await until(lambda: bool(ends.rover.stops))
             ends.rover.commands.clear()
@@ -63,7 +65,7 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_exec
     link = ends.link()
     link.start()
     asyncio.run(session())
-    assert ends.rover.stops == [str(asked(Stop(), WAITING + 1))]
+    assert ends.rover.stops == [str(request_message(Stop(), WAITING + 1))]
     assert published(ends, overtaken=False) == set()
     link.close()
     ends.rover.confirms = True
@@ -74,7 +76,9 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_exec
         async with ends.orbiter() as orbiter:
             await until(lambda: published(ends, overtaken=True) == waited)
             await send(orbiter, Resume(), WAITING + 2)
-            await until(lambda: ends.rover.commands[-1:] == [str(asked(Resume(), WAITING + 2))])
+            await until(
+                lambda: ends.rover.commands[-1:] == [str(request_message(Resume(), WAITING + 2))]
+            )
 
     again = ends.link()
     again.start()
@@ -82,7 +86,7 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_exec
     again.close()
     assert published(ends, overtaken=True) == waited
     assert published(ends, overtaken=False) == {WAITING + 2}
-    assert [m for m in ends.heard if m.outputs[:1] == ("REJECTED",)] == []
+    assert [m for m in ends.received if m.outputs[:1] == ("REJECTED",)] == []
 
 
 @pytest.mark.parametrize(
@@ -121,12 +125,12 @@ def test_aboard_a_command_too_long_to_be_answered_or_marked_ends_nothing(
 ) -> None:
     """A rover-relay that ended would read the bundle again at its next start, and end again."""
     ends = Ends(tmp_path)
-    short = str(asked(MoveForward(1.0), 2))
+    short = str(request_message(MoveForward(1.0), 2))
     long = short.replace("MOE", "x" * (MAX_MESSAGE_OCTETS - octets_left - len(short) + len("MOE")))
 
     async def session() -> None:
         async with ends.orbiter() as orbiter:
-            await orbiter.send(ROVER, (long + str(asked(Stop(), 3))).encode())
+            await orbiter.send(ROVER, (long + str(request_message(Stop(), 3))).encode())
             await send(orbiter, Resume(), 4)
             # Either bundle may arrive first, and both may be published as one string.
             await until(lambda: len(passed_on()) + link.refused == 2 or not link.alive)
@@ -138,12 +142,12 @@ def test_aboard_a_command_too_long_to_be_answered_or_marked_ends_nothing(
     link.start()
     asyncio.run(session())
     assert link.alive
-    assert ends.rover.stops == [str(asked(Stop(), 3))]
+    assert ends.rover.stops == [str(request_message(Stop(), 3))]
     assert link.refused == refused
     link.close()
 
 
-STOP = str(asked(Stop(), 7))
+STOP = str(request_message(Stop(), 7))
 
 
 @pytest.mark.parametrize(
@@ -162,21 +166,21 @@ STOP = str(asked(Stop(), 7))
         STOP.replace("||False|False|7", "||False|False|1"),
     ],
 )
-def test_aboard_a_string_that_asks_for_a_stop_stops_whatever_else_it_says(
+def test_aboard_a_string_that_requests_a_stop_stops_despite_its_other_content(
     tmp_path: Path, text: str
 ) -> None:
     with RelayedBench(tmp_path) as bench:
-        bench.hear(str(asked(SetTravelSpeed(0.5), 1)))
-        bench.hear(text)
+        bench.receive(str(request_message(SetTravelSpeed(0.5), 1)))
+        bench.receive(text)
         assert bench.executive.mode is Mode.STOPPED
 
 
-def test_aboard_what_is_too_long_to_be_answered_keeps_nothing_from_being_taken(
+def test_aboard_a_string_too_long_for_an_answer_does_not_block_others(
     tmp_path: Path,
 ) -> None:
-    long = str(asked(MoveForward(1.0), 1)).replace("MOE", "x" * 4000)
+    long = str(request_message(MoveForward(1.0), 1)).replace("MOE", "x" * 4000)
     with RelayedBench(tmp_path) as bench:
-        bench.hear(long + str(asked(SetTravelSpeed(0.3), 2)))
+        bench.receive(long + str(request_message(SetTravelSpeed(0.3), 2)))
         assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
         assert bench.executive.mode is Mode.IDLE
 
@@ -185,26 +189,26 @@ def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path
     needed = AuthoritySettings(needed=True)
     settings = replace(load_settings("jackal"), authority=needed)
     with RelayedBench(tmp_path, settings) as bench:
-        authority = AskedAuthority(bench)
+        authority = RequestedAuthority(bench)
         authority.request("MOE")
         own = authority.state.epoch
         authority.hand_over("MOE", own, needed.relay)
         handed = authority.state.epoch
         for number, epoch in enumerate((None, own, handed), 1):
             request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
-            bench.hear(
+            bench.receive(
                 str(DICTIONARY.command(request, identity, "JACKAL", CommandConditions(epoch)))
             )
-        ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
+        ends = [r for r in bench.received.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
         assert [r.reason for r in ends] == [Reason.NO_AUTHORITY, Reason.NO_AUTHORITY, None]
-        wrong = str(asked(SetTravelSpeed(0.5), 9))
-        bench.hear(wrong.replace("||False", f"|{handed},1.0,2.0,3.0|False"))
+        wrong = str(request_message(SetTravelSpeed(0.5), 9))
+        bench.receive(wrong.replace("||False", f"|{handed},1.0,2.0,3.0|False"))
         assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
 
 
 @pytest.mark.at_length
 @pytest.mark.parametrize("numbered", [True, False])
-async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(
+async def test_the_orbiter_commands_by_its_authority_for_its_grantor_alone(
     tmp_path: Path, numbered: bool
 ) -> None:
     sky = Sky(tmp_path, "jackal", numbered=numbered)
@@ -228,7 +232,7 @@ async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(
             await client.submit(client.command(ExecuteAction("authority -1")))
 
 
-async def test_nobody_takes_back_or_replaces_the_authority_that_another_gave_the_orbiter(
+async def test_only_the_grantor_revokes_or_replaces_the_authority_of_the_orbiter(
     tmp_path: Path,
 ) -> None:
     sky = Sky(tmp_path, "jackal")
@@ -278,7 +282,7 @@ def test_a_stop_of_a_clock_that_is_ahead_holds_later_commands_for_minutes_only(
     now_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS
     stop: CreationTime = (now_ms + round(ahead_s * 1000), 0, 0)
     last = LastStop(tmp_path / "relay.stop", TimedSystem(clock.utc_s))
-    last.take(stop)
+    last.add_stop(stop)
     last.save()
     for waited_s in (0.0, MAX_FUTURE_STOP_S - 1.0, 1.0, 86_400.0):
         clock.advance(waited_s)
@@ -295,7 +299,7 @@ def test_a_clock_that_is_set_back_holds_no_longer(tmp_path: Path) -> None:
     utc_s = [2e9]
     last = LastStop(tmp_path / "relay.stop", TimedSystem(lambda: utc_s[0]))
     ahead_ms = round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 86_000_000
-    last.take((ahead_ms, 0, 0))
+    last.add_stop((ahead_ms, 0, 0))
     utc_s[0] -= 80_000.0
     later = (round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 2000, 0, 0)
     assert last.overtakes(later)
@@ -303,7 +307,7 @@ def test_a_clock_that_is_set_back_holds_no_longer(tmp_path: Path) -> None:
     assert not last.overtakes(later)
 
 
-async def test_a_stop_opens_a_way_that_another_holds_closed(tmp_path: Path) -> None:
+async def test_a_stop_opens_a_contact_that_another_holds_closed(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with (
         orbiting(sky) as (relay, (station,)),
@@ -321,17 +325,21 @@ async def test_a_stop_opens_a_way_that_another_holds_closed(tmp_path: Path) -> N
 def test_aboard_a_command_of_the_relay_does_not_outlive_its_lifetime(tmp_path: Path) -> None:
     with RelayedBench(tmp_path) as bench:
         now_s = bench.clock.utc_s()
-        lives = {1: (now_s, 5.0), 2: (now_s - 60.0, 5.0), 3: (now_s + 3600.0, 5.0)}
-        for number, life in lives.items():
+        lifetimes = {1: (now_s, 5.0), 2: (now_s - 60.0, 5.0), 3: (now_s + 3600.0, 5.0)}
+        for number, lifetime in lifetimes.items():
             request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
-            bench.hear(
-                str(DICTIONARY.command(request, identity, "JACKAL", CommandConditions(None, *life)))
+            bench.receive(
+                str(
+                    DICTIONARY.command(
+                        request, identity, "JACKAL", CommandConditions(None, *lifetime)
+                    )
+                )
             )
-        ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
-        assert [r.reason for r in ends] == [None, Reason.EXPIRED, Reason.MADE_IN_FUTURE]
+        ends = [r for r in bench.received.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
+        assert [r.reason for r in ends] == [None, Reason.EXPIRED, Reason.CREATED_IN_FUTURE]
 
 
-async def test_the_orbiter_passes_on_when_a_command_was_made_and_how_long_it_lives(
+async def test_the_orbiter_passes_on_creation_time_and_lifetime_of_a_command(
     tmp_path: Path,
 ) -> None:
     sky = Sky(tmp_path, "jackal")

@@ -28,7 +28,7 @@ from executive.commands import (
     Stop,
     SubmitPlan,
 )
-from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
+from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
 from executive.record import StopLatch
 from executive.settings import AuthoritySettings, load_settings
 from executive.values.clock import START_UTC_S
@@ -36,9 +36,9 @@ from executive.values.geometry import STANDING
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Stage
 from tests.mrs.aboard import Aboard
-from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import PlanBench, plan
+from tests.support.requested_authority import RequestedAuthority
 
 ALL_THE_SAME = "the rover was stopped nevertheless"
 
@@ -52,23 +52,23 @@ def stop(number: int = 7, source: str = "MOE", **options: Any) -> Command:
     ("command", "reason"),
     [
         (stop(1), Reason.DUPLICATE),
-        (stop(0), Reason.BAD_IDENTITY),
-        (stop(source=""), Reason.BAD_IDENTITY),
-        (stop(source="MOE:1 EXECUTED\n\x1b[31mforged\0"), Reason.BAD_IDENTITY),
-        (stop(source="plan:survey"), Reason.BAD_IDENTITY),
-        (stop(source="x" * 100_000), Reason.BAD_IDENTITY),
-        (stop(peer="MARVIN"), Reason.BAD_IDENTITY),
+        (stop(0), Reason.BAD_IDENTIFIER),
+        (stop(source=""), Reason.BAD_IDENTIFIER),
+        (stop(source="MOE:1 EXECUTED\n\x1b[31mforged\0"), Reason.BAD_IDENTIFIER),
+        (stop(source="plan:survey"), Reason.BAD_IDENTIFIER),
+        (stop(source="x" * 100_000), Reason.BAD_IDENTIFIER),
+        (stop(peer="MARVIN"), Reason.BAD_IDENTIFIER),
         (stop(created_utc_s=START_UTC_S - 60.0, lifetime_s=5.0), Reason.EXPIRED),
-        (stop(created_utc_s=START_UTC_S + 3600.0, lifetime_s=5.0), Reason.MADE_IN_FUTURE),
+        (stop(created_utc_s=START_UTC_S + 3600.0, lifetime_s=5.0), Reason.CREATED_IN_FUTURE),
     ],
     ids=lambda value: value.name if isinstance(value, Reason) else "",
 )
-def test_a_stop_that_is_refused_says_why_and_acts(
+def test_a_stop_that_is_refused_gives_the_reason_and_acts(
     bench: Bench, command: Command, reason: Reason
 ) -> None:
     bench.drive_on()
     answer = bench.send(command)
-    assert isinstance(answer, Refused)
+    assert isinstance(answer, Rejected)
     assert answer.refusal.reason is reason
     assert answer.refusal.text.endswith(ALL_THE_SAME)
     assert answer.refusal.text.isprintable()
@@ -77,18 +77,18 @@ def test_a_stop_that_is_refused_says_why_and_acts(
     assert bench.executive.why.isprintable()
     bench.run(1.0)
     assert bench.stages(1)[-1] is Stage.CANCELLED
-    assert all(report.text.isprintable() for report in bench.heard.reports)
+    assert all(report.text.isprintable() for report in bench.received.reports)
 
 
 def test_a_stop_needs_no_authority(tmp_path: Path) -> None:
     settings = replace(load_settings("jackal"), authority=AuthoritySettings(needed=True))
     with Bench(tmp_path, settings) as bench:
-        state = AskedAuthority(bench).request("MOE")
+        state = RequestedAuthority(bench).request("MOE")
         assert not isinstance(state, Refusal)
         bench.submit(MoveForward(5.0), 1, authority=state.epoch)
         bench.run(1.0)
         assert bench.rover.velocity != STANDING
-        assert isinstance(bench.send(stop(source="MARVIN", authority=99)), Admitted)
+        assert isinstance(bench.send(stop(source="MARVIN", authority=99)), Accepted)
         assert bench.rover.velocity == STANDING
 
 
@@ -100,10 +100,10 @@ def test_stops_of_repeated_numbers_all_act(bench: Bench) -> None:
         bench.submit(MoveForward(5.0), 20_000 + number)
         bench.run(0.1)
         answer = bench.submit(Stop(), 1 + number % 10)
-        assert isinstance(answer, Admitted if number < 10 else Repeated)
+        assert isinstance(answer, Accepted if number < 10 else Duplicate)
         acted += bench.rover.velocity == STANDING and bench.executive.mode is Mode.STOPPED
     assert acted == 200
-    texts = [report.text for report in bench.heard.reports]
+    texts = [report.text for report in bench.received.reports]
     assert texts.count("duplicate of MOE:1: the rover was stopped again") == 19
 
 
@@ -111,7 +111,7 @@ def test_a_stop_acts_on_a_full_disk_and_is_known_after_kill_9(bench: Bench) -> N
     bench.drive_on()
     bench.fill_disk()
     answer = bench.submit(Stop(), 2)
-    assert isinstance(answer, Refused)
+    assert isinstance(answer, Rejected)
     assert answer.refusal.reason is Reason.LEDGER_FAILED
     assert answer.refusal.text.endswith(ALL_THE_SAME)
     bench.crash()
@@ -128,7 +128,7 @@ def test_a_stop_acts_on_a_full_disk_and_is_known_after_kill_9(bench: Bench) -> N
 def test_a_resume_that_was_not_written_down_is_none_after_a_restart(bench: Bench) -> None:
     bench.execute(Stop(), 1)
     bench.fill_disk()
-    assert isinstance(bench.submit(Resume(), 2), Refused)
+    assert isinstance(bench.submit(Resume(), 2), Rejected)
     bench.crash()
     assert bench.executive.mode is Mode.STOPPED
 
@@ -145,18 +145,18 @@ def test_a_stop_overtakes_what_waits_and_no_resume_before_it_undoes_it(bench: Be
     hand_over(200, Resume())
     hand_over(201, Stop())
     bench.executive.serve_inbox()
-    assert isinstance(answers[0], Admitted)
+    assert isinstance(answers[0], Accepted)
     assert answers[0].lifecycle.command.identity.command_id == 201
     for _ in range(5):
         bench.executive.serve_inbox()
     assert len(answers) == 102
     resumed = answers[-1]
-    assert isinstance(resumed, Refused)
+    assert isinstance(resumed, Rejected)
     assert "stopped by MOE:201" in resumed.refusal.text
     assert bench.executive.mode is Mode.STOPPED
 
 
-def test_a_flood_of_stops_leaves_room_for_the_ticks(bench: Bench) -> None:
+def test_a_flood_of_stops_leaves_time_for_the_ticks(bench: Bench) -> None:
     bench.drive_on()
     answers: list[SubmitResult] = []
     for number in range(1000):
@@ -167,10 +167,12 @@ def test_a_flood_of_stops_leaves_room_for_the_ticks(bench: Bench) -> None:
     for _ in range(50):
         bench.executive.serve_inbox()
     assert len(answers) == 1000
-    assert all(isinstance(answer, Admitted) for answer in answers)
+    assert all(isinstance(answer, Accepted) for answer in answers)
 
 
-def test_the_rover_stands_before_a_core_that_hangs_has_come_to_the_stop(bench: Bench) -> None:
+def test_the_rover_is_stationary_before_a_core_that_hangs_has_processed_the_stop(
+    bench: Bench,
+) -> None:
     bench.drive_on()
     received, answered = threading.Event(), list[SubmitResult]()
 
@@ -187,11 +189,11 @@ def test_the_rover_stands_before_a_core_that_hangs_has_come_to_the_stop(bench: B
     bench.step()
     assert bench.rover.velocity == STANDING
     assert bench.executive.mode is Mode.STOPPED
-    assert isinstance(answered[0], Admitted)
+    assert isinstance(answered[0], Accepted)
 
 
 @pytest.mark.parametrize("fails", ["emergency_stop", "pwrite"])
-def test_a_stop_acts_though_its_fastest_or_its_durable_way_fails(
+def test_a_stop_acts_though_its_fastest_or_its_durable_path_fails(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, fails: str
 ) -> None:
     def fail(*_: object) -> None:
@@ -200,10 +202,12 @@ def test_a_stop_acts_though_its_fastest_or_its_durable_way_fails(
     bench.drive_on()
     with monkeypatch.context() as broken:
         broken.setattr(os if fails == "pwrite" else bench.rover, fails, fail)
-        assert isinstance(bench.submit(Stop(), 2), Admitted)
+        assert isinstance(bench.submit(Stop(), 2), Accepted)
     assert bench.rover.velocity == STANDING
-    told = [report.text for report in bench.heard.reports if "stop is not stored" in report.text]
-    assert len(told) == (fails == "pwrite")
+    reported = [
+        report.text for report in bench.received.reports if "stop is not stored" in report.text
+    ]
+    assert len(reported) == (fails == "pwrite")
     bench.submit(Resume(), 3)
     bench.execute(MoveForward(0.5), 4)
 
@@ -215,7 +219,7 @@ def test_a_stop_wins_against_a_velocity_that_is_just_being_sent(bench: Bench) ->
 
     def race(velocity: Any) -> None:
         if velocity != STANDING and not raced:
-            raced.append(Repeated)  # type: ignore[arg-type]
+            raced.append(Duplicate)  # type: ignore[arg-type]
             bench.executive.submit(stop(), raced.append)
         drive(velocity)
 
@@ -229,7 +233,7 @@ def test_a_stop_wins_against_a_velocity_that_is_just_being_sent(bench: Bench) ->
 
 
 @pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 5), Identity("a\nb", 5)])
-def test_over_the_direct_link_the_answer_says_that_it_acted(
+def test_over_the_direct_link_the_answer_reports_that_it_acted(
     aboard: Aboard, identity: Identity
 ) -> None:
     async def session(client: MrsClient) -> str:
@@ -237,9 +241,9 @@ def test_over_the_direct_link_the_answer_says_that_it_acted(
             await client.submit(Command(identity, Stop(), "direct"))
         return describe_error(raised.value)
 
-    said = aboard.ground(session)
-    assert said.startswith("Rejected: ")
-    assert said.endswith(ALL_THE_SAME)
+    message = aboard.ground(session)
+    assert message.startswith("Rejected: ")
+    assert message.endswith(ALL_THE_SAME)
     assert aboard.do(lambda bench: bench.executive.mode) is Mode.STOPPED
 
 
@@ -268,7 +272,7 @@ def test_a_plan_commands_a_few_leaves_in_a_tick(tmp_path: Path) -> None:
 
 
 @given(text=st.text(min_size=1, max_size=600))
-def test_the_latch_reads_back_what_it_was_told(
+def test_the_latch_reads_its_written_state(
     tmp_path_factory: pytest.TempPathFactory, text: str
 ) -> None:
     path = tmp_path_factory.mktemp("latch") / "ledger.stop"
@@ -314,10 +318,10 @@ def test_a_stop_that_only_the_ledger_took_is_known_after_kill_9(tmp_path: Path) 
     with Bench(tmp_path) as bench:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(os, "pwrite", _refused)
-            assert isinstance(bench.send(stop()), Admitted)
+            assert isinstance(bench.send(stop()), Accepted)
         bench.crash()
         assert bench.executive.mode is Mode.STOPPED
-        assert isinstance(bench.submit(Resume(), 8), Admitted)
+        assert isinstance(bench.submit(Resume(), 8), Accepted)
         bench.crash()
         assert bench.executive.mode in {Mode.IDLE}
 
@@ -331,7 +335,7 @@ import sys, time
 from pathlib import Path
 from executive.commands import Stop
 from executive.values.geometry import STANDING
-from tests.support.asked_authority import AskedAuthority
+from tests.support.requested_authority import RequestedAuthority
 from tests.support.kinematic import Bench
 
 folder = Path(sys.argv[1])
@@ -369,7 +373,7 @@ def test_a_stop_on_a_disk_that_is_really_full_holds_over_kill_9(small_disk: Path
         [sys.executable, "-c", FILL_AND_STOP, str(small_disk)], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        assert process.stdout.readline().split() == ["Refused", "LEDGER_FAILED", "True"]
+        assert process.stdout.readline().split() == ["Rejected", "LEDGER_FAILED", "True"]
         process.send_signal(signal.SIGKILL)
     (small_disk / "filler").unlink()
     with Bench(small_disk) as bench:

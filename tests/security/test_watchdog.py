@@ -15,21 +15,21 @@ from tests.support.kinematic import Bench
 BOUND_S = 0.05
 
 
-def until(told: list[str]) -> None:
+def until(reported: list[str]) -> None:
     deadline_s = time.monotonic() + 30.0
-    while not told:
+    while not reported:
         assert time.monotonic() < deadline_s
         time.sleep(BOUND_S / MISSED_POLLS)
 
 
-def test_a_core_that_hangs_while_it_drives_is_made_to_stand_and_safe(bench: Bench) -> None:
+def test_a_core_that_hangs_while_it_drives_is_halted_and_safe(bench: Bench) -> None:
     bench.drive_on()
-    told: list[str] = []
-    with Watchdog(bench.executive, BOUND_S, told.append) as watchdog:
+    reported: list[str] = []
+    with Watchdog(bench.executive, BOUND_S, reported.append) as watchdog:
         watchdog.beat()
-        until(told)
+        until(reported)
         assert bench.rover.velocity == STANDING
-    assert "has not ticked for" in told[0]
+    assert "has not ticked for" in reported[0]
     bench.step()
     assert bench.executive.mode is Mode.SAFE
     assert "the watchdog stopped the rover" in bench.executive.why
@@ -38,15 +38,15 @@ def test_a_core_that_hangs_while_it_drives_is_made_to_stand_and_safe(bench: Benc
     assert bench.rover.velocity == STANDING
 
 
-def test_a_core_that_hangs_while_the_rover_stands_is_only_told(bench: Bench) -> None:
-    told: list[str] = []
-    with Watchdog(bench.executive, BOUND_S, told.append) as watchdog:
+def test_a_core_that_hangs_at_standstill_is_only_reported(bench: Bench) -> None:
+    reported: list[str] = []
+    with Watchdog(bench.executive, BOUND_S, reported.append) as watchdog:
         watchdog.beat()
-        until(told)
+        until(reported)
     sent = len(bench.rover.sent)
     bench.step()
     assert bench.executive.mode is Mode.IDLE
-    assert "the core did not tick for" in bench.heard.reports[-1].text
+    assert "the core did not tick for" in bench.received.reports[-1].text
     assert len(bench.rover.sent) == sent
 
 
@@ -55,12 +55,12 @@ def test_before_the_first_beat_and_while_it_beats_there_is_no_alarm(
     bench: Bench, beats: int
 ) -> None:
     bench.drive_on()
-    told: list[str] = []
-    with Watchdog(bench.executive, 1.0, told.append) as watchdog:
+    reported: list[str] = []
+    with Watchdog(bench.executive, 1.0, reported.append) as watchdog:
         for _ in range(beats):
             watchdog.beat()
             time.sleep(0.005)
-    assert told == []
+    assert reported == []
     assert bench.rover.velocity != STANDING
 
 
@@ -75,7 +75,7 @@ def suspended(bench: Bench) -> None:
 
 
 def late(bench: Bench) -> list[Report]:
-    return [each for each in bench.heard.reports if each.reason is Reason.TICK_LATE]
+    return [each for each in bench.received.reports if each.reason is Reason.TICK_LATE]
 
 
 def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Bench) -> None:
@@ -90,7 +90,7 @@ def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Ben
     assert event.figures[0].value == pytest.approx(SUSPENDED_S, abs=0.01)
     bench.run(5.0)
     assert bench.rover.velocity == STANDING
-    assert "PAUSED because the tick was 12.0 s late" in bench.executive.why
+    assert "PAUSED: the tick was 12.0 s late" in bench.executive.why
     bench.submit(Resume(), 2)
     assert bench.finish(1) is Stage.EXECUTED
     bench.submit(MoveTo(Waypoint(0.0, 0.0)), 3)
@@ -100,14 +100,14 @@ def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Ben
     assert bench.executive.mode is Mode.PAUSED
 
 
-def test_what_is_relative_fails_by_a_suspend(bench: Bench) -> None:
+def test_relative_motion_fails_by_a_suspend(bench: Bench) -> None:
     bench.drive_on()
     suspended(bench)
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.TICK_LATE
 
 
-def test_a_suspend_of_a_rover_that_stands_is_only_told_and_told_once(bench: Bench) -> None:
+def test_a_suspend_at_standstill_is_only_reported_and_reported_once(bench: Bench) -> None:
     bench.run(1.0)
     for _ in range(5):
         suspended(bench)

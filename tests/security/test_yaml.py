@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from adapters.calibration import with_figures
 from adapters.mops import load_dictionary
 from adapters.relay.orbiter.settings import load_orbiter
 from adapters.relay.rover.settings import load_relay
-from executive.settings import SettingsError, load_settings, parse_yaml
+from executive.settings import SettingsError, load_settings, parse_yaml, with_values
 from executive.settings.settings_files import MAX_YAML_DEPTH, MAX_YAML_NODES
 from sim.campaign.reading import load_campaign
 from sim.rover.world import load_world
@@ -50,13 +49,13 @@ READERS: dict[str, Callable[[Path], object]] = {
     "orbiter": load_orbiter,
     "relay": lambda path: load_relay("jackal", path),
     "dictionary": load_dictionary,
-    "calibration": lambda path: with_figures(path.read_text(), {"mpc.delay_s": 1.0}),
+    "calibration": lambda path: with_values(path.read_text(), {"mpc.delay_s": 1.0}),
 }
 
 
-@pytest.mark.parametrize(("text", "said"), HOSTILE.values(), ids=HOSTILE)
-def test_a_text_that_nobody_reads_to_its_end_is_one_error(text: str, said: str) -> None:
-    with pytest.raises(SettingsError, match=said) as caught:
+@pytest.mark.parametrize(("text", "message"), HOSTILE.values(), ids=HOSTILE)
+def test_a_text_too_deep_to_read_is_one_error(text: str, message: str) -> None:
+    with pytest.raises(SettingsError, match=message) as caught:
         parse_yaml(text, "theirs.yaml")
     assert str(caught.value).startswith("theirs.yaml: ")
 
@@ -87,7 +86,7 @@ def test_aliases_that_are_few_are_data() -> None:
 
 
 def test_nothing_else_in_the_product_loads_yaml() -> None:
-    """A reader of its own would have no bounds; the calibration's parses with these first."""
+    """A reader of its own would have no bounds; the editor parses with these first."""
     loads = re.compile(r"\byaml\.(?!safe_dump\b|\w*(?:Node|Event|Error|Loader)\b)(\w+)\(")
     found = {
         (path.relative_to(PRODUCT).as_posix(), name)
@@ -98,5 +97,5 @@ def test_nothing_else_in_the_product_loads_yaml() -> None:
     assert found == {
         ("executive/settings/settings_files.py", "load"),
         ("executive/settings/settings_files.py", "parse"),
-        ("adapters/calibration/asset_file.py", "compose"),
+        ("executive/settings/file_edit.py", "compose"),
     }

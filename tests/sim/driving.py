@@ -9,7 +9,7 @@ from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05
-Told = TypeVar("Told")
+Reading = TypeVar("Reading")
 
 
 def hold(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Fact]:
@@ -28,9 +28,9 @@ def jpeg(rover: SimulatedBody) -> bytes:
     return next(fact.data for fact in rover.facts() if isinstance(fact, Frame))
 
 
-def told(
-    rover: SimulatedJackal, kind: type[Told], velocity: Velocity, duration_s: float
-) -> list[Told]:
+def readings(
+    rover: SimulatedJackal, kind: type[Reading], velocity: Velocity, duration_s: float
+) -> list[Reading]:
     """Command one velocity; return the facts of one kind."""
     return [fact for fact in hold(rover, velocity, duration_s) if isinstance(fact, kind)]
 
@@ -49,13 +49,13 @@ def turn(rover: SimulatedJackal, angle_rad: float, rate_radps: float = 1.5) -> N
     hold(rover, STANDING, 0.5)
 
 
-def _profile(left: float, highest: float, acceleration: float) -> list[float]:
+def _profile(left: float, maximum: float, acceleration: float) -> list[float]:
     speeds: list[float] = []
     speed = 0.0
     while left > 1e-4:
         speed = min(
             speed + acceleration * COMMAND_PERIOD_S,
-            highest,
+            maximum,
             sqrt(2 * acceleration * left),
             left / COMMAND_PERIOD_S,
         )

@@ -57,7 +57,7 @@ def test_shows_sky_over_red_soil_and_the_rock_where_it_lies(backend: Backend) ->
 
 @NEEDS_EGL
 @pytest.mark.parametrize("uneven_m", [0.0, 0.08])
-def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> None:
+def test_both_backends_see_the_same_rock_at_the_same_position(uneven_m: float) -> None:
     world = World(rocks=ROCK_AHEAD.rocks, ground=SoilShape(amplitude_m=uneven_m, feature_m=4.0))
     by_rays = rock_pixels(rover_with(Backend.RAYS, world))
     by_egl = rock_pixels(rover_with(Backend.EGL, world))
@@ -66,7 +66,7 @@ def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> N
 
 
 @NEEDS_EGL
-def test_rays_take_over_where_no_device_can_draw() -> None:
+def test_rays_are_used_if_no_device_can_draw() -> None:
     script = (
         "from sim.rover.camera import *\n"
         "from sim.rover.jackal import *\n"
@@ -101,7 +101,7 @@ def test_tilting_the_camera_down_shows_the_deck() -> None:
     assert yellow.mean() > 0.03
 
 
-def test_a_requested_picture_comes_with_the_next_facts() -> None:
+def test_a_requested_picture_arrives_with_the_next_facts() -> None:
     rover = rover_with(Backend.RAYS)
     rover.advance(1.0)
     assert not any(isinstance(fact, Frame) for fact in rover.facts())

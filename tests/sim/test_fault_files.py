@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.settings import SettingsError
+from executive.settings import Sensor, SettingsError
 from sim.rover import faults
 from sim.rover.faults import (
-    SENSOR_PARTS,
     FaultTarget,
     Onset,
     Side,
@@ -27,7 +26,7 @@ from sim.scenario.record import Answer
 
 
 @pytest.mark.parametrize("declaration", declared_faults(), ids=lambda each: each.name)
-def test_what_is_written_is_read(declaration: SimulatedFaultDeclaration) -> None:
+def test_a_written_fault_is_read(declaration: SimulatedFaultDeclaration) -> None:
     fault = read_fault(declaration.name)
     assert isinstance(fault, declaration.kind)
     assert read_fault(format_fault(fault)) == fault
@@ -41,35 +40,35 @@ def test_parameters_have_units_and_degrees() -> None:
     assert read_fault({"gyro_bias": {"rate": "-10 deg"}}) == faults.GyroBias(radians(-10))
     assert read_fault({"motor_dead": {"side": "left"}}) == faults.MotorDead(Side.LEFT)
     assert read_fault({"gyro_dead": {"shared": True}}) == faults.GyroDead(shared=True)
-    assert read_fault({"cmd_vel_taken": {"rate": 10}}) == faults.CmdVelTaken(rate_hz=10.0)
+    assert read_fault({"cmd_vel_overridden": {"rate": 10}}) == faults.CmdVelOverridden(rate_hz=10.0)
 
 
 @pytest.mark.parametrize(
-    ("raw", "says"),
+    ("raw", "text"),
     [
         (
             "odometry_lots",
             r"is no fault \(did you mean odometry_lost\?\); known are odometry_lost,",
         ),
         (7, "7 is no fault"),
-        ({"slip": 0.5}, "slip: expected parameters and values, got 0.5"),
-        ({"slip": {}, "tip": {}}, "is no fault"),
+        ({"low_friction": 0.5}, "low_friction: expected parameters and values, got 0.5"),
+        ({"low_friction": {}, "tip": {}}, "is no fault"),
         (
-            {"slip": {"facter": 0.5}},
+            {"low_friction": {"facter": 0.5}},
             r"unknown key 'facter' \(did you mean factor\?\); known",
         ),
-        ({"left_stuck": {"by": 1}}, "unknown key 'by', it has no parameters"),
+        ({"left_wheels_stuck": {"by": 1}}, "unknown key 'by', it has no parameters"),
         ({"odometry_jump": {"by": 99}}, r"odometry_jump.by: 99 is not in -10 .. 10 m"),
         ({"odometry_jump": {"by": nan}}, "odometry_jump.by: expected a finite number, got nan"),
         ({"odometry_jump": {"by": "90deg"}}, r"odometry_jump.by: expected a number, got '90deg'"),
-        ({"slip": {"factor": True}}, r"slip.factor: expected a number, got True"),
+        ({"low_friction": {"factor": True}}, r"low_friction.factor: expected a number, got True"),
         ({"gyro_bias": {"shared": 1}}, "gyro_bias.shared: expected true or false, got 1"),
         ({"tip": {"by": "far"}}, r"expected a number \(radians, or degrees as 90deg\)"),
         ({"motor_dead": {"side": "top"}}, "motor_dead.side: 'top' is none of left, right, both"),
     ],
 )
-def test_what_is_no_fault_is_refused(raw: object, says: str) -> None:
-    with pytest.raises(ValueError, match=says):
+def test_an_invalid_fault_is_refused(raw: object, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
         read_fault(raw)
 
 
@@ -90,7 +89,7 @@ def row(declaration: SimulatedFaultDeclaration) -> str:
         FaultTarget.GYRO,
         FaultTarget.CMD_VEL,
         FaultTarget.ODOMETRY_LINK,
-        *SENSOR_PARTS.values(),
+        *Sensor,
     }
     lacks = "MOCUP" if declaration.needs in jackal_only else ""
     lacks = "Jackal" if declaration.needs is FaultTarget.BRICK else lacks
@@ -106,7 +105,7 @@ def test_the_page_has_every_fault() -> None:
 
 SCENARIO = """\
 title: Faults
-lasts: 5
+duration: 5
 asset: {asset}
 timeline:
   - {{at: 1, command: {{moveForward: {{distance: 0.2}}}}, label: before}}
@@ -130,9 +129,9 @@ def test_a_lost_link_carries_nothing_until_it_is_cleared(tmp_path: Path) -> None
     record = run_in_lock_step(load_scenario(name, RunMode.LOCK_STEP), tmp_path)
     answers = {sending.label: sending.answer for sending in record.sendings}
     assert answers == {
-        "before": Answer.ADMITTED,
+        "before": Answer.ACCEPTED,
         "while": Answer.LOST,
-        "after": Answer.ADMITTED,
+        "after": Answer.ACCEPTED,
     }
     lost_s = [value.time_s for value in record.values if 1.6 < value.time_s < 2.9]
     assert not lost_s
@@ -140,25 +139,35 @@ def test_a_lost_link_carries_nothing_until_it_is_cleared(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("fault", "kind", "asset", "says"),
+    ("fault", "kind", "asset", "text"),
     [
-        ("imu_dead", "imu_dead", "mocup", r"timeline\[1\].inject: imu_dead needs an inertial"),
+        ("imu_dead", "imu_dead", "mocup", r"timeline\[1\].inject: imu_dead needs a Jackal"),
         ("laser_dead", "laser_dead", "jackal", r"laser_dead needs .* settings\.sensors\.laser"),
         ("gyro_dead", "gyro_dead", "mocup", r"timeline\[1\].inject: gyro_dead needs a gyro, which"),
-        ("{slip: {by: 1}}", "slip", "jackal", r"timeline\[1\].inject: slip: unknown key 'by'"),
-        ("{slip: {factor: 7}}", "slip", "jackal", r"slip.factor: 7 is not in 0.01 .. 1"),
         (
-            "slip",
-            "slipp",
+            "{low_friction: {by: 1}}",
+            "low_friction",
             "jackal",
-            r"timeline\[3\].clear: 'slipp' is no fault \(did you mean",
+            r"timeline\[1\].inject: low_friction: unknown key 'by'",
+        ),
+        (
+            "{low_friction: {factor: 7}}",
+            "low_friction",
+            "jackal",
+            r"low_friction.factor: 7 is not in 0.01 .. 1",
+        ),
+        (
+            "low_friction",
+            "low_frictio",
+            "jackal",
+            r"timeline\[3\].clear: 'low_frictio' is no fault \(did you mean",
         ),
     ],
 )
-def test_a_scenario_says_where_a_fault_does_not_fit(
-    tmp_path: Path, fault: str, kind: str, asset: str, says: str
+def test_a_scenario_names_an_unsuitable_fault(
+    tmp_path: Path, fault: str, kind: str, asset: str, text: str
 ) -> None:
-    with pytest.raises(SettingsError, match=says):
+    with pytest.raises(SettingsError, match=text):
         load_scenario(scenario_file(tmp_path, fault, kind, asset))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from adapters.mops import Message, MopsStream, load_dictionary
 from executive.commands import Command, MoveForward
-from executive.commands.lifecycle import Refused
+from executive.commands.lifecycle import Rejected
 from executive.settings import LaserSettings, load_settings
 from executive.values.facts import Battery, Frame, Odometry
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
@@ -24,7 +24,7 @@ from sim.rover.lockstep import LockStep
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 from tests.brick.rig import command
-from tests.sim.driving import hold, told
+from tests.sim.driving import hold, readings
 
 AHEAD = Velocity(0.5, 0)
 TURN = Velocity(0, 1.0)
@@ -37,8 +37,8 @@ def rover() -> SimulatedJackal:
     return rover
 
 
-def heard(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Odometry]:
-    return told(rover, Odometry, velocity, duration_s)
+def received(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Odometry]:
+    return readings(rover, Odometry, velocity, duration_s)
 
 
 def off_m(rover: SimulatedJackal) -> float:
@@ -50,11 +50,11 @@ def turned_deg(after: Pose, before: Pose) -> float:
     return degrees(wrap_rad(after.heading_rad - before.heading_rad))
 
 
-def test_lost_odometry_is_silent_until_it_comes_back(rover: SimulatedJackal) -> None:
+def test_lost_odometry_is_silent_until_it_recovers(rover: SimulatedJackal) -> None:
     rover.inject(faults.OdometryLost())
-    assert heard(rover, AHEAD, 1.0) == []
+    assert received(rover, AHEAD, 1.0) == []
     rover.clear(faults.OdometryLost)
-    facts = heard(rover, AHEAD, 1.0)
+    facts = received(rover, AHEAD, 1.0)
     assert len(facts) == 50
     assert facts[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.03)
 
@@ -66,12 +66,12 @@ def test_frozen_odometry_has_new_stamps_and_repeated_has_not(
     rover: SimulatedJackal, fault: SimulatedFault, stamps: int
 ) -> None:
     rover.inject(fault)
-    facts = heard(rover, AHEAD, 1.0)
+    facts = received(rover, AHEAD, 1.0)
     assert len(facts) == 50
     assert len({fact.stamp_s for fact in facts}) == stamps
     assert len({fact.pose for fact in facts}) == 1
     rover.clear(type(fault))
-    assert len({fact.pose for fact in heard(rover, AHEAD, 1.0)}) == 50
+    assert len({fact.pose for fact in received(rover, AHEAD, 1.0)}) == 50
 
 
 def test_jumping_odometry_stays_where_it_jumped_to(rover: SimulatedJackal) -> None:
@@ -84,7 +84,7 @@ def test_jumping_odometry_stays_where_it_jumped_to(rover: SimulatedJackal) -> No
 
 def test_drifting_odometry_creeps_to_the_left(rover: SimulatedJackal) -> None:
     rover.inject(faults.OdometryDrift(rate_mps=0.2))
-    facts = heard(rover, AHEAD, 2.0)
+    facts = received(rover, AHEAD, 2.0)
     assert facts[-1].pose.y_m - rover.true_pose.y_m == pytest.approx(0.4, abs=0.02)
     assert facts[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.03)
     rover.clear(faults.OdometryDrift)
@@ -94,12 +94,12 @@ def test_drifting_odometry_creeps_to_the_left(rover: SimulatedJackal) -> None:
 
 def test_late_odometry_is_old_and_all_of_it_arrives(rover: SimulatedJackal) -> None:
     rover.inject(faults.OdometryLate(by_s=0.3))
-    assert heard(rover, AHEAD, 0.3) == []
-    facts = heard(rover, AHEAD, 0.5)
+    assert received(rover, AHEAD, 0.3) == []
+    facts = received(rover, AHEAD, 0.5)
     assert len(facts) == 25
     assert rover.time_s - facts[-1].stamp_s == pytest.approx(0.32, abs=0.011)
     rover.clear(faults.OdometryLate)
-    more = heard(rover, AHEAD, 0.1)
+    more = received(rover, AHEAD, 0.1)
     assert len(more) == 20
     assert rover.time_s - more[-1].stamp_s == pytest.approx(0.02, abs=0.011)
     stamps_s = [fact.stamp_s for fact in (*facts, *more)]
@@ -122,13 +122,13 @@ def test_odometry_with_jitter_is_late_by_chance_and_all_of_it_arrives_in_order()
     assert 0.03 < sum(late_s) / len(late_s) < 0.06
     assert 4 < sum(late > 0.1 for late in late_s) < 150
     rover.clear(faults.OdometryJitter)
-    last = heard(rover, STANDING, 0.3)[-1]
+    last = received(rover, STANDING, 0.3)[-1]
     assert rover.time_s - last.stamp_s == pytest.approx(0.02, abs=0.011)
 
 
-def test_odometry_without_twist_says_that_it_stands(rover: SimulatedJackal) -> None:
+def test_odometry_without_twist_reports_standstill(rover: SimulatedJackal) -> None:
     rover.inject(faults.OdometryZeroTwist())
-    facts = heard(rover, AHEAD, 1.0)
+    facts = received(rover, AHEAD, 1.0)
     assert {fact.velocity for fact in facts} == {STANDING}
     assert off_m(rover) < 0.02
 
@@ -142,7 +142,7 @@ def test_odometry_without_twist_says_that_it_stands(rover: SimulatedJackal) -> N
         (faults.EncoderDead(Side.LEFT), 0.5),
     ],
 )
-def test_encoders_count_what_they_are_told(
+def test_encoders_count_their_input(
     rover: SimulatedJackal, fault: SimulatedFault, ratio: float
 ) -> None:
     before, true = rover.odometry.pose.x_m, rover.true_pose.x_m
@@ -161,11 +161,11 @@ def test_encoders_count_what_they_are_told(
         (faults.GyroBias(rate_radps=0.3), 1.0, 0.3),
     ],
 )
-def test_the_gyro_measures_what_it_is_told(
+def test_the_gyro_measures_its_input(
     rover: SimulatedJackal, fault: SimulatedFault, ratio: float, rate_radps: float
 ) -> None:
     rover.inject(fault)
-    facts = heard(rover, TURN, 2.0)
+    facts = received(rover, TURN, 2.0)
     true_radps = rover.true_velocity.rotate_radps
     assert true_radps == pytest.approx(1.0, abs=0.1)
     measured_radps = sum(fact.velocity.rotate_radps for fact in facts[-10:]) / 10
@@ -175,8 +175,8 @@ def test_the_gyro_measures_what_it_is_told(
 @pytest.mark.parametrize(
     ("fault", "ahead_deg", "turn_deg"),
     [
-        (faults.LeftStuck(), 102, 58),
-        (faults.RightStuck(), -102, 58),
+        (faults.LeftWheelsStuck(), 102, 58),
+        (faults.RightWheelsStuck(), -102, 58),
         (faults.WheelsStuck(), 0, 3),
         (faults.MotorDead(Side.LEFT), 0, 14),
         (faults.MotorDead(), 0, 7),
@@ -228,33 +228,33 @@ def test_a_brownout_leaves_too_little_torque_to_climb() -> None:
 def test_slippery_ground_does_not_hold_it() -> None:
     rover = SimulatedJackal(World(slope_rad=radians(10)))
     hold(rover, STANDING, 0.5)
-    rover.inject(faults.Slip(factor=0.1))
+    rover.inject(faults.LowFriction(factor=0.1))
     hold(rover, STANDING, 1.0)
     assert rover.true_pose.x_m < -0.2
-    rover.clear(faults.Slip)
+    rover.clear(faults.LowFriction)
     hold(rover, STANDING, 1.0)
     assert abs(rover.true_velocity.travel_mps) < 0.01
 
 
 def test_commands_that_are_cut_time_out(rover: SimulatedJackal) -> None:
-    rover.inject(faults.CmdVelCut())
+    rover.inject(faults.CmdVelLost())
     hold(rover, AHEAD, 0.8)
     assert rover.true_velocity.travel_mps == pytest.approx(0, abs=0.01)
-    rover.clear(faults.CmdVelCut)
+    rover.clear(faults.CmdVelLost)
     hold(rover, AHEAD, 0.5)
     assert rover.true_velocity.travel_mps == pytest.approx(0.5, abs=0.02)
 
 
-@pytest.mark.parametrize(("rate_hz", "way_m"), [(50.0, (0.75, 0.85)), (10.0, (0.08, 0.4))])
-def test_who_commands_more_often_has_the_base(
-    rover: SimulatedJackal, rate_hz: float, way_m: tuple[float, float]
+@pytest.mark.parametrize(("rate_hz", "distance_m"), [(50.0, (0.75, 0.85)), (10.0, (0.08, 0.4))])
+def test_the_more_frequent_publisher_has_the_base(
+    rover: SimulatedJackal, rate_hz: float, distance_m: tuple[float, float]
 ) -> None:
-    rover.inject(faults.CmdVelTaken(travel_mps=-0.4, rate_hz=rate_hz))
+    rover.inject(faults.CmdVelOverridden(travel_mps=-0.4, rate_hz=rate_hz))
     hold(rover, STANDING, 0.5)
     start_m = rover.true_pose.x_m
     hold(rover, STANDING, 2.0)
-    assert way_m[0] < start_m - rover.true_pose.x_m < way_m[1]
-    rover.clear(faults.CmdVelTaken)
+    assert distance_m[0] < start_m - rover.true_pose.x_m < distance_m[1]
+    rover.clear(faults.CmdVelOverridden)
     hold(rover, STANDING, 0.5)
     assert abs(rover.true_velocity.travel_mps) < 0.01
 
@@ -276,7 +276,7 @@ def test_it_falls_over_and_is_set_upright_again(by_deg: float, lies_deg: float) 
     assert rover.true_velocity.travel_mps == pytest.approx(0.5, abs=0.05)
 
 
-def test_pushed_it_drives_on_beside_its_way_and_odometry_knows_nothing(
+def test_pushed_it_drives_beside_its_path_and_odometry_does_not_measure_it(
     rover: SimulatedJackal,
 ) -> None:
     rover.inject(faults.Pushed(by_m=-0.7))
@@ -288,10 +288,10 @@ def test_pushed_it_drives_on_beside_its_way_and_odometry_knows_nothing(
 
 
 def volts(rover: SimulatedJackal) -> list[float]:
-    return [battery.voltage_v for battery in told(rover, Battery, STANDING, 3.0)]
+    return [battery.voltage_v for battery in readings(rover, Battery, STANDING, 3.0)]
 
 
-def test_the_battery_tells_too_little_nothing_or_no_number(rover: SimulatedJackal) -> None:
+def test_the_battery_reports_too_little_nothing_or_no_number(rover: SimulatedJackal) -> None:
     rover.inject(faults.BatteryLow())
     assert volts(rover) == [21.5] * 3
     rover.clear(faults.BatteryLow)
@@ -306,10 +306,10 @@ def test_the_battery_tells_too_little_nothing_or_no_number(rover: SimulatedJacka
 
 
 def charge_ratios(rover: SimulatedJackal) -> list[float | None]:
-    return [battery.charge_ratio for battery in told(rover, Battery, STANDING, 1.0)]
+    return [battery.charge_ratio for battery in readings(rover, Battery, STANDING, 1.0)]
 
 
-def test_a_drained_battery_keeps_what_is_left_and_is_not_charged(rover: SimulatedJackal) -> None:
+def test_a_drained_battery_remains_at_its_charge_and_is_not_charged(rover: SimulatedJackal) -> None:
     full = charge_ratios(rover)
     rover.inject(faults.BatteryDrained(1.0))
     assert charge_ratios(rover) == pytest.approx(full, abs=1e-3)
@@ -323,10 +323,10 @@ def test_a_drained_battery_keeps_what_is_left_and_is_not_charged(rover: Simulate
 
 @pytest.mark.parametrize(
     ("charge", "reason"),
-    [(0.1, Reason.BATTERY_SHORT), (0.0, Reason.WRONG_MODE)],
+    [(0.1, Reason.BATTERY_INSUFFICIENT), (0.0, Reason.WRONG_MODE)],
     ids=["short", "empty: SAFE by its voltage"],
 )
-def test_a_rover_whose_battery_was_drained_begins_no_motion(
+def test_a_rover_with_a_drained_battery_begins_no_motion(
     tmp_path: Path, charge: float, reason: Reason
 ) -> None:
     lockstep = LockStep(load_settings("jackal"), World(), tmp_path)
@@ -335,12 +335,12 @@ def test_a_rover_whose_battery_was_drained_begins_no_motion(
     lockstep.run(1.5)
     answer = lockstep.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
     lockstep.executive.close()
-    assert isinstance(answer, Refused)
+    assert isinstance(answer, Rejected)
     assert answer.refusal.reason is reason
 
 
 @pytest.mark.parametrize("blind", [faults.LaserBlind(), faults.LaserBlind(0.9, radians(60))])
-def test_a_rover_whose_laser_is_blind_does_not_drive_into_its_sector(
+def test_a_rover_with_a_blind_laser_does_not_drive_into_its_sector(
     tmp_path: Path, blind: faults.LaserBlind
 ) -> None:
     jackal = load_settings("jackal")
@@ -360,7 +360,7 @@ def test_a_rover_whose_laser_is_blind_does_not_drive_into_its_sector(
 
 def picture(rover: SimulatedJackal) -> Frame | None:
     rover.request_frame()
-    frames = told(rover, Frame, TURN, 0.2)
+    frames = readings(rover, Frame, TURN, 0.2)
     return frames[0] if frames else None
 
 
@@ -368,11 +368,11 @@ def test_a_dead_camera_sends_no_picture(rover: SimulatedJackal) -> None:
     rover.inject(faults.CameraDead())
     assert picture(rover) is None
     rover.clear(faults.CameraDead)
-    assert not told(rover, Frame, STANDING, 0.2)
+    assert not readings(rover, Frame, STANDING, 0.2)
     assert picture(rover)
 
 
-def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
+def test_a_stale_camera_sends_its_last_frame_and_a_cut_one_too_little(
     rover: SimulatedJackal,
 ) -> None:
     rover.inject(faults.CameraStale())
@@ -387,7 +387,7 @@ def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
     assert fresh is not None
     assert fresh.data != first.data
     assert fresh.stamp_s > since_s + 1.0
-    rover.inject(faults.CameraCut())
+    rover.inject(faults.CameraTruncated())
     cut = picture(rover)
     assert cut is not None
     assert len(cut.data) == 200
@@ -408,12 +408,12 @@ OF_SENSORS = {
             SimulatedMocup,
             {
                 *("link_lost", "gyro_gain", "gyro_bias", "gyro_dead"),
-                *("cmd_vel_cut", "cmd_vel_taken", "odometry_jitter", *OF_SENSORS),
+                *("cmd_vel_lost", "cmd_vel_overridden", "odometry_jitter", *OF_SENSORS),
             },
         ),
     ],
 )
-def test_a_rover_has_each_fault_of_what_it_has(
+def test_a_rover_has_each_fault_of_its_parts(
     kind: type[SimulatedJackal] | type[SimulatedMocup], lacks: set[str]
 ) -> None:
     rover = kind(World(), picture=PictureSettings(16, 12))
@@ -442,9 +442,9 @@ class Mocup:
         self.rover.receive(str(command("setTravelSpeed", 1, "0.2")).encode())
         self.rover.advance(0.2)
         self.rover.receive(str(command("moveForward", 2, "9")).encode())
-        self.tells(2.0)
+        self.reports(2.0)
 
-    def tells(self, duration_s: float) -> list[dict[Parameter, float | None]]:
+    def reports(self, duration_s: float) -> list[dict[Parameter, float | None]]:
         """Return what each telemetry of a time says."""
         self.rover.advance(duration_s)
         spelling = load_dictionary().spelling.telemetry
@@ -461,7 +461,7 @@ class Mocup:
         ]
 
     def speeds_mps(self, duration_s: float = 1.0) -> list[float | None]:
-        return [each[Parameter.CURRENT_TRAVEL_SPEED] for each in self.tells(duration_s)]
+        return [each[Parameter.CURRENT_TRAVEL_SPEED] for each in self.reports(duration_s)]
 
 
 def test_telemetry_of_mocup_fails_as_odometry_does() -> None:
@@ -469,28 +469,28 @@ def test_telemetry_of_mocup_fails_as_odometry_does() -> None:
     rover = mocup.rover
     assert mocup.speeds_mps() == pytest.approx([0.2] * 5, abs=0.01)
     rover.inject(faults.OdometryLost())
-    assert mocup.tells(1.0) == []
+    assert mocup.reports(1.0) == []
     rover.clear(faults.OdometryLost)
     rover.inject(faults.OdometryRepeated())
-    first, *more = mocup.tells(1.0)
+    first, *more = mocup.reports(1.0)
     assert more == [first] * 4
     rover.clear(faults.OdometryRepeated)
     rover.inject(faults.OdometryZeroTwist())
     assert mocup.speeds_mps() == [0.0] * 5
     rover.clear(faults.OdometryZeroTwist)
     rover.inject(faults.OdometryLate(by_s=0.6))
-    said = mocup.tells(2.0)[-1][Parameter.POS_X]
-    assert said is not None
-    assert rover.brick.machine.odometry.pose.x_m - said == pytest.approx(0.2 * 0.6, abs=0.05)
+    message = mocup.reports(2.0)[-1][Parameter.POS_X]
+    assert message is not None
+    assert rover.brick.machine.odometry.pose.x_m - message == pytest.approx(0.2 * 0.6, abs=0.05)
     rover.clear(faults.OdometryLate)
     rover.inject(faults.BatterySilent())
-    assert {each[Parameter.BATERY_VOLTAGE] for each in mocup.tells(1.0)} == {None}
+    assert {each[Parameter.BATERY_VOLTAGE] for each in mocup.reports(1.0)} == {None}
 
 
 @pytest.mark.parametrize(
     ("fault", "ratio"), [(faults.EncoderScale(factor=1.5), 1.5), (faults.OdometryFrozen(), 0.0)]
 )
-def test_mocup_counts_what_it_is_told(fault: SimulatedFault, ratio: float) -> None:
+def test_mocup_counts_its_commands(fault: SimulatedFault, ratio: float) -> None:
     mocup = Mocup()
     rover = mocup.rover
     counted = rover.brick.machine.odometry
@@ -509,15 +509,15 @@ def test_mocup_with_a_dead_encoder_takes_its_motor_for_stuck() -> None:
     assert b"the right motor is stuck" in mocup.rover.brick.transmit()
 
 
-def test_a_brick_that_is_silent_goes_on_and_tells_again_later() -> None:
+def test_a_silent_brick_continues_and_reports_again_later() -> None:
     mocup = Mocup()
     rover = mocup.rover
     rover.inject(faults.BrickSilent())
     before_m = rover.true_pose.x_m
-    assert mocup.tells(1.0) == []
+    assert mocup.reports(1.0) == []
     assert rover.true_pose.x_m == pytest.approx(before_m + 0.2, abs=0.02)
     rover.clear(faults.BrickSilent)
-    assert len(mocup.tells(1.0)) == 5
+    assert len(mocup.reports(1.0)) == 5
 
 
 def test_a_head_that_is_stuck_stays_where_it_was_until_it_is_free(rover: SimulatedJackal) -> None:

@@ -8,13 +8,13 @@ import pytest
 
 from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
-from sim.rover.jackal import OdometrySettings, SimulatedJackal
+from sim.rover.jackal import SimulatedJackal, SimulatedOdometry
 from sim.rover.world import SoilShape, World
-from tests.sim.driving import told, travel, turn
+from tests.sim.driving import readings, travel, turn
 
 FLAT = World()
 ROUGH = World(ground=SoilShape(amplitude_m=0.08, feature_m=4.0, seed=7))
-UNAWARE = OdometrySettings(slip_offset_m=0, slip_gain=0)
+UNAWARE = SimulatedOdometry(slip_offset_m=0, slip_gain=0)
 
 
 def straight(rover: SimulatedJackal) -> None:
@@ -42,21 +42,21 @@ def turn_drive_turn(rover: SimulatedJackal) -> None:
 
 
 def drift(
-    world: World, run: Callable[[SimulatedJackal], None], settings: OdometrySettings | None = None
+    world: World, run: Callable[[SimulatedJackal], None], settings: SimulatedOdometry | None = None
 ) -> tuple[float, float]:
     """Return the median errors of place (m) and heading (rad) over five sets of sensors."""
-    places_m, headings_rad = [], []
+    positions_m, headings_rad = [], []
     for seed in range(5):
         rover = SimulatedJackal(world, seed, odometry=settings)
         run(rover)
-        true, told = rover.true_pose, rover.odometry.pose
-        places_m.append(hypot(true.x_m - told.x_m, true.y_m - told.y_m))
-        headings_rad.append(abs(wrap_rad(true.heading_rad - told.heading_rad)))
-    return median(places_m), median(headings_rad)
+        true, readings = rover.true_pose, rover.odometry.pose
+        positions_m.append(hypot(true.x_m - readings.x_m, true.y_m - readings.y_m))
+        headings_rad.append(abs(wrap_rad(true.heading_rad - readings.heading_rad)))
+    return median(positions_m), median(headings_rad)
 
 
 @pytest.mark.parametrize(
-    ("world", "run", "place_m", "heading_rad"),
+    ("world", "run", "distance_m", "heading_rad"),
     [
         (FLAT, straight, 0.008, 0.005),
         (FLAT, square, 0.035, 0.012),
@@ -68,10 +68,10 @@ def drift(
     ],
 )
 def test_drifts_within_bounds(
-    world: World, run: Callable[[SimulatedJackal], None], place_m: float, heading_rad: float
+    world: World, run: Callable[[SimulatedJackal], None], distance_m: float, heading_rad: float
 ) -> None:
     drifted_m, drifted_rad = drift(world, run)
-    assert 0 < drifted_m < place_m
+    assert 0 < drifted_m < distance_m
     assert 0 < drifted_rad < heading_rad
 
 
@@ -94,10 +94,10 @@ def test_is_published_at_fifty_hertz_one_period_late() -> None:
     assert stamps_s == pytest.approx([0.02 * n for n in range(1, 50)])
 
 
-def test_tells_speed_and_lean() -> None:
+def test_reports_speed_and_lean() -> None:
     rover = SimulatedJackal(World(slope_rad=0.1))
-    heard = told(rover, Odometry, Velocity(0.5, 0), 2.0)
-    assert heard[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
-    assert heard[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
-    assert heard[-1].pose.z_m - heard[0].pose.z_m == pytest.approx(0.09, abs=0.02)
-    assert heard[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)
+    received = readings(rover, Odometry, Velocity(0.5, 0), 2.0)
+    assert received[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
+    assert received[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
+    assert received[-1].pose.z_m - received[0].pose.z_m == pytest.approx(0.09, abs=0.02)
+    assert received[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)

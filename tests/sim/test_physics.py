@@ -19,7 +19,7 @@ LATENCY_M = 0.02
 
 @pytest.mark.parametrize("friction", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("rate_radps", [0.5, 1.5])
-def test_turns_as_coulomb_friction_says(friction: float, rate_radps: float) -> None:
+def test_turns_by_coulomb_friction(friction: float, rate_radps: float) -> None:
     rover = SimulatedJackal(World(friction=friction))
     velocity = Velocity(0, rate_radps / TRACK_MULTIPLIER)
     hold(rover, velocity, 2.0)
@@ -35,7 +35,7 @@ def test_turns_as_coulomb_friction_says(friction: float, rate_radps: float) -> N
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.6])
-def test_climbs_what_friction_allows_and_no_more(friction: float) -> None:
+def test_climbs_up_to_the_limit_of_friction(friction: float) -> None:
     climbed_m = []
     for part in (0.85, 0.95, 1.0):
         rover = SimulatedJackal(World(friction=friction, slope_rad=part * atan(friction)))
@@ -58,7 +58,7 @@ def test_stops_as_far_as_friction_or_its_motors_need(friction: float, needed_m: 
 
 
 @pytest.mark.parametrize("height_m", [0.02, 0.08])
-def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
+def test_is_stationary_on_its_ground(height_m: float) -> None:
     world = World(ground=SoilShape(amplitude_m=height_m, seed=4))
     rover = SimulatedJackal(world)
     hold(rover, STANDING, 1.0)

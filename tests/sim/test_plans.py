@@ -12,13 +12,14 @@ from executive.commands.catalogue import (
     ResumePlan,
     SubmitPlan,
 )
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.settings import config_folder, load_settings
 from executive.values.reports import Identity, PlanStatus
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
+from tests.support.patience import shipped
 
-FILES = sorted((config_folder() / "plans").glob("*.xml"))
+FILES = [path for path in shipped(config_folder() / "plans") if path.suffix == ".xml"]
 
 
 class Flight:
@@ -30,7 +31,7 @@ class Flight:
     def send(self, request: Request) -> None:
         self.number += 1
         command = Command(Identity("MOE", self.number), request, "direct")
-        assert isinstance(self.lock.submit(command), Admitted)
+        assert isinstance(self.lock.submit(command), Accepted)
 
     def until(self, *statuses: PlanStatus) -> PlanStatus:
         executive = self.lock.executive

@@ -12,7 +12,7 @@ from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
-from tests.sim.driving import hold, jpeg, told
+from tests.sim.driving import hold, jpeg, readings
 
 
 def test_stops_by_itself_when_commands_cease() -> None:
@@ -24,7 +24,7 @@ def test_stops_by_itself_when_commands_cease() -> None:
     assert rover.true_velocity.travel_mps == pytest.approx(0, abs=0.01)
 
 
-def test_keeps_its_own_limits() -> None:
+def test_respects_its_own_limits() -> None:
     rover = SimulatedJackal(World(friction=0.9))
     hold(rover, Velocity(9, 0), 3.0)
     assert rover.true_velocity.travel_mps == pytest.approx(2.0, abs=0.05)
@@ -39,23 +39,23 @@ def test_refuses_a_velocity_that_is_none(velocity: Velocity) -> None:
 def test_camera_turns_with_the_speed_it_is_given() -> None:
     rover = SimulatedJackal(World())
     rover.point_camera(CameraIntent(1.0, -0.5, 0.4))
-    seen = told(rover, CameraAngles, STANDING, 1.5)
+    seen = readings(rover, CameraAngles, STANDING, 1.5)
     assert len(seen) == 15
     assert seen[11].pan_rad - seen[5].pan_rad == pytest.approx(0.4 * 0.6, abs=0.02)
     assert seen[11].tilt_rad - seen[5].tilt_rad == pytest.approx(-0.4 * 0.6, abs=0.02)
-    final = told(rover, CameraAngles, STANDING, 2.0)[-1]
+    final = readings(rover, CameraAngles, STANDING, 2.0)[-1]
     assert (final.pan_rad, final.tilt_rad) == pytest.approx((1.0, -0.5), abs=0.01)
 
 
 def test_camera_turns_no_further_than_its_head_can() -> None:
     rover = SimulatedJackal(World())
     rover.point_camera(CameraIntent(-9, 9, 2.0))
-    final = told(rover, CameraAngles, STANDING, 3.0)[-1]
+    final = readings(rover, CameraAngles, STANDING, 3.0)[-1]
     assert (final.pan_rad, final.tilt_rad) == pytest.approx((-2.9, 1.2), abs=0.02)
 
 
 def volts(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[float]:
-    return [battery.voltage_v for battery in told(rover, Battery, velocity, duration_s)]
+    return [battery.voltage_v for battery in readings(rover, Battery, velocity, duration_s)]
 
 
 def test_battery_sags_under_load_and_recovers() -> None:
@@ -81,7 +81,7 @@ def weight_n(rover: SimulatedBody) -> float:
 
 
 @pytest.mark.parametrize(("kind", "mass_kg"), [(SimulatedJackal, 15.0), (SimulatedMocup, 0.5)])
-def test_the_ground_carries_it_until_it_is_taken_off(
+def test_the_ground_carries_it_until_it_is_unloaded(
     kind: type[SimulatedJackal] | type[SimulatedMocup], mass_kg: float
 ) -> None:
     rover = kind(World())
@@ -95,7 +95,7 @@ def test_the_ground_carries_it_until_it_is_taken_off(
     assert weight_n(rover) == pytest.approx(empty_n, rel=0.01)
 
 
-def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
+def test_it_takes_power_uphill_and_returns_to_its_position() -> None:
     used_j = []
     for mass_kg in (0.0, 15.0):
         rover = SimulatedJackal(UPHILL)
@@ -108,7 +108,7 @@ def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
     assert used_j[1] > 1.3 * used_j[0]
 
 
-def test_a_camera_that_looks_back_sees_it() -> None:
+def test_a_camera_pointed_back_sees_it() -> None:
     rover = SimulatedJackal(World())
     rover.data.joint("camera_pan").qpos[:] = pi
     rover.data.joint("camera_tilt").qpos[:] = -0.6
@@ -122,7 +122,7 @@ def test_a_camera_that_looks_back_sees_it() -> None:
 
 
 @pytest.mark.parametrize("mass_kg", [-1.0, 51.0, nan])
-def test_what_is_no_mass_is_refused(mass_kg: float) -> None:
+def test_an_invalid_mass_is_refused(mass_kg: float) -> None:
     rover = SimulatedJackal(World())
     with pytest.raises(ValueError, match="is not in 0 "):
         rover.set_cargo_mass(mass_kg)

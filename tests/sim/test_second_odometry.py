@@ -43,7 +43,7 @@ def ends(folder: Path, fused: bool, slope_rad: float) -> list[tuple[Report, floa
 
 
 @pytest.mark.parametrize("slope_deg", [0, 10])
-def test_with_a_fused_second_odometry_places_are_reached(tmp_path: Path, slope_deg: float) -> None:
+def test_with_a_fused_second_odometry_targets_are_reached(tmp_path: Path, slope_deg: float) -> None:
     for last, off_m in ends(tmp_path, fused=True, slope_rad=radians(slope_deg)):
         assert last.stage is Stage.EXECUTED, last.text
         assert "by odometry and second odometry" in last.text
@@ -55,4 +55,4 @@ def test_without_fusion_what_slid_away_is_not_confirmed(tmp_path: Path) -> None:
     reasons = [last.reason for last, _ in found if last.stage is not Stage.EXECUTED]
     assert Reason.NOT_CONFIRMED in reasons
     # A monitor may see it first; what it leaves of the pose refuses those that follow.
-    assert set(reasons) <= {Reason.NOT_CONFIRMED, Reason.SLIPS, Reason.POSE_UNCERTAIN}
+    assert set(reasons) <= {Reason.NOT_CONFIRMED, Reason.TRAVEL_SLIP, Reason.POSE_UNCERTAIN}

@@ -30,10 +30,10 @@ LASER = Sensors(laser=LaserSettings(10))
 ALL = Sensors(IMU.imu, JOINTS.joints, SECOND.second_odometry, LASER.laser)
 AHEAD = Velocity(0.5, 0.0)
 TURN = Velocity(0.0, 1.0)
-Told = TypeVar("Told")
+Reading = TypeVar("Reading")
 
 
-def of(kind: type[Told], facts: list[Fact]) -> list[Told]:
+def of(kind: type[Reading], facts: list[Fact]) -> list[Reading]:
     return [fact for fact in facts if isinstance(fact, kind)]
 
 
@@ -95,7 +95,7 @@ def test_the_imu_feels_a_push_that_leaves_the_rover_standing() -> None:
     assert felt[0] == -felt[1] > 100.0
 
 
-def test_joints_tell_the_mean_speed_of_each_wheel_and_the_torque_that_holds_it() -> None:
+def test_joints_report_the_mean_speed_of_each_wheel_and_its_holding_torque() -> None:
     rover = SimulatedJackal(World(slope_rad=radians(15)), sensors=JOINTS)
     hold(rover, AHEAD, 1.0)
     facts = of(Joints, hold(rover, AHEAD, 2.0))
@@ -136,17 +136,17 @@ def test_visual_odometry_is_late_in_order_and_off_by_its_scale(seed: int, rate_h
 
 
 def test_visual_odometry_has_its_own_frame_gaps_and_misses_turns() -> None:
-    heard = turned = 0
+    received = turned = 0
     silences_s: list[float] = []
     for seed in range(3):
         rover = SimulatedJackal(World(), seed, sensors=SECOND)
         stamps_s = [fact.stamp_s for fact in of(SecondOdometry, hold(rover, STANDING, 125.0))]
         silences_s += np.diff(stamps_s).tolist()
-        heard += len(stamps_s)
+        received += len(stamps_s)
         facts = of(SecondOdometry, hold(rover, Velocity(0.0, 1.5), 15.0))
         turned += len(facts)
         assert hypot(facts[0].pose.x_m, facts[0].pose.y_m) < 0.1
-    assert 0.88 < heard / (3 * 250) < 0.99
+    assert 0.88 < received / (3 * 250) < 0.99
     assert 0.5 < turned / (3 * 30) < 0.85
     assert sum(silence_s >= 1.5 for silence_s in silences_s) >= 3
     assert max(silences_s) < 6.0
@@ -308,6 +308,6 @@ def test_a_fault_of_the_encoders_reaches_the_joints_where_it_is_shared(shared: b
     assert (left, right) == pytest.approx((0.0, -0.5) if shared else (0.5, 0.5), abs=0.05)
 
 
-def test_what_a_rover_lacks_cannot_fail() -> None:
+def test_a_missing_part_cannot_fail() -> None:
     with pytest.raises(ValueError, match=r"imu_dead needs .*settings\.sensors\.imu"):
         SimulatedJackal(World(), sensors=LASER).inject(faults.ImuDead())

@@ -22,7 +22,11 @@ def test_nothing_is_executed_on_ice_while_the_rover_slides(number: int) -> None:
     if outcome.executed:
         assert outcome.true_mps <= 0.05
     else:
-        assert outcome.reason in {Reason.SLIDES.name, Reason.WHEELS_SLIP.name, Reason.SLIPS.name}
+        assert outcome.reason in {
+            Reason.SLIDE_AT_REST.name,
+            Reason.WHEEL_SLIP.name,
+            Reason.TRAVEL_SLIP.name,
+        }
 
 
 @pytest.mark.parametrize("number", FIRM)

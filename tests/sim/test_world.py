@@ -8,7 +8,7 @@ import pytest
 
 from executive.settings import SettingsError
 from executive.values.geometry import Velocity
-from sim.rover.faults import Slip
+from sim.rover.faults import LowFriction
 from sim.rover.features import (
     Ditch,
     FeatureKind,
@@ -23,19 +23,20 @@ from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import Clearing, Rock, Scatter, SoilShape, World, load_world
 from sim.scenario.reading import load_scenario
 from tests.sim.driving import hold
+from tests.support.patience import shipped
 
 WORLDS = Path(__file__).parents[2] / "config" / "worlds"
 
 
-@pytest.mark.parametrize("path", sorted(WORLDS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_a_rover_stands_in_every_world_that_comes_with_it(path: Path) -> None:
+@pytest.mark.parametrize("path", shipped(WORLDS), ids=lambda path: path.stem)
+def test_a_rover_is_stationary_in_every_packaged_world(path: Path) -> None:
     rover = SimulatedJackal(load_world(path))
     rover.advance(0.5)
     assert rover.world.name == path.stem
     assert hypot(rover.true_pose.x_m, rover.true_pose.y_m) < 0.05
 
 
-def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
+def test_reads_all_keys_of_a_world(tmp_path: Path) -> None:
     path = tmp_path / "hollow.yaml"
     path.write_text(
         "ground: {amplitude_m: 0.1, feature_m: 3, size_m: 20, seed: 4}\n"
@@ -89,7 +90,7 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
         ("a: [", "flow node"),
     ],
 )
-def test_refuses_what_a_world_cannot_be(tmp_path: Path, text: str, fault: str) -> None:
+def test_refuses_an_invalid_world(tmp_path: Path, text: str, fault: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(SettingsError, match=fault) as refusal:
@@ -120,7 +121,7 @@ def test_refuses_what_a_world_cannot_be(tmp_path: Path, text: str, fault: str) -
 )
 def test_refuses_what_no_feature_can_be(tmp_path: Path, text: str, fault: str) -> None:
     at = r"x_m: \1, y_m: 0, length_m: 1, width_m: 1"
-    test_refuses_what_a_world_cannot_be(tmp_path, re.sub(r"AT (\d+)", at, text), fault)
+    test_refuses_an_invalid_world(tmp_path, re.sub(r"AT (\d+)", at, text), fault)
 
 
 def test_refuses_a_world_that_is_not_there(tmp_path: Path) -> None:
@@ -145,7 +146,7 @@ def test_the_rover_drives_against_a_rock_and_not_through_it() -> None:
 
 SCENARIO = """\
 title: Features
-lasts: 1
+duration: 1
 world:
   walls: [{x: 3, y: 1, to: {x: 3, y: -1}, thickness: 0.2}]
   slopes: [{x: 5, y: 0, length: 1, width: 2, slope: 10deg, heading: 90deg}]
@@ -176,7 +177,7 @@ def driven(world: World, duration_s: float = 4.0) -> SimulatedJackal:
     return rover
 
 
-def test_a_wall_holds_it_whatever_its_wheels_do() -> None:
+def test_a_wall_holds_it_for_any_wheel_speed() -> None:
     rover = driven(World(walls=(Wall(x_m=1.5, y_m=-1.0, to=GroundPoint(1.5, 1.0)),)))
     pose = rover.true_pose
     assert 1.0 < pose.x_m < 1.25
@@ -202,7 +203,7 @@ def test_a_shallow_ditch_is_crossed_and_a_deep_one_is_not(depth_m: float, crosse
     assert (abs(pose.pitch_rad) < 0.1) == crossed
 
 
-def test_level_ground_stands_around_a_square_with_a_ditch() -> None:
+def test_level_ground_surrounds_a_square_with_a_ditch() -> None:
     ditch = Ditch(x_m=0.0, y_m=1.5, length_m=0.5, width_m=0.5, depth_m=0.3)
     rover = driven(World(ditches=(ditch,), ground=SoilShape(size_m=4.0)), 6.0)
     assert rover.true_pose.x_m > 2.8
@@ -210,7 +211,7 @@ def test_level_ground_stands_around_a_square_with_a_ditch() -> None:
 
 
 @pytest.mark.parametrize("slope_deg", [10.0, -10.0])
-def test_a_slope_begins_and_ends_where_it_is_told(slope_deg: float) -> None:
+def test_a_slope_begins_and_ends_at_its_declared_position(slope_deg: float) -> None:
     zone = SlopeZone(x_m=1.5, y_m=0.0, length_m=1.0, width_m=9.0, slope_rad=radians(slope_deg))
     world = World(slopes=(zone,), ground=SoilShape(size_m=10.0))
     pitch = driven(world, 3.0).true_pose.pitch_rad
@@ -235,12 +236,12 @@ def test_hills_stay_as_they_are_beside_a_ditch() -> None:
     ground = SoilShape(amplitude_m=0.1, seed=2)
     ditch = Ditch(x_m=3.0, y_m=0.0, length_m=1.0, width_m=1.0, depth_m=0.2)
     plain, dug = World(ground=ground).terrain, World(ground=ground, ditches=(ditch,)).terrain
-    for place in ((0.0, 0.0), (1.3, -2.1), (-4.0, 3.3)):
-        assert dug.height_m(*place) == pytest.approx(plain.height_m(*place), abs=0.004)
+    for position in ((0.0, 0.0), (1.3, -2.1), (-4.0, 3.3)):
+        assert dug.height_m(*position) == pytest.approx(plain.height_m(*position), abs=0.004)
     assert plain.height_m(3.0, 0.0) - dug.height_m(3.0, 0.0) == pytest.approx(0.2, abs=0.004)
 
 
-def test_wheels_have_the_friction_of_the_patch_they_stand_on() -> None:
+def test_wheels_have_the_friction_of_their_patch() -> None:
     uphill = World(slope_rad=radians(15), friction=0.6)
     ice = FrictionPatch(x_m=1.5, y_m=0.0, length_m=1.0, width_m=2.0, friction=0.05)
     assert driven(uphill).true_pose.x_m > 1.7
@@ -256,13 +257,13 @@ def test_slip_and_patches_act_together_and_mocup_has_them_too() -> None:
     rover = SimulatedMocup(World(slope_rad=radians(8), friction=0.1, patches=(ice,)))
     rover.advance(1.0)
     assert abs(rover.true_pose.x_m) < 0.01
-    rover.inject(Slip(0.1))
+    rover.inject(LowFriction(0.1))
     rover.advance(1.0)
     assert rover.true_pose.x_m < -0.05
 
 
 def test_rocks_may_all_be_higher_than_a_laser() -> None:
-    low, high = Scatter(count=20, seed=3), Scatter(count=20, seed=3, lowest_m=1.0)
+    low, high = Scatter(count=20, seed=3), Scatter(count=20, seed=3, min_height_m=1.0)
     assert [rock.x_m for rock in low.rocks()] == [rock.x_m for rock in high.rocks()]
     assert min(rock.height_m for rock in low.rocks()) < 0.5
     assert {rock.height_m for rock in high.rocks()} == {1.0}

@@ -69,12 +69,12 @@ def _explain(storm: Storm, played: Played, trace: bool) -> None:
 
     click.echo("Looking for the shortest sequence that breaks it.")
     earlier = replace(storm, deeds=tuple(d for d in storm.deeds if d.at_s <= first.at_s))
-    shortest = shrink(earlier if breaks(earlier) else storm, breaks)
-    click.echo(f"{len(shortest.deeds)} of {len(storm.deeds)} deeds, in {shortest.situation}:")
-    for deed in shortest.deeds:
+    minimal = shrink(earlier if breaks(earlier) else storm, breaks)
+    click.echo(f"{len(minimal.deeds)} of {len(storm.deeds)} deeds, in {minimal.situation}:")
+    for deed in minimal.deeds:
         click.echo(f"  {deed}")
     if trace:
-        for line in timeline(shortest):
+        for line in timeline(minimal):
             click.echo(line)
 
 

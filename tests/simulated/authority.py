@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from executive.commands import Stop
 from executive.values.reports import Identity, Stage
-from tests.simulated.asks import ORBITER
+from tests.simulated.authority_requests import ORBITER
 from tests.simulated.disk import rows
 from tests.simulated.ground import Journal
 from tests.simulated.judge import Finding
@@ -47,8 +47,8 @@ class AuthorityJudge:
             yield Finding(now_s, what, f"{self._last_epoch}, then {epoch}")
         self._last_epoch = epoch
         holders: dict[int, set[str]] = {} if holder is None else {epoch: {holder}}
-        for told, source in self._told():
-            holders.setdefault(told, set()).add(source)
+        for reported, source in self._granted():
+            holders.setdefault(reported, set()).add(source)
         for each, names in holders.items():
             if len(names) > 1:
                 what = "two operators hold one epoch of the authority"
@@ -60,7 +60,7 @@ class AuthorityJudge:
     def check_end(self) -> Iterator[Finding]:
         """Check in the end: what began did so under the authority of who sent it."""
         yield from self.check()
-        holders = dict(self._told())
+        holders = dict(self._granted())
         claims: dict[Identity, list[int | None]] = {}
         free: set[Identity] = set()
         for journal in self._journals.values():
@@ -99,7 +99,7 @@ class AuthorityJudge:
         claimed = [each for each in claims if each is not None and each >= present]
         return any(holders.get(each) == source for each in claimed)
 
-    def _told(self) -> Iterator[tuple[int, str]]:
+    def _granted(self) -> Iterator[tuple[int, str]]:
         """Yield the epochs that operators hold by what they were told, each with whose it is."""
         for name, journal in self._journals.items():
             for epoch in journal.epochs:

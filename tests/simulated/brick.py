@@ -42,7 +42,7 @@ _USB_S: Final = (0.001, 0.02)
 _CLAIM_S: Final = (0.2, 2.0)
 _SILENT_S: Final = 0.5
 """The brick stops when no octet has come for longer."""
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 _MOVING_S, _REST_S = 0.2, 1.0
 """Between two times that telemetry is sent."""
 _UNREAD: Final = 20
@@ -177,7 +177,7 @@ class SimBrick:
         if self._world.now_s - self._received_s > _SILENT_S:
             self._end(Stage.CANCELLED, Reason.INTERRUPTED)
         else:
-            self._world.after(_LOOK_S, self._watch, command)
+            self._world.after(_POLL_S, self._watch, command)
 
     def _reply(self, command: Message, stage: Stage, reason: Reason | None = None) -> None:
         reply = replace(
@@ -232,7 +232,12 @@ class SimSession:
     """
 
     def __init__(self, process: Process, brick: SimBrick, wake: Callable[[], None]) -> None:
-        self._process, self._life, self._brick, self._wake = process, process.present, brick, wake
+        self._process, self._incarnation, self._brick, self._wake = (
+            process,
+            process.present,
+            brick,
+            wake,
+        )
         self._chance = process.world.random("usb")
         self._events: list[SessionEvent] = []
         self._outgoing: deque[bytes] = deque()
@@ -250,7 +255,7 @@ class SimSession:
     @property
     def connected(self) -> bool:
         """Whether a brick is there, and a process that is alive."""
-        return self._there and self._life.alive
+        return self._there and self._incarnation.alive
 
     @property
     def keeps_alive(self) -> bool:
@@ -266,7 +271,7 @@ class SimSession:
             self._there = False
             self._stops.clear()
             self._outgoing.clear()
-            self._later(_LOOK_S, partial(self._put, BrickDisconnected("USB: No such device")))
+            self._later(_POLL_S, partial(self._put, BrickDisconnected("USB: No such device")))
 
     def send(self, octets: bytes, visit: int) -> bool:
         """See `BrickSession.send`."""
@@ -326,5 +331,5 @@ class SimSession:
         self._wake()
 
     def _later(self, delay_s: float, callback: Callable[[], object]) -> None:
-        if self._life.alive:
+        if self._incarnation.alive:
             self._process.loop.call_later(delay_s, callback)

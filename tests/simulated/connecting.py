@@ -20,32 +20,35 @@ class _Attempt:
     """A process that asks for a connection."""
 
     def __init__(self, loop: "SimLoop", target: SocketAddress) -> None:
-        self._loop, self._life = loop, loop.life
-        self._network = network = loop.life.world.network
+        self._loop, self._incarnation = loop, loop.incarnation
+        self._network = network = loop.incarnation.world.network
         self._world = network.world
-        self._own = self._life.process.host, network.free_port(self._life.process.host)
-        self._target = network.target(self._life, target[0]), target[1]
+        self._own = (
+            self._incarnation.process.host,
+            network.free_port(self._incarnation.process.host),
+        )
+        self._target = network.target(self._incarnation, target[0]), target[1]
         self._tries = 0
         self.done: asyncio.Future[StreamSocket] = loop.create_future()
-        self.ask()
+        self.request()
 
-    def ask(self) -> None:
+    def request(self) -> None:
         """Ask for it, and again if nothing comes back."""
-        if self.done.done() or not self._life.alive:
+        if self.done.done() or not self._incarnation.alive:
             return
         self._tries += 1
         if self._tries > _ATTEMPTS:
             self._refuse(errno.ETIMEDOUT)
             return
         network, world = self._network, self._world
-        there = network.way(self._own[0], self._target[0])
-        back = network.way(self._target[0], self._own[0])
+        there = network.channel(self._own[0], self._target[0])
+        back = network.channel(self._target[0], self._own[0])
         pause_s = there.delay_s + back.delay_s + 2.0 ** (self._tries - 1)
         if there.passes(world.now_s, network.stream_chance):
-            world.after(there.takes_s(network.stream_chance), self._asked)
-        world.after(pause_s, self.ask)
+            world.after(there.takes_s(network.stream_chance), self._requested)
+        world.after(pause_s, self.request)
 
-    def _asked(self) -> None:
+    def _requested(self) -> None:
         """Be heard at the other computer, if there is one that is on, and be answered."""
         network, world = self._network, self._world
         process = network.hosts.get(self._target[0])
@@ -54,7 +57,7 @@ class _Attempt:
         listener = network.listeners.get(self._target)
         if listener is not None and listener.crowded:
             return
-        back = network.way(self._target[0], self._own[0])
+        back = network.channel(self._target[0], self._own[0])
         if not back.passes(world.now_s, network.stream_chance):
             return
         delay_s = back.takes_s(network.stream_chance)
@@ -64,14 +67,14 @@ class _Attempt:
             world.after(delay_s, self._answered, listener)
 
     def _answered(self, listener: Listener) -> None:
-        if self.done.done() or not self._life.alive:
+        if self.done.done() or not self._incarnation.alive:
             return
         network = self._network
-        own = StreamSocket(network, self._life, self._own, self._target)
-        other = StreamSocket(network, listener.life, self._target, self._own)
+        own = StreamSocket(network, self._incarnation, self._own, self._target)
+        other = StreamSocket(network, listener.incarnation, self._target, self._own)
         own.peer, other.peer = other, own
-        if not listener.life.alive:
-            other.gone = True
+        if not listener.incarnation.alive:
+            other.closed = True
         other.opened_by(listener)
         own.send_segment(Segment.OPEN)
         self.done.set_result(own)
@@ -87,7 +90,7 @@ async def connect(loop: "SimLoop", target: SocketAddress) -> StreamSocket:
     Raises:
         OSError: nobody listens there, or nothing comes back.
     """
-    loop.life.require()
+    loop.incarnation.require()
     attempt = _Attempt(loop, target)
     try:
         return await attempt.done

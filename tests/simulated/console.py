@@ -18,7 +18,7 @@ from adapters.process import StartError
 from executive.commands import Request, Stop, declaration_of
 from executive.values.reports import Identity
 from tests.simulated.process import Process
-from tests.simulated.processes import MRS_PORT, Place
+from tests.simulated.processes import MRS_PORT, Address
 from tests.simulated.system import SimSystem
 
 OPERATOR: Final = "CAPCOM"
@@ -27,15 +27,15 @@ BROWSER_HOST: Final = "10.0.1.7"
 PORT: Final = 8400
 TOPICS: Final = ("tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "ntf")
 _BASE: Final = f"http://localhost:{PORT}"
-_FIRST_RETRY_S, _LONGEST_RETRY_S = 0.3, 5.0
+_FIRST_RETRY_S, _MAX_RETRY_S = 0.3, 5.0
 _SILENCE_S, _ANSWER_S = 10.0, 5.0
 _STOP_RETRIES, _STOP_RETRY_S = 5, 0.4
 _LINKS: Final = (None, None, "direct", "relay")
 
 
-def start_console(place: Place, process: Process) -> None:
+def start_console(address: Address, process: Process) -> None:
     """Start `rover-console`, with the direct link and the relay's to a rover."""
-    hosts = (place.executive, place.orbiter)
+    hosts = (address.executive, address.orbiter)
     rovers = tuple(RoverTarget(f"maltcp://{host}:{MRS_PORT}/MRS", CLEAR) for host in hosts)
     options = ConsoleOptions(rovers, "127.0.0.1", PORT, tokens=None, tls=None, data=process.folder)
 
@@ -116,7 +116,7 @@ class Browser:
                         wait_s = _FIRST_RETRY_S
                         await self._listen(socket)
                 await asyncio.sleep(wait_s * self._chance.uniform(0.7, 1.3))
-                wait_s = min(1.7 * wait_s, _LONGEST_RETRY_S)
+                wait_s = min(1.7 * wait_s, _MAX_RETRY_S)
 
     async def _listen(self, socket: "aiohttp.ClientWebSocketResponse[bool]") -> None:
         resume = {"instance": self._instance, "seq": self._seq}
@@ -126,24 +126,24 @@ class Browser:
             message = await socket.receive(_SILENCE_S)
             if message.type is not aiohttp.WSMsgType.TEXT:
                 return
-            for told in json.loads(message.data):
-                await self._receive(told)
+            for reported in json.loads(message.data):
+                await self._receive(reported)
 
-    async def _receive(self, told: dict[str, Any]) -> None:
-        self._seq = told.get("seq", self._seq)
-        match told["ty"]:
+    async def _receive(self, reported: dict[str, Any]) -> None:
+        self._seq = reported.get("seq", self._seq)
+        match reported["ty"]:
             case "hello":
-                if not told["resumed"]:
-                    self._seq = told["seq"]
-                    await self._ask("GET", "/api/dictionary")
-                    await self._ask("GET", f"/api/notifications?asset={self._asset}&limit=500")
-                self._instance = told["instance"]
+                if not reported["resumed"]:
+                    self._seq = reported["seq"]
+                    await self._request("GET", "/api/dictionary")
+                    await self._request("GET", f"/api/notifications?asset={self._asset}&limit=500")
+                self._instance = reported["instance"]
             case "cmd":
-                identity = Identity(told["source"], told["number"])
-                self.journal.states[identity] = told["state"]
-                if told["ended"]:
+                identity = Identity(reported["source"], reported["number"])
+                self.journal.states[identity] = reported["state"]
+                if reported["ended"]:
                     ends = self.journal.ends.setdefault(identity, [])
-                    ends += [told["state"]] if told["state"] not in ends else []
+                    ends += [reported["state"]] if reported["state"] not in ends else []
             case _:
                 pass
 
@@ -163,7 +163,7 @@ class Browser:
             "link": _LINKS[number % len(_LINKS)],
         }
         try:
-            status, body = await self._ask("POST", "/api/commands", posted)
+            status, body = await self._request("POST", "/api/commands", posted)
         except (aiohttp.ClientError, OSError, TimeoutError):
             status, body = 0, {}
         answers.append(status)
@@ -171,13 +171,13 @@ class Browser:
         if found and status in {HTTPStatus.ACCEPTED, HTTPStatus.CONFLICT}:
             self.journal.acknowledged[name] = Identity(found["source"], found["number"])
         with suppress(aiohttp.ClientError, OSError, TimeoutError):
-            await self._ask("GET", f"/api/commands?asset={self._asset}&limit=20")
+            await self._request("GET", f"/api/commands?asset={self._asset}&limit=20")
 
     async def _stop(self) -> int:
         """Stop, and again while the console cannot be reached; return the last status."""
         for _ in range(_STOP_RETRIES):
             try:
-                status, body = await self._ask("POST", f"/api/stop/{self._asset}", {})
+                status, body = await self._request("POST", f"/api/stop/{self._asset}", {})
             except (aiohttp.ClientError, OSError, TimeoutError):
                 await asyncio.sleep(_STOP_RETRY_S)
                 continue
@@ -187,7 +187,7 @@ class Browser:
             return status
         return 0
 
-    async def _ask(
+    async def _request(
         self, method: str, path: str, body: dict[str, Any] | None = None
     ) -> tuple[int, dict[str, Any]]:
         timeout = aiohttp.ClientTimeout(_ANSWER_S)

@@ -62,5 +62,5 @@ def numbers_of_the_clock() -> AbstractContextManager[object]:
     return patch.object(CommandIdGenerator, "next_id", take)
 
 
-def refusal_outweighs_life() -> AbstractContextManager[object]:
+def refusal_outweighs_stages() -> AbstractContextManager[object]:
     return patch.object(command_states, "_disproves_refusal", lambda *_: False)

@@ -20,7 +20,7 @@ _ENDS: Final = {state.value for state in TERMINAL_STATES}
 _OVER: Final = _ENDS | {CommandState.UNKNOWN.value, CommandState.LOST.value}
 _WRITTEN_WITHIN_S: Final = 2.0
 """What a console publishes is in its archive within this, if it lives so long."""
-_UNDER_WAY_S: Final = 0.1
+_ACTIVE_S: Final = 0.1
 """How long an answer takes to the page at most."""
 _ABOARD: Final = "SELECT sequence, utc_s, text FROM reports ORDER BY sequence"
 _ABOVE: Final = (
@@ -31,7 +31,7 @@ Notified = tuple[int, int, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class Stored:
     """A command as the archive has it.
 
     Attributes:
@@ -67,21 +67,21 @@ class ConsoleJudge:
 
     def check(self) -> Iterator[Finding]:
         """Check at any moment what is committed to the archive."""
-        now_s, kept = self._world.now_s, self._commands()
+        now_s, stored = self._world.now_s, self._commands()
         for name, identity in self._journal.acknowledged.items():
-            if identity not in kept or kept[identity].id != name:
+            if identity not in stored or stored[identity].id != name:
                 what = "a command that the console acknowledged is not in its archive"
                 yield Finding(now_s, what, f"{name}: {identity}")
         for identity, name in ledger_content(self._executive).commands.items():
             if identity.source != OPERATOR or name == _STOP:
                 continue
-            if identity not in kept:
+            if identity not in stored:
                 what = "the console sent a command that is not in its archive"
                 yield Finding(now_s, what, f"{identity}")
-            elif kept[identity].id not in self._journal.posted:
+            elif stored[identity].id not in self._journal.posted:
                 what = "the console sent a command that nobody posted"
-                yield Finding(now_s, what, f"{identity}: {kept[identity]}")
-        for command in kept.values():
+                yield Finding(now_s, what, f"{identity}: {stored[identity]}")
+        for command in stored.values():
             before = self._ended.setdefault(command.id, command.state) if command.ends else None
             if len(command.ends) > 1 or before not in {None, command.state}:
                 what = "a command has two ends in the archive"
@@ -92,7 +92,7 @@ class ConsoleJudge:
     def check_end(self) -> Iterator[Finding]:
         """Check that after all faults are over the archive has all, and the page shows it."""
         yield from self.check()
-        now_s, kept = self._world.now_s, self._commands()
+        now_s, stored = self._world.now_s, self._commands()
         for link, known in self._notifications().items():
             if (missing := len(self._recorded(link)) - len(known)) > 0:
                 what = "notifications are not in the archive"
@@ -102,44 +102,46 @@ class ConsoleJudge:
             each: Stage(stage).name for _, each, stage in aboard.reports if Stage(stage) in TERMINAL
         }
         for identity in (*ends, *self._journal.acknowledged.values()):
-            yield from self._check_command(identity, kept.get(identity), ends.get(identity))
+            yield from self._check_command(identity, stored.get(identity), ends.get(identity))
         for identity, at_s in self._journal.stops.items():
-            if identity not in kept and not self._was_killed(at_s):
+            if identity not in stored and not self._was_killed(at_s):
                 what = "a stop that the console acknowledged is not in its archive"
                 yield Finding(now_s, what, f"{identity}")
-        for identity, state in self._page_differs(kept):
+        for identity, state in self._page_differs(stored):
             what = "the page shows another state of a command than the archive has"
-            yield Finding(now_s, what, f"{identity}: {state}, {kept.get(identity)}")
+            yield Finding(now_s, what, f"{identity}: {state}, {stored.get(identity)}")
 
     @property
     def settled(self) -> bool:
         """Return whether nothing more is to be expected."""
-        kept = self._commands()
+        stored = self._commands()
         return (
-            all(each.state in _OVER for each in kept.values())
-            and not any(self._page_differs(kept))
+            all(each.state in _OVER for each in stored.values())
+            and not any(self._page_differs(stored))
             and all(len(self._recorded(k)) <= len(v) for k, v in self._notifications().items())
         )
 
     def _check_command(
-        self, identity: Identity, kept: Kept | None, end: str | None
+        self, identity: Identity, stored: Stored | None, end: str | None
     ) -> Iterator[Finding]:
-        state = None if kept is None else kept.state
+        state = None if stored is None else stored.state
         if end is not None and state != end.lower():
             what = "the archive has another end of a command than the ledger"
-            yield Finding(self._world.now_s, what, f"{identity}: {end}, {kept}")
-        elif kept is None or state not in _OVER:
+            yield Finding(self._world.now_s, what, f"{identity}: {end}, {stored}")
+        elif stored is None or state not in _OVER:
             what = "a command has no end in the archive"
-            yield Finding(self._world.now_s, what, f"{identity}: {kept}")
-        elif state == CommandState.UNKNOWN.value and ACKNOWLEDGED in kept.stages:
+            yield Finding(self._world.now_s, what, f"{identity}: {stored}")
+        elif state == CommandState.UNKNOWN.value and ACKNOWLEDGED in stored.stages:
             what = "the console does not know the end of a command that the other end had taken"
-            yield Finding(self._world.now_s, what, f"{identity}: {kept}")
+            yield Finding(self._world.now_s, what, f"{identity}: {stored}")
 
-    def _page_differs(self, kept: Mapping[Identity, Kept]) -> Iterator[tuple[Identity, str | None]]:
+    def _page_differs(
+        self, stored: Mapping[Identity, Stored]
+    ) -> Iterator[tuple[Identity, str | None]]:
         """Yield those of the operator's commands that the page shows otherwise than they are."""
         for identity in self._journal.acknowledged.values():
             shown = self._journal.states.get(identity)
-            if identity in kept and shown != kept[identity].state:
+            if identity in stored and shown != stored[identity].state:
                 yield identity, shown
 
     def _check_order(self, link: str, known: list[Notified]) -> Iterator[Finding]:
@@ -160,7 +162,7 @@ class ConsoleJudge:
     def _was_killed(self, at_s: float) -> bool:
         """Whether the console was killed before it had to have written what came at a time."""
         return any(
-            -_UNDER_WAY_S <= killed_s - at_s <= _WRITTEN_WITHIN_S for killed_s in self._killed_s
+            -_ACTIVE_S <= killed_s - at_s <= _WRITTEN_WITHIN_S for killed_s in self._killed_s
         )
 
     @property
@@ -191,18 +193,18 @@ class ConsoleJudge:
                 found[link].append((cursor, utc_us // 1000, json.loads(body)["text"]))
         return found
 
-    def _commands(self) -> dict[Identity, Kept]:
+    def _commands(self) -> dict[Identity, Stored]:
         if not has_table(self._archive, "command"):
             return {}
         query = "SELECT source, number, id, body FROM command ORDER BY id"
         return {
-            Identity(source, number): _kept(name, json.loads(body))
+            Identity(source, number): _stored(name, json.loads(body))
             for source, number, name, body in rows(self._archive, query)
         }
 
 
-def _kept(name: str, body: dict[str, Any]) -> Kept:
+def _stored(name: str, body: dict[str, Any]) -> Stored:
     history = body["history"]
     notified = (each["stage"] for each in history if each["sequence"] is not None)
     ends = frozenset(stage for stage in notified if stage.lower() in _ENDS)
-    return Kept(name, body["state"], tuple(each["stage"] for each in history), ends)
+    return Stored(name, body["state"], tuple(each["stage"] for each in history), ends)

@@ -15,7 +15,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from tests.simulated.asks import RIVAL, AskAuthority, draw_asks
+from tests.simulated.authority_requests import RIVAL, RequestAuthority, draw_requests
 from tests.simulated.convergence import Convergence
 
 RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
@@ -34,7 +34,7 @@ _RESUME_S: Final = 20
 _LONG_S: Final = 600.0
 """Storms that last so long have one rover, since two take twice the time."""
 
-_ASK_S: Final = 9.0
+_REQUEST_S: Final = 9.0
 """Between two deeds of operators about the authority, in the mean."""
 
 
@@ -125,7 +125,7 @@ class StepClock:
 
 
 @dataclass(frozen=True, slots=True)
-class CutWay:
+class CutChannel:
     """Nothing gets through between two computers for a while; connections stay half open."""
 
     at_s: float
@@ -160,10 +160,10 @@ Deed = (
     | FillDisk
     | Pause
     | StepClock
-    | CutWay
+    | CutChannel
     | LoseSamples
     | Unplug
-    | AskAuthority
+    | RequestAuthority
 )
 
 
@@ -175,7 +175,7 @@ class Situation:
         delay_s: the time of light between orbiter and rover.
         jitter_s, loss, duplicate: of datagrams there.
         eclipse_s, contact_s: how long there is no contact, and how long there is; 0 for always.
-        ask_again_s: see `OrbiterSettings`.
+        retransmit_after_s: see `OrbiterSettings`.
         period_s: how long commands are sent and processes killed.
         authority_needed: whether commands need the authority, which two operators ask for; None
             for where nobody does.
@@ -191,7 +191,7 @@ class Situation:
     duplicate: float
     eclipse_s: float
     contact_s: float
-    ask_again_s: float | None
+    retransmit_after_s: float | None
     period_s: float
     authority_needed: bool | None = None
     convergence: Convergence = Convergence.LTP
@@ -229,7 +229,7 @@ def draw_mocup_storm(seed: int | str) -> Storm:
     """Draw a storm over MOCUP: commands by both links, many by each; its brick is unplugged."""
     chance = Random(f"mocup storm {seed}")
     drawn = _situation(chance)
-    situation = replace(drawn, period_s=300.0, ask_again_s=60.0, rovers=1, mocup=True)
+    situation = replace(drawn, period_s=300.0, retransmit_after_s=60.0, rovers=1, mocup=True)
     deeds: list[Deed] = [*_mocup_orders(chance, situation)]
     if situation.authority_needed is not None:
         deeds += _operators(Random(f"operators {seed}"), situation)
@@ -264,7 +264,12 @@ def draw_console_storm(seed: int | str) -> Storm:
     chance = Random(f"console storm {seed}")
     drawn = _situation(chance)
     situation = replace(
-        drawn, period_s=200.0, ask_again_s=60.0, authority_needed=None, rovers=1, console=True
+        drawn,
+        period_s=200.0,
+        retransmit_after_s=60.0,
+        authority_needed=None,
+        rovers=1,
+        console=True,
     )
     deeds: list[Deed] = []
     for order in _orders(chance, situation):
@@ -296,15 +301,15 @@ def _console_trouble(chance: Random, at_s: float) -> Deed:
         case 11:
             return Pause(at_s, "console", chance.uniform(0.5, 20.0))
         case 12:
-            return CutWay(at_s, "console", chance.choice(("executive", "orbiter")), cut_s)
+            return CutChannel(at_s, "console", chance.choice(("executive", "orbiter")), cut_s)
         case 13:
-            return CutWay(at_s, "browser", "console", cut_s)
+            return CutChannel(at_s, "browser", "console", cut_s)
         case 14:
             return Kill(at_s, "browser", down_s)
         case 15 | 16:
             return Terminate(at_s, "console")
         case _:
-            return CutWay(at_s, "console", "executive", chance.uniform(0.2, 2.0))
+            return CutChannel(at_s, "console", "executive", chance.uniform(0.2, 2.0))
 
 
 def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:
@@ -315,10 +320,10 @@ def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:
         yield replace(order, link=links[order.link], number=number)
     for deed in _troubles(chance, situation):
         match deed:
-            case CutWay(process=process, peer=peer):
+            case CutChannel(process=process, peer=peer):
                 other = peer if peer == "orbiter" else f"{peer}2"
                 yield replace(deed, process=f"{process}2", peer=other)
-            case LoseSamples() | Order() | AskAuthority() | Unplug():
+            case LoseSamples() | Order() | RequestAuthority() | Unplug():
                 pass
             case _ if deed.process != "orbiter":
                 yield replace(deed, process=f"{deed.process}2")
@@ -336,7 +341,7 @@ def _situation(chance: Random) -> Situation:
         duplicate=chance.choice((0.0, 0.0, 0.05)),
         eclipse_s=chance.uniform(30.0, 120.0) if eclipsed else 0.0,
         contact_s=chance.uniform(60.0, 180.0) if eclipsed else 0.0,
-        ask_again_s=chance.choice((None, 120.0)),
+        retransmit_after_s=chance.choice((None, 120.0)),
         period_s=chance.choice((440.0, 440.0, 1320.0)),
         authority_needed=chance.choice((None, None, False, True)),
         convergence=chance.choice((Convergence.LTP, *Convergence)),
@@ -387,15 +392,15 @@ def _orders(chance: Random, situation: Situation) -> list[Order]:
 
 def _operators(chance: Random, situation: Situation) -> list[Deed]:
     """Draw what two operators do about the authority, and what the second one commands."""
-    deeds: list[Deed] = [*draw_asks(chance, _SETTLE_S, situation.period_s, _ASK_S)]
+    deeds: list[Deed] = [*draw_requests(chance, _SETTLE_S, situation.period_s, _REQUEST_S)]
     at_s, number = _SETTLE_S, _FIRST_NUMBER
     while at_s < situation.period_s:
-        at_s += chance.expovariate(1 / _ASK_S)
+        at_s += chance.expovariate(1 / _REQUEST_S)
         match chance.randrange(8):
             case 0:
                 deeds.append(Kill(at_s, RIVAL, chance.uniform(*_DOWN_S)))
             case 1:
-                deeds.append(CutWay(at_s, RIVAL, "executive", chance.uniform(1.0, 60.0)))
+                deeds.append(CutChannel(at_s, RIVAL, "executive", chance.uniform(1.0, 60.0)))
             case _:
                 deeds.append(Order(at_s, Link.RIVAL, number, _request(chance)))
                 number += 1
@@ -420,7 +425,7 @@ def _trouble(chance: Random, at_s: float, processes: tuple[str, ...]) -> Deed:
         if chance.random() < 0.25:
             return Kill(at_s, process, down_s)
         peer = "orbiter" if process == "moe" else "executive"
-        return CutWay(at_s, process, peer, chance.uniform(1.0, 60.0))
+        return CutChannel(at_s, process, peer, chance.uniform(1.0, 60.0))
     match chance.randrange(20):
         case 0 | 1 | 2 | 3 | 4 | 5:
             return Kill(at_s, process, down_s)

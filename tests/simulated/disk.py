@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 if TYPE_CHECKING:
-    from tests.simulated.process import Life, Process
+    from tests.simulated.process import Incarnation, Process
 
-_ROOM_OCTETS: Final = 1 << 36
+_FREE_OCTETS: Final = 1 << 36
 _WAL_HEADER: Final = 32
 _FRAME_HEADER: Final = 24
 _CHANGES: Final = ("INSERT", "UPDATE", "DELETE")
@@ -77,7 +77,7 @@ class Disk:
     Attributes:
         plan: decides about each write.
         full: whether nothing more can be written.
-        room_octets: what is free, unless it is full.
+        unfilled_octets: what is free, unless it is full.
         commits: how many there were.
         unwritten: how many files could not be written anew.
     """
@@ -87,24 +87,24 @@ class Disk:
         self._chance = process.world.random(f"disk/{process.name}")
         self.plan: Plan = Untroubled()
         self.full = False
-        self.room_octets = _ROOM_OCTETS
+        self.unfilled_octets = _FREE_OCTETS
         self.commits = self.unwritten = 0
 
-    def connect(self, life: "Life", database: Path | str) -> "SimConnection":
+    def connect(self, incarnation: "Incarnation", database: Path | str) -> "SimConnection":
         """Open a file for a life of the process."""
-        life.require()
+        incarnation.require()
         connection = sqlite3.connect(database, isolation_level=None, factory=SimConnection)
-        connection.belong(self, life, Path(database).absolute())
-        life.databases.append(connection)
+        connection.belong(self, incarnation, Path(database).absolute())
+        incarnation.databases.append(connection)
         return connection
 
-    def replace(self, life: "Life", path: Path, content: bytes) -> None:
+    def replace(self, incarnation: "Incarnation", path: Path, content: bytes) -> None:
         """Write a file anew, whole or not at all."""
-        life.require()
+        incarnation.require()
         fate = self._fate(path)
         if fate is Fate.KILLED_BEFORE:
             self._process.kill()
-        life.require()
+        incarnation.require()
         if self.full or fate is Fate.FAILED:
             self.unwritten += 1
             number = errno.ENOSPC if self.full else errno.EIO
@@ -114,15 +114,17 @@ class Disk:
         new.replace(path)
         if fate is Fate.KILLED_AFTER:
             self._process.kill()
-            life.require()
+            incarnation.require()
 
-    def commit(self, connection: "SimConnection", life: "Life", path: Path) -> sqlite3.Cursor:
+    def commit(
+        self, connection: "SimConnection", incarnation: "Incarnation", path: Path
+    ) -> sqlite3.Cursor:
         """Commit, or do not, as the plan says."""
-        life.require()
+        incarnation.require()
         fate = self._fate(path)
         if fate is Fate.KILLED_BEFORE:
             self._process.kill()
-        life.require()
+        incarnation.require()
         if self.full or fate is Fate.FAILED:
             if self._chance.random() < 0.5:  # some errors of SQLite undo the transaction
                 connection.run("ROLLBACK")
@@ -131,12 +133,12 @@ class Disk:
         self.commits += 1
         if fate is Fate.KILLED_AFTER:
             self._process.kill()
-            life.require()
+            incarnation.require()
         return done
 
     def free_octets(self) -> int:
         """Return what is free."""
-        return 0 if self.full else self.room_octets
+        return 0 if self.full else self.unfilled_octets
 
     def lose_unsynced(self, saved: Path) -> None:
         """Take from a copy of the folder what was not synced: of each database some last commits.
@@ -185,14 +187,14 @@ class SimConnection(sqlite3.Connection):
     path: Path
     synced = True
 
-    def belong(self, disk: Disk, life: "Life", path: Path) -> None:
+    def belong(self, disk: Disk, incarnation: "Incarnation", path: Path) -> None:
         """Know whose it is."""
-        self._disk, self._life, self.path = disk, life, path
+        self._disk, self._incarnation, self.path = disk, incarnation, path
 
     def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
         """Run a statement."""
         if sql == "COMMIT":
-            return self._disk.commit(self, self._life, self.path)
+            return self._disk.commit(self, self._incarnation, self.path)
         if sql.startswith("PRAGMA synchronous"):
             self.synced = sql.rstrip(" ;").upper().endswith(("FULL", "EXTRA"))
             sql = "PRAGMA synchronous = OFF"
@@ -200,7 +202,7 @@ class SimConnection(sqlite3.Connection):
             super().execute("BEGIN")
             cursor = super().execute(sql, parameters)
             try:
-                self._disk.commit(self, self._life, self.path)
+                self._disk.commit(self, self._incarnation, self.path)
             except sqlite3.Error:
                 self.rollback()
                 raise

@@ -12,15 +12,15 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.authority import SessionAuthority
-from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, lost_command
+from adapters.mrs.spec import AreaError, AuthorityStatus, ReceivedReport, Stage, lost_command
 from executive.commands import Command, Request
-from executive.values.reports import TERMINAL, Identity
+from executive.values.reports import TERMINAL, Identity, Report
 from tests.simulated.process import Process
 from tests.simulated.system import SimSystem
 
 SOURCE: Final = "MOE"
 PATIENCE_S: Final = 1e9
-Ask = Callable[[SessionAuthority], Awaitable[AuthorityStatus]]
+AuthorityCall = Callable[[SessionAuthority], Awaitable[AuthorityStatus]]
 AGAIN_S: Final = 1.0
 
 
@@ -34,7 +34,7 @@ class Journal:
         acknowledged: those that the other end took, with the times.
         refused: those that it answered with an error, other than that it knows them already.
         ends: their stages at the end, as `MrsClient.run` or `getNotifications` told.
-        received: notifications.
+        received: reports.
         claims: under which epochs of the authority commands were sent; None for none.
         epochs: those that it held by what it was told.
         denied: with which errors it was refused the authority.
@@ -45,7 +45,7 @@ class Journal:
     acknowledged: dict[Identity, float] = field(default_factory=dict)
     refused: dict[Identity, str] = field(default_factory=dict)
     ends: dict[Identity, list[str]] = field(default_factory=dict)
-    received: list[Notification] = field(default_factory=list)
+    received: list[Report] = field(default_factory=list)
     claims: dict[Identity, list[int | None]] = field(default_factory=dict)
     epochs: list[int] = field(default_factory=list)
     denied: list[str] = field(default_factory=list)
@@ -96,28 +96,28 @@ class Ground:
             loop = process.loop
             loop.call_soon(lambda: loop.create_task(self._run(request, number)))
 
-    def ask(self, ask: Ask, relay: "Ground") -> None:
+    def request(self, request: AuthorityCall, relay: "Ground") -> None:
         """Do something about the authority; an event of the world.
 
         Args:
-            ask: what.
+            request: what.
             relay: commands by the relay, under the epoch that the orbiter gets for it.
         """
         process = self._process
         if process is not None and process.alive:
             loop = process.loop
-            loop.call_soon(lambda: loop.create_task(self._ask(ask, relay)))
+            loop.call_soon(lambda: loop.create_task(self._request(request, relay)))
 
     async def _serve(self, process: Process, connected: "asyncio.Future[MrsClient]") -> None:
         client = await self._connected(process)
         stream = client.notifications()
         former = self.journal.open
         connected.set_result(client)
-        async with asyncio.TaskGroup() as asking:
+        async with asyncio.TaskGroup() as requesting:
             for identity in former:
-                asking.create_task(self._resume(client, identity))
-            async for notification in stream:
-                self.journal.received.append(notification)
+                requesting.create_task(self._resume(client, identity))
+            async for received in stream:
+                self.journal.received.append(received.report)
 
     async def _connected(self, process: Process) -> "_Client":
         while True:
@@ -150,11 +150,11 @@ class Ground:
             request = self.journal.requests[identity]
             await self._command(client, client.command(request, command_id=identity.command_id))
 
-    async def _ask(self, ask: Ask, relay: "Ground") -> None:
+    async def _request(self, query: AuthorityCall, relay: "Ground") -> None:
         assert self._client is not None
         client = await asyncio.shield(self._client)
         try:
-            status = await ask(client.authority)
+            status = await query(client.authority)
         except MalError as refusal:
             self.journal.denied.append(str(refusal))
         else:
@@ -182,18 +182,18 @@ class Ground:
         """Ask for the end of a command, and wait for it."""
         stream = client.notifications()  # first, so that nothing falls between
         try:
-            for told in await self._notifications(client, identity):
-                if (end := _end_of(told, identity)) is not None:
+            for reported in await self._notifications(client, identity):
+                if (end := _end_of(reported.report, identity)) is not None:
                     return self.journal.end(identity, end)
-            async for told in stream:
-                if (end := _end_of(told, identity)) is not None:
+            async for reported in stream:
+                if (end := _end_of(reported.report, identity)) is not None:
                     return self.journal.end(identity, end)
         finally:
             stream.close()
 
     async def _notifications(
         self, client: MrsClient, identity: Identity
-    ) -> tuple[Notification, ...]:
+    ) -> tuple[ReceivedReport, ...]:
         """Return what is known on a command, as soon as the other end can read its record."""
         while True:
             try:
@@ -202,15 +202,12 @@ class Ground:
                 await asyncio.sleep(AGAIN_S)
 
 
-def _end_of(told: Notification, identity: Identity) -> str | None:
-    """Return with which stage a command ended by a notification; None if it tells no end of it."""
-    if lost_command(told) == identity:
+def _end_of(reported: Report, identity: Identity) -> str | None:
+    """Return with which stage a command ended by a report; None if it tells no end of it."""
+    if lost_command(reported) == identity:
         return "given up"
-    ended = told.stage in TERMINAL and (told.source, told.commandId) == (
-        identity.source,
-        identity.command_id,
-    )
-    return Stage(told.stage).name if ended and told.stage is not None else None
+    ended = reported.stage in TERMINAL and reported.identity == identity
+    return Stage(reported.stage).name if ended and reported.stage is not None else None
 
 
 class _Client(MrsClient):

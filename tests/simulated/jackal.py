@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import Final, Self
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Validity
 from executive.values.facts import Fact
 from executive.values.parameters import Parameter
 from executive.values.ports import Downlink
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
 from sim.scenario.live_session import LiveSession
-from sim.scenario.model import Eclipse, RunMode, Scenario
+from sim.scenario.model import Outage, RunMode, Scenario
 from sim.scenario.record import Record, TruePose
 from sim.scenario.truth import load_requests
-from tests.simulated.network import Way
+from tests.simulated.network import Channel
 from tests.simulated.process import Process, Start
 from tests.simulated.processes import (
     MRS_PORT,
     TICK_S,
-    Place,
+    Address,
     start_executive,
     start_orbiter,
     start_relay,
@@ -33,7 +32,7 @@ from tests.simulated.world import World
 START_S: Final = 20.0
 """When a scenario starts: all is connected by then."""
 _STEP_S: Final = 0.01
-_LOOK_S: Final = 0.1
+_POLL_S: Final = 0.1
 _DOWN_S: Final = 1.0
 _GROUND: Final = "10.0.1.1"
 
@@ -86,7 +85,7 @@ class RelayScene:
     Args:
         scenario: what is played.
         folder: gets the folders of the processes; empty.
-        way: between orbiter and rover.
+        channel: between orbiter and rover.
         seed: of what the network draws.
 
     Attributes:
@@ -94,26 +93,26 @@ class RelayScene:
         record: what was seen, after `play`.
     """
 
-    def __init__(self, scenario: Scenario, folder: Path, way: Way, seed: int) -> None:
+    def __init__(self, scenario: Scenario, folder: Path, channel: Channel, seed: int) -> None:
         self.scenario = scenario
         self.world = world = World(seed, folder)
-        place = Place(ask_again_s=None)
+        address = Address(retransmit_after_s=None)
         self._below = JackalBelow(world, scenario)
         starts: dict[str, tuple[str, Start]] = {
-            "orbiter": (place.orbiter, partial(start_orbiter, (place,))),
-            "relay": (place.relay, partial(start_relay, place)),
+            "orbiter": (address.orbiter, partial(start_orbiter, (address,))),
+            "relay": (address.relay, partial(start_relay, address)),
             "executive": (
-                place.executive,
-                partial(start_executive, place, self._below, scenario.settings),
+                address.executive,
+                partial(start_executive, address, self._below, scenario.settings),
             ),
             "ground": (_GROUND, self._start_ground),
         }
         for name, (host, start) in starts.items():
             world.process(name, host, start)
-        for one, other in ((place.orbiter, place.relay), (place.relay, place.orbiter)):
-            world.network.set_way(one, other, way)
+        for one, other in ((address.orbiter, address.relay), (address.relay, address.orbiter)):
+            world.network.set_channel(one, other, channel)
         aboard = world.processes["executive"].folder
-        self._uri = f"maltcp://{place.orbiter}:{MRS_PORT}/MRS"
+        self._uri = f"maltcp://{address.orbiter}:{MRS_PORT}/MRS"
         self.record = Record(world.start_utc_s + START_S, aboard / "files")
 
     def __enter__(self) -> Self:
@@ -133,9 +132,9 @@ class RelayScene:
         world, record = self.world, self.record
         for process in world.processes.values():
             process.begin()
-        world.run(START_S + self.scenario.lasts_s + _DOWN_S)
+        world.run(START_S + self.scenario.duration_s + _DOWN_S)
         assert world.errors == []
-        self._look()
+        self._poll()
         load_requests(record, world.processes["executive"].folder / "ledger.sqlite")
         return record
 
@@ -154,25 +153,23 @@ class RelayScene:
             mode,
             None,
             None,
-            self._look,
+            self._poll,
             record,
             system=system,
         )
         await session.play()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         self.record.poses = self._below.poses
 
     async def _located(self, system: SimSystem) -> None:
         needed = Parameter.POS_X.value, Parameter.CAM_PAN.value
         async with await MrsClient.connect(self._uri, system=system) as client:
-            while any(
-                value.validity is not Validity.VALID for value in await client.get_value(*needed)
-            ):
-                await asyncio.sleep(_LOOK_S)
+            while any(value.value is None for value in await client.get_value(*needed)):
+                await asyncio.sleep(_POLL_S)
 
 
-def way_of(scenario: Scenario, delay_s: float, loss: float = 0.0) -> Way:
+def channel_of(scenario: Scenario, delay_s: float, loss: float = 0.0) -> Channel:
     """Return the way between orbiter and rover, with the eclipses of a scenario.
 
     Args:
@@ -180,8 +177,8 @@ def way_of(scenario: Scenario, delay_s: float, loss: float = 0.0) -> Way:
         loss: the part of datagrams that is lost.
     """
     dark = [
-        (START_S + entry.at_s, START_S + entry.at_s + entry.eclipse_s)
+        (START_S + entry.at_s, START_S + entry.at_s + entry.outage_s)
         for entry in scenario.timeline
-        if isinstance(entry, Eclipse) and entry.at_s is not None
+        if isinstance(entry, Outage) and entry.at_s is not None
     ]
-    return Way(delay_s, loss=loss, open=lambda now_s: not any(a <= now_s < b for a, b in dark))
+    return Channel(delay_s, loss=loss, open=lambda now_s: not any(a <= now_s < b for a, b in dark))

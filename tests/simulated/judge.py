@@ -54,7 +54,7 @@ class Stores:
         self.down = identities(relay / "relay.sqlite", "outbox", "octets")
         self.returned = identities(orbiter / "bundles.sqlite", "inbox", "payload")
         self.aboard = ledger_content(executive / "ledger.sqlite")
-        self.kept = _kept(executive / "ledger.sqlite")
+        self.stored = _stored(executive / "ledger.sqlite")
         self.above = ledger_content(orbiter / f"{asset}.sqlite")
 
 
@@ -109,10 +109,10 @@ def ledger_content(path: Path) -> LedgerContent:
     )
 
 
-def _kept(path: Path) -> int:
-    if not has_table(path, "relay_kept"):
+def _stored(path: Path) -> int:
+    if not has_table(path, "relay_notification_ack"):
         return 0
-    found = rows(path, "SELECT sequence FROM relay_kept")
+    found = rows(path, "SELECT sequence FROM relay_notification_ack")
     return int(found[0][0]) if found else 0
 
 
@@ -137,10 +137,10 @@ def check_stores(world: World, asset: str, journals: Mapping[str, Journal]) -> I
             what = "a command that the orbiter acknowledged is not in its record"
             yield Finding(now_s, what, f"{identity}")
     # What comes again is answered with its end, and is kept at the rover's end until then.
-    told = stores.down | stores.returned | stores.above.ended | stores.up | stores.landed
+    reported = stores.down | stores.returned | stores.above.ended | stores.up | stores.landed
     for number, identity, stage in stores.aboard.reports:
-        confirmed = number <= stores.kept and identity in relay.acknowledged
-        if stage in _TERMINAL and confirmed and identity not in told:
+        confirmed = number <= stores.stored and identity in relay.acknowledged
+        if stage in _TERMINAL and confirmed and identity not in reported:
             yield Finding(now_s, "an end that the relay confirmed is in no store", f"{identity}")
     yield from _check_ledger(now_s, stores.aboard)
     if _stops_are_ordered(world):
@@ -206,11 +206,9 @@ def check_known(world: World, journals: Mapping[str, Journal]) -> Iterator[Findi
     ends: dict[Identity, set[str]] = {}
     for name, journal in journals.items():
         yield from _check_numbers(now_s, name, journal)
-        for notification in journal.received:
-            stage, number = notification.stage, notification.commandId
-            if stage in OUTCOMES and number is not None:
-                identity = Identity(str(notification.source), number)
-                ends.setdefault(identity, set()).add(stage.name)
+        for report in journal.received:
+            if report.stage in OUTCOMES and report.identity is not None:
+                ends.setdefault(report.identity, set()).add(report.stage.name)
         for identity in journal.sent:
             if identity not in journal.refused and identity not in journal.ends:
                 what = "a command has no end for the ground"
@@ -229,7 +227,7 @@ def _check_numbers(now_s: float, name: str, journal: Journal) -> Iterator[Findin
     """Check that no report that was published has the number of another."""
     known: dict[int, tuple[object, ...]] = {}
     for each in journal.received:
-        said = (each.kind, each.source, each.commandId, each.stage)
-        if each.sequence and known.setdefault(each.sequence, said) != said:
+        message = (each.kind, each.identity, each.stage)
+        if each.sequence and known.setdefault(each.sequence, message) != message:
             what = "two reports were published under one number"
             yield Finding(now_s, what, f"{each.sequence} by {name}")

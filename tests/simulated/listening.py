@@ -14,7 +14,7 @@ from tests.simulated.transport import SimTransport
 if TYPE_CHECKING:
     from tests.simulated.loop import SimLoop
     from tests.simulated.network import Network
-    from tests.simulated.process import Life
+    from tests.simulated.process import Incarnation
 
 _BACKLOG: Final = 128
 
@@ -24,14 +24,16 @@ class Listener:
 
     Args:
         network: on which.
-        life: of the process that has it.
+        incarnation: of the process that has it.
         address: where it listens.
     """
 
-    def __init__(self, network: "Network", life: "Life", address: SocketAddress) -> None:
-        self._network, self.life, self._address = network, life, address
+    def __init__(
+        self, network: "Network", incarnation: "Incarnation", address: SocketAddress
+    ) -> None:
+        self._network, self.incarnation, self._address = network, incarnation, address
         self._accepted: deque[StreamSocket] = deque()
-        self._asked: deque[asyncio.Future[StreamSocket]] = deque()
+        self._requested: deque[asyncio.Future[StreamSocket]] = deque()
         self._on_connection: Callable[[StreamSocket], object] | None = None
         self._loop: SimLoop | None = None
         self._closed = False
@@ -52,8 +54,8 @@ class Listener:
         """Listen no more; who was not accepted yet is turned away."""
         if not self._closed:
             self.drop(silent=False)
-            if self in self.life.resources:
-                self.life.resources.remove(self)
+            if self in self.incarnation.resources:
+                self.incarnation.resources.remove(self)
             for each in list(self._accepted):
                 each.drop(silent=False)
             self._accepted.clear()
@@ -74,9 +76,9 @@ class Listener:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         if self._accepted:
             return self._accepted.popleft()
-        asked: asyncio.Future[StreamSocket] = loop.create_future()
-        self._asked.append(asked)
-        return await asked
+        requested: asyncio.Future[StreamSocket] = loop.create_future()
+        self._requested.append(requested)
+        return await requested
 
     def serve(self, loop: "SimLoop", on_connection: Callable[[StreamSocket], object]) -> None:
         """Have a callback called with each connection."""
@@ -91,10 +93,10 @@ class Listener:
         if self._on_connection is not None and self._loop is not None:
             self._loop.call_soon(self._on_connection, accepted)
             return True
-        while self._asked:
-            asked = self._asked.popleft()
-            if not asked.done():
-                asked.set_result(accepted)
+        while self._requested:
+            requested = self._requested.popleft()
+            if not requested.done():
+                requested.set_result(accepted)
                 return True
         self._accepted.append(accepted)
         return True

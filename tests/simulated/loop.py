@@ -18,11 +18,11 @@ from tests.simulated.listening import Server
 if TYPE_CHECKING:
     from tests.simulated.datagrams import DatagramSocket
     from tests.simulated.listening import Listener
-    from tests.simulated.process import Life
+    from tests.simulated.process import Incarnation
     from tests.simulated.streams import StreamSocket
 
 _ANY: Final = "0.0.0.0"
-_MOST_WAITS: Final = 1000
+_MAX_WAITS: Final = 1000
 """How often the end of a coroutine may wait when it is closed."""
 
 
@@ -43,11 +43,11 @@ class SimLoop(asyncio.BaseEventLoop):
     Nothing is run by the loop itself: `World.run` does it.
 
     Args:
-        life: the process.
+        incarnation: the process.
     """
 
-    def __init__(self, life: "Life") -> None:
-        self.life, self.world = life, life.world
+    def __init__(self, incarnation: "Incarnation") -> None:
+        self.incarnation, self.world = incarnation, incarnation.world
         self._tasks: WeakSet[asyncio.Task[Any]] = WeakSet()
         self._signals: dict[int, asyncio.Handle] = {}
         self._handed_s = 0.0
@@ -61,7 +61,7 @@ class SimLoop(asyncio.BaseEventLoop):
         return self.world.now_s
 
     def is_running(self) -> bool:
-        return self.life.alive
+        return self.incarnation.alive
 
     def is_closed(self) -> bool:
         return False
@@ -76,10 +76,10 @@ class SimLoop(asyncio.BaseEventLoop):
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.Handle:
         handle = asyncio.Handle(callback, args, self, context)
-        life = self.life
-        if life.alive:
+        incarnation = self.incarnation
+        if incarnation.alive:
             world = self.world
-            world.push(world.now_s, life, self, handle)
+            world.push(world.now_s, incarnation, self, handle)
         return handle
 
     def call_at(
@@ -90,10 +90,10 @@ class SimLoop(asyncio.BaseEventLoop):
         context: Context | None = None,
     ) -> asyncio.TimerHandle:
         handle = asyncio.TimerHandle(when, callback, args, self, context)
-        life = self.life
-        if life.alive:
+        incarnation = self.incarnation
+        if incarnation.alive:
             world = self.world
-            world.push(when if when > world.now_s else world.now_s, life, self, handle)
+            world.push(when if when > world.now_s else world.now_s, incarnation, self, handle)
             handle._scheduled = True  # type: ignore[attr-defined]
         return handle
 
@@ -113,14 +113,14 @@ class SimLoop(asyncio.BaseEventLoop):
         # What is handed over keeps its order.
         now_s = self.world.now_s
         self._handed_s = max(self._handed_s, now_s + self.world.thread_delay_s())
-        self.life.push(self._handed_s - now_s, self, handle)
+        self.incarnation.push(self._handed_s - now_s, self, handle)
         return handle
 
     def create_task(self, coro: Any, **options: Any) -> asyncio.Task[Any]:
         task = _Task(self.world.next_task(), coro, loop=self, **options)
         self._tasks.add(task)
-        if not self.life.alive:
-            self.life.kept.append([task])
+        if not self.incarnation.alive:
+            self.incarnation.stored.append([task])
         return task
 
     def run_in_executor(
@@ -140,21 +140,21 @@ class SimLoop(asyncio.BaseEventLoop):
         at_s = self.world.now_s + self.world.thread_delay_s()
         if executor is not None:
             at_s = self._working_s[executor] = max(at_s, self._working_s.get(executor, 0.0))
-        if self.life.alive:
-            self.world.push(at_s, self.life, None, asyncio.Handle(work, (), self))
+        if self.incarnation.alive:
+            self.world.push(at_s, self.incarnation, None, asyncio.Handle(work, (), self))
         return done
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:
         return None
 
     def call_exception_handler(self, context: dict[str, Any]) -> None:
-        if not self.life.alive:
+        if not self.incarnation.alive:
             return
         if self._exception_handler is not None:  # type: ignore[attr-defined]
             self._exception_handler(self, context)  # type: ignore[attr-defined]
             return
         self.world.fault(
-            self.life.process.name, str(context.get("message")), context.get("exception")
+            self.incarnation.process.name, str(context.get("message")), context.get("exception")
         )
 
     def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: Any) -> None:
@@ -167,7 +167,7 @@ class SimLoop(asyncio.BaseEventLoop):
         """Have the handler of a signal called; return whether there is one."""
         if (handler := self._signals.get(number)) is None:
             return False
-        self.life.push(self.world.thread_delay_s(), self, handler)
+        self.incarnation.push(self.world.thread_delay_s(), self, handler)
         return True
 
     async def getaddrinfo(
@@ -215,8 +215,8 @@ class SimLoop(asyncio.BaseEventLoop):
     ) -> Server:
         _no_tls(ssl)
         if sock is None:
-            network = self.life.world.network
-            sock = network.listen(self.life, (host or _ANY, port or 0))
+            network = self.incarnation.world.network
+            sock = network.listen(self.incarnation, (host or _ANY, port or 0))
         server = Server(self, protocol_factory, sock)
         if start_serving:
             await server.start_serving()
@@ -255,8 +255,8 @@ class SimLoop(asyncio.BaseEventLoop):
 
     def free(self) -> None:
         """Close the coroutines of a dead process: what they do then reaches nothing."""
-        kept = [each for some in self.life.kept for each in some]
-        for each in kept:
+        stored = [each for some in self.incarnation.stored for each in some]
+        for each in stored:
             if isinstance(each, asyncio.Task) and each.get_loop() is self and not each.done():
                 each._log_destroy_pending = False  # type: ignore[attr-defined]
                 _close(each.get_coro())
@@ -269,12 +269,12 @@ class SimLoop(asyncio.BaseEventLoop):
 
     def _asyncgen_finalizer_hook(self, agen: Any) -> None:
         self._asyncgens.discard(agen)  # type: ignore[attr-defined]
-        if self.life.alive:
+        if self.incarnation.alive:
             self.call_soon_threadsafe(self.create_task, agen.aclose())
 
 
 def _close(coroutine: Any) -> None:
-    for _ in range(_MOST_WAITS):
+    for _ in range(_MAX_WAITS):
         with suppress(BaseException):  # a finally of the dead may raise, or wait
             coroutine.close()
         if coroutine.cr_frame is None:

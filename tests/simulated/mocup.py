@@ -22,12 +22,12 @@ from executive.settings import Settings
 from executive.values.facts import Fact
 from tests.simulated.brick import DICTIONARY, NAME, SimBrick, SimSession
 from tests.simulated.process import Process
-from tests.simulated.processes import MRS_PORT, Place, tick
+from tests.simulated.processes import MRS_PORT, Address, tick
 from tests.simulated.system import SimSystem
 from trees import RoverTree
 
 RELAY_TELEMETRY_S: Final = 5.0
-_HEARTBEAT_S, _LOOK_S = 0.1, 1.0
+_HEARTBEAT_S, _POLL_S = 0.1, 1.0
 OPERATIONS: Final = (
     "MotionControl.moveForward",
     "MotionControl.rotateBy",
@@ -43,7 +43,7 @@ COMMANDERS: Final = {BrickLink.RELAY: "relay", BrickLink.DIRECT: "executive"}
 
 
 @dataclass(frozen=True, slots=True)
-class MocupPlace(Place):
+class MocupAddress(Address):
     """MOCUP, whose commands of the relay go to `rover-nxt`."""
 
     asset: str = NAME.lower()
@@ -51,7 +51,7 @@ class MocupPlace(Place):
 
     def relayed(self) -> RelayedRoverSettings:
         """Return the settings of the rover for `rover-mops`: a brick numbers no reports."""
-        return replace(Place.relayed(self), numbered=False, operations=OPERATIONS)
+        return replace(Address.relayed(self), numbers_reports=False, operations=OPERATIONS)
 
 
 class NxtPorts:
@@ -60,9 +60,9 @@ class NxtPorts:
     The heartbeats of both links are looked up at their processes.
     """
 
-    def __init__(self, place: Place, brick: SimBrick, process: Process) -> None:
+    def __init__(self, address: Address, brick: SimBrick, process: Process) -> None:
         self._process, self._system = process, SimSystem(process)
-        topics, asset = process.world.topics, place.asset
+        topics, asset = process.world.topics, address.asset
         self._names = {BrickLink.RELAY: asset, BrickLink.DIRECT: f"{asset}/direct"}
         self._notifications = {
             link: topics.publisher(process, f"{name}/notification")
@@ -93,7 +93,7 @@ class NxtPorts:
         """Serve for ever."""
         self._session.start()
         loop = asyncio.get_running_loop()
-        looked_s = loop.time()
+        polled_s = loop.time()
         while True:
             await asyncio.sleep(_HEARTBEAT_S)
             for link, monitor in self._commanders.items():
@@ -101,8 +101,8 @@ class NxtPorts:
                 if sender is not None and sender.alive and not sender.paused:
                     monitor.heartbeat(sender.present.number)
                 monitor.update()
-            if loop.time() - looked_s >= _LOOK_S:
-                looked_s = loop.time()
+            if loop.time() - polled_s >= _POLL_S:
+                polled_s = loop.time()
                 self._service.poll({link: p.subscribers for link, p in self._notifications.items()})
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
@@ -114,7 +114,7 @@ class NxtPorts:
     def notify(self, link: BrickLink, message: Message) -> None:
         self._notifications[link].publish(str(message))
 
-    def telemetry(self, message: Message) -> None:
+    def publish_telemetry(self, message: Message) -> None:
         now_s = self._system.now_s()
         if now_s - self._telemetry_s >= RELAY_TELEMETRY_S:
             self._telemetry_s = now_s
@@ -140,9 +140,9 @@ class NxtPorts:
         self._process.world.note(f"{self._process.name} {does} {line}")
 
 
-def start_nxt(place: Place, brick: SimBrick, process: Process) -> None:
+def start_nxt(address: Address, brick: SimBrick, process: Process) -> None:
     """Start `rover-nxt`."""
-    process.run(NxtPorts(place, brick, process).serve())
+    process.run(NxtPorts(address, brick, process).serve())
 
 
 class MocupTopics:
@@ -151,8 +151,10 @@ class MocupTopics:
     Its `DelegatedMotionRover`.
     """
 
-    def __init__(self, place: Place, settings: Settings, ledger: Ledger, process: Process) -> None:
-        topics, name = process.world.topics, place.asset
+    def __init__(
+        self, address: Address, settings: Settings, ledger: Ledger, process: Process
+    ) -> None:
+        topics, name = process.world.topics, address.asset
         self._process, self._ledger, self._system = process, ledger, SimSystem(process)
         self._commands = topics.publisher(process, f"{name}/direct/command")
         self._listeners = 0
@@ -184,7 +186,7 @@ class MocupTopics:
             self.flush(executive)
 
         subscribe(f"{name}/notification", reply)
-        subscribe(f"{name}/taken", self.claims.taken)
+        subscribe(f"{name}/taken", self.claims.on_acknowledged)
         subscribe(f"{name.partition('/')[0]}/facts", executive.observe)
 
     def flush(self, executive: Executive) -> None:
@@ -192,7 +194,7 @@ class MocupTopics:
         while self._facts:
             executive.observe(self._facts.pop(0))
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Remind the brick, and claim again where `rover-nxt` is new."""
         before, self._listeners = self._listeners, self._commands.subscriber_count
         if self._listeners > before:
@@ -213,11 +215,11 @@ class MocupTopics:
         self._commands.publish(str(message))
 
 
-def start_mocup_executive(place: Place, settings: Settings, process: Process) -> None:
+def start_mocup_executive(address: Address, settings: Settings, process: Process) -> None:
     """Start `rover-executive` over MOCUP, whose relay ends at `rover-nxt`."""
     system = SimSystem(process)
     ledger = Ledger(process.folder / "ledger.sqlite", connect=system.connect)
-    rover = MocupTopics(place, settings, ledger, process)
+    rover = MocupTopics(address, settings, ledger, process)
     direct = MrsLink(settings, "0.0.0.0", MRS_PORT, clear_text=True, system=system)
     executive = Executive(
         settings=settings,
@@ -231,4 +233,4 @@ def start_mocup_executive(place: Place, settings: Settings, process: Process) ->
     rover.serve(executive)
     link_loop = process.present.new_loop()
     link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
-    process.run(tick(executive, lambda _: rover.flush(executive), rover.look))
+    process.run(tick(executive, lambda _: rover.flush(executive), rover.poll))

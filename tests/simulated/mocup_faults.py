@@ -23,7 +23,7 @@ def refusal_not_recorded() -> AbstractContextManager[object]:
 
 
 def repeat_passed_on() -> AbstractContextManager[object]:
-    return patch.object(Router, "_known", lambda *_: False)
+    return patch.object(Router, "_answer_repeat", lambda *_: False)
 
 
 def reply_sent_once() -> AbstractContextManager[object]:
@@ -38,10 +38,10 @@ def reply_sent_once() -> AbstractContextManager[object]:
 def end_not_recorded() -> AbstractContextManager[object]:
     answer = BrickReplies.answer
 
-    def always(self: BrickReplies, asked: BrickCommand, reply: Message) -> None:
-        answer(self, asked, reply)
-        if self._unrecorded.pop(asked.command, None) is not None:
-            for link in asked.links:
+    def always(self: BrickReplies, requested: BrickCommand, reply: Message) -> None:
+        answer(self, requested, reply)
+        if self._unrecorded.pop(requested.command, None) is not None:
+            for link in requested.links:
                 self._out.notify(link, reply)
 
     return patch.object(BrickReplies, "answer", always)

@@ -50,7 +50,7 @@ class MocupJudge:
         up = identities(orbiter / "bundles.sqlite", "outbox", "octets")
         above = ledger_content(orbiter / f"{self._asset}.sqlite")
         somewhere = (
-            up | above.ended | _asked(nxt / "nxt.sqlite")
+            up | above.ended | _requested(nxt / "nxt.sqlite")
             | identities(relay / "relay.sqlite", "inbox", "payload")
             | identities(relay / "relay.sqlite", "outbox", "octets")
             | identities(orbiter / "bundles.sqlite", "inbox", "payload")
@@ -127,12 +127,12 @@ def _identity(message: Message) -> Identity:
     return Identity(message.source, message.moe_inputs_id or 0)
 
 
-def _asked(path: Path) -> frozenset[Identity]:
+def _requested(path: Path) -> frozenset[Identity]:
     """Return the commands in the record of `rover-nxt`."""
     if not path.exists() or not rows(path, "SELECT 1 FROM sqlite_schema WHERE name = 'claims'"):
         return frozenset()
     query = (
-        "SELECT source, moe_id FROM asked UNION"
-        " SELECT source, moe_id FROM claims WHERE wanted IS NOT NULL"
+        "SELECT source, moe_id FROM commands UNION"
+        " SELECT source, moe_id FROM claims WHERE relay_copy IS NOT NULL"
     )
     return frozenset(Identity(*row) for row in rows(path, query) if row[0] == SOURCE)

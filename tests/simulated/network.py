@@ -12,7 +12,7 @@ from tests.simulated.listening import Listener
 from tests.simulated.streams import StreamSocket
 
 if TYPE_CHECKING:
-    from tests.simulated.process import Life, Process
+    from tests.simulated.process import Incarnation, Process
     from tests.simulated.world import World
 
 SocketAddress = tuple[str, int]
@@ -27,7 +27,7 @@ def always(_now_s: float) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Channel:
     """How what is sent from one computer comes to another.
 
     Over TCP, what is lost or does not get through is sent again until it does.
@@ -74,53 +74,57 @@ class Network:
     def __init__(self, world: "World") -> None:
         self.world = world
         self.hosts: dict[str, Process] = {}
-        self.default, self.own = Way(), Way(0.00005)
+        self.default, self.own = Channel(), Channel(0.00005)
         self.window_octets = 256 << 10
         self.split = 0.0
         self.listeners: dict[SocketAddress, Listener] = {}
         self.sockets: dict[SocketAddress, DatagramSocket] = {}
         self.stream_chance = world.random("network/tcp")
         self.datagram_chance = world.random("network/udp")
-        self._ways: dict[tuple[str, str], Way] = {}
+        self._channels: dict[tuple[str, str], Channel] = {}
         self._last_port: dict[str, int] = {}
 
-    def set_way(self, source: str, target: str, way: Way, back: Way | None = None) -> None:
+    def set_channel(
+        self, source: str, target: str, channel: Channel, back: Channel | None = None
+    ) -> None:
         """Say how it is from one IP address to another from now on, and back: the same if None."""
-        self._ways[source, target] = way
-        self._ways[target, source] = way if back is None else back
+        self._channels[source, target] = channel
+        self._channels[target, source] = channel if back is None else back
 
-    def way(self, source: str, target: str) -> Way:
+    def channel(self, source: str, target: str) -> Channel:
         """Return how it is from one IP address to another."""
-        way = self._ways.get((source, target))
-        return way or (self.own if source == target else self.default)
+        channel = self._channels.get((source, target))
+        return channel or (self.own if source == target else self.default)
 
-    def listen(self, life: "Life", address: SocketAddress) -> Listener:
+    def listen(self, incarnation: "Incarnation", address: SocketAddress) -> Listener:
         """Return a listening socket of a process; raises OSError."""
-        life.require()
-        where = self._bind(life, address, self.listeners)
-        listener = self.listeners[where] = Listener(self, life, where)
-        life.resources.append(listener)
+        incarnation.require()
+        where = self._bind(incarnation, address, self.listeners)
+        listener = self.listeners[where] = Listener(self, incarnation, where)
+        incarnation.resources.append(listener)
         return listener
 
-    def unconnected(self, life: "Life") -> StreamSocket:
+    def unconnected(self, incarnation: "Incarnation") -> StreamSocket:
         """Return a TCP socket of a process for the loop's `sock_connect`."""
-        life.require()
-        host = life.process.host
-        stream = StreamSocket(self, life, (host, 0), ("", 0))
-        stream.gone = True
+        incarnation.require()
+        host = incarnation.process.host
+        stream = StreamSocket(self, incarnation, (host, 0), ("", 0))
+        stream.closed = True
         return stream
 
-    def datagrams(self, life: "Life", address: SocketAddress, buffer_octets: int) -> DatagramSocket:
+    def datagrams(
+        self, incarnation: "Incarnation", address: SocketAddress, buffer_octets: int
+    ) -> DatagramSocket:
         """Return a bound socket of a process for datagrams; raises OSError."""
-        life.require()
-        where = self._bind(life, address, self.sockets)
-        bound = self.sockets[where] = DatagramSocket(self, life, where, buffer_octets)
-        life.resources.append(bound)
+        incarnation.require()
+        where = self._bind(incarnation, address, self.sockets)
+        bound = self.sockets[where] = DatagramSocket(self, incarnation, where, buffer_octets)
+        incarnation.resources.append(bound)
         return bound
 
-    def target(self, life: "Life", host: str) -> str:
+    def target(self, incarnation: "Incarnation", host: str) -> str:
         """Return the IP address that a process means."""
-        return life.process.host if host in _OWN else host
+        return incarnation.process.host if host in _OWN else host
 
     def free_port(self, host: str) -> int:
         """Return a port that was not used lately."""
@@ -130,12 +134,12 @@ class Network:
 
     def _bind(
         self,
-        life: "Life",
+        incarnation: "Incarnation",
         address: SocketAddress,
         taken: "dict[SocketAddress, Listener] | dict[SocketAddress, DatagramSocket]",
     ) -> SocketAddress:
-        host = self.target(life, address[0])
-        if host != life.process.host:
+        host = self.target(incarnation, address[0])
+        if host != incarnation.process.host:
             raise error(errno.EADDRNOTAVAIL)
         where = host, address[1] or self.free_port(host)
         if where in taken:

@@ -23,8 +23,8 @@ from adapters.bundle.codec.eid import Eid
 from adapters.bundle.node import database
 from adapters.bundle.node.store import Outbox
 from adapters.mops import Message, fingerprint, refusal_of
-from adapters.mrs.ground.notification_stream import NotificationStream
-from adapters.mrs.spec import Notification
+from adapters.mrs.ground.streams import NotificationStream
+from adapters.mrs.spec import ReceivedReport
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.rover import bridge
 from adapters.relay.rover.bridge import BundleBridge, BundledCommand, LastStop
@@ -34,7 +34,7 @@ from executive.core.dispatcher import Dispatcher
 from executive.core.runner import Executive
 from executive.record import Ledger, Notifications, RelayRecord
 from executive.values.reasons import Reason, Refusal
-from executive.values.reports import TERMINAL, Identity, Stage
+from executive.values.reports import TERMINAL, Identity, Report, Stage
 from tests.simulated import console_faults, mocup_faults, situations
 from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import QUIET_S, play
@@ -68,13 +68,13 @@ def _nothing(*_: object, **__: object) -> None:
 def _report_before_commit() -> AbstractContextManager[object]:
     commit = database.GroupCommit.commit
 
-    def tell_first(self: database.GroupCommit) -> None:
+    def notify_first(self: database.GroupCommit) -> None:
         waiting, self._waiting = self._waiting, []
-        for tell in waiting:
-            tell(None)
+        for log in waiting:
+            log(None)
         commit(self)
 
-    return patch.object(database.GroupCommit, "commit", tell_first)
+    return patch.object(database.GroupCommit, "commit", notify_first)
 
 
 def _send_before_commit() -> AbstractContextManager[object]:
@@ -123,19 +123,19 @@ def _relayed_not_remembered() -> AbstractContextManager[object]:
 
 def _relay_refuses_overtaken() -> AbstractContextManager[object]:
     async def hand_over(
-        self: BundleBridge, asked: Sequence[BundledCommand], *, stops: bool
+        self: BundleBridge, requested: Sequence[BundledCommand], *, stops: bool
     ) -> None:
         while True:
             late = (
                 []
                 if stops
-                else [each for each in asked if self._last_stop.overtakes(each.creation)]
+                else [each for each in requested if self._last_stop.overtakes(each.creation)]
             )
             for each in late:
                 why = ("a stop has overtaken it", Reason.STOPPED)
                 await self._store(str(refusal_of(each.message, self._settings.asset, *why)))
-            asked = [each for each in asked if each not in late]
-            text = "".join(str(each.message) for each in asked)
+            requested = [each for each in requested if each not in late]
+            text = "".join(str(each.message) for each in requested)
             if text and self._topics.has_listener(stops=stops):
                 self._topics.publish(text, stops=stops)
             if not text or await self._is_confirmed(fingerprint(text), bridge.REPUBLISH_S):
@@ -145,22 +145,22 @@ def _relay_refuses_overtaken() -> AbstractContextManager[object]:
 
 
 @contextmanager
-def _missed(keep: Callable[[int, Notification], bool]) -> Iterator[None]:
+def _missed(accepts: Callable[[int, Report], bool]) -> Iterator[None]:
     """Have clients drop a part of what they catch up with.
 
     Args:
-        keep: returns whether they take a notification; of the highest number so far, and it.
+        accepts: returns whether they take a report; of the highest number so far, and it.
     """
-    highest: WeakKeyDictionary[NotificationStream, int] = WeakKeyDictionary()
+    maximum: WeakKeyDictionary[NotificationStream, int] = WeakKeyDictionary()
     missed, pass_on = NotificationStream._missed, NotificationStream._pass_on
 
-    async def some(self: NotificationStream, consumer: Any) -> list[Notification]:
+    async def some(self: NotificationStream, consumer: Any) -> list[ReceivedReport]:
         found = await missed(self, consumer)
-        return [each for each in found if keep(highest.get(self, 0), each)]
+        return [each for each in found if accepts(maximum.get(self, 0), each.report)]
 
-    def note(self: NotificationStream, notification: Notification) -> None:
-        highest[self] = max(highest.get(self, 0), notification.sequence)
-        pass_on(self, notification)
+    def note(self: NotificationStream, received: ReceivedReport) -> None:
+        maximum[self] = max(maximum.get(self, 0), received.report.sequence)
+        pass_on(self, received)
 
     with (
         patch.object(NotificationStream, "_missed", some),
@@ -169,8 +169,8 @@ def _missed(keep: Callable[[int, Notification], bool]) -> Iterator[None]:
         yield
 
 
-def _from_highest_number() -> AbstractContextManager[object]:
-    return _missed(lambda highest, each: not 0 < each.sequence < highest)
+def _from_maximum_number() -> AbstractContextManager[object]:
+    return _missed(lambda maximum, each: not 0 < each.sequence < maximum)
 
 
 def _refusal_published_once() -> AbstractContextManager[object]:
@@ -184,7 +184,7 @@ def _caught_up_dropped() -> AbstractContextManager[object]:
 def _nothing_before_first_report() -> AbstractContextManager[object]:
     missed = NotificationStream._missed
 
-    async def none_yet(self: NotificationStream, consumer: Any) -> list[Notification]:
+    async def none_yet(self: NotificationStream, consumer: Any) -> list[ReceivedReport]:
         return await missed(self, consumer) if self._has_last else []
 
     return patch.object(NotificationStream, "_missed", none_yet)
@@ -224,7 +224,7 @@ def _dropped_after_30_times() -> AbstractContextManager[object]:
     return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
 
 
-def _last_stop_not_kept() -> AbstractContextManager[object]:
+def _last_stop_not_stored() -> AbstractContextManager[object]:
     return patch.object(LastStop, "save", _nothing)
 
 
@@ -241,15 +241,15 @@ def _overtaken_executed() -> AbstractContextManager[object]:
 def _published_before_commit() -> AbstractContextManager[object]:
     flush = Notifications.flush
 
-    def tell_first(self: Notifications) -> None:
-        ledger, told = self._ledger, self._outbox
+    def notify_first(self: Notifications) -> None:
+        ledger, reported = self._ledger, self._outbox
         with patch.object(ledger, "commit", _nothing):
             flush(self)
-        self._outbox = told
+        self._outbox = reported
         with patch.object(self, "_downlinks", ()):
             flush(self)
 
-    return patch.object(Notifications, "flush", tell_first)
+    return patch.object(Notifications, "flush", notify_first)
 
 
 def _report_confirmed_at_once() -> AbstractContextManager[object]:
@@ -283,13 +283,13 @@ def _commits_not_synced() -> AbstractContextManager[object]:
 
 
 def _later_by_a_step_back() -> AbstractContextManager[object]:
-    unconfirmed = Outbox.unconfirmed
+    unconfirmed = Outbox.requeue_unconfirmed
 
     def forgetful(self: Outbox, now_utc_ms: int) -> list[str]:
         self._checked_utc_ms = now_utc_ms
         return unconfirmed(self, now_utc_ms)
 
-    return patch.object(Outbox, "unconfirmed", forgetful)
+    return patch.object(Outbox, "requeue_unconfirmed", forgetful)
 
 
 PLANTED: Final = (
@@ -329,7 +329,7 @@ PLANTED: Final = (
     Planted(
         "B: from the highest number",
         "a client does not catch up with reports that were overtaken by others",
-        _from_highest_number,
+        _from_maximum_number,
         (situations.LATE_REPORT,),
     ),
     Planted(
@@ -364,7 +364,7 @@ PLANTED: Final = (
     Planted(
         "H: last stop not kept",
         "a restarted rover-relay does not know what the last stop overtook",
-        _last_stop_not_kept,
+        _last_stop_not_stored,
         (situations.STOP_OUTLASTS_RELAY,),
     ),
     Planted(
@@ -471,7 +471,7 @@ PLANTED: Final = (
     Planted(
         "console: N: refused for good",
         "a stop that was answered by an error stays REJECTED, though the rover carried it out",
-        console_faults.refusal_outweighs_life,
+        console_faults.refusal_outweighs_stages,
         (situations.REFUSED_UNWRITTEN,),
     ),
 )
@@ -493,7 +493,7 @@ class Search:
     took_s: float
 
 
-def search(planted: Planted, seed: str, most_kills: int) -> Search:
+def search(planted: Planted, seed: str, max_kills: int) -> Search:
     """Look for a planted fault: in its situations, or in storms one after another."""
     began_s, kills, found = monotonic(), 0, None
     storms = (planted.draw(f"{seed}.{number}" if number else seed) for number in count())
@@ -504,7 +504,7 @@ def search(planted: Planted, seed: str, most_kills: int) -> Search:
             kills += played.kills
             if played.findings:
                 found = played.findings[0].what
-            if found or kills >= most_kills:
+            if found or kills >= max_kills:
                 break
     return Search(found, kills, monotonic() - began_s)
 
@@ -516,9 +516,9 @@ def search(planted: Planted, seed: str, most_kills: int) -> Search:
     show_default=True,
     help="From which each is looked for; with 0 only those that have a situation are.",
 )
-@click.option("--most-kills", default=400, show_default=True, help="Until each is given up.")
+@click.option("--max-kills", default=400, show_default=True, help="Until each is given up.")
 @click.option("--only", default="", help="Those whose names contain this.")
-def main(seeds: int, most_kills: int, only: str) -> None:
+def main(seeds: int, max_kills: int, only: str) -> None:
     """Plant faults in the product, and print after how many kills the storms find each.
 
     \b
@@ -532,7 +532,7 @@ def main(seeds: int, most_kills: int, only: str) -> None:
         if only not in planted.name:
             continue
         chosen = 1 if planted.situations else seeds
-        searches = [search(planted, f"p{seed}", most_kills) for seed in range(1, chosen + 1)]
+        searches = [search(planted, f"p{seed}", max_kills) for seed in range(1, chosen + 1)]
         missed += sum(each.found is None for each in searches)
         if searches:
             click.echo(_line(planted, searches))

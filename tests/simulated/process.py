@@ -30,7 +30,7 @@ class Resource(Protocol):
         ...
 
 
-class Life:
+class Incarnation:
     """A process from one start to its end.
 
     Attributes:
@@ -42,7 +42,7 @@ class Life:
         waiting: events that came while it was stopped.
         resources: what is taken back at its end.
         databases: its open files of SQLite.
-        kept: tasks and generators that must not be freed.
+        stored: tasks and generators that must not be freed.
         main: its main program, if it was begun by `Process.run`.
     """
 
@@ -55,7 +55,7 @@ class Life:
         self.waiting: deque[tuple[asyncio.AbstractEventLoop | None, Any]] = deque()
         self.resources: list[Resource] = []
         self.databases: list[SimConnection] = []
-        self.kept: list[list[Any]] = []
+        self.stored: list[list[Any]] = []
         self.main: asyncio.Task[None] | None = None
 
     def new_loop(self) -> SimLoop:
@@ -92,7 +92,7 @@ class Life:
         self.resources.clear()
         self.waiting.clear()
         for loop in self.loops:
-            self.kept.append(loop.unfinished())
+            self.stored.append(loop.unfinished())
         self.world.bury(self)
         if process.on_end is not None:
             process.on_end(process, status)
@@ -120,7 +120,7 @@ class Life:
                 loop.free()
             finally:
                 events._set_running_loop(None)
-        self.kept.clear()
+        self.stored.clear()
 
 
 Start = Callable[["Process"], None]
@@ -134,7 +134,7 @@ class Process:
         name: of it.
         host: the IP address of its computer.
         folder: of its data. A start finds what the last end left.
-        life: the present or last one; None before the first.
+        incarnation: the present or last one; None before the first.
         paused: whether it is stopped (SIGSTOP).
         powered: whether its computer answers others.
         stepped: whether its clock was ever set.
@@ -147,7 +147,7 @@ class Process:
         self.world, self.name, self.host = world, name, host
         self.folder = world.folder / name
         self.folder.mkdir()
-        self.life: Life | None = None
+        self.incarnation: Incarnation | None = None
         self.paused = False
         self.powered = True
         self.stepped = False
@@ -156,32 +156,32 @@ class Process:
         self.disk = Disk(self)
         self._start = start
         self._saved = world.folder / f"{name}.saved"
-        self._lives = 0
+        self._starts = 0
         self._offset_s = self._drift = self._drifts_since_s = 0.0
 
     @property
     def alive(self) -> bool:
         """Whether it runs, be it stopped."""
-        return self.life is not None and self.life.alive
+        return self.incarnation is not None and self.incarnation.alive
 
     @property
     def status(self) -> int | None:
         """The status of its last end; None while it runs, and before its first start."""
-        return None if self.life is None else self.life.status
+        return None if self.incarnation is None else self.incarnation.status
 
     @property
-    def present(self) -> Life:
+    def present(self) -> Incarnation:
         """Its life, the last one if it is dead."""
-        if self.life is None:
+        if self.incarnation is None:
             raise RuntimeError(f"{self.name} was never started")
-        return self.life
+        return self.incarnation
 
     @property
     def loop(self) -> SimLoop:
         """The loop of its main thread."""
         return self.present.loops[0]
 
-    def begin(self) -> Life:
+    def begin(self) -> Incarnation:
         """Start it, with what is in its folder.
 
         Raises:
@@ -189,20 +189,20 @@ class Process:
         """
         if self.alive:
             raise RuntimeError(f"{self.name} runs")
-        last = self.life
-        self._lives += 1
+        last = self.incarnation
+        self._starts += 1
         self.paused, self.powered = False, True
-        life = self.life = Life(self, self._lives)
+        incarnation = self.incarnation = Incarnation(self, self._starts)
         self.world.note(f"{self.name} starts")
-        life.push(0.0, life.new_loop(), _Start(self, life, last))
-        return life
+        incarnation.push(0.0, incarnation.new_loop(), _Start(self, incarnation, last))
+        return incarnation
 
     restart = begin
 
     def run(self, main: Coroutine[Any, Any, object]) -> None:
         """Run a coroutine as its main program: it ends when that does, with 1 if it raises."""
-        life = self.present
-        life.main = life.loops[0].create_task(self._run(life, main))
+        incarnation = self.present
+        incarnation.main = incarnation.loops[0].create_task(self._run(incarnation, main))
 
     def kill(self, *, silent: bool = False) -> None:
         """Kill it (SIGKILL); nothing if it is dead.
@@ -245,10 +245,10 @@ class Process:
             return
         self.paused = False
         self.world.note(f"{self.name} resumes")
-        life = self.present
-        for loop, handle in life.waiting:
-            life.push(0.0, loop, handle)
-        life.waiting.clear()
+        incarnation = self.present
+        for loop, handle in incarnation.waiting:
+            incarnation.push(0.0, loop, handle)
+        incarnation.waiting.clear()
 
     def utc_s(self) -> float:
         """Return what its clock says, in seconds since 1970-01-01 UTC."""
@@ -287,34 +287,34 @@ class Process:
 
     def vanish(self) -> None:
         """End it with the world: without a copy, without a word."""
-        life = self.life
-        if life is not None and life.alive:
-            life.alive, life.status = False, 137
-            for loop in life.loops:
-                life.kept.append(loop.unfinished())
-            self.world.bury(life)
+        incarnation = self.incarnation
+        if incarnation is not None and incarnation.alive:
+            incarnation.alive, incarnation.status = False, 137
+            for loop in incarnation.loops:
+                incarnation.stored.append(loop.unfinished())
+            self.world.bury(incarnation)
 
     def _end(self, status: int, *, silent: bool, power_lost: bool) -> None:
-        life = self.life
-        if life is None or not life.alive:
+        incarnation = self.incarnation
+        if incarnation is None or not incarnation.alive:
             return
         self.paused = False
         if silent:
             self.powered = False
-        life.end(status, silent=silent, power_lost=power_lost)
-        if self.world.running is life:
+        incarnation.end(status, silent=silent, power_lost=power_lost)
+        if self.world.running is incarnation:
             raise Killed(status)
 
-    async def _run(self, life: Life, main: Coroutine[Any, Any, object]) -> None:
+    async def _run(self, incarnation: Incarnation, main: Coroutine[Any, Any, object]) -> None:
         try:
             await main
         except Exception as fault:
-            if life.alive:
+            if incarnation.alive:
                 self.world.fault(self.name, "the process ends", fault)
-                life.end(1)
+                incarnation.end(1)
         else:
-            life.end(0)
-        life.require()
+            incarnation.end(0)
+        incarnation.require()
 
 
 class _Start:
@@ -322,8 +322,10 @@ class _Start:
 
     _cancelled = False
 
-    def __init__(self, process: Process, life: Life, last: Life | None) -> None:
-        self._process, self._life, self._last = process, life, last
+    def __init__(
+        self, process: Process, incarnation: Incarnation, last: Incarnation | None
+    ) -> None:
+        self._process, self._incarnation, self._last = process, incarnation, last
         self._callback = process._start
 
     def _run(self) -> None:
@@ -335,4 +337,4 @@ class _Start:
         except Exception as fault:
             self._process.world.note(f"{self._process.name} ! does not start: {fault!r}")
             self._process.start_fault = fault
-            self._life.end(1)
+            self._incarnation.end(1)

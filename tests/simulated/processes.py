@@ -37,7 +37,7 @@ DICTIONARY: Final = load_dictionary()
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Address:
     """One rover and what it has above it.
 
     Attributes:
@@ -46,7 +46,7 @@ class Place:
         orbiter, relay, executive: addresses of the computers.
         port: at which the orbiter serves the MRS for it.
         suffix: of the names of its processes.
-        ask_again_s: see `OrbiterSettings`.
+        retransmit_after_s: see `OrbiterSettings`.
         answer_s: see `LtpLink`.
         convergence: by which layer bundles go.
     """
@@ -58,7 +58,7 @@ class Place:
     executive: str = "10.0.0.3"
     port: int = MRS_PORT
     suffix: str = ""
-    ask_again_s: float | None = 120.0
+    retransmit_after_s: float | None = 120.0
     answer_s: float = 0.5
     convergence: Convergence = Convergence.LTP
 
@@ -86,23 +86,23 @@ class Place:
         )
 
 
-def orbiter_settings(places: Sequence[Place]) -> OrbiterSettings:
+def orbiter_settings(addresses: Sequence[Address]) -> OrbiterSettings:
     """Return the settings of `rover-mops` with rovers behind it."""
-    first = places[0]
+    first = addresses[0]
     return OrbiterSettings(
         eid="ipn:1.1",
         listen=listen(first.convergence),
-        rovers=tuple(place.relayed() for place in places),
-        ask_again_s=first.ask_again_s,
+        rovers=tuple(address.relayed() for address in addresses),
+        retransmit_after_s=first.retransmit_after_s,
     )
 
 
-def start_orbiter(places: Sequence[Place], process: Process) -> None:
+def start_orbiter(addresses: Sequence[Address], process: Process) -> None:
     """Start `rover-mops`."""
     settings_file = process.folder / "orbiter.yaml"
     process.run(
         run(
-            orbiter_settings(places),
+            orbiter_settings(addresses),
             settings_file,
             "0.0.0.0",
             process.folder,
@@ -125,11 +125,11 @@ class BridgeTopics:
             stops: self._topics.publisher(process, f"{asset}/{'stop' if stops else 'command'}")
             for stops in (True, False)
         }
-        self._kept = self._topics.publisher(process, f"{asset}/kept")
+        self._stored = self._topics.publisher(process, f"{asset}/kept")
 
     def serve(self, bridge: BundleBridge) -> None:
         """Hand reports and confirmations to the bridge."""
-        for name, callback in (("notification", bridge.notify), ("taken", bridge.confirmed)):
+        for name, callback in (("notification", bridge.notify), ("taken", bridge.on_confirmed)):
             self._topics.subscribe(self._process, f"{self._asset}/{name}", callback, self._loop)
 
     def publish(self, text: str, *, stops: bool) -> None:
@@ -139,14 +139,14 @@ class BridgeTopics:
         return self._commands[stops].subscriber_count > 0
 
     def confirm(self, mark: int) -> None:
-        self._kept.publish(mark)
+        self._stored.publish(mark)
 
 
-def start_relay(place: Place, process: Process) -> None:
+def start_relay(address: Address, process: Process) -> None:
     """Start `rover-relay`."""
-    topics = BridgeTopics(process, place.asset)
+    topics = BridgeTopics(process, address.asset)
     bridge = BundleBridge(
-        place.relay_settings(),
+        address.relay_settings(),
         process.folder / "relay.sqlite",
         None,
         DICTIONARY,
@@ -244,12 +244,12 @@ class RoverBelow:
         return Odometry(now_s, rover.pose, rover.velocity), Battery(26.0), rover.angles
 
 
-def start_executive(place: Place, below: Below, settings: Settings, process: Process) -> None:
+def start_executive(address: Address, below: Below, settings: Settings, process: Process) -> None:
     """Start `rover-executive --relay` over a rover."""
     system = SimSystem(process)
     ledger = Ledger(process.folder / "ledger.sqlite", connect=system.connect)
-    topics = ExecutiveTopics(process, place.asset)
-    relay = ExecutiveRelayLink(topics, ledger, DICTIONARY, place.asset.upper(), system)
+    topics = ExecutiveTopics(process, address.asset)
+    relay = ExecutiveRelayLink(topics, ledger, DICTIONARY, address.asset.upper(), system)
     direct = MrsLink(settings, "0.0.0.0", MRS_PORT, clear_text=True, system=system)
     below.begin(ledger.last_sequence)
     executive = Executive(
@@ -276,7 +276,7 @@ def start_executive(place: Place, below: Below, settings: Settings, process: Pro
 async def tick(
     executive: Executive,
     sense: Callable[[float], None],
-    look: Callable[[], None],
+    poll: Callable[[], None],
     rest_s: float = REST_S,
 ) -> None:
     """Run an executive for ever.
@@ -284,7 +284,7 @@ async def tick(
     Args:
         executive: that is run.
         sense: called before each tick, with the time.
-        look: called every `POLL_S`, at ticks.
+        poll: called every `POLL_S`, at ticks.
         rest_s: between two ticks while nothing is commanded.
     """
     loop, woken = asyncio.get_running_loop(), asyncio.Event()
@@ -293,14 +293,14 @@ async def tick(
         loop.call_soon_threadsafe(woken.set)
 
     executive.wake = wake
-    looked_s = loop.time()
+    polled_s = loop.time()
     while True:
         now_s = loop.time()
         sense(now_s)
         executive.tick()
-        if now_s - looked_s >= POLL_S:
-            looked_s = now_s
-            look()
+        if now_s - polled_s >= POLL_S:
+            polled_s = now_s
+            poll()
         busy = executive.active_command is not None or executive.waiting > 0
         next_s = now_s + (TICK_S if busy else rest_s)
         while (left_s := next_s - loop.time()) > 0.0:

@@ -7,19 +7,19 @@ from typing import Final, cast
 from tests.simulated.ground import Journal
 from tests.simulated.judge import Finding, Stores
 from tests.simulated.process import Process
-from tests.simulated.processes import MRS_PORT, Place
+from tests.simulated.processes import MRS_PORT, Address
 from tests.simulated.world import World, WorldError
 
 SECOND: Final = "2"
 """The suffix of the processes of the second rover."""
 
 
-def second(place: Place) -> Place:
+def second(address: Address) -> Address:
     """Return the second rover behind the orbiter of the first."""
     return replace(
-        place,
-        asset=f"{place.asset}{SECOND}",
-        node=place.node + 1,
+        address,
+        asset=f"{address.asset}{SECOND}",
+        node=address.node + 1,
         relay="10.0.2.2",
         executive="10.0.2.3",
         port=MRS_PORT + 1,
@@ -49,22 +49,24 @@ class _Seen:
         return {"orbiter": self._world.processes["orbiter"], **own}
 
 
-def seen(world: World, place: Place) -> World:
+def seen(world: World, address: Address) -> World:
     """Return what a judge of one rover sees of a world: not a whole one."""
-    return cast("World", _Seen(world, place.suffix)) if place.suffix else world
+    return cast("World", _Seen(world, address.suffix)) if address.suffix else world
 
 
-def check_apart(world: World, place: Place, journals: Mapping[str, Journal]) -> Iterator[Finding]:
+def check_apart(
+    world: World, address: Address, journals: Mapping[str, Journal]
+) -> Iterator[Finding]:
     """Check that only commands for a rover came to it.
 
     Args:
         world: with the stores.
-        place: the rover.
+        address: the rover.
         journals: of its own ground clients.
     """
-    stores = Stores(seen(world, place), place.asset)
+    stores = Stores(seen(world, address), address.asset)
     sent = {identity for journal in journals.values() for identity in journal.sent}
     for identity in sorted(stores.landed | stores.aboard.commands.keys(), key=str):
         if identity not in sent:
             what = "a command of another rover came to a rover"
-            yield Finding(world.now_s, what, f"{identity} to {place.asset}")
+            yield Finding(world.now_s, what, f"{identity} to {address.asset}")

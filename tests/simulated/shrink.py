@@ -8,15 +8,15 @@ from tests.simulated.deeds import Deed, Storm
 Breaks = Callable[[Storm], bool]
 
 
-def shrink(storm: Storm, breaks: Breaks, most_plays: int = 150) -> Storm:
+def shrink(storm: Storm, breaks: Breaks, max_runs: int = 150) -> Storm:
     """Return a storm with as few deeds as can be found (delta debugging, Zeller 2002).
 
     Args:
         storm: breaks a promise.
         breaks: plays a storm, and returns whether it breaks the same promise.
-        most_plays: how many storms are played at most.
+        max_runs: how many storms are played at most.
     """
-    left = most_plays
+    left = max_runs
 
     def still(deeds: Sequence[Deed]) -> bool:
         nonlocal left

@@ -6,7 +6,7 @@ from typing import Final
 from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
 from tests.simulated.convergence import Convergence
 from tests.simulated.deeds import (
-    CutWay,
+    CutChannel,
     Deed,
     FailWrite,
     FillDisk,
@@ -29,7 +29,7 @@ CALM: Final = Situation(
     duplicate=0.0,
     eclipse_s=0.0,
     contact_s=0.0,
-    ask_again_s=None,
+    retransmit_after_s=None,
     period_s=60.0,
 )
 
@@ -56,10 +56,10 @@ FORGOTTEN_ON_FULL_DISK: Final = _storm(
 """The executive takes a command that it cannot write down, and is killed long after."""
 LATE_REPORT: Final = _storm(
     *(Order(24.9 + 0.02 * n, Link.RELAY, 1 + n, SetTravelSpeed(0.2)) for n in range(6)),
-    CutWay(25.0, "orbiter", "relay", 0.3),
+    CutChannel(25.0, "orbiter", "relay", 0.3),
     *(Order(25.32 + 0.02 * n, Link.RELAY, 7 + n, SetTravelSpeed(0.2)) for n in range(4)),
     Kill(25.5, "orbiter", 1.0),
-    CutWay(25.6, "moe", "orbiter", 20.0),
+    CutChannel(25.6, "moe", "orbiter", 20.0),
 )
 """Reports are lost, overtaken by others, and sent again while the ground is not connected."""
 REFUSED_UNHEARD: Final = _storm(
@@ -68,7 +68,7 @@ REFUSED_UNHEARD: Final = _storm(
     Pause(18.0, "executive", 10.0),
     Order(20.0, Link.RELAY, 2, MoveForward(0.3)),
     Kill(22.0, "orbiter", 2.0),
-    CutWay(22.1, "moe", "orbiter", 20.0),
+    CutChannel(22.1, "moe", "orbiter", 20.0),
 )
 """The refusal of a number that is used has none, and comes down while nobody is connected."""
 STOP_TWICE: Final = _storm(
@@ -89,14 +89,14 @@ REPEAT_ANSWERED: Final = tuple(
 )
 """rover-relay is killed about when it stores the answers to repeats."""
 FIRST_REPORT: Final = _storm(
-    CutWay(0.0, "orbiter", "relay", 30.0),
+    CutChannel(0.0, "orbiter", "relay", 30.0),
     Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.3)),
     Kill(22.0, "orbiter", 1.0),
-    CutWay(22.1, "moe", "orbiter", 20.0),
+    CutChannel(22.1, "moe", "orbiter", 20.0),
 )
 """The ground receives nothing before its connection is lost, and all that comes is missed."""
 STOP_OUTLASTS_RELAY: Final = _storm(
-    CutWay(20.0, "orbiter", "relay", 0.3),
+    CutChannel(20.0, "orbiter", "relay", 0.3),
     Order(20.1, Link.RELAY, 1, MoveForward(0.3)),
     Order(20.35, Link.RELAY, 2, Stop()),
     Kill(20.5, "relay", 2.0),
@@ -105,7 +105,7 @@ STOP_OUTLASTS_RELAY: Final = _storm(
 )
 """A stop overtakes a motion, rover-relay is killed, and the rover is resumed before it comes."""
 POWER_LOST: Final = _storm(
-    CutWay(19.0, "orbiter", "relay", 10.0),
+    CutChannel(19.0, "orbiter", "relay", 10.0),
     *(Order(20.0 + n, Link.RELAY, 1 + n, SetTravelSpeed(0.2)) for n in range(4)),
     Kill(24.0, "orbiter", 2.0, power=True),
 )
@@ -125,7 +125,7 @@ STOP_REFUSED_THEN_EXECUTED: Final = _storm(
 )
 """The same of a stop, which is accepted in every mode."""
 HALF_OPEN: Final = _storm(
-    CutWay(19.0, "orbiter", "relay", 10.0),
+    CutChannel(19.0, "orbiter", "relay", 10.0),
     Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
     Kill(24.0, "orbiter", 2.0, power=True),
 )
@@ -135,12 +135,12 @@ FORGOTTEN_CONNECTION: Final = Storm(
     replace(CALM, delay_s=3.0),  # the reports come when the connection is half open
     (
         Order(20.0, Link.RELAY, 1, MoveForward(0.2)),
-        CutWay(20.5, "moe", "orbiter", 10.0),
+        CutChannel(20.5, "moe", "orbiter", 10.0),
         Kill(21.0, "orbiter", 1.0),
     ),
 )
 """The ground only listens, and its orbiter has forgotten the connection."""
-MOCUP: Final = replace(CALM, ask_again_s=60.0, mocup=True)
+MOCUP: Final = replace(CALM, retransmit_after_s=60.0, mocup=True)
 REFUSED_THEN_PLUGGED: Final = tuple(
     Storm(
         "situation",
@@ -229,7 +229,7 @@ CLOCK_SET_BACK: Final = Storm(
     "situation",
     replace(CALM, convergence=Convergence.UDP),
     (
-        CutWay(19.0, "orbiter", "relay", 3.0),
+        CutChannel(19.0, "orbiter", "relay", 3.0),
         Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
         StepClock(21.0, "orbiter", -900.0),
     ),

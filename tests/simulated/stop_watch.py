@@ -33,7 +33,7 @@ class StopWatch(KinematicRover):
             self.moved[self.stopped_by] = None
         super().advance(step_s)
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Take new reports; what answers a repeat is older."""
         for report in reports:
             if report.sequence <= self._last or report.identity is None:
@@ -47,11 +47,11 @@ class StopWatch(KinematicRover):
                 case Stage.EXECUTED, _ if report.identity in self._resumes:
                     self.stopped_by = None
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Do nothing."""
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Do nothing."""
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Do nothing."""

@@ -13,13 +13,13 @@ from typing import Final, assert_never
 
 from executive.faults import Reaction
 from executive.settings import AuthoritySettings, Settings, load_settings
-from tests.simulated.asks import LEASE_S, RIVAL, RIVAL_SOURCE, AskAuthority, do
 from tests.simulated.authority import AuthorityJudge
+from tests.simulated.authority_requests import LEASE_S, RIVAL, RIVAL_SOURCE, RequestAuthority, do
 from tests.simulated.brick import SimBrick
 from tests.simulated.console import BROWSER_HOST, HOST, Browser, PageJournal, start_console
 from tests.simulated.console_judge import ConsoleJudge
 from tests.simulated.deeds import (
-    CutWay,
+    CutChannel,
     Deed,
     FailWrite,
     FillDisk,
@@ -38,13 +38,13 @@ from tests.simulated.deeds import (
 from tests.simulated.disk import Fate
 from tests.simulated.ground import SOURCE, Ground, Journal
 from tests.simulated.judge import Finding, check_end, check_stores
-from tests.simulated.mocup import MocupPlace, start_mocup_executive, start_nxt
+from tests.simulated.mocup import MocupAddress, start_mocup_executive, start_nxt
 from tests.simulated.mocup_judge import MocupJudge
-from tests.simulated.network import Way
+from tests.simulated.network import Channel
 from tests.simulated.process import Process
 from tests.simulated.processes import (
     MRS_PORT,
-    Place,
+    Address,
     RoverBelow,
     start_executive,
     start_orbiter,
@@ -70,8 +70,10 @@ def patient_settings(asset: str) -> Settings:
     """Return the settings of an asset that ticks once a second while it rests."""
     settings = load_settings(asset)
     names = (*UNTIMED, *BY_ARRIVAL.get(asset, ()))
-    faults = {name: replace(getattr(settings.faults, name), then=Reaction.IGNORE) for name in names}
-    faults["odometry_stale"] = with_figures(settings.faults.odometry_stale, beyond=_STALE_S)
+    faults = {
+        name: replace(getattr(settings.faults, name), reaction=Reaction.IGNORE) for name in names
+    }
+    faults["odometry_stale"] = with_figures(settings.faults.odometry_stale, above=_STALE_S)
     return replace(
         settings,
         faults=replace(settings.faults, **faults),
@@ -134,32 +136,34 @@ class Player:
         trace: takes a line for each event; None for none.
 
     Attributes:
-        places: of the rovers behind the orbiter.
+        addresses: of the rovers behind the orbiter.
         own: by the suffix of a rover's processes, what its own ground clients know.
     """
 
     def __init__(self, storm: Storm, trace: list[str] | None = None) -> None:
         self._storm = storm
         situation = storm.situation
-        place = (MocupPlace if situation.mocup else Place)(
-            ask_again_s=situation.ask_again_s,
+        address = (MocupAddress if situation.mocup else Address)(
+            retransmit_after_s=situation.retransmit_after_s,
             answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
             convergence=situation.convergence,
         )
         self.world = world = World(storm.seed, Path(), trace)
         self.findings: dict[str, Finding] = {}
         self.kills = self.orders = 0
-        self.places = [place] if situation.rovers == 1 else [place, second(place)]
+        self.addresses = [address] if situation.rovers == 1 else [address, second(address)]
         self._below: list[RoverBelow] = []
         self._plans: dict[str, _WritePlan] = {}
         self._due: set[str] = set()
-        settings = patient_settings(place.asset)
+        settings = patient_settings(address.asset)
         self.brick: SimBrick | None = None
-        ends = {"direct": (place.executive, SOURCE), "moe": (place.orbiter, SOURCE)}
+        ends = {"direct": (address.executive, SOURCE), "moe": (address.orbiter, SOURCE)}
         needed = situation.authority_needed
         if needed is not None:
-            ends[RIVAL] = place.executive, RIVAL_SOURCE
-            authority = AuthoritySettings(needed=needed, lease_s=LEASE_S, may_take=(RIVAL_SOURCE,))
+            ends[RIVAL] = address.executive, RIVAL_SOURCE
+            authority = AuthoritySettings(
+                needed=needed, lease_s=LEASE_S, takeover_sources=(RIVAL_SOURCE,)
+            )
             settings = replace(settings, authority=authority)
         self.grounds = {
             name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal(), source)
@@ -169,14 +173,14 @@ class Player:
         sources = {name: source for name, (_, source) in ends.items()}
         self._authority = AuthorityJudge(world, bool(needed), journals, sources)
         self.own = {"": journals}
-        self._add("orbiter", place.orbiter, partial(start_orbiter, self.places))
+        self._add("orbiter", address.orbiter, partial(start_orbiter, self.addresses))
         if situation.mocup:
             self.brick = SimBrick(world)
-            self._mocup = MocupJudge(world, place.asset, self.brick, journals, bool(needed))
-            self._add_mocup(place, settings)
+            self._mocup = MocupJudge(world, address.asset, self.brick, journals, bool(needed))
+            self._add_mocup(address, settings)
         else:
-            self._add_rover(place, settings)
-        for other in self.places[1:]:
+            self._add_rover(address, settings)
+        for other in self.addresses[1:]:
             journals = {"direct": Journal(), "moe": Journal()}
             self.own[other.suffix] = journals
             for name, host, port in (
@@ -185,12 +189,12 @@ class Player:
             ):
                 uri = f"maltcp://{host}:{port}/MRS"
                 self.grounds[f"{name}{other.suffix}"] = Ground(uri, journals[name])
-            self._add_rover(other, replace(patient_settings(place.asset), asset=other.asset))
+            self._add_rover(other, replace(patient_settings(address.asset), asset=other.asset))
         self.page: Browser | None = None
         if situation.console:
-            self.page = Browser(place.asset, PageJournal())
-            self._console = ConsoleJudge(world, place.asset, self.page.journal)
-            self._add("console", HOST, partial(start_console, place))
+            self.page = Browser(address.asset, PageJournal())
+            self._console = ConsoleJudge(world, address.asset, self.page.journal)
+            self._add("console", HOST, partial(start_console, address))
             self._add("browser", BROWSER_HOST, self.page.start)
         for name, ground in self.grounds.items():
             self._add(name, (GROUNDS | GROUNDS_2)[name], ground.start)
@@ -227,22 +231,22 @@ class Player:
             self._digest(),
         )
 
-    def _add_mocup(self, place: Place, settings: Settings) -> None:
+    def _add_mocup(self, address: Address, settings: Settings) -> None:
         assert self.brick is not None
-        self._add("relay", place.relay, partial(start_relay, place))
-        self._add("nxt", "10.0.0.4", partial(start_nxt, place, self.brick))
-        start = partial(start_mocup_executive, place, settings)
-        self._add("executive", place.executive, start)
-        way = _way(self._storm.situation)
-        self.world.network.set_way(place.orbiter, place.relay, way)
+        self._add("relay", address.relay, partial(start_relay, address))
+        self._add("nxt", "10.0.0.4", partial(start_nxt, address, self.brick))
+        start = partial(start_mocup_executive, address, settings)
+        self._add("executive", address.executive, start)
+        channel = _channel(self._storm.situation)
+        self.world.network.set_channel(address.orbiter, address.relay, channel)
 
-    def _add_rover(self, place: Place, settings: Settings) -> None:
-        self._add(f"relay{place.suffix}", place.relay, partial(start_relay, place))
+    def _add_rover(self, address: Address, settings: Settings) -> None:
+        self._add(f"relay{address.suffix}", address.relay, partial(start_relay, address))
         self._below.append(below := RoverBelow())
-        start = partial(start_executive, place, below, settings)
-        self._add(f"executive{place.suffix}", place.executive, start)
-        way = _way(self._storm.situation)
-        self.world.network.set_way(place.orbiter, place.relay, way)
+        start = partial(start_executive, address, below, settings)
+        self._add(f"executive{address.suffix}", address.executive, start)
+        channel = _channel(self._storm.situation)
+        self.world.network.set_channel(address.orbiter, address.relay, channel)
 
     def _add(self, name: str, host: str, start: Callable[[Process], None]) -> None:
         process = self.world.process(name, host, start)
@@ -280,10 +284,10 @@ class Player:
                 world.after(for_s, world.processes[name].resume)
             case StepClock(_, name, step_s):
                 world.processes[name].step_clock(step_s)
-            case CutWay(_, name, peer, for_s):
+            case CutChannel(_, name, peer, for_s):
                 hosts = (world.processes[name].host, world.processes[peer].host)
                 opens_s = world.now_s + for_s
-                world.network.set_way(*hosts, Way(open=lambda now_s: now_s >= opens_s))
+                world.network.set_channel(*hosts, Channel(open=lambda now_s: now_s >= opens_s))
             case LoseSamples(_, part, for_s):
                 world.topics.loss = part
                 world.after(for_s, setattr, world.topics, "loss", 0.0)
@@ -291,9 +295,9 @@ class Player:
                 assert self.brick is not None
                 self.brick.plug(False)
                 world.after(for_s, self.brick.plug, True)
-            case AskAuthority(_, name, act):
+            case RequestAuthority(_, name, act):
                 other = SOURCE if name == RIVAL else RIVAL_SOURCE
-                self.grounds[name].ask(partial(do, act, other), self.grounds["moe"])
+                self.grounds[name].request(partial(do, act, other), self.grounds["moe"])
             case _:
                 assert_never(deed)
 
@@ -316,9 +320,9 @@ class Player:
         if self.brick is not None:
             self._note(self._mocup.check())
             return
-        for place in self.places:
-            world, journals = seen(self.world, place), self.own[place.suffix]
-            self._note(check_stores(world, place.asset, journals))
+        for address in self.addresses:
+            world, journals = seen(self.world, address), self.own[address.suffix]
+            self._note(check_stores(world, address.asset, journals))
         if self.page is not None:
             self._note(self._console.check())
 
@@ -342,8 +346,8 @@ class Player:
             process.disk.full = False
             process.resume()
         situation = replace(self._storm.situation, eclipse_s=0.0)
-        for place in self.places:
-            world.network.set_way(place.orbiter, place.relay, _way(situation))
+        for address in self.addresses:
+            world.network.set_channel(address.orbiter, address.relay, _channel(situation))
 
     def _check_end(self) -> None:
         world, what = self.world, "a stopped rover moved"
@@ -352,11 +356,11 @@ class Player:
         if self.brick is not None:
             self._note(self._mocup.check_end())
             return
-        for place in self.places:
-            journals = self.own[place.suffix]
-            self._note(check_end(seen(world, place), place.asset, journals))
+        for address in self.addresses:
+            journals = self.own[address.suffix]
+            self._note(check_end(seen(world, address), address.asset, journals))
             if self.page is None:  # which is another sender
-                self._note(check_apart(world, place, journals))
+                self._note(check_apart(world, address, journals))
         stops = [stop for below in self._below for stop in below.rover.moved]
         self._note(Finding(world.now_s, what, f"stopped by {stop}") for stop in stops)
         if self.page is not None:
@@ -403,13 +407,15 @@ def _content(path: Path) -> bytes:
             return path.read_bytes()
 
 
-def _way(situation: Situation) -> Way:
+def _channel(situation: Situation) -> Channel:
     cycle_s = situation.eclipse_s + situation.contact_s
 
     def contact(now_s: float) -> bool:
         return not situation.eclipse_s or now_s % cycle_s < situation.contact_s
 
-    return Way(situation.delay_s, situation.jitter_s, situation.loss, situation.duplicate, contact)
+    return Channel(
+        situation.delay_s, situation.jitter_s, situation.loss, situation.duplicate, contact
+    )
 
 
 @contextmanager

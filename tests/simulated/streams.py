@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from tests.simulated.listening import Listener
     from tests.simulated.network import Network
-    from tests.simulated.process import Life
+    from tests.simulated.process import Incarnation
     from tests.simulated.transport import SimTransport
 
 SocketAddress = tuple[str, int]
 _RETRANSMIT_S: Final = 0.2
 """Until the first retransmission, beyond a way there and back; it doubles each time."""
-_LONGEST_PAUSE_S: Final = 120.0
-_GIVE_UP_S: Final = 924.6
+_MAX_PAUSE_S: Final = 120.0
+_TIMEOUT_S: Final = 924.6
 """How long Linux retransmits (tcp_retries2)."""
 
 
@@ -35,20 +35,24 @@ class StreamSocket:
 
     Args:
         network: on which.
-        life: of the process that has it.
+        incarnation: of the process that has it.
         address: its own.
         peer_address: of the other end.
 
     Attributes:
         peer: the other end.
         transport: what reads and writes for asyncio; None before there is one.
-        gone: whether there is no connection any more, or not yet.
+        closed: whether there is no connection any more, or not yet.
     """
 
     def __init__(
-        self, network: "Network", life: "Life", address: SocketAddress, peer_address: SocketAddress
+        self,
+        network: "Network",
+        incarnation: "Incarnation",
+        address: SocketAddress,
+        peer_address: SocketAddress,
     ) -> None:
-        self._network, self._world, self.life = network, network.world, life
+        self._network, self._world, self.incarnation = network, network.world, incarnation
         self._address, self._peer_address = address, peer_address
         self.peer: StreamSocket
         self.transport: SimTransport | None = None
@@ -57,8 +61,8 @@ class StreamSocket:
         self.ended = False
         self._listener: Listener | None = None
         self._closed = False
-        self.gone = False
-        self._asking = False
+        self.closed = False
+        self._requesting = False
         self._received: deque[bytes] = deque()
         self._in_flight = 0
         self._credits: deque[tuple[float, int]] = deque()
@@ -68,7 +72,7 @@ class StreamSocket:
         self._batch_s = -1.0
         self._last_arrival_s = 0.0
         self._first_failed_s: float | None = None
-        life.resources.append(self)
+        incarnation.resources.append(self)
 
     # What the product and asyncio call.
 
@@ -97,14 +101,14 @@ class StreamSocket:
         self._closed = True
         unread = bool(self._received)
         self._received.clear()
-        if not self.gone:
+        if not self.closed:
             self.send_segment(Segment.RESET if unread else Segment.END)
         self._forget()
 
     # What the transport calls.
 
     @property
-    def room(self) -> int:
+    def capacity(self) -> int:
         """How many octets may be sent now."""
         credits, now_s = self._credits, self._world.now_s
         while credits and credits[0][0] <= now_s:
@@ -125,27 +129,27 @@ class StreamSocket:
         """Tell the peer that nothing comes any more; read on."""
         self.send_segment(Segment.END)
 
-    def await_room(self) -> None:
+    def await_space(self) -> None:
         """Have the transport told as soon as there is more room."""
         if self._credits and not self._credit_due:
             self._credit_due = True
             self._world.at(self._credits[0][0], self._credited)
 
-    def take(self, most: int) -> bytes:
+    def take(self, maximum: int) -> bytes:
         """Return the next octets that have arrived, which makes room for the peer."""
         received = self._received
         if not received:
             return b""
         octets = received.popleft()
-        if received and len(octets) < most:
+        if received and len(octets) < maximum:
             parts, count = [octets], len(octets)
-            while received and count + len(received[0]) <= most:
+            while received and count + len(received[0]) <= maximum:
                 parts.append(received.popleft())
                 count += len(parts[-1])
             octets = b"".join(parts)
-        if len(octets) > most:
-            received.appendleft(octets[most:])
-            octets = octets[:most]
+        if len(octets) > maximum:
+            received.appendleft(octets[maximum:])
+            octets = octets[:maximum]
         split, chance = self._network.split, self._network.stream_chance
         if split and len(octets) > 1 and chance.random() < split:
             cut = chance.randrange(1, len(octets))
@@ -163,12 +167,12 @@ class StreamSocket:
 
     def become(self, other: "StreamSocket") -> None:
         """Be the end of a connection that was set up for it."""
-        resources = self.life.resources
+        resources = self.incarnation.resources
         if self in resources:
             resources.remove(self)
         self.__dict__.update(other.__dict__)
         other.peer.peer = self
-        self.life.resources[self.life.resources.index(other)] = self
+        self.incarnation.resources[self.incarnation.resources.index(other)] = self
 
     def opened_by(self, listener: "Listener") -> None:
         """Know which listener takes it as soon as the other end confirms."""
@@ -176,9 +180,9 @@ class StreamSocket:
 
     def drop(self, *, silent: bool) -> None:
         """Have the process gone: the peer gets a reset, or nothing ever."""
-        if not silent and not self.gone:
+        if not silent and not self.closed:
             self.send_segment(Segment.RESET)
-        self._closed = self.gone = True
+        self._closed = self.closed = True
         self._received.clear()
         self._unsent.clear()
 
@@ -203,17 +207,17 @@ class StreamSocket:
 
     def _transmit(self, segment: Segment, octets: list[bytes]) -> bool:
         network, world = self._network, self._world
-        way = network.way(self._address[0], self._peer_address[0])
-        if not way.passes(world.now_s, network.stream_chance):
+        channel = network.channel(self._address[0], self._peer_address[0])
+        if not channel.passes(world.now_s, network.stream_chance):
             return False
-        comes_s = max(self._last_arrival_s, world.now_s + way.takes_s(network.stream_chance))
-        self._last_arrival_s = comes_s
-        world.at(comes_s, self.peer.arrive, segment, octets)
+        arrival_s = max(self._last_arrival_s, world.now_s + channel.takes_s(network.stream_chance))
+        self._last_arrival_s = arrival_s
+        world.at(arrival_s, self.peer.arrive, segment, octets)
         return True
 
     def _retry_after(self, pause_s: float) -> None:
         network = self._network
-        round_trip_s = 2 * network.way(self._address[0], self._peer_address[0]).delay_s
+        round_trip_s = 2 * network.channel(self._address[0], self._peer_address[0]).delay_s
         self._world.after(round_trip_s + pause_s, self._retry, pause_s)
 
     def _retry(self, pause_s: float) -> None:
@@ -222,10 +226,10 @@ class StreamSocket:
             self._gather()
             if not self._transmit(*self._unsent[0]):
                 assert self._first_failed_s is not None
-                if self._world.now_s - self._first_failed_s > _GIVE_UP_S:
+                if self._world.now_s - self._first_failed_s > _TIMEOUT_S:
                     self._fail(errno.ETIMEDOUT)
                 else:
-                    self._retry_after(min(2 * pause_s, _LONGEST_PAUSE_S))
+                    self._retry_after(min(2 * pause_s, _MAX_PAUSE_S))
                 return
             self._unsent.popleft()
             pause_s = _RETRANSMIT_S
@@ -241,77 +245,77 @@ class StreamSocket:
 
     def arrive(self, segment: Segment, octets: list[bytes]) -> None:
         """Handle what the peer sent."""
-        if self.gone or self._closed:
+        if self.closed or self._closed:
             if not self._network.hosts[self._address[0]].powered:
-                if not self.peer._asking:
-                    self.peer.ask_again(_RETRANSMIT_S, self._world.now_s)
-            elif segment is not Segment.RESET and not (segment is Segment.END and not self.gone):
+                if not self.peer._requesting:
+                    self.peer.retransmit(_RETRANSMIT_S, self._world.now_s)
+            elif segment is not Segment.RESET and not (segment is Segment.END and not self.closed):
                 self._refuse()
             return
         match segment:
             case Segment.OPEN:
                 listener = self._listener
                 if listener is None or not listener.complete(self):
-                    self.gone = True
+                    self.closed = True
                     self._refuse()
                     self._forget()
             case Segment.OCTETS:
                 self._received.extend(octets)
-                self._tell()
+                self._notify()
             case Segment.END:
                 self.ended = True
-                self._tell()
+                self._notify()
             case Segment.RESET:
                 self._fail(errno.ECONNRESET)
 
-    def ask_again(self, pause_s: float, since_s: float) -> None:
+    def retransmit(self, pause_s: float, since_s: float) -> None:
         """Send again to a computer that is off, until it is on and knows of no connection."""
-        self._asking = True
-        if self.gone:
+        self._requesting = True
+        if self.closed:
             return
-        if self._world.now_s - since_s > _GIVE_UP_S:
+        if self._world.now_s - since_s > _TIMEOUT_S:
             self._fail(errno.ETIMEDOUT)
         elif self._network.hosts[self._peer_address[0]].powered:
             self.peer._refuse()
-            self._asking = False
+            self._requesting = False
         else:
-            longer_s = min(2 * pause_s, _LONGEST_PAUSE_S)
-            self._world.after(pause_s, self.ask_again, longer_s, since_s)
+            longer_s = min(2 * pause_s, _MAX_PAUSE_S)
+            self._world.after(pause_s, self.retransmit, longer_s, since_s)
 
     def _refuse(self) -> None:
         """Answer a segment for which there is no connection."""
         network, world = self._network, self._world
-        way = network.way(self._address[0], self._peer_address[0])
-        if way.passes(world.now_s, network.stream_chance):
-            delay_s = way.takes_s(network.stream_chance)
+        channel = network.channel(self._address[0], self._peer_address[0])
+        if channel.passes(world.now_s, network.stream_chance):
+            delay_s = channel.takes_s(network.stream_chance)
             world.after(delay_s, self.peer.arrive, Segment.RESET, [])
 
     def _fail(self, number: int) -> None:
-        if self.gone:
+        if self.closed:
             return
-        self.gone = True
+        self.closed = True
         self.fault = OSError(number, os.strerror(number))
         self._received.clear()
         self._unsent.clear()
-        self._tell()
+        self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         if self.transport is not None:
             self.transport.readable()
 
     def _read(self, count: int) -> None:
         """Let the peer know that so many octets were read, after the way."""
         peer, world = self.peer, self._world
-        way = self._network.way(self._address[0], self._peer_address[0])
-        peer._credits.append((world.now_s + way.delay_s, count))
-        if peer.transport is not None and peer.transport.waits_for_room:
-            peer.await_room()
+        channel = self._network.channel(self._address[0], self._peer_address[0])
+        peer._credits.append((world.now_s + channel.delay_s, count))
+        if peer.transport is not None and peer.transport.waits_for_space:
+            peer.await_space()
 
     def _credited(self) -> None:
         self._credit_due = False
-        if self.transport is not None and not self.gone:
+        if self.transport is not None and not self.closed:
             self.transport.flush()
 
     def _forget(self) -> None:
-        if self in self.life.resources:
-            self.life.resources.remove(self)
+        if self in self.incarnation.resources:
+            self.incarnation.resources.remove(self)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import cast
 
 from adapters.system import BindAddress, Socket, SocketAddress
-from tests.simulated.process import Life, Process
+from tests.simulated.process import Incarnation, Process
 
 
 class SimSystem:
@@ -18,7 +18,7 @@ class SimSystem:
 
     def __init__(self, process: Process) -> None:
         self._process = process
-        self._life: Life = process.present
+        self._incarnation: Incarnation = process.present
         self._world = process.world
         self._random = process.world.random(f"octets/{process.name}")
 
@@ -36,11 +36,11 @@ class SimSystem:
 
     def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
         """Open an SQLite file, whose commits go by the plan of the disk."""
-        return self._process.disk.connect(self._life, database)
+        return self._process.disk.connect(self._incarnation, database)
 
     def replace(self, path: Path, content: bytes) -> None:
         """Write a file anew."""
-        self._process.disk.replace(self._life, path, content)
+        self._process.disk.replace(self._incarnation, path, content)
 
     def free_octets(self, folder: Path) -> int:
         """Return what is free."""
@@ -56,7 +56,7 @@ class SimSystem:
 
     def listen(self, address: SocketAddress, family: socket.AddressFamily) -> Socket:
         """Return a listening socket for the loop's `sock_accept`; not a real one."""
-        listener = self._world.network.listen(self._life, address)
+        listener = self._world.network.listen(self._incarnation, address)
         return cast("Socket", listener)
 
     def datagrams(
@@ -64,5 +64,5 @@ class SimSystem:
     ) -> Socket:
         """Return a bound socket for the loop's `add_reader`; not a real one."""
         where = str(address[0]), int(address[1])
-        bound = self._world.network.datagrams(self._life, where, buffer_octets)
+        bound = self._world.network.datagrams(self._incarnation, where, buffer_octets)
         return cast("Socket", bound)

@@ -8,7 +8,7 @@ from adapters.mops import RelayAuthority
 from executive.commands import MoveForward, SetTravelSpeed, Stop
 from executive.core.authority import Authority
 from executive.record import AuthorityRecord
-from tests.simulated.asks import RIVAL, Act, AskAuthority
+from tests.simulated.authority_requests import RIVAL, Act, RequestAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm
 from tests.simulated.situations import CALM, MOCUP
 from tests.simulated.storm import Played, play, player
@@ -19,21 +19,21 @@ def played(*deeds: Deed) -> Played:
 
 
 PASSED_ON: tuple[Deed, ...] = (
-    AskAuthority(15.0, "direct", Act.REQUEST),
+    RequestAuthority(15.0, "direct", Act.REQUEST),
     Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
     Order(16.0, Link.RIVAL, 1, SetTravelSpeed(0.3)),
     Order(16.0, Link.RELAY, 2, SetTravelSpeed(0.4)),
     Order(17.0, Link.RIVAL, 2, Stop()),
-    AskAuthority(18.0, RIVAL, Act.REQUEST),
-    AskAuthority(19.0, RIVAL, Act.TAKE),
+    RequestAuthority(18.0, RIVAL, Act.REQUEST),
+    RequestAuthority(19.0, RIVAL, Act.TAKE),
     Order(19.5, Link.DIRECT, 3, SetTravelSpeed(0.2)),
     Kill(20.0, "executive", 1.0),
     Order(23.0, Link.RIVAL, 3, SetTravelSpeed(0.3)),
-    AskAuthority(24.0, RIVAL, Act.HAND_OVER),
-    AskAuthority(25.0, "direct", Act.REQUEST),
+    RequestAuthority(24.0, RIVAL, Act.HAND_OVER),
+    RequestAuthority(25.0, "direct", Act.REQUEST),
     Kill(26.0, "direct", 5.0),
-    AskAuthority(45.0, RIVAL, Act.REQUEST),
-    AskAuthority(47.0, RIVAL, Act.RELEASE),
+    RequestAuthority(45.0, RIVAL, Act.REQUEST),
+    RequestAuthority(47.0, RIVAL, Act.RELEASE),
 )
 
 
@@ -42,13 +42,13 @@ def test_the_authority_passes_on_over_kills() -> None:
 
 
 LENT: tuple[Deed, ...] = (
-    AskAuthority(15.0, "direct", Act.REQUEST),
+    RequestAuthority(15.0, "direct", Act.REQUEST),
     Order(16.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
-    AskAuthority(17.0, "direct", Act.LEND),
+    RequestAuthority(17.0, "direct", Act.LEND),
     Order(18.0, Link.RELAY, 2, SetTravelSpeed(0.3)),
     Kill(19.0, "executive", 1.0),
     Order(22.0, Link.RELAY, 3, SetTravelSpeed(0.4)),
-    AskAuthority(25.0, RIVAL, Act.TAKE),
+    RequestAuthority(25.0, RIVAL, Act.TAKE),
     Order(26.0, Link.RELAY, 4, SetTravelSpeed(0.2)),
 )
 
@@ -75,7 +75,7 @@ def test_a_command_without_it_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 MOCUP_WITHOUT: tuple[Deed, ...] = (
-    AskAuthority(15.0, "direct", Act.REQUEST),
+    RequestAuthority(15.0, "direct", Act.REQUEST),
     Order(16.0, Link.RELAY, 1, MoveForward(0.2)),
 )
 
@@ -85,16 +85,16 @@ def test_a_command_to_the_brick_without_it_is_found(
     planted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if planted:
-        monkeypatch.setattr(RelayAuthority, "fault", lambda *_: "")
+        monkeypatch.setattr(RelayAuthority, "refusal_text", lambda *_: "")
     storm = Storm("authority", replace(MOCUP, authority_needed=True), MOCUP_WITHOUT)
     found = {finding.what for finding in play(storm).findings}
     assert found == ({"the brick was given a command without the authority"} if planted else set())
 
 
-def test_a_grant_that_is_told_and_not_written_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    def keep(*_: object) -> None:
+def test_a_grant_that_is_reported_and_not_written_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def retain(*_: object) -> None:
         return None
 
-    monkeypatch.setattr(AuthorityRecord, "save", keep)
+    monkeypatch.setattr(AuthorityRecord, "save", retain)
     found = {finding.what for finding in played(*PASSED_ON).findings}
     assert "an operator was told of a grant that is not on the disk" in found

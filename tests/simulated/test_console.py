@@ -5,7 +5,7 @@ from functools import partial
 from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
 from tests.simulated.console import BROWSER_HOST, HOST, Browser, PageJournal, start_console
 from tests.simulated.processes import (
-    Place,
+    Address,
     RoverBelow,
     start_executive,
     start_orbiter,
@@ -16,15 +16,15 @@ from tests.simulated.world import World
 
 
 def test_a_page_commands_and_learns_the_ends() -> None:
-    place, journal, below = Place(), PageJournal(), RoverBelow()
-    browser = Browser(place.asset, journal)
-    settings = patient_settings(place.asset)
+    address, journal, below = Address(), PageJournal(), RoverBelow()
+    browser = Browser(address.asset, journal)
+    settings = patient_settings(address.asset)
     with World(1) as world:
         for name, host, start in (
-            ("orbiter", place.orbiter, partial(start_orbiter, [place])),
-            ("relay", place.relay, partial(start_relay, place)),
-            ("executive", place.executive, partial(start_executive, place, below, settings)),
-            ("console", HOST, partial(start_console, place)),
+            ("orbiter", address.orbiter, partial(start_orbiter, [address])),
+            ("relay", address.relay, partial(start_relay, address)),
+            ("executive", address.executive, partial(start_executive, address, below, settings)),
+            ("console", HOST, partial(start_console, address)),
             ("browser", BROWSER_HOST, browser.start),
         ):
             world.process(name, host, start).begin()

@@ -25,7 +25,7 @@ from adapters.bundle.node.settings import (
 from adapters.mal import CallContext, Consumer, MalError, Provider
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 from tests.simulated.disk import Fate, Nth
-from tests.simulated.network import Way
+from tests.simulated.network import Channel
 from tests.simulated.process import Process
 from tests.simulated.system import SimSystem
 from tests.simulated.world import World
@@ -53,7 +53,7 @@ class Recorder(asyncio.Protocol):
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.came: list[tuple[float, str]] = []
+        self.arrived: list[tuple[float, str]] = []
         self.octets = 0
         self.paused: list[bool] = []
         self.transport: asyncio.Transport
@@ -80,7 +80,7 @@ class Recorder(asyncio.Protocol):
         self.paused.append(False)
 
     def note(self, what: str) -> None:
-        self.came.append((round(self.world.now_s, 3), what))
+        self.arrived.append((round(self.world.now_s, 3), what))
 
 
 class Pair:
@@ -88,7 +88,7 @@ class Pair:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        world.network.set_way(A, B, Way(1.0))
+        world.network.set_channel(A, B, Channel(1.0))
         self.near, self.far = Recorder(world), Recorder(world)
         self.refused: list[tuple[float, str]] = []
         self.server = running(world, B, self.serve)
@@ -113,14 +113,14 @@ class Pair:
         self.client.loop.call_soon(self.near.transport.close)
 
 
-def test_octets_take_their_way_in_order(world: World) -> None:
+def test_octets_arrive_in_order(world: World) -> None:
     pair = Pair(world)
     for at_s, text in ((5.0, b"one"), (5.0, b"two"), (6.0, b"three")):
         world.at(at_s, pair.write, text)
     world.at(7.0, pair.close)
     world.run(20.0)
-    assert pair.near.came == [(2.0, "made"), (7.0, "lost")]
-    assert pair.far.came == [
+    assert pair.near.arrived == [(2.0, "made"), (7.0, "lost")]
+    assert pair.far.arrived == [
         (3.0, "made"),
         (6.0, "onetwo"),
         (7.0, "three"),
@@ -133,8 +133,8 @@ def test_a_killed_peer_resets(world: World) -> None:
     pair = Pair(world)
     world.at(10.0, pair.server.kill)
     world.run(20.0)
-    assert pair.near.came[1:] == [(11.0, "ConnectionResetError")]
-    assert pair.far.came == [(3.0, "made")]
+    assert pair.near.arrived[1:] == [(11.0, "ConnectionResetError")]
+    assert pair.far.arrived == [(3.0, "made")]
 
 
 def test_a_half_open_connection_is_silent_until_the_peer_is_back(world: World) -> None:
@@ -143,19 +143,19 @@ def test_a_half_open_connection_is_silent_until_the_peer_is_back(world: World) -
     world.at(20.0, pair.write, b"vanishes")
     world.at(100.0, pair.server.begin)
     world.run(100.0)
-    assert pair.near.came == [(2.0, "made")]
+    assert pair.near.arrived == [(2.0, "made")]
     world.run(220.0)
-    assert [what for _, what in pair.near.came] == ["made", "ConnectionResetError"]
+    assert [what for _, what in pair.near.arrived] == ["made", "ConnectionResetError"]
 
 
 def test_a_reset_that_is_lost_leaves_a_half_open_connection(world: World) -> None:
     pair = Pair(world)
     world.run(5.0)
-    world.network.set_way(A, B, Way(1.0, open=lambda now_s: now_s > 12.0))
+    world.network.set_channel(A, B, Channel(1.0, open=lambda now_s: now_s > 12.0))
     world.at(10.0, pair.server.kill)
     world.at(50.0, pair.write, b"is answered")
     world.run(60.0)
-    assert pair.near.came == [(2.0, "made"), (52.0, "ConnectionResetError")]
+    assert pair.near.arrived == [(2.0, "made"), (52.0, "ConnectionResetError")]
 
 
 def test_what_vanishes_ends_a_connection_at_last(world: World) -> None:
@@ -163,11 +163,11 @@ def test_what_vanishes_ends_a_connection_at_last(world: World) -> None:
     world.at(10.0, lambda: pair.server.kill(silent=True))
     world.at(20.0, pair.write, b"vanishes")
     world.run(2000.0)
-    ((at_s, what),) = pair.near.came[1:]
+    ((at_s, what),) = pair.near.arrived[1:]
     assert (what, 900.0 < at_s < 1100.0) == ("TimeoutError", True)
 
 
-def test_nobody_listens(world: World) -> None:
+def test_a_port_without_listener(world: World) -> None:
     pair = Pair(world)
     pair.server.kill()
     world.run(10.0)
@@ -185,14 +185,16 @@ def test_nothing_is_answered_by_a_computer_that_is_off(world: World) -> None:
 def test_tcp_outlasts_an_eclipse(world: World) -> None:
     pair = Pair(world)
     world.run(4.0)
-    world.network.set_way(A, B, Way(1.0, loss=0.3, open=lambda now_s: not 10.0 < now_s < 40.0))
+    world.network.set_channel(
+        A, B, Channel(1.0, loss=0.3, open=lambda now_s: not 10.0 < now_s < 40.0)
+    )
     for number in range(30):
         world.at(5.0 + number, pair.write, b"%d " % number)
     world.run(200.0)
     assert pair.far.octets == sum(len(b"%d " % number) for number in range(30))
 
 
-def test_who_does_not_read_stops_who_writes(world: World) -> None:
+def test_a_slow_reader_stops_the_writer(world: World) -> None:
     pair = Pair(world)
     world.run(5.0)
     pair.far.transport.pause_reading()
@@ -220,36 +222,36 @@ def test_a_stopped_process_does_not_read_either(world: World) -> None:
     assert (pair.near.paused, pair.far.octets) == ([True, False], 1 << 20)
 
 
-def test_datagrams_get_lost_overtake_and_come_twice(world: World) -> None:
-    world.network.set_way(A, B, Way(1.0, 0.5, 0.2, 0.1, lambda now_s: now_s < 90.0))
-    heard: list[int] = []
+def test_datagrams_get_lost_overtake_and_arrive_twice(world: World) -> None:
+    world.network.set_channel(A, B, Channel(1.0, 0.5, 0.2, 0.1, lambda now_s: now_s < 90.0))
+    received: list[int] = []
 
-    async def hear(process: Process) -> None:
+    async def receive(process: Process) -> None:
         bound = world.network.datagrams(process.present, ("0.0.0.0", PORT), 1 << 20)
         loop = asyncio.get_running_loop()
-        loop.add_reader(bound, lambda: heard.append(int(bound.recvfrom(100)[0])))
+        loop.add_reader(bound, lambda: received.append(int(bound.recvfrom(100)[0])))
         await asyncio.Event().wait()
 
-    async def say(process: Process) -> None:
+    async def send(process: Process) -> None:
         bound = world.network.datagrams(process.present, ("0.0.0.0", 0), 1 << 20)
         await asyncio.sleep(1.0)
         for number in range(990):
             bound.sendto(b"%d" % number, (B, PORT))
             await asyncio.sleep(0.1)
 
-    running(world, B, hear)
-    running(world, A, say)
+    running(world, B, receive)
+    running(world, A, send)
     world.run(200.0)
-    times = Counter(heard)
+    times = Counter(received)
     assert max(times) <= 890
     assert 640 < len(times) < 780
     assert 40 < sum(1 for each in times.values() if each == 2) < 110
-    assert heard != sorted(heard)
+    assert received != sorted(received)
 
 
-def test_mal_lives_through_kills(world: World, caplog: pytest.LogCaptureFixture) -> None:
+def test_mal_survives_kills(world: World, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.ERROR)
-    world.network.set_way(A, B, Way(0.1, 0.05))
+    world.network.set_channel(A, B, Channel(0.1, 0.05))
     world.network.split = 0.2
     served: list[str] = []
     outcomes: list[str] = []
@@ -301,9 +303,9 @@ def agent_of(process: Process, number: int, other: int, link: AnyLink) -> Bundle
 
 @pytest.mark.parametrize("kind", [UdpLink, TcpclLink])
 @pytest.mark.parametrize("kills", [0, 6])
-def test_each_bundle_comes(world: World, kind: type[UdpLink | TcpclLink], kills: int) -> None:
+def test_each_bundle_arrives(world: World, kind: type[UdpLink | TcpclLink], kills: int) -> None:
     """Over loss, duplication and an eclipse once; a kill within a delivery repeats that one."""
-    heard: list[str] = []
+    received: list[str] = []
     sent: list[str] = []
     numbers = count()
 
@@ -323,13 +325,15 @@ def test_each_bundle_comes(world: World, kind: type[UdpLink | TcpclLink], kills:
         await agent.open(lambda _: None)
         while True:
             async with agent.receive() as delivery:
-                heard.append(delivery.payload.decode())
+                received.append(delivery.payload.decode())
 
     def begin_again(process: Process, _: int) -> None:
         world.after(1.5, process.begin)
 
-    way = Way(0.5, 0.2, loss=0.1, duplicate=0.05, open=lambda now_s: not 15.0 < now_s < 30.0)
-    world.network.set_way(A, B, way)
+    channel = Channel(
+        0.5, 0.2, loss=0.1, duplicate=0.05, open=lambda now_s: not 15.0 < now_s < 30.0
+    )
+    world.network.set_channel(A, B, channel)
     chance = world.random("kills")
     for process in (running(world, A, send), running(world, B, receive)):
         process.on_end = begin_again
@@ -340,6 +344,6 @@ def test_each_bundle_comes(world: World, kind: type[UdpLink | TcpclLink], kills:
             world.at(chance.uniform(0.0, 60.0), process.kill)
     world.run(600.0)
     assert len(sent) == 40
-    assert set(sent) <= set(heard)
-    assert len(heard) - len(set(heard)) <= kills
+    assert set(sent) <= set(received)
+    assert len(received) - len(set(received)) <= kills
     assert (sum(process.present.number for process in world.processes.values()) > 2) == (kills > 0)

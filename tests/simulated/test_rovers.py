@@ -29,5 +29,5 @@ def test_commands_go_to_their_own_rover_over_kills(layer: Convergence) -> None:
         assert not playing.play().findings
         ends = playing.grounds["moe2"].journal.ends
         assert [identity.command_id for identity in ends] == [10_001]
-        first, others = playing.places[0], playing.own[SECOND]
+        first, others = playing.addresses[0], playing.own[SECOND]
         assert list(check_apart(playing.world, first, others))  # as if they were for the other

@@ -39,25 +39,25 @@ def test_a_storm_without_deeds_stays() -> None:
     assert shrink(storm(0), lambda _: True) == storm(0)
 
 
-def test_no_single_deed_can_be_left_out_of_what_is_left() -> None:
+def test_no_single_action_can_be_removed_from_the_rest() -> None:
     def breaks(storm: Storm) -> bool:
         return sum(1 for at_s in times(storm) if at_s % 3 == 0) >= 4
 
     assert len(shrink(storm(50), breaks).deeds) == 4
 
 
-def test_what_it_returns_still_breaks_the_promise_when_its_plays_are_used_up() -> None:
+def test_its_result_still_breaks_the_promise_when_its_runs_are_used_up() -> None:
     played: list[Storm] = []
 
     def breaks(storm: Storm) -> bool:
         played.append(storm)
         return needing(1.0, 50.0, 98.0)(storm)
 
-    shortest = shrink(storm(100), breaks, most_plays=7)
+    minimal = shrink(storm(100), breaks, max_runs=7)
     assert len(played) == 7
-    assert needing(1.0, 50.0, 98.0)(shortest)
+    assert needing(1.0, 50.0, 98.0)(minimal)
 
 
 def test_the_situation_and_the_seed_stay() -> None:
-    shortest = shrink(storm(10), needing(4.0))
-    assert (shortest.seed, shortest.situation) == ("shrink", CALM)
+    minimal = shrink(storm(10), needing(4.0))
+    assert (minimal.seed, minimal.situation) == ("shrink", CALM)

@@ -52,7 +52,7 @@ def test_no_promise_is_broken_over_a_console() -> None:
 
 
 @pytest.mark.slow
-def test_hours_repeat_to_the_octet_whatever_the_hash_seed() -> None:
+def test_hours_repeat_to_the_octet_for_any_hash_seed() -> None:
     seed = SEEDS[0]
     text = subprocess.run(
         (sys.executable, "-m", "tests.simulated", "0.05", "--seed", seed),

@@ -6,7 +6,7 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
-from tests.simulated.network import Way
+from tests.simulated.network import Channel
 from tests.simulated.process import Process
 from tests.simulated.world import World
 
@@ -14,7 +14,7 @@ A, B = "10.0.0.1", "10.0.0.2"
 
 
 def test_pages_and_web_sockets() -> None:
-    heard: list[str] = []
+    received: list[str] = []
 
     async def serve(process: Process) -> None:
         async def page(_: web.Request) -> web.Response:
@@ -35,26 +35,26 @@ def test_pages_and_web_sockets() -> None:
         await web.TCPSite(runner, B, 80).start()
         await asyncio.Event().wait()
 
-    async def ask(process: Process) -> None:
+    async def query(process: Process) -> None:
         def unconnected(_: object) -> Any:
             return process.world.network.unconnected(process.present)
 
         connector = aiohttp.TCPConnector(socket_factory=unconnected)
         async with aiohttp.ClientSession(connector=connector) as session:
             async with session.get(f"http://{B}/") as answer:
-                heard.append(await answer.text())
+                received.append(await answer.text())
             async with session.ws_connect(f"http://{B}/echo") as connection:
                 await connection.send_str("hello")
-                heard.append(await connection.receive_str())
+                received.append(await connection.receive_str())
         async with aiohttp.ClientSession() as session:  # of the process that is killed
             await asyncio.Event().wait()
 
     with World(1) as world:
-        world.network.set_way(A, B, Way(0.5))
+        world.network.set_channel(A, B, Channel(0.5))
         world.process("server", B, lambda process: process.run(serve(process))).begin()
-        client = world.process("client", A, lambda process: process.run(ask(process)))
+        client = world.process("client", A, lambda process: process.run(query(process)))
         client.begin()
         world.at(10.0, client.kill)
         world.run(20.0)
         assert world.errors == []
-    assert heard == ["at 1.5", "hello"]
+    assert received == ["at 1.5", "hello"]

@@ -55,7 +55,7 @@ async def write_for_ever(process: Process, synchronous: str = "FULL") -> None:
         await asyncio.sleep(1.0)
 
 
-def test_time_passes_as_the_loop_is_told(world: World) -> None:
+def test_time_passes_by_command_of_the_loop(world: World) -> None:
     seen: list[float] = []
 
     async def main(_: Process) -> None:
@@ -74,8 +74,8 @@ def test_time_passes_as_the_loop_is_told(world: World) -> None:
     assert (process.status, world.errors, world.now_s) == (0, [], 10.0)
 
 
-def test_what_is_dead_reaches_nothing(world: World) -> None:
-    heard: list[str] = []
+def test_a_dead_process_reaches_nothing(world: World) -> None:
+    received: list[str] = []
 
     async def main(process: Process) -> None:
         database = ledger(process)
@@ -86,9 +86,9 @@ def test_what_is_dead_reaches_nothing(world: World) -> None:
             await asyncio.sleep(5.0)
             process.kill()
         except Exception:
-            heard.append("caught")
+            received.append("caught")
         finally:
-            heard.append("finally")
+            received.append("finally")
             publisher.publish("from the dead")
             bound.sendto(b"from the dead", ("10.0.0.2", 7))
             with pytest.raises(SystemExit):
@@ -100,15 +100,15 @@ def test_what_is_dead_reaches_nothing(world: World) -> None:
             database.execute("COMMIT")
 
     async def listen(process: Process) -> None:
-        world.topics.subscribe(process, "topic", heard.append)
+        world.topics.subscribe(process, "topic", received.append)
         bound = world.network.datagrams(process.present, ("0.0.0.0", 7), 1 << 16)
-        process.loop.add_reader(bound, lambda: heard.append("datagram"))
+        process.loop.add_reader(bound, lambda: received.append("datagram"))
         await asyncio.Event().wait()
 
     process = running(world, main)
     running(world, listen, "two", "10.0.0.2")
     world.run(10.0)
-    assert heard == ["finally"]
+    assert received == ["finally"]
     assert process.status == 137
     assert numbers(process) == []
     assert not (process.stored / "file").exists()
@@ -119,13 +119,13 @@ def test_a_kill_at_a_commit_is_exact(world: World) -> None:
     process = running(world, write_for_ever)
     process.on_end = lambda *_: world.stop()
     process.disk.plan = plan = Nth()
-    kept = []
+    stored = []
     for fate in (Fate.KILLED_BEFORE, Fate.KILLED_AFTER, Fate.KILLED_BEFORE):
         plan.after(3, fate)
         world.run(100.0)
-        kept.append(len(numbers(process)))
+        stored.append(len(numbers(process)))
         process.begin()
-    assert kept == [2, 5, 7]
+    assert stored == [2, 5, 7]
 
 
 def test_the_dead_are_freed_without_a_word() -> None:
@@ -147,7 +147,7 @@ def test_the_dead_are_freed_without_a_word() -> None:
     assert world.errors == []
 
 
-def test_a_kill_between_events_comes_before_the_next(world: World) -> None:
+def test_a_kill_between_events_precedes_the_next(world: World) -> None:
     done: list[str] = []
 
     async def main(_: Process) -> None:
@@ -192,12 +192,12 @@ def test_commits_fail_and_disks_fill(world: World) -> None:
     world.run(7.5)
     assert errors == [sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_FULL]
     assert numbers(process) == [1, 2, 3, 4, 5]
-    assert (free[3], free[4], free[6] > 0) == (process.disk.room_octets, 0, True)
+    assert (free[3], free[4], free[6] > 0) == (process.disk.unfilled_octets, 0, True)
 
 
 @pytest.mark.parametrize("synchronous", ["FULL", "NORMAL"])
-def test_a_power_cut_takes_what_was_not_synced(synchronous: str) -> None:
-    kept = set()
+def test_a_power_cut_discards_unsynced_data(synchronous: str) -> None:
+    stored = set()
     for seed in range(12):
         with World(seed) as world:
             process = running(world, lambda process: write_for_ever(process, synchronous))
@@ -205,32 +205,32 @@ def test_a_power_cut_takes_what_was_not_synced(synchronous: str) -> None:
             process.cut_power()
             there = numbers(process)
             assert there == list(range(1, len(there) + 1))
-            kept.add(len(there))
+            stored.add(len(there))
             process.begin()
             world.run(10.0)
             assert len(numbers(process)) == len(there) + 1
     if synchronous == "FULL":
-        assert kept == {10}
+        assert stored == {10}
     else:
-        assert len(kept) > 3
+        assert len(stored) > 3
 
 
-def test_a_stopped_process_goes_on_in_order(world: World) -> None:
-    said: list[tuple[float, int]] = []
+def test_a_stopped_process_continues_in_order(world: World) -> None:
+    message: list[tuple[float, int]] = []
 
-    def say(number: int) -> None:
-        said.append((world.now_s, number))
+    def send(number: int) -> None:
+        message.append((world.now_s, number))
 
     async def main(_: Process) -> None:
         for number in range(1, 5):
-            asyncio.get_running_loop().call_later(number, say, number)
+            asyncio.get_running_loop().call_later(number, send, number)
         await asyncio.Event().wait()
 
     process = running(world, main)
     world.at(1.5, process.pause)
     world.at(3.5, process.resume)
     world.run(5.0)
-    assert said == [(1.0, 1), (3.5, 2), (3.5, 3), (4.0, 4)]
+    assert message == [(1.0, 1), (3.5, 2), (3.5, 3), (4.0, 4)]
 
 
 def test_clocks_step_and_drift(world: World) -> None:
@@ -272,7 +272,7 @@ def test_an_uncaught_error_is_recorded(world: World) -> None:
 
 def test_publishers_discover_subscribers_after_a_while(world: World) -> None:
     counts: list[int] = []
-    heard: list[int] = []
+    received: list[int] = []
 
     async def publish(process: Process) -> None:
         publisher = world.topics.publisher(process, "topic")
@@ -282,7 +282,7 @@ def test_publishers_discover_subscribers_after_a_while(world: World) -> None:
             await asyncio.sleep(0.5)
 
     async def listen(process: Process) -> None:
-        world.topics.subscribe(process, "topic", heard.append)
+        world.topics.subscribe(process, "topic", received.append)
         await asyncio.Event().wait()
 
     running(world, publish)
@@ -291,7 +291,7 @@ def test_publishers_discover_subscribers_after_a_while(world: World) -> None:
     world.run(10.0)
     assert counts[:3] == [0, 0, 0]
     assert counts[4:] == [1, 1, 1, 1, 0, 0]
-    assert heard == list(range(counts.index(1), 8))
+    assert received == list(range(counts.index(1), 8))
 
 
 def storm(seed: int) -> str:
@@ -335,11 +335,11 @@ def test_the_order_of_hashes_changes_nothing() -> None:
     root = Path(__file__).parents[2]
     for hash_seed in ("1", "2"):
         environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(root)}
-        said = subprocess.run(
+        message = subprocess.run(
             [sys.executable, "-c", code],
             env=environment,
             capture_output=True,
             text=True,
             check=True,
         )
-        assert said.stdout.strip() == storm(3)
+        assert message.stdout.strip() == storm(3)

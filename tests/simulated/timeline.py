@@ -22,8 +22,8 @@ class _Lines(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Keep a line."""
         running = self._world.running
-        who = "" if running is None else running.process.name
-        text = f"{who:<10} {record.levelname.lower():<8} {record.getMessage()}"
+        source = "" if running is None else running.process.name
+        text = f"{source:<10} {record.levelname.lower():<8} {record.getMessage()}"
         self.lines.append((self._world.now_s, text))
 
 

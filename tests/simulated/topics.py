@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from tests.simulated.loop import SimLoop
-    from tests.simulated.process import Life, Process
+    from tests.simulated.process import Incarnation, Process
     from tests.simulated.world import World
 
 _DISCOVERY_S: Final = (1.0, 2.0)
@@ -17,9 +17,13 @@ class Subscription:
     """A callback of a process for one topic."""
 
     def __init__(
-        self, life: "Life", loop: "SimLoop", name: str, callback: Callable[[Any], object]
+        self,
+        incarnation: "Incarnation",
+        loop: "SimLoop",
+        name: str,
+        callback: Callable[[Any], object],
     ) -> None:
-        self.life, self.loop, self.name, self.callback = life, loop, name, callback
+        self.incarnation, self.loop, self.name, self.callback = incarnation, loop, name, callback
 
 
 class Publisher:
@@ -27,27 +31,27 @@ class Publisher:
 
     Args:
         topics: of the world.
-        life: of the process that publishes.
+        incarnation: of the process that publishes.
         name: of the topic.
     """
 
-    def __init__(self, topics: "Topics", life: "Life", name: str) -> None:
-        self._topics, self._life, self.name = topics, life, name
+    def __init__(self, topics: "Topics", incarnation: "Incarnation", name: str) -> None:
+        self._topics, self._incarnation, self.name = topics, incarnation, name
         self._matched: dict[Subscription, float] = {}
 
     def publish(self, sample: Any) -> None:
         """Publish; samples keep their order to each subscriber."""
-        if not self._life.alive:
+        if not self._incarnation.alive:
             return
         topics, now_s = self._topics, self._topics.world.now_s
         for subscription, last_s in self._matched.items():
             if topics.loss and topics.chance.random() < topics.loss:
                 continue
-            comes_s = max(last_s, now_s + _DELIVERY_S * topics.chance.random())
-            self._matched[subscription] = comes_s
+            arrival_s = max(last_s, now_s + _DELIVERY_S * topics.chance.random())
+            self._matched[subscription] = arrival_s
             loop = subscription.loop
             handle = asyncio.Handle(subscription.callback, (sample,), loop)
-            subscription.life.push(comes_s - now_s, loop, handle)
+            subscription.incarnation.push(arrival_s - now_s, loop, handle)
 
     @property
     def subscriber_count(self) -> int:
@@ -61,7 +65,7 @@ class Publisher:
 
     def discover(self, subscription: Subscription) -> None:
         """Know a subscriber from now on."""
-        if self._life.alive and subscription.life.alive:
+        if self._incarnation.alive and subscription.incarnation.alive:
             self._matched[subscription] = 0.0
 
     def forget(self, subscription: Subscription) -> None:
@@ -82,11 +86,11 @@ class _Subscribed:
 
     def drop(self, *, silent: bool) -> None:
         """Have publishers lose it: at once, or as late as discovery is where nobody is told."""
-        topics, gone = self._topics, self._subscription
-        topics.subscriptions.remove(gone)
+        topics, closed = self._topics, self._subscription
+        topics.subscriptions.remove(closed)
         for publisher in topics.publishers:
             delay_s = topics.chance.uniform(*topics.discovery_s) if silent else 0.0
-            topics.world.after(delay_s, publisher.forget, gone)
+            topics.world.after(delay_s, publisher.forget, closed)
 
 
 class Topics:
@@ -108,11 +112,11 @@ class Topics:
 
     def publisher(self, process: "Process", name: str) -> Publisher:
         """Return a publisher of a process, which discovers subscribers from now on."""
-        life = process.present
-        life.require()
-        publisher = Publisher(self, life, name)
+        incarnation = process.present
+        incarnation.require()
+        publisher = Publisher(self, incarnation, name)
         self.publishers.append(publisher)
-        life.resources.append(publisher)
+        incarnation.resources.append(publisher)
         for subscription in self.subscriptions:
             self._match(publisher, subscription)
         return publisher
@@ -125,11 +129,11 @@ class Topics:
         loop: "SimLoop | None" = None,
     ) -> None:
         """Have samples handed to a callback of a process, on a loop of it: its main if None."""
-        life = process.present
-        life.require()
-        subscription = Subscription(life, loop or process.loop, name, callback)
+        incarnation = process.present
+        incarnation.require()
+        subscription = Subscription(incarnation, loop or process.loop, name, callback)
         self.subscriptions.append(subscription)
-        life.resources.append(_Subscribed(self, subscription))
+        incarnation.resources.append(_Subscribed(self, subscription))
         for publisher in self.publishers:
             self._match(publisher, subscription)
 

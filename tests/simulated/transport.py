@@ -85,16 +85,16 @@ class SimTransport(asyncio.Transport):
         if self._finishing:
             raise RuntimeError("Cannot call write() after write_eof()")
         if not self._waiting:
-            room = self._stream.room
-            if len(octets) <= room:
+            package = self._stream.capacity
+            if len(octets) <= package:
                 self._stream.send(octets)
                 return
-            if room > 0:
-                self._stream.send(octets[:room])
-                octets = octets[room:]
+            if package > 0:
+                self._stream.send(octets[:package])
+                octets = octets[package:]
         self._waiting.append(octets)
         self._waiting_octets += len(octets)
-        self._stream.await_room()
+        self._stream.await_space()
         if self._waiting_octets > self._high_octets and not self._paused:
             self._paused = True
             self._protocol.pause_writing()
@@ -125,7 +125,7 @@ class SimTransport(asyncio.Transport):
         self._lose(None)
 
     @property
-    def waits_for_room(self) -> bool:
+    def waits_for_space(self) -> bool:
         """Whether octets were written that are not sent yet."""
         return bool(self._waiting)
 
@@ -134,15 +134,15 @@ class SimTransport(asyncio.Transport):
         if self._lost:
             return
         waiting, stream = self._waiting, self._stream
-        while waiting and (room := stream.room) > 0:
+        while waiting and (package := stream.capacity) > 0:
             octets = waiting.popleft()
-            if len(octets) > room:
-                waiting.appendleft(octets[room:])
-                octets = octets[:room]
+            if len(octets) > package:
+                waiting.appendleft(octets[package:])
+                octets = octets[:package]
             self._waiting_octets -= len(octets)
             stream.send(octets)
         if waiting:
-            stream.await_room()
+            stream.await_space()
         elif self._closing:
             self._lose(None)
         elif self._finishing:
@@ -228,9 +228,9 @@ class SimTransport(asyncio.Transport):
     def _lose(self, fault: Exception | None) -> None:
         if not self._lost:
             self._lost = True
-            self._loop.call_soon(self._tell_lost, fault)
+            self._loop.call_soon(self._notify_lost, fault)
 
-    def _tell_lost(self, fault: Exception | None) -> None:
+    def _notify_lost(self, fault: Exception | None) -> None:
         try:
             self._protocol.connection_lost(fault)
         finally:

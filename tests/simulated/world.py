@@ -18,7 +18,7 @@ from typing import Any, Final, TextIO
 
 from executive.values.clock import START_UTC_S
 from tests.simulated.network import Network
-from tests.simulated.process import Life, Process, Start
+from tests.simulated.process import Incarnation, Process, Start
 from tests.simulated.topics import Topics
 
 _LINES_AT_ONCE: Final = 512
@@ -32,7 +32,7 @@ _THREAD_DELAY_S: Final = 0.001
 _LEAST_FREE_OCTETS: Final = 1 << 30
 """What must be free in memory for the folders to be there."""
 
-Heap = list[tuple[float, int, "Life | None", asyncio.AbstractEventLoop | None, Any]]
+Heap = list[tuple[float, int, "Incarnation | None", asyncio.AbstractEventLoop | None, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class World:
         self.processes: dict[str, Process] = {}
         self.errors: list[WorldError] = []
         self.before_event: Callable[[Process, str], None] | None = None
-        self.running: Life | None = None
+        self.running: Incarnation | None = None
         self.count = 0
         self._own_folder = folder is None
         self.folder = make_folder() if folder is None else folder
@@ -112,7 +112,7 @@ class World:
         self._randoms: dict[str, Random] = {}
         self._hash = hashlib.sha256()
         self._lines: list[str] = []
-        self._past: list[Life] = []
+        self._past: list[Incarnation] = []
         self._stopped = False
         gc.freeze()  # what is older than the world need not be looked at at each collection
         self._threads = self.random("threads")
@@ -139,11 +139,15 @@ class World:
         return process
 
     def push(
-        self, when_s: float, life: Life | None, loop: asyncio.AbstractEventLoop | None, handle: Any
+        self,
+        when_s: float,
+        incarnation: Incarnation | None,
+        loop: asyncio.AbstractEventLoop | None,
+        handle: Any,
     ) -> None:
         """Put an event into the heap; events of the same time keep the order of being put there."""
         self._number += 1
-        heapq.heappush(self._heap, (when_s, self._number, life, loop, handle))
+        heapq.heappush(self._heap, (when_s, self._number, incarnation, loop, handle))
 
     def at(self, when_s: float, callback: Callable[..., object], *arguments: Any) -> Act:
         """Have the world itself do something, at a time that is not before the present one."""
@@ -202,43 +206,43 @@ class World:
         hooked: asyncio.AbstractEventLoop | None = None
         active: asyncio.AbstractEventLoop | None = None
         while heap and heap[0][0] <= until_s and not self._stopped:
-            when_s, _, life, loop, handle = heapq.heappop(heap)
+            when_s, _, incarnation, loop, handle = heapq.heappop(heap)
             if handle._cancelled:
                 self._cancelled = max(0, self._cancelled - 1)
                 continue
-            if life is not None:
-                if not life.alive:
+            if incarnation is not None:
+                if not incarnation.alive:
                     continue
-                if life.process.paused:
-                    life.waiting.append((loop, handle))
+                if incarnation.process.paused:
+                    incarnation.waiting.append((loop, handle))
                     continue
             self.now_s = when_s
             name = _name_of(handle._callback)
-            if life is not None and self.before_event is not None:
-                self.before_event(life.process, name)
-                if not life.alive:
+            if incarnation is not None and self.before_event is not None:
+                self.before_event(incarnation.process, name)
+                if not incarnation.alive:
                     continue
-                if life.process.paused:
-                    life.waiting.append((loop, handle))
+                if incarnation.process.paused:
+                    incarnation.waiting.append((loop, handle))
                     continue
             self.count += 1
-            self.note(f"- {name}" if life is None else f"{life.process.name} {name}")
+            self.note(f"- {name}" if incarnation is None else f"{incarnation.process.name} {name}")
             if loop is not None and loop is not hooked:
                 hooked = loop
                 sys.set_asyncgen_hooks(
                     firstiter=loop._asyncgen_firstiter_hook,  # type: ignore[attr-defined]
                     finalizer=loop._asyncgen_finalizer_hook,  # type: ignore[attr-defined]
                 )
-            self.running = life
+            self.running = incarnation
             if loop is not active:
                 active = loop
                 events._set_running_loop(loop)
             try:
                 handle._run()
             except SystemExit as end:
-                if life is None:
+                if incarnation is None:
                     raise
-                life.ended_by(end)
+                incarnation.ended_by(end)
             finally:
                 self.running = None
             if self.count % _COLLECT_EVERY == 0:
@@ -257,9 +261,9 @@ class World:
         self.errors.append(WorldError(self.now_s, process, text, fault))
         self.note(f"{process} ! {text}")
 
-    def bury(self, life: Life) -> None:
+    def bury(self, incarnation: Incarnation) -> None:
         """Keep what a dead process holds until the end: its coroutines would go on when freed."""
-        self._past.append(life)
+        self._past.append(incarnation)
 
     def close(self) -> None:
         """End everything, and remove the folders if they were made here."""
@@ -269,8 +273,8 @@ class World:
         try:  # what the dead still raise, or begin and do not await, concerns nobody
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)
-                for life in self._past:
-                    life.free()
+                for incarnation in self._past:
+                    incarnation.free()
                 self._past.clear()
                 self._heap.clear()
                 gc.collect()

@@ -15,24 +15,24 @@ from adapters.mocup import ClaimAnnouncer, relay_authority
 from adapters.mocup.brick.record import BrickLink
 from adapters.mops import CommandConditions, authority_of, decode, messages_in
 from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.core.authority import AuthorityState
 from executive.record import AuthorityRecord
 from executive.settings import MIN_REPORTS, AuthoritySettings, Settings
-from executive.values.facts import AuthorityUsed
+from executive.values.facts import ExternalAuthorityUse
 from executive.values.ports import Downlink
 from executive.values.reasons import Refusal
 from executive.values.reports import Identity
 from tests.mocup.brick.routing import DICTIONARY, executed
 from tests.mocup.brick.routing import Bench as RouterBench
-from tests.stress.findings import Findings, Tell
+from tests.stress.findings import Findings, Log
 from tests.support.figures import Figure
 from tests.support.kinematic import Bench
 
 ORBITER: Final = "MOPS"
 TAKER: Final = "MOE-2"
 OPERATORS: Final = ("MOE-1", TAKER, ORBITER)
-RULES: Final = AuthoritySettings(needed=True, lease_s=5.0, may_take=(TAKER,), relay=ORBITER)
+RULES: Final = AuthoritySettings(needed=True, lease_s=5.0, takeover_sources=(TAKER,), relay=ORBITER)
 STEPS: Final = 6
 """Of one interleaving."""
 LONG_LEASE_S: Final = 20.0
@@ -112,97 +112,97 @@ class Storm:
     def _holder(self) -> str | None:
         return self.oracle.holder_at(self._now_s)
 
-    def _request(self, who: str) -> None:
-        granted = self.bench.executive.authority.request(who)
-        if self._holder == who:
+    def _request(self, name: str) -> None:
+        granted = self.bench.executive.authority.request(name)
+        if self._holder == name:
             self.oracle.renew(self._now_s)
         elif self._holder is None:
-            self._pass_to(who, RULES.lease_s, granted)
-        self._note(who, granted)
+            self._pass_to(name, RULES.lease_s, granted)
+        self._note(name, granted)
 
-    def _take(self, who: str) -> None:
-        granted = self.bench.executive.authority.take(who)
-        if self._holder == who:
+    def _take(self, name: str) -> None:
+        granted = self.bench.executive.authority.take(name)
+        if self._holder == name:
             self.oracle.renew(self._now_s)
-        elif self._holder is None or who == TAKER:
-            self._pass_to(who, RULES.lease_s, granted)
-        self._note(who, granted)
+        elif self._holder is None or name == TAKER:
+            self._pass_to(name, RULES.lease_s, granted)
+        self._note(name, granted)
 
-    def _hand_over(self, who: str) -> None:
+    def _hand_over(self, name: str) -> None:
         to, lease_s = self.random.choice(OPERATORS), self.random.choice((None, LONG_LEASE_S))
-        claim = self._claim(who)
-        granted = self.bench.executive.authority.hand_over(who, claim, to, lease_s)
-        if (self._holder, self.oracle.epoch) == (who, claim):
-            self._pass_to(to, lease_s or RULES.lease_s, granted, given_by=who)
+        claim = self._claim(name)
+        granted = self.bench.executive.authority.hand_over(name, claim, to, lease_s)
+        if (self._holder, self.oracle.epoch) == (name, claim):
+            self._pass_to(to, lease_s or RULES.lease_s, granted, given_by=name)
             self._note(to, granted)
 
-    def _release(self, who: str) -> None:
-        claim = self._claim(who)
-        self.bench.executive.authority.release(who, claim)
-        if (self._holder, self.oracle.epoch) == (who, claim):
+    def _release(self, name: str) -> None:
+        claim = self._claim(name)
+        self.bench.executive.authority.release(name, claim)
+        if (self._holder, self.oracle.epoch) == (name, claim):
             self.oracle.holder = None
 
     def _wait(self, _: str) -> None:
         self.bench.clock.advance(self.random.choice((0.1, 1.0, 4.0, 5.0, 12.0)))
         self.bench.executive.tick()
 
-    def _stop(self, who: str) -> None:
+    def _stop(self, name: str) -> None:
         self.stops += 1
-        claim = self.random.choice((None, 0, self.claims[who]))
-        stopped = self._send(who, who, Stop(), claim)
+        claim = self.random.choice((None, 0, self.claims[name]))
+        stopped = self._send(name, name, Stop(), claim)
         if not stopped or self.bench.executive.mode is not Mode.STOPPED:
-            self.findings.add(AuthorityFault.STOP, f"of {who}")
+            self.findings.add(AuthorityFault.STOP, f"of {name}")
 
-    def _command(self, who: str) -> None:
-        claim = self._claim(who) if self.random.random() < 0.9 else None
+    def _command(self, name: str) -> None:
+        claim = self._claim(name) if self.random.random() < 0.9 else None
         kind: Callable[[], Resume | SetTravelSpeed] = lambda: SetTravelSpeed(0.5)  # noqa: E731
         if self.bench.executive.mode is Mode.STOPPED:
             kind = Resume
-        may = claim is not None and (self._holder, self.oracle.epoch) == (who, claim)
-        source = self.random.choice(OPERATORS[:2]) if who == ORBITER else who
-        if who == ORBITER and self.oracle.given_by not in {None, source}:
+        may = claim is not None and (self._holder, self.oracle.epoch) == (name, claim)
+        source = self.random.choice(OPERATORS[:2]) if name == ORBITER else name
+        if name == ORBITER and self.oracle.given_by not in {None, source}:
             may = False
         if may:
             self.oracle.renew(self._now_s)
-        executed = self._send(who, source, kind(), claim)
+        executed = self._send(name, source, kind(), claim)
         self.executed += executed
         if executed and not may:
-            self.findings.add(AuthorityFault.UNAUTHORIZED, f"{who} claims {claim}: {self.oracle}")
+            self.findings.add(AuthorityFault.UNAUTHORIZED, f"{name} claims {claim}: {self.oracle}")
         if may and not executed:
-            self.findings.add(AuthorityFault.REFUSED, f"{who} claims {claim}: {self.oracle}")
+            self.findings.add(AuthorityFault.REFUSED, f"{name} claims {claim}: {self.oracle}")
 
-    def _claim(self, who: str) -> int:
+    def _claim(self, name: str) -> int:
         """Return the epoch that an operator knows, sometimes one that it cannot."""
         if self.random.random() < 0.8:
-            return self.claims[who]
+            return self.claims[name]
         return self.random.choice((*self.claims.values(), self.oracle.epoch, 0, -1))
 
     def _send(
-        self, who: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
+        self, name: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
     ) -> bool:
         self.number += 1
-        link = RELAY_LINK if who == ORBITER else "direct"
+        link = RELAY_LINK if name == ORBITER else "direct"
         command = Command(Identity(source, self.number), request, link, authority=claim)
-        return isinstance(self.bench.send(command), Admitted)
+        return isinstance(self.bench.send(command), Accepted)
 
     def _pass_to(
         self,
-        who: str,
+        name: str,
         lease_s: float,
         granted: AuthorityState | Refusal,
         given_by: str | None = None,
     ) -> None:
         if isinstance(granted, Refusal) or granted.epoch <= self.oracle.epoch:
-            self.findings.add(AuthorityFault.EPOCH, f"{who}: {granted}, after {self.oracle}")
+            self.findings.add(AuthorityFault.EPOCH, f"{name}: {granted}, after {self.oracle}")
             return
-        self.oracle.pass_to(who, granted.epoch, self._now_s, lease_s, given_by)
+        self.oracle.pass_to(name, granted.epoch, self._now_s, lease_s, given_by)
 
-    def _note(self, who: str, granted: AuthorityState | Refusal) -> None:
+    def _note(self, name: str, granted: AuthorityState | Refusal) -> None:
         if isinstance(granted, Refusal):
             return
-        self.claims[who] = granted.epoch
-        if granted.holder != who:
-            self.findings.add(AuthorityFault.TWO_HOLDERS, f"{granted} for {who}")
+        self.claims[name] = granted.epoch
+        if granted.holder != name:
+            self.findings.add(AuthorityFault.TWO_HOLDERS, f"{granted} for {name}")
 
     def _crash(self) -> None:
         """Lose the executive: the holder stays, with the whole lease before it."""
@@ -227,14 +227,14 @@ class BrickBench(Bench):
             DICTIONARY,
             self.ledger.request,
             lambda: relay_authority(self.settings.authority, grants.read()),
-            self._tell,
+            self._notify,
             "EXEC",
             "MOCUP",
         )
         self.claims.resend(())
         return [*super().downlinks(), self.claims]
 
-    def _tell(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         self.nxt.command(BrickLink.DIRECT, *messages_in(text, list[str]().append))
 
     def relayed(self, command: Command) -> bool:
@@ -243,14 +243,17 @@ class BrickBench(Bench):
         conditions = CommandConditions(command.authority)
         message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
         self.nxt.command(BrickLink.RELAY, message)
-        asked, told = [decode(octets) for octets in self.nxt.ports.brick], self.nxt.ports.notified
-        self.nxt.says(*map(executed, asked))
-        for link, reply in told:
+        requested, reported = (
+            [decode(octets) for octets in self.nxt.ports.brick],
+            self.nxt.ports.notified,
+        )
+        self.nxt.sends(*map(executed, requested))
+        for link, reply in reported:
             if link is BrickLink.DIRECT and reply.code == DICTIONARY.spelling.authority.code:
-                self.executive.observe(AuthorityUsed(authority_of(reply).epoch or 0))
+                self.executive.observe(ExternalAuthorityUse(authority_of(reply).epoch or 0))
         self.nxt.ports.brick.clear()
-        told.clear()
-        return asked == [replace(message, outputs=())]
+        reported.clear()
+        return requested == [replace(message, outputs=())]
 
 
 class BrickStorm(Storm):
@@ -261,19 +264,19 @@ class BrickStorm(Storm):
 
     bench: BrickBench
 
-    def _stop(self, who: str) -> None:
-        if who != ORBITER:
-            super()._stop(who)
+    def _stop(self, name: str) -> None:
+        if name != ORBITER:
+            super()._stop(name)
             return
         self.stops += 1
-        if not self._relayed(who, Stop(), self.random.choice((None, 0, self.claims[who]))):
+        if not self._relayed(name, Stop(), self.random.choice((None, 0, self.claims[name]))):
             self.findings.add(AuthorityFault.STOP, "by the relay")
 
     def _send(
-        self, who: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
+        self, name: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
     ) -> bool:
-        if who != ORBITER:
-            return super()._send(who, source, request, claim)
+        if name != ORBITER:
+            return super()._send(name, source, request, claim)
         if claim is not None and claim < 0:
             claim = 0
         return self._relayed(source, request, claim)
@@ -291,7 +294,7 @@ class BrickStorm(Storm):
 
 
 def measure(
-    settings: Settings, count: int, seed: int, tell: Tell, *, brick: bool = False
+    settings: Settings, count: int, seed: int, log: Log, *, brick: bool = False
 ) -> list[Figure]:
     """Return how often the authority failed in this many interleavings.
 
@@ -299,11 +302,11 @@ def measure(
         settings: of the asset.
         count: of the interleavings.
         seed: which they are.
-        tell: called with a line on each failure.
+        log: called with a line on each failure.
         brick: whether the relay's commands go to a brick, by `rover-nxt`.
     """
-    settings = replace(settings, authority=RULES, kept_reports=MIN_REPORTS)
-    findings = Findings(tell)
+    settings = replace(settings, authority=RULES, retained_reports=MIN_REPORTS)
+    findings = Findings(log)
     with tempfile.TemporaryDirectory() as name:
         folder, random = Path(name), Random(seed)
         with BrickBench(folder, settings) if brick else Bench(folder, settings) as bench:

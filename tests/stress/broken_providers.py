@@ -21,7 +21,7 @@ from sim.rover.lockstep import LockStep
 
 EVERY = 100
 GET_STATUS = (10, 3)
-KEPT: list[Any] = []
+RETAINED: list[Any] = []
 
 
 def _taking(act: Callable[[Callable[[], None], Provider, Connection, Header], object]) -> None:
@@ -76,37 +76,37 @@ def is_lenient() -> None:
 
 
 def raises() -> None:
-    def ask(*_: object) -> None:
+    def query(*_: object) -> None:
         raise RuntimeError("broken")
 
-    CoreGateway.query = ask  # type: ignore[assignment, method-assign]
+    CoreGateway.query = query  # type: ignore[assignment, method-assign]
 
 
 def grows() -> None:
-    def keep(take: Callable[[], None], *_: object) -> None:
-        KEPT.append(os.urandom(20_000))
+    def retain(take: Callable[[], None], *_: object) -> None:
+        RETAINED.append(os.urandom(20_000))
         take()
 
-    _taking(keep)
+    _taking(retain)
 
 
-def keeps_files() -> None:
-    _every(lambda _: KEPT.append(os.dup(0)))
+def leaks_files() -> None:
+    _every(lambda _: RETAINED.append(os.dup(0)))
 
 
-def keeps_tasks() -> None:
-    _every(lambda _: KEPT.append(asyncio.ensure_future(asyncio.Event().wait())))
+def leaks_tasks() -> None:
+    _every(lambda _: RETAINED.append(asyncio.ensure_future(asyncio.Event().wait())))
 
 
-def keeps_connections() -> None:
-    def keep(take: Callable[[], None], *message: object) -> None:
-        KEPT.append(message)
+def leaks_connections() -> None:
+    def retain(take: Callable[[], None], *message: object) -> None:
+        RETAINED.append(message)
         take()
 
-    _taking(keep)
+    _taking(retain)
 
 
-def serves_nobody() -> None:
+def serves_no_client() -> None:
     def refuse(take: Callable[[], None], self: Provider, *message: Any) -> None:
         connection, header = message
         if (header.service, header.operation) == GET_STATUS:
@@ -132,7 +132,7 @@ def moves_by_itself() -> None:
     Executive.velocity = property(lambda _: Velocity(0.1, 0.0))  # type: ignore[assignment, method-assign]
 
 
-def takes_commands_of_nobody() -> None:
+def accepts_commands_without_source() -> None:
     submit = CoreGateway.submit
 
     def haunted(self: CoreGateway, command: Command) -> Any:

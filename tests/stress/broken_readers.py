@@ -21,7 +21,7 @@ from executive.core.runner import Executive
 from executive.values.geometry import Velocity
 from executive.values.reports import Identity, Report
 
-KEPT: list[Any] = []
+RETAINED: list[Any] = []
 
 
 def _around(patch: pytest.MonkeyPatch, kind: type, name: str, act: Callable[..., Any]) -> None:
@@ -59,14 +59,14 @@ def does_not_find_back(patch: pytest.MonkeyPatch) -> None:
             return None
         return message
 
-    _around(patch, MopsStream, "_whole", whole)
+    _around(patch, MopsStream, "_complete_message", whole)
 
 
 def is_silent(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(MopsStream, "_drop", lambda *_: None)
 
 
-def says_it_twice(patch: pytest.MonkeyPatch) -> None:
+def reports_twice(patch: pytest.MonkeyPatch) -> None:
     def drop(method: Any, _: MopsStream, *piece: Any) -> None:
         method(*piece)
         method(*piece)
@@ -74,7 +74,7 @@ def says_it_twice(patch: pytest.MonkeyPatch) -> None:
     _around(patch, MopsStream, "_drop", drop)
 
 
-def says_it_in_many_lines(patch: pytest.MonkeyPatch) -> None:
+def reports_in_many_lines(patch: pytest.MonkeyPatch) -> None:
     def drop(method: Any, _: MopsStream, shown: bytes, octets: int, why: str) -> None:
         method(shown, octets, f"{why}\nin {octets} octets")
 
@@ -89,7 +89,7 @@ def writes_otherwise(patch: pytest.MonkeyPatch) -> None:
     _around(patch, Dictionary, "command", command)
 
 
-def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
+def has_the_brick_execute_foreign_commands(patch: pytest.MonkeyPatch) -> None:
     def take(method: Any, self: Router, link: BrickLink, message: Message) -> None:
         if message.dest == self.name:
             method(link, message)
@@ -99,14 +99,14 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
     _around(patch, Router, "_handle_message", take)
 
 
-def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
+def accepts_commands_without_source(patch: pytest.MonkeyPatch) -> None:
     numbers = count(1)
 
-    def take(method: Any, self: ExecutiveRelayLink, message: Message, *told: Any) -> None:
-        method(message, *told)
-        nobody = Identity("NOBODY", next(numbers))
-        forged = self._dictionary.command(SetTravelSpeed(0.25), nobody, self._asset)
-        method(forged, *told)
+    def take(method: Any, self: ExecutiveRelayLink, message: Message, *reported: Any) -> None:
+        method(message, *reported)
+        absent = Identity("NOBODY", next(numbers))
+        forged = self._dictionary.command(SetTravelSpeed(0.25), absent, self._asset)
+        method(forged, *reported)
 
     _around(patch, ExecutiveRelayLink, "_handle_message", take)
 
@@ -119,7 +119,7 @@ def moves(patch: pytest.MonkeyPatch) -> None:
     _around(patch, Executive, "tick", tick)
 
 
-def tells_what_nobody_said(patch: pytest.MonkeyPatch) -> None:
+def reports_unsent_messages(patch: pytest.MonkeyPatch) -> None:
     def report(method: Any, _: RelayedRover, *reported: Report | int) -> None:
         for again in [reported] * 9:
             method(*again)
@@ -129,8 +129,8 @@ def tells_what_nobody_said(patch: pytest.MonkeyPatch) -> None:
 
 def grows(patch: pytest.MonkeyPatch) -> None:
     def whole(method: Any, _: MopsStream, piece: bytes) -> Message | None:
-        KEPT.append(bytearray(10_000))
+        RETAINED.append(bytearray(10_000))
         found: Message | None = method(piece)
         return found
 
-    _around(patch, MopsStream, "_whole", whole)
+    _around(patch, MopsStream, "_complete_message", whole)

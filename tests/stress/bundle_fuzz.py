@@ -40,14 +40,14 @@ from adapters.bundle.node.database import BundleDatabase, StoreLimits
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import TcpclLink
 from tests.bundle.strategies import CONTACT_HEADERS, MESSAGES, NUMBERS, SEGMENTS, bundles
-from tests.stress.findings import MB, Findings, Tell
+from tests.stress.findings import MB, Findings, Log
 from tests.stress.fuzzing import attack, examples, mutate
 from tests.support.figures import Figure, Goal
 from tests.support.unsynced import UNSYNCED
 
 POOL: Final = 120
 """Sound ones of each kind, of which the wrong ones are made."""
-MOST_GROWTH_MB: Final = 5.0
+MAX_GROWTH_MB: Final = 5.0
 _KEY: Final = Key(bytes(32))
 _LIFETIME_MS: Final = 3_600_000
 _IN_TIME: Final = 0.8
@@ -71,7 +71,8 @@ def odd_bundles(draw: st.DrawFn) -> Bundle:
     )  # fmt: skip
     kinds = draw(st.lists(st.tuples(_KINDS, _DATA, _EDGES), max_size=3))
     blocks = [
-        Block(kind, place, data, flags & 0x17) for place, (kind, data, flags) in enumerate(kinds, 2)
+        Block(kind, number, data, flags & 0x17)
+        for number, (kind, data, flags) in enumerate(kinds, 2)
     ]
     odd = Bundle(primary, (*blocks, bundle.blocks[-1]))
     return sign(odd, _KEY, Ipn(1, 0), (0, 1)) if draw(st.booleans()) else odd
@@ -136,7 +137,7 @@ class Target:
         self.refused = self.taken = 0
         self._findings = findings
         settings = NodeSettings(Ipn(2, 1), (Ipn(2, 1),), (Neighbour(Ipn(1, 0), _LINK),))
-        limits = StoreLimits(most_octets=4 << 20)
+        limits = StoreLimits(max_octets=4 << 20)
         self.database = BundleDatabase(folder / "fuzz.db", limits, UNSYNCED)
         self.node = BundleNode(
             settings, self.database, lambda: int(1000 * time.time()), lambda _: None
@@ -155,7 +156,7 @@ class Target:
         except DecodeError as error:
             self.refused += len(str(error).splitlines()) == 1
         with suppress(StoreFull):
-            self.node.receiving.arrived("ipn:1.0", octets)
+            self.node.receiving.receive("ipn:1.0", octets)
 
     def take_segment(self, octets: bytes) -> None:
         try:
@@ -167,8 +168,8 @@ class Target:
         for event in self._span.events:
             if isinstance(event, BlockReceived):
                 with suppress(StoreFull):
-                    self.node.receiving.arrived("ipn:1.0", event.block)
-                self._span.stored(event.number)
+                    self.node.receiving.receive("ipn:1.0", event.block)
+                self._span.mark_stored(event.number)
         self._span.events.clear()
         self._span.segments.clear()
 
@@ -184,19 +185,19 @@ class Target:
         self._span.tick()
         self.node.transaction.commit()
         while fetched := self.node.fetch():
-            self.node.delivered(fetched)
+            self.node.mark_delivered(fetched)
         for expedited in (True, False):
             while sent := self.node.sending.outgoing(
                 "ipn:1.0", 100_000, 1 << 20, expedited=expedited
             ):
-                self.node.sending.handed_on(sent)
+                self.node.sending.mark_forwarded(sent)
         self.node.tick()
         self.node.transaction.commit()
 
 
-def measure(messages: int, seed: int, tell: Tell) -> list[Figure]:
+def measure(messages: int, seed: int, log: Log) -> list[Figure]:
     logging.getLogger("adapters.bundle").setLevel(logging.CRITICAL)
-    wrong, findings = Wrong(seed), Findings(tell)
+    wrong, findings = Wrong(seed), Findings(log)
     with tempfile.TemporaryDirectory() as folder:
         target = Target(Path(folder), findings)
         takers = (
@@ -212,6 +213,6 @@ def measure(messages: int, seed: int, tell: Tell) -> list[Figure]:
         *findings.figures("bundles", Fault, beside),
         Figure("bundles: refused", target.refused, "messages", beside),
         Figure("bundles: sound all the same", target.taken, "bundles", beside),
-        Figure("bundles: memory gained", grown_mb, "MB", "since 30% of it", Goal(MOST_GROWTH_MB)),
+        Figure("bundles: memory gained", grown_mb, "MB", "since 30% of it", Goal(MAX_GROWTH_MB)),
         Figure("bundles: content of the store", store_mb, "MB", beside, Goal(4.5)),
     ]

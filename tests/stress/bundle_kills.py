@@ -27,7 +27,7 @@ from adapters.bundle import (
 )
 from adapters.bundle.node.settings import DaemonLink
 from sim.processes import HOST
-from tests.stress.findings import Findings, Tell
+from tests.stress.findings import Findings, Log
 from tests.stress.journal import Journal, read_journal
 from tests.support.figures import Figure
 from tests.support.ports import free_udp_ports
@@ -35,8 +35,8 @@ from tests.support.victims import Workplace, workplace
 
 ION: Final = "ion"
 LIMIT_S: Final = 60.0
-LOOK_S: Final = 0.02
-ARRIVAL_LOOK_S: Final = 0.5
+POLL_S: Final = 0.02
+ARRIVAL_POLL_S: Final = 0.5
 """Between two reads of whole records: what carries may run in this process, too."""
 PAUSE_S: Final = 0.1
 """At most between what calls for a kill and the kill."""
@@ -50,11 +50,13 @@ class Fault(Enum):
     DOUBLED = "given twice"
 
 
-def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
+def measure(kills: int, seed: int, log: Log, output: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken where LTP carries."""
     one, two = free_udp_ports(2)
-    with workplace(keep) as place:
-        taken, findings = kill_at_random(place, (f"{one}:{two}", f"{two}:{one}"), kills, seed, tell)
+    with workplace(output) as workspace:
+        taken, findings = kill_at_random(
+            workspace, (f"{one}:{two}", f"{two}:{one}"), kills, seed, log
+        )
     return [
         Figure("bundle kills: taken", taken, "bundles", f"{kills} kills"),
         *findings.figures("bundle kills", Fault, f"{kills} kills, seed {seed}"),
@@ -62,28 +64,28 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
 
 
 def kill_at_random(
-    place: Workplace, carriers: tuple[str, str], kills: int, seed: int, tell: Tell
+    workspace: Workplace, carriers: tuple[str, str], kills: int, seed: int, log: Log
 ) -> tuple[int, Findings]:
     """Kill a sender and a receiver at random; return how much was taken, and what is wrong.
 
     Args:
-        place: where their stores and records are.
+        workspace: where their stores and records are.
         carriers: of each: ION, or the own port and the other's, of LTP.
         kills: how many.
         seed: of whom, and when.
-        tell: called with a line on each of the first faults.
+        log: called with a line on each of the first faults.
     """
     random = Random(seed)
-    sent, received = (place.folder / f"{role}.jsonl" for role in ("send", "receive"))
+    sent, received = (workspace.folder / f"{role}.jsonl" for role in ("send", "receive"))
     victims = [
-        place.start(role, "tests.stress.bundle_kills", role, place.folder, carrier)
+        workspace.start(role, "tests.stress.bundle_kills", role, workspace.folder, carrier)
         for role, carrier in zip(("send", "receive"), carriers, strict=True)
     ]
 
     def grow(path: Path) -> None:
         """Wait until a record has grown: the process runs and works."""
         size = _size(path)
-        _until(lambda: _size(path) > size, f"{path.name} does not go on", place)
+        _until(lambda: _size(path) > size, f"{path.name} does not go on", workspace)
 
     for _ in range(kills):
         grow(sent)
@@ -95,13 +97,13 @@ def kill_at_random(
     taken = {number for (number,) in read_journal(sent)}
     # The sender's store still holds what was not handed on: it goes on from there.
     victims[0].start()
-    findings = Findings(tell)
+    findings = Findings(log)
     try:
         _until(
             lambda: taken <= {number for _, number in read_journal(received)},
             "not all arrived",
-            place,
-            ARRIVAL_LOOK_S,
+            workspace,
+            ARRIVAL_POLL_S,
         )
     except TimeoutError:
         for number in taken - {number for _, number in read_journal(received)}:
@@ -113,14 +115,14 @@ def kill_at_random(
 
 
 def _until(
-    done: Callable[[], bool], complaint: str, place: Workplace, look_s: float = LOOK_S
+    done: Callable[[], bool], complaint: str, workspace: Workplace, poll_s: float = POLL_S
 ) -> None:
     deadline_s = time.monotonic() + LIMIT_S
     while not done():
-        place.check()
+        workspace.check()
         if time.monotonic() > deadline_s:
             raise TimeoutError(complaint)
-        time.sleep(look_s)
+        time.sleep(poll_s)
 
 
 def _size(path: Path) -> int:

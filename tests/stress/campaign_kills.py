@@ -21,13 +21,13 @@ from sim.campaign.model import Campaign, Integers, Success, Variation
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import CampaignSession
 from sim.campaign.worker import run_job
-from tests.stress.findings import Findings, Tell
+from tests.stress.findings import Findings, Log
 from tests.support.figures import Figure, Goal
 
 WORKERS: Final = 2
 RUNS_PER_KILL: Final = 5
-LOOK_S: Final = 0.05
-LONGEST_S: Final = 0.5
+POLL_S: Final = 0.05
+MAX_DURATION_S: Final = 0.5
 """At most between what calls for a kill and the kill."""
 
 
@@ -64,9 +64,9 @@ class Killer:
 
     def _kill(self) -> None:
         """Kill one of the workers, which go on meanwhile, after a moment."""
-        time.sleep(self._random.uniform(0.0, LONGEST_S))
+        time.sleep(self._random.uniform(0.0, MAX_DURATION_S))
         while not (workers := _workers()):  # all of them start again
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         os.kill(self._random.choice(workers), signal.SIGKILL)
         self.kills += 1
 
@@ -80,18 +80,18 @@ def _workers() -> list[int]:
     return found
 
 
-def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> list[Figure]:
+def measure(kills: int, seed: int, log: Log, scenario: str = "to_a_goal") -> list[Figure]:
     """Return how often a promise was broken."""
     campaign = Campaign(
         title="kills",
         scenarios=(scenario,),
         runs=RUNS_PER_KILL * kills,
         vary=(Variation(key="seed", distribution=Integers((0, 1_000_000))),),
-        hold=(Success(success=0.5),),
+        criteria=(Success(success=0.5),),
     )
     killer = Killer(kills, Random(seed))
     spared = Killer(0, Random(seed))
-    found = Findings(tell)
+    found = Findings(log)
     with TemporaryDirectory() as folder:
         with local_cluster(WORKERS) as client:
             disturbed = _play(client, campaign, Path(folder, "disturbed"), killer)
@@ -116,5 +116,5 @@ def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> l
 
 def _play(client: Client, campaign: Campaign, folder: Path, killer: Killer) -> RunTable:
     runs = RunTable(folder, quantities(campaign))
-    CampaignSession(campaign, runs, partial(results, client, run_job), killer).to_the_end()
+    CampaignSession(campaign, runs, partial(results, client, run_job), killer).run_missing()
     return runs

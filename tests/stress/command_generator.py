@@ -28,7 +28,7 @@ FAMILIES: Final = {each: [d for d in all_declarations() if d.family is each] for
 WEIGHTS: Final = {Family.MOTION: 8, Family.CAMERA: 2, Family.PLAN: 2, Family.PLAN_START: 2,
                   Family.RESUME: 2}  # fmt: skip
 """How often a family comes, where not once."""
-LEAST, MOST = 0.2, 1.5
+LEAST, MAXIMUM = 0.2, 1.5
 """Of figures that may not be negative."""
 PLAN: Final = b"""\
 <root BTCPP_format="4">
@@ -56,7 +56,7 @@ def random_command(seed: int, number: int, link: str, utc_s: float) -> Command:
         link=link,
         created_utc_s=utc_s,
         lifetime_s=random.choice((None, None, None, random.uniform(1.0, 10.0))),
-        arrival=random.choice(
+        preemption=random.choice(
             (PreemptionPolicy.APPEND, PreemptionPolicy.REPLACE, PreemptionPolicy.REPLACE)
         ),
     )
@@ -102,7 +102,7 @@ def random_request(random: Random, number: int, odd: float = 0.0) -> Request:
         if random.random() < odd:
             return random.choice(ODD)
         positive = isinstance(bound, ValueRange) and isinstance(bound.low, float)
-        return random.uniform(LEAST, MOST) if positive else random.uniform(-1.0, 1.0)
+        return random.uniform(LEAST, MAXIMUM) if positive else random.uniform(-1.0, 1.0)
 
     if number % PER_PLAN == 1:
         return SubmitPlan(PlanDefinition(plan_id, "look", "BTCPP4", PLAN))

@@ -22,7 +22,7 @@ from sim.rover.camera import Backend, PictureSettings
 from sim.rover.faults import OdometryLost
 from sim.rover.lockstep import LockStep
 from tests.stress.command_generator import random_request
-from tests.stress.findings import Findings, LifeFault, Tell, broken_lives
+from tests.stress.findings import Findings, LifecycleFault, Log, broken_lifecycles
 from tests.support.figures import Figure
 
 ODD: Final = 0.02
@@ -49,19 +49,19 @@ class Storm:
         findings: what is wrong.
     """
 
-    def __init__(self, settings: Settings, folder: Path, random: Random, tell: Tell) -> None:
-        forgetful = replace(settings, kept_reports=MIN_REPORTS)
+    def __init__(self, settings: Settings, folder: Path, random: Random, log: Log) -> None:
+        forgetful = replace(settings, retained_reports=MIN_REPORTS)
         self.lockstep = LockStep(forgetful, World(), folder, picture=PICTURE)
         self.random = random
         self.sent: list[Command] = []
         self.crashes = 0
-        self.findings = Findings(tell)
+        self.findings = Findings(log)
         self._tick_s = settings.tick_s
         self._late: list[Command] = []
         self._reports: list[Report] = []
         self.let_time_pass(2)
 
-    def commands_come(self, count: int) -> None:
+    def receive_commands(self, count: int) -> None:
         """Send new commands, some held back, some held back before, some again."""
         for _ in range(count):
             match self.random.randrange(5):
@@ -79,7 +79,7 @@ class Storm:
     def let_time_pass(self, ticks: int) -> None:
         for _ in range(ticks):
             self.lockstep.run(self._tick_s)
-            self._look()
+            self._poll()
         self._read()
 
     def crash(self) -> None:
@@ -103,14 +103,14 @@ class Storm:
         self.lockstep.submit(Command(END, Stop(), "direct"))
         self.let_time_pass(round(REST_S / self._tick_s))
         self.lockstep.executive.simulate_crash()
-        for fault, about in broken_lives(self._reports):
+        for fault, about in broken_lifecycles(self._reports):
             self.findings.add(fault, about)
         return self.findings
 
     def _deliver(self, command: Command) -> None:
         self.lockstep.submit(command)
         self.sent.append(command)
-        self._look()
+        self._poll()
 
     def _read(self) -> None:
         """Read what was reported since, before it is forgotten."""
@@ -119,7 +119,7 @@ class Storm:
         if executive.last_sequence >= since:
             self._reports += executive.reports(since, count=MIN_REPORTS)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         executive = self.lockstep.executive
         if executive.mode in {Mode.STOPPED, Mode.SAFE} and executive.velocity != STANDING:
             self.findings.add(StormFault.MOVED, executive.velocity)
@@ -132,17 +132,17 @@ class Storm:
             random.choice(("direct", "relay")),
             created_utc_s=self.lockstep.clock.utc_s(),
             lifetime_s=random.choice((None, None, random.uniform(0.0, 5.0))),
-            arrival=random.choice(tuple(PreemptionPolicy)),
+            preemption=random.choice(tuple(PreemptionPolicy)),
         )
 
 
-def measure(settings: Settings, count: int, seed: int, tell: Tell) -> list[Figure]:
+def measure(settings: Settings, count: int, seed: int, log: Log) -> list[Figure]:
     """Return how often the promises were broken in a storm of this many commands."""
     random = Random(seed)
     with tempfile.TemporaryDirectory() as folder:
-        storm = Storm(settings, Path(folder), random, tell)
+        storm = Storm(settings, Path(folder), random, log)
         while len(storm.sent) < count:
-            storm.commands_come(BURST)
+            storm.receive_commands(BURST)
             storm.let_time_pass(random.randrange(20))
             storm.set_odometry(works=random.random() < 0.9)
             if random.random() < 0.2:
@@ -150,6 +150,6 @@ def measure(settings: Settings, count: int, seed: int, tell: Tell) -> list[Figur
         findings = storm.end()
     beside = f"{len(storm.sent)} commands, {storm.crashes} crashes, lock step"
     return [
-        *findings.figures("storm", LifeFault, beside),
+        *findings.figures("storm", LifecycleFault, beside),
         *findings.figures("storm", StormFault, beside),
     ]

@@ -28,16 +28,16 @@ from executive.commands import (
 )
 from executive.values.geometry import wrap_rad
 from sim.processes import HOST
-from tests.stress.findings import Tell
+from tests.stress.findings import Log
 from tests.stress.pose_log import TruePose, read_poses
 from tests.support.figures import Figure, Goal, quantile
-from tests.support.ground import ask, located
+from tests.support.ground import call_ground, located
 from tests.support.ports import free_ports
 from tests.support.victims import Victim, Workplace, workplace
 
 FASTEST_MPS: Final = {"mocup": 0.2, "jackal": 1.0}
-STANDS_WITHIN_S: Final = {"mocup": 1.2, "jackal": 0.3}
-MOST_WAIT_S: Final = 2.0
+STATIONARY_WITHIN_S: Final = {"mocup": 1.2, "jackal": 0.3}
+MAX_WAIT_S: Final = 2.0
 """Of a round: from the start of its motion to the kill."""
 WATCHED_S: Final = 3.0
 """After a kill."""
@@ -58,13 +58,13 @@ class Target(Enum):
         return " and ".join(self.value)
 
 
-def measure(kills: int, seed: int, tell: Tell) -> list[Figure]:
+def measure(kills: int, seed: int, log: Log) -> list[Figure]:
     """Return after how long rovers stand.
 
     Args:
         kills: how many of each kind.
         seed: of the moments, and of what is commanded.
-        tell: called with a line on each kill.
+        log: called with a line on each kill.
 
     Raises:
         ChildError: a process ended by itself.
@@ -72,73 +72,75 @@ def measure(kills: int, seed: int, tell: Tell) -> list[Figure]:
     """
     figures = []
     for asset, targets in (("mocup", tuple(Target)), ("jackal", (Target.EXECUTIVE,))):
-        for target, stood_s in kill_in_motion(asset, targets, kills, seed, tell).items():
+        for target, standstill_s in kill_in_motion(asset, targets, kills, seed, log).items():
             name, beside = f"{asset}, {target} killed: stands", f"{kills} kills, seed {seed}"
-            goal = Goal(STANDS_WITHIN_S[asset])
+            goal = Goal(STATIONARY_WITHIN_S[asset])
             figures += [
-                Figure(f"{name}, median", quantile(stood_s, 0.5), "s", beside),
-                Figure(f"{name}, at most", max(stood_s), "s", beside, goal),
+                Figure(f"{name}, median", quantile(standstill_s, 0.5), "s", beside),
+                Figure(f"{name}, at most", max(standstill_s), "s", beside, goal),
             ]
     return figures
 
 
 def kill_in_motion(
-    asset: str, targets: Sequence[Target], kills: int, seed: int, tell: Tell
+    asset: str, targets: Sequence[Target], kills: int, seed: int, log: Log
 ) -> dict[Target, list[float]]:
     """Return after how many seconds a rover stood, for each kill of each target."""
-    stood_s: dict[Target, list[float]] = {target: [] for target in targets}
+    standstill_s: dict[Target, list[float]] = {target: [] for target in targets}
     random = Random(seed)
     rounds = [*targets] * kills
     random.shuffle(rounds)
-    with workplace() as place:
-        observer = place.start("observer", "tests.stress.pose_log", asset)
-        victims, uri = _start(place, asset, seed)
+    with workplace() as workspace:
+        observer = workspace.start("observer", "tests.stress.pose_log", asset)
+        victims, uri = _start(workspace, asset, seed)
         for number, target in enumerate(rounds):
-            place.check()
+            workspace.check()
             for victim in victims.values():
                 victim.wait()
-            ask(uri, partial(_begin, asset=asset, way=(-1) ** number, random=random))
-            time.sleep(random.uniform(0.0, MOST_WAIT_S))
+            call_ground(uri, partial(_begin, asset=asset, direction=(-1) ** number, random=random))
+            time.sleep(random.uniform(0.0, MAX_WAIT_S))
             killed_s = time.time()
             for name in target.value:
                 victims[name].child.kill()
             time.sleep(WATCHED_S)
-            stood_s[target].append(_stood_after_s(read_poses(observer.child.log), killed_s))
-            tell(f"{asset}, {target} killed: stands after {stood_s[target][-1]:.2f} s")
+            standstill_s[target].append(
+                _stationary_after_s(read_poses(observer.child.log), killed_s)
+            )
+            log(f"{asset}, {target} killed: stands after {standstill_s[target][-1]:.2f} s")
             for name in target.value:
                 victims[name].start()
-    return stood_s
+    return standstill_s
 
 
-def _start(place: Workplace, asset: str, seed: int) -> tuple[dict[str, Victim], str]:
+def _start(workspace: Workplace, asset: str, seed: int) -> tuple[dict[str, Victim], str]:
     (port,) = free_ports(1)
-    cable = ("--usb-socket", place.folder / "usb") if asset == "mocup" else ()
-    place.start(
+    cable = ("--usb-socket", workspace.folder / "usb") if asset == "mocup" else ()
+    workspace.start(
         "simulation", "sim.ros.process",
         "--asset", asset, "--world", "flat", "--seed", seed, "--camera", "off", *cable,
         up="stands in world",
     ).wait()  # fmt: skip
     victims = {
-        "executive": place.start(
+        "executive": workspace.start(
             "executive", "adapters.onboard.process",
-            "--asset", asset, "--port", port, "--data", place.folder / "aboard",
+            "--asset", asset, "--port", port, "--data", workspace.folder / "aboard",
         )
     }  # fmt: skip
     if cable:
-        data = ("--data", place.folder / "brick")
+        data = ("--data", workspace.folder / "brick")
         line = ("sim.brick.nxt", "--asset", asset, *data, *cable)
-        victims["nxt"] = place.start("nxt", *line, up="brick connected")
+        victims["nxt"] = workspace.start("nxt", *line, up="brick connected")
     return victims, f"maltcp://{HOST}:{port}/{NAME}"
 
 
-async def _begin(client: MrsClient, asset: str, way: int, random: Random) -> None:
+async def _begin(client: MrsClient, asset: str, direction: int, random: Random) -> None:
     """Begin a motion that lasts, at full speed, and return when it has started."""
     await located(client)
     speed_mps = FASTEST_MPS[asset]
     motions: tuple[Request, ...] = (
-        MoveForward(way * 8 * speed_mps),
-        RotateBy(way * 3.0),
-        DriveFor(way * speed_mps, 0.2, 8.0),
+        MoveForward(direction * 8 * speed_mps),
+        RotateBy(direction * 3.0),
+        DriveFor(direction * speed_mps, 0.2, 8.0),
     )
     # a stop first: what the last round left under way is over, and so is what comes of it
     for request in (Stop(), Resume(), SetTravelSpeed(speed_mps), SetRotateSpeed(0.5)):
@@ -147,7 +149,7 @@ async def _begin(client: MrsClient, asset: str, way: int, random: Random) -> Non
     motion = asyncio.create_task(
         client.run(
             client.command(random.choice(motions)),
-            lambda told: started.set() if told.stage is Stage.STARTED else None,
+            lambda reported: started.set() if reported.report.stage is Stage.STARTED else None,
         )
     )
     waiting = asyncio.create_task(started.wait())
@@ -157,7 +159,7 @@ async def _begin(client: MrsClient, asset: str, way: int, random: Random) -> Non
     motion.cancel()
 
 
-def _stood_after_s(poses: Sequence[TruePose], killed_s: float) -> float:
+def _stationary_after_s(poses: Sequence[TruePose], killed_s: float) -> float:
     """Return how long after a kill the rover was still away from where it came to stand."""
     seen = [pose for pose in poses if pose.utc_s > killed_s]
     last = seen[-1]

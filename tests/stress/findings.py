@@ -11,15 +11,15 @@ import psutil
 from executive.values.reports import Identity, Report, Stage
 from tests.support.figures import Figure, Goal
 
-MOST_TOLD: Final = 10
+MAX_REPORTED: Final = 10
 MB: Final = 1e6
-Tell = Callable[[str], object]
+Log = Callable[[str], object]
 Finding = tuple[Enum, str]
 """A fault, and what it is about."""
 
 
 @unique
-class LifeFault(Enum):
+class LifecycleFault(Enum):
     """What no command's life may show."""
 
     STAGE_TWICE = "stages that a command reached twice"
@@ -30,16 +30,16 @@ class LifeFault(Enum):
 class Findings:
     """Counts faults, and tells the first of them."""
 
-    def __init__(self, tell: Tell, findings: Iterable[Finding] = ()) -> None:
+    def __init__(self, log: Log, findings: Iterable[Finding] = ()) -> None:
         self.counts: Counter[Enum] = Counter()
-        self._tell = tell
+        self._log = log
         for fault, about in findings:
             self.add(fault, about)
 
     def add(self, fault: Enum, about: object) -> None:
         self.counts[fault] += 1
-        if self.counts.total() <= MOST_TOLD:
-            self._tell(f"{fault.value}: {about}")
+        if self.counts.total() <= MAX_REPORTED:
+            self._log(f"{fault.value}: {about}")
 
     def figures(self, name: str, faults: type[Enum], beside: str) -> list[Figure]:
         """Return how often each fault was found; none may be."""
@@ -68,7 +68,7 @@ class Lines(logging.Handler):
         super().close()
 
 
-def lives(reports: Iterable[Report]) -> defaultdict[Identity, list[tuple[int, Stage, int]]]:
+def lifecycles(reports: Iterable[Report]) -> defaultdict[Identity, list[tuple[int, Stage, int]]]:
     """Return the life of each command: numbers of its reports, stages, reasons."""
     found = defaultdict(list)
     for report in sorted(reports, key=lambda each: each.sequence):
@@ -78,18 +78,18 @@ def lives(reports: Iterable[Report]) -> defaultdict[Identity, list[tuple[int, St
     return found
 
 
-def broken_lives(reports: Sequence[Report]) -> Iterator[Finding]:
+def broken_lifecycles(reports: Sequence[Report]) -> Iterator[Finding]:
     """Yield what is wrong with the reports of a ledger, from the first on."""
-    for identity, life in lives(reports).items():
-        counts = Counter(stage for _, stage, _ in life)
+    for identity, lifecycle in lifecycles(reports).items():
+        counts = Counter(stage for _, stage, _ in lifecycle)
         for stage, count in counts.items():
             if count > 1 and stage is not Stage.PROGRESS:
-                yield LifeFault.STAGE_TWICE, f"{identity} {stage.name}"
+                yield LifecycleFault.STAGE_TWICE, f"{identity} {stage.name}"
         if sum(count for stage, count in counts.items() if stage.terminal) != 1:
-            yield LifeFault.ENDS, f"{identity}: {' '.join(stage.name for stage in counts)}"
-    for place, report in enumerate(reports, 1):
-        if report.sequence != place:
-            yield LifeFault.GAP, f"{report.sequence} in place {place}"
+            yield LifecycleFault.ENDS, f"{identity}: {' '.join(stage.name for stage in counts)}"
+    for number, report in enumerate(reports, 1):
+        if report.sequence != number:
+            yield LifecycleFault.GAP, f"{report.sequence} in place {number}"
             return
 
 

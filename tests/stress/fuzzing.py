@@ -69,10 +69,10 @@ def mutate(octets: bytes, random: Random, splices: Sequence[bytes] = ()) -> byte
                 changed[end:end] = changed[at:end] * 2
             case 4:
                 changed[at : at + 4] = random.choice(COUNTS).to_bytes(4, "big")
-            case 6 | 7 as way:
+            case 6 | 7 as path:
                 splice = random.choice(splices)
                 part = splice[: random.randrange(1, 40)]
-                changed[at : at if way == 6 else len(changed)] = part
+                changed[at : at if path == 6 else len(changed)] = part
             case _:
                 changed[at:at] = random.randbytes(random.randrange(1, 9))
     return bytes(changed)

@@ -80,17 +80,17 @@ class Watch:
     """Samples whether contact is shown while ION is down."""
 
     def __init__(self, running: Running) -> None:
-        self.down, self.longest_s = False, 0.0
+        self.down, self.max_s = False, 0.0
         self._running, self._begun_s = running, 0.0
-        self._task = asyncio.create_task(self._look())
+        self._task = asyncio.create_task(self._poll())
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         while True:
             contact = self._running.agent.health().neighbours[0].contact
             now_s = time.monotonic()
             if not (self.down and contact):
                 self._begun_s = now_s
-            self.longest_s = max(self.longest_s, now_s - self._begun_s)
+            self.max_s = max(self.max_s, now_s - self._begun_s)
             await asyncio.sleep(SAMPLE_S)
 
     async def close(self) -> None:
@@ -133,9 +133,9 @@ async def as_neighbour(folder: Path, restarts: int, each: int, durable: bool) ->
     node.write()
     async with embedded(folder, ports[1], ports[0]) as ours:
         exchange = Exchange(ours)
-        for life in range(restarts + 1):
-            down = {b"down %d-%d." % (life, number) for number in range(each)}
-            up = [b"up %d-%d." % (life, number) for number in range(each)]
+        for run in range(restarts + 1):
+            down = {b"down %d-%d." % (run, number) for number in range(each)}
+            up = [b"up %d-%d." % (run, number) for number in range(each)]
             for text in up:  # while there is no ION
                 await ours.agent.send(Ipn(1, 2), text, confirm=True)
             await node.start()
@@ -172,8 +172,8 @@ async def as_daemon(folder: Path, restarts: int, each: int, durable: bool) -> Ou
     await node.start()
     async with attached(folder, node) as near, embedded(folder, ports[1], ports[0]) as far:
         to_far, to_near, watch = Exchange(far), Exchange(near), Watch(near)
-        for life in range(restarts):
-            texts = [b"%d-%d" % (life, number) for number in range(each)]
+        for run in range(restarts):
+            texts = [b"%d-%d" % (run, number) for number in range(each)]
             await end(node, durable)
             watch.down = True
             await send_both(near, far, texts[: each // 2])
@@ -186,7 +186,7 @@ async def as_daemon(folder: Path, restarts: int, each: int, durable: bool) -> Ou
             outcome.missing |= await to_near.has({b"in " + text for text in texts})
             outcome.sent += 2 * each
             outcome.back_s.append(time.monotonic() - started_s)
-        outcome.falsely_s = watch.longest_s
+        outcome.falsely_s = watch.max_s
         for running in (to_far, to_near, watch):
             await running.close()
     await end(node, durable)

@@ -18,7 +18,7 @@ from executive.record import Ledger
 from executive.settings import config_folder
 from sim.processes import HOST
 from tests.stress.command_generator import SMALL_FILES, small_file
-from tests.stress.findings import Findings, LifeFault, Tell
+from tests.stress.findings import Findings, LifecycleFault, Log
 from tests.stress.kills_client import ASSET, COMMANDS, JOURNAL, SAMPLES, SETTLED
 from tests.stress.kills_journal import (
     Answer,
@@ -26,9 +26,9 @@ from tests.stress.kills_journal import (
     Entry,
     Fetched,
     Fetching,
-    Heard,
+    Received,
+    Route,
     Sent,
-    Way,
     read_entries,
 )
 from tests.stress.kills_judge import Evidence, Fault, judge, stops
@@ -41,7 +41,7 @@ BROKER: Final = "base"
 """The asset whose executive is the service layer, with the broker; it has no rover."""
 SAMPLE_OCTETS: Final = 6_000_000
 SETTLE_S: Final = 120.0
-STAND_S: Final = 2.0
+STANDSTILL_S: Final = 2.0
 PAUSE_S: Final = 2.5
 """At most between two kills."""
 HASTE: Final = 0.3
@@ -59,14 +59,14 @@ class Target(Enum):
     EXECUTIVE = "executive"
 
 
-def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
+def measure(kills: int, seed: int, log: Log, output: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken, and what the campaign came upon.
 
     Args:
         kills: how many, shared out evenly.
         seed: of the moments, and of what is commanded.
-        tell: called with a line on each kill and on each of the first faults.
-        keep: an empty folder where everything is left; None for one that is gone in the end.
+        log: called with a line on each kill and on each of the first faults.
+        output: an empty folder where everything is left; None for one that is gone in the end.
 
     Raises:
         ChildError: a process ended by itself.
@@ -74,18 +74,18 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
     """
     targets = [list(Target)[number % len(Target)] for number in range(kills)]
     Random(seed).shuffle(targets)
-    with workplace(keep) as place:
-        ground, aboard = place.folder / "ground", place.folder / "aboard"
+    with workplace(output) as workspace:
+        ground, aboard = workspace.folder / "ground", workspace.folder / "aboard"
         ground.mkdir()
         _provide_files(aboard / "files", Random(seed))
-        observer = place.start("observer", "tests.stress.pose_log", ASSET)
-        duration_s = _kill_at_random(place, ground, aboard, targets, seed, tell)
+        observer = workspace.start("observer", "tests.stress.pose_log", ASSET)
+        duration_s = _kill_at_random(workspace, ground, aboard, targets, seed, log)
         poses, journal = read_poses(observer.child.log), read_entries(ground / JOURNAL)
         ledger = Ledger(aboard / "ledger.sqlite")
         reports = ledger.reports(count=ledger.last_sequence)
         ledger.close()
         evidence = Evidence(journal, reports, poses, aboard / "files")
-        findings = Findings(tell, judge(evidence))
+        findings = Findings(log, judge(evidence))
     beside = f"{kills} kills, seed {seed}"
     return [
         *(Figure(f"kills: {each.value}", targets.count(each), "kills") for each in Target),
@@ -94,49 +94,49 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
         Figure("kills: reports", len(reports), "reports"),
         Figure("kills: times stopped", len(stops(evidence)), "times"),
         *findings.figures("kills", Fault, beside),
-        *findings.figures("kills", LifeFault, beside),
+        *findings.figures("kills", LifecycleFault, beside),
     ]
 
 
 def _kill_at_random(
-    place: Workplace, ground: Path, aboard: Path, targets: Sequence[Target], seed: int, tell: Tell
+    workspace: Workplace, ground: Path, aboard: Path, targets: Sequence[Target], seed: int, log: Log
 ) -> float:
     """Kill so many, have the client settle, and return how long kills came."""
-    victims = _start(place, ground, aboard, seed)
+    victims = _start(workspace, ground, aboard, seed)
     began_s = time.monotonic()
     random = Random(seed)
     for number, target in enumerate(targets, 1):
         hasty = random.random() < HASTE
-        place.check()
+        workspace.check()
         for victim in victims.values():
             if not hasty:
                 victim.wait()
         time.sleep(random.uniform(0.0, PAUSE_S))
         victims[target].restart()
-        tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {target.value}")
+        log(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {target.value}")
     duration_s = time.monotonic() - began_s
     victims[Target.CLIENT].restart("--finish")
     victims[Target.CLIENT].wait(SETTLED, SETTLE_S)
-    time.sleep(STAND_S)
+    time.sleep(STANDSTILL_S)
     victims[Target.EXECUTIVE].child.kill()
     return duration_s
 
 
-def _start(place: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Target, Victim]:
+def _start(workspace: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Target, Victim]:
     rover, broker, video_from, video_to = (f"{HOST}:{port}" for port in free_ports(4))
     for suffix in (".yaml", ".ros.yaml"):
         text = (config_folder() / f"{ASSET}{suffix}").read_text(encoding="utf-8")
         named = text.replace(f"asset: {ASSET}", f"asset: {BROKER}")
-        (place.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
-    place.start("simulation", "sim.ros.process", "--asset", ASSET, "--world", "flat")
+        (workspace.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
+    workspace.start("simulation", "sim.ros.process", "--asset", ASSET, "--world", "flat")
     victims = {
-        Target.BROKER: place.start(
+        Target.BROKER: workspace.start(
             "broker", "adapters.onboard.process",
-            "--asset", place.folder / f"{BROKER}.yaml",
-            "--ros-params", place.folder / f"{BROKER}.ros.yaml",
-            "--port", _port(broker), "--data", place.folder / BROKER,
+            "--asset", workspace.folder / f"{BROKER}.yaml",
+            "--ros-params", workspace.folder / f"{BROKER}.ros.yaml",
+            "--port", _port(broker), "--data", workspace.folder / BROKER,
         ),
-        Target.EXECUTIVE: place.start(
+        Target.EXECUTIVE: workspace.start(
             "executive", "adapters.onboard.process",
             "--asset", ASSET, "--port", _port(rover), "--data", aboard, "--service-layer", broker,
             "--video-from", video_from, "--video-to", video_to,
@@ -144,7 +144,7 @@ def _start(place: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Targ
     }  # fmt: skip
     for each in victims.values():
         each.wait()
-    victims[Target.CLIENT] = place.start(
+    victims[Target.CLIENT] = workspace.start(
         "client", "tests.stress.kills_client",
         "--rover", rover, "--broker", broker, "--folder", ground, "--seed", seed,
         up=re.escape(COMMANDS),
@@ -168,14 +168,14 @@ def _port(address: str) -> str:
 def _journal_figures(journal: Sequence[Entry], kills: int) -> list[Figure]:
     sent = [entry.command.identity for entry in journal if isinstance(entry, Sent)]
     answers = Counter(entry.answer for entry in journal if isinstance(entry, Answered))
-    ways = Counter(entry.way for entry in journal if isinstance(entry, Heard))
+    routes = Counter(entry.route for entry in journal if isinstance(entry, Received))
     fetched = sum(isinstance(entry, Fetched) for entry in journal)
     resumed = sum(isinstance(entry, Fetching) and entry.had_octets > 0 for entry in journal)
     return [
         Figure("kills: commands", len(set(sent)), "commands", "", Goal(LEAST * kills, True)),
         Figure("kills: sent again", len(sent) - len(set(sent)), "times"),
         *(Figure(f"kills: answered {each.value}", answers[each], "commands") for each in Answer),
-        *(Figure(f"kills: heard, {each.value}", ways[each], "reports") for each in Way),
+        *(Figure(f"kills: heard, {each.value}", routes[each], "reports") for each in Route),
         Figure("kills: files fetched", fetched, "files"),
         Figure("kills: transfers a later client ended", resumed, "times"),
     ]

@@ -32,7 +32,7 @@ from adapters.mrs.transport import CLEAR
 from executive.commands.catalogue import Command, Stop
 from executive.values.reports import Identity
 from tests.stress.command_generator import SOURCE, random_command
-from tests.stress.kills_journal import Answer, Answered, Fetched, Fetching, Sent, View, Way
+from tests.stress.kills_journal import Answer, Answered, Fetched, Fetching, Route, Sent, View
 
 ASSET: Final = "jackal"
 SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
@@ -43,11 +43,11 @@ CHUNK_OCTETS: Final = 1024
 """Small, so that transfers last and kills meet them."""
 TIMEOUT_S: Final = 5.0
 PATIENCE_S: Final = 3600.0
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 """At most between two looks at what is missing."""
 PAUSE_S: Final = 1.0
 """At most between two bursts of commands."""
-MOST_AT_ONCE: Final = 5
+MAX_CONCURRENT: Final = 5
 REPEATED: Final = 0.2
 """Of the bursts: with a command that was sent before, though it may well have been answered."""
 QUIET_S: Final = 3.0
@@ -81,28 +81,28 @@ class Listener:
         """Ask for what is missing, for ever."""
         while True:
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._gap.wait(), LOOK_S)
+                await asyncio.wait_for(self._gap.wait(), POLL_S)
             self._gap.clear()
-            await self._ask(broker, Way.BROKER_MEMORY)
+            await self._request(broker, Route.BROKER_MEMORY)
             if self._finishing or self._view.complete_to < self._view.newest:
-                await self._ask(rover, Way.LEDGER)
+                await self._request(rover, Route.LEDGER)
 
-    async def _ask(self, session: RoverSession, way: Way) -> None:
+    async def _request(self, session: RoverSession, path: Route) -> None:
         consumer = await session.consumer()
         since = self._view.complete_to + 1
         try:
-            while page := await self._page(consumer, way, since):
+            while page := await self._page(consumer, path, since):
                 for notification in page:
-                    self._view.hear(report_of(notification), way)
+                    self._view.receive(report_of(notification), path)
                 since = page[-1].sequence + 1
         except (MalError, ConnectionError):
             return  # the link was lost, or the broker has not heard of the rover yet
 
     async def _page(
-        self, consumer: RoverConsumer, way: Way, since: int
+        self, consumer: RoverConsumer, path: Route, since: int
     ) -> tuple[Notification, ...]:
         page: tuple[Notification, ...]
-        if way is Way.LEDGER:
+        if path is Route.LEDGER:
             (page,) = await consumer.request("Notification", "getNotifications", since, None, 0)
         else:
             (page,) = await consumer.request(
@@ -114,7 +114,7 @@ class Listener:
         asset = header.keyValues[0].value if header.keyValues else None
         if asset is None or asset.value != ASSET:
             return
-        self._view.hear(report_of(notification), Way.BROKER)
+        self._view.receive(report_of(notification), Route.BROKER)
         if self._view.complete_to < self._view.newest:
             self._gap.set()
 
@@ -150,7 +150,7 @@ class Client:
 
     def _burst(self) -> list[Command]:
         """Return a few commands to be sent at once, now and then one that was sent before."""
-        count, first = self._random.randint(1, MOST_AT_ONCE), self._view.next_number
+        count, first = self._random.randint(1, MAX_CONCURRENT), self._view.next_number
         burst = [random_command(self._seed, first + n, LINK, time()) for n in range(count)]
         if self._random.random() < REPEATED and self._view.commands:
             burst.append(self._random.choice(self._view.commands))

@@ -8,6 +8,7 @@ from typing import Any, Final, get_args
 from cattrs.preconf.json import make_converter
 
 from executive.commands.catalogue import Command, Request
+from executive.values.reasons import Reason, UnknownReason
 from executive.values.reports import Identity, Report
 from tests.stress.journal import Journal, read_journal
 
@@ -22,7 +23,7 @@ class Answer(Enum):
 
 
 @unique
-class Way(Enum):
+class Route(Enum):
     """How a report came."""
 
     BROKER = "broker"
@@ -46,11 +47,11 @@ class Answered:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Received:
     """A report that came and was not known yet."""
 
     report: Report
-    way: Way
+    route: Route
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +72,16 @@ class Fetched:
     sha256: str
 
 
-Entry = Sent | Answered | Heard | Fetching | Fetched
+Entry = Sent | Answered | Received | Fetching | Fetched
 _KINDS: Final = {kind.__name__: kind for kind in get_args(Entry)}
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
 _CONVERTER: Final = make_converter()
 _CONVERTER.register_unstructure_hook(
     Request, lambda request: [type(request).__name__, _CONVERTER.unstructure(request)]
+)
+_CONVERTER.register_structure_hook_func(
+    lambda kind: kind == (Reason | UnknownReason | None),
+    lambda number, _: None if number is None else Reason(number),
 )
 _CONVERTER.register_structure_hook(
     Request, lambda raw, _: _CONVERTER.structure(raw[1], _REQUESTS[raw[0]])
@@ -142,10 +147,10 @@ class View:
         self._journal.write(type(entry).__name__, _CONVERTER.unstructure(entry))
         self._learn(entry)
 
-    def hear(self, report: Report, way: Way) -> None:
+    def receive(self, report: Report, route: Route) -> None:
         """Write a report down, unless it is known."""
         if self._reports.get(report.sequence) != report:
-            self.note(Heard(report, way))
+            self.note(Received(report, route))
 
     def _learn(self, entry: Entry) -> None:
         match entry:
@@ -153,7 +158,7 @@ class View:
                 self._commands[command.identity] = command
             case Answered(identity):
                 self._answered.add(identity)
-            case Heard(report):
+            case Received(report):
                 self._learn_report(report)
             case Fetching():
                 self._fetches += self.interrupted is None

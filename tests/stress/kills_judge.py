@@ -12,8 +12,8 @@ from typing import Final
 from executive.commands.catalogue import Request, Resume, Stop, TakePicture
 from executive.values.geometry import wrap_rad
 from executive.values.reports import Identity, Report, Stage
-from tests.stress.findings import Finding, broken_lives, lives
-from tests.stress.kills_journal import Answer, Answered, Entry, Fetched, Heard, Sent
+from tests.stress.findings import Finding, broken_lifecycles, lifecycles
+from tests.stress.kills_journal import Answer, Answered, Entry, Fetched, Received, Sent
 from tests.stress.pose_log import TruePose
 
 BRAKING_S: Final = 1.5
@@ -63,7 +63,7 @@ class Evidence:
 
 def judge(evidence: Evidence) -> Iterator[Finding]:
     yield from _views(evidence)
-    yield from broken_lives(evidence.reports)
+    yield from broken_lifecycles(evidence.reports)
     yield from _reports(evidence)
     yield from _answers(evidence.journal)
     yield from _files(evidence)
@@ -93,7 +93,7 @@ def _views(evidence: Evidence) -> Iterator[Finding]:
         for entry in evidence.journal
         if isinstance(entry, Answered) and entry.answer is not Answer.REFUSED
     }
-    aboard, known = lives(evidence.reports), lives(_heard(evidence.journal))
+    aboard, known = lifecycles(evidence.reports), lifecycles(_received(evidence.journal))
     for identity in evidence.requests:
         if identity in taken and identity not in aboard:
             yield Fault.UNKNOWN, str(identity)
@@ -101,27 +101,27 @@ def _views(evidence: Evidence) -> Iterator[Finding]:
             yield Fault.VIEW, f"{identity}: {known[identity]}, aboard {aboard[identity]}"
 
 
-def _heard(journal: Sequence[Entry]) -> list[Report]:
-    return [entry.report for entry in journal if isinstance(entry, Heard)]
+def _received(journal: Sequence[Entry]) -> list[Report]:
+    return [entry.report for entry in journal if isinstance(entry, Received)]
 
 
 def _reports(evidence: Evidence) -> Iterator[Finding]:
-    heard = defaultdict(list)
-    for report in _heard(evidence.journal):
-        heard[report.sequence].append(report)
+    received = defaultdict(list)
+    for report in _received(evidence.journal):
+        received[report.sequence].append(report)
     for report in evidence.reports:
-        known = heard.pop(report.sequence, [])
+        known = received.pop(report.sequence, [])
         if not known or not all(_same(report, each) for each in known):
             yield Fault.CLIENT_GAP, f"{report.sequence}: {known or 'not heard'}, aboard {report}"
-    for sequence in heard:
+    for sequence in received:
         yield Fault.CLIENT_GAP, f"{sequence} is not aboard"
 
 
-def _same(aboard: Report, heard: Report) -> bool:
+def _same(aboard: Report, received: Report) -> bool:
     """Compare but for what does not travel, or is not kept on the ground."""
-    near = abs(aboard.utc_s - heard.utc_s) <= _CLOCKS_S
-    kept = replace(aboard, utc_s=heard.utc_s, link=heard.link, figures=heard.figures)
-    return near and kept == heard
+    near = abs(aboard.utc_s - received.utc_s) <= _CLOCKS_S
+    stored = replace(aboard, utc_s=received.utc_s, link=received.link, figures=received.figures)
+    return near and stored == received
 
 
 def _answers(journal: Sequence[Entry]) -> Iterator[Finding]:
@@ -162,7 +162,7 @@ def _standing(evidence: Evidence) -> Iterator[Finding]:
         if not seen:
             continue
         first = seen[0]
-        gone_m = max(hypot(each.x_m - first.x_m, each.y_m - first.y_m) for each in seen)
+        travelled_m = max(hypot(each.x_m - first.x_m, each.y_m - first.y_m) for each in seen)
         turned_rad = max(abs(wrap_rad(each.heading_rad - first.heading_rad)) for each in seen)
-        if gone_m > STILL_M or turned_rad > STILL_RAD:
-            yield Fault.MOVED, f"from {begin_s:.2f} on: {gone_m:.3f} m, {turned_rad:.3f} rad"
+        if travelled_m > STILL_M or turned_rad > STILL_RAD:
+            yield Fault.MOVED, f"from {begin_s:.2f} on: {travelled_m:.3f} m, {turned_rad:.3f} rad"

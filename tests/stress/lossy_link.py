@@ -29,13 +29,13 @@ COUNTS: Final = {
 DOUBLED: Final = 0.03
 SLOW: Final = 0.1
 """Part of the datagrams that take up to `MOST_DELAY_S`."""
-MOST_DELAY_S: Final = 1.0
+MAX_DELAY_S: Final = 1.0
 LIT_S: Final = 60.0
 """Between two dark times, on average."""
 DARK_S: Final = (1.0, 60.0)
 _HOST: Final = "127.0.0.1"
 _BUFFER_OCTETS: Final = 4 << 20
-_LARGEST: Final = 65_536
+_MAX_OCTETS: Final = 65_536
 
 
 class LossyLink:
@@ -78,7 +78,7 @@ class LossyLink:
         if self._random.random() >= SLOW:
             return 0.0
         self.done["late"] += 1
-        return self._random.uniform(0.0, MOST_DELAY_S) / self._scale
+        return self._random.uniform(0.0, MAX_DELAY_S) / self._scale
 
 
 def carry(ends: list[tuple[int, int]], link: LossyLink) -> None:
@@ -100,7 +100,7 @@ def carry(ends: list[tuple[int, int]], link: LossyLink) -> None:
         patience_s = waiting[0][0] - now_s if waiting else None
         for end in select.select(list(sockets), [], [], patience_s)[0]:
             try:
-                datagram = end.recv(_LARGEST)
+                datagram = end.recv(_MAX_OCTETS)
             except ConnectionRefusedError:
                 continue  # who is killed does not listen
             now_s = time.monotonic() - began_s
@@ -114,11 +114,11 @@ def main() -> None:
     parser.add_argument("--loss", type=float, default=0.0)
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
-    told = parser.parse_args()
-    link = LossyLink(Random(told.seed), told.loss, told.scale)
+    reported = parser.parse_args()
+    link = LossyLink(Random(reported.seed), reported.loss, reported.scale)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        carry(told.end, link)
+        carry(reported.end, link)
     except KeyboardInterrupt:
         print(DONE + " ".join(f"{kind}={number}" for kind, number in link.done.items()))
 

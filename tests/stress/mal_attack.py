@@ -109,14 +109,14 @@ class Judge:
         del waiting[:at]
         self.partial = bool(waiting) or self.skips
 
-    def came(self, message: bytes) -> None:
+    def arrived(self, message: bytes) -> None:
         """Take a message of the provider."""
         stage, number = message[4] & 0x1F, int.from_bytes(message[13:21], "big", signed=True)
         if stage in (_NOTIFY, _UPDATE):
             return
         is_error = message[12] & 0x80
-        asked = self._owed.get((stage, number))
-        if asked is None:
+        requested = self._owed.get((stage, number))
+        if requested is None:
             if is_error and self.skips:
                 return
             if stage == _PUBLISH and is_error and self._published[number]:
@@ -124,8 +124,8 @@ class Judge:
             else:
                 self.outcomes[Outcome.STRAY] += 1
             return
-        request = self._answered(asked, bool(is_error))
-        if not asked:
+        request = self._answered(requested, bool(is_error))
+        if not requested:
             del self._owed[stage, number]
         if is_error:
             self._error(message)
@@ -138,20 +138,20 @@ class Judge:
             if stage in _LAST_REPLY:
                 self._owed.setdefault((_LAST_REPLY[stage], number), []).append(request)
 
-    def _answered(self, asked: list[bytes], is_error: bool) -> bytes:
+    def _answered(self, requested: list[bytes], is_error: bool) -> bytes:
         """Take out the message that was answered; of several with one number, the likeliest."""
-        likely = asked[0]
-        if len(asked) > 1:
-            fitting = [each for each in asked if self._is_sound(each) is not is_error]
+        likely = requested[0]
+        if len(requested) > 1:
+            fitting = [each for each in requested if self._is_sound(each) is not is_error]
             likely = fitting[0] if fitting else likely
-        asked.remove(likely)
+        requested.remove(likely)
         return likely
 
     def hung_up(self) -> None:
         founded = self.ended or self.skips or not all(map(_has_header, self._unanswered))
         self._forget(Outcome.CLOSED if founded else Outcome.UNFOUNDED)
 
-    def gave_up(self) -> None:
+    def on_aborted(self) -> None:
         self._forget(Outcome.LOST)
 
     def over(self) -> None:
@@ -174,8 +174,8 @@ class Judge:
     def _one(self, message: bytes) -> None:
         kind, bits, flags, encoding = message[4], message[12], message[21], message[22]
         stage, number = kind & 0x1F, int.from_bytes(message[13:21], "big", signed=True)
-        asks = stage in _FIRST_REPLY or stage == _SEND
-        is_request = kind >> 5 == 1 and asks and not (flags & 0x2E or encoding or bits & 0x80)
+        requests = stage in _FIRST_REPLY or stage == _SEND
+        is_request = kind >> 5 == 1 and requests and not (flags & 0x2E or encoding or bits & 0x80)
         answered_anyway = stage not in (_SEND, _PUBLISH)
         if not is_request or not (answered_anyway or _has_header(message)):
             self.ended = True
@@ -234,8 +234,8 @@ def _has_header(message: bytes) -> bool:
 
 PATIENCE_S: Final = 15.0
 """How long an answer may take: the provider itself waits 5 s for its core."""
-LONGEST_BATCH: Final = 120
-LONGEST_LIFE: Final = 600
+MAX_BATCH: Final = 120
+MAX_CONNECTION_MESSAGES: Final = 600
 """Messages over one connection, about, before we hang up."""
 GOOD_EVERY: Final = 40
 """Batches from one good client to the next."""
@@ -277,14 +277,14 @@ class Wire:
             try:
                 octets = self._socket.recv(1 << 18)
             except TimeoutError:
-                self.judge.gave_up()
+                self.judge.on_aborted()
                 self.close()
             except ConnectionError:
                 self._lost()
             else:
                 self._octets += octets
                 for message in cut(self._octets):
-                    self.judge.came(message)
+                    self.judge.arrived(message)
                 if not octets:
                     self._lost()
 
@@ -369,7 +369,7 @@ class Attack:
         random, judge = self._random, wire.judge
         make = self._kind()
         batch = []
-        for _ in range(random.randrange(1, LONGEST_BATCH)):
+        for _ in range(random.randrange(1, MAX_BATCH)):
             message = make()
             was_partial = judge.partial
             judge.sent(message)
@@ -395,7 +395,7 @@ class Attack:
 
     def _finish(self, wire: Wire) -> None:
         wire.collect()
-        if wire.judge.partial or wire.sent > LONGEST_LIFE:
+        if wire.judge.partial or wire.sent > MAX_CONNECTION_MESSAGES:
             wire.close()
         if not wire.is_open:
             self._wires.remove(wire)
@@ -409,10 +409,10 @@ class Attack:
             socket.create_connection(("127.0.0.1", self._port), timeout=PATIENCE_S) as connection,
         ):
             connection.sendall(octets)
-            came = bytearray()
+            arrived = bytearray()
             while piece := connection.recv(1 << 16):
-                came += piece
-                for message in cut(came):
+                arrived += piece
+                for message in cut(arrived):
                     header, body = decode_message(message)
                     self._codec.decode(operation.parts[InteractionStage.REQUEST_RESPONSE], body)
                     return not header.is_error

@@ -18,21 +18,21 @@ from adapters.mal import Codec, Encoding, MalUri, Operation
 from adapters.mrs.fleet.directory_service import MAX_SERVICES
 from adapters.mrs.spec import CommandHeader, mrs_specification
 from executive.settings import Settings
-from tests.stress.findings import Tell
+from tests.stress.findings import Log
 from tests.stress.fuzzing import WARM_UP, break_nothing
 from tests.stress.mal_attack import Attack, Outcome
 from tests.stress.mal_messages import Messages
-from tests.stress.mal_target import FILE, Look, Options, serve
+from tests.stress.mal_target import FILE, Options, Sample, serve
 from tests.support.figures import Figure, Goal
 
 START_S: Final = 60.0
 SETTLE_S: Final = 5.0
-LOOK_S: Final = 0.2
+POLL_S: Final = 0.2
 GRACE_S: Final = 5.0
-MOST_GROWTH_MB: Final = 5.0
+MAX_GROWTH_MB: Final = 5.0
 PLAN: Final = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
 <RotateBy angle="0.5"/><MoveForward distance="0.5"/></Sequence></BehaviorTree></root>"""
-WORDS: Final = (
+TOKENS: Final = (
     *("", "*", "MOE", "MOPS", "jackal", "all", "append", "replace", "POS_X", "BATERY_VOLTAGE"),
     *(FILE, "pictures", "/", "../secret", "x" * 300, "VIDEO ON", "VIDEO OFF"),
     *("BTCPP4", "<root/>", PLAN, "maltcp://127.0.0.1:1/MRS"),
@@ -61,8 +61,8 @@ class Result:
     attack: Attack
     proven: set[tuple[str, int]]
     reached: set[tuple[str, str]]
-    before: Look
-    after: Look
+    before: Sample
+    after: Sample
 
     @property
     def unproven(self) -> frozenset[tuple[str, int]]:
@@ -70,18 +70,18 @@ class Result:
         return self.after.admitted - self.proven
 
     def __str__(self) -> str:
-        outcomes, look = self.attack.outcomes, self.after
+        outcomes, poll = self.attack.outcomes, self.after
         counts = ", ".join(f"{outcomes[kind]} {kind.name}" for kind in Outcome if outcomes[kind])
-        memory = f"{self.before.resident_mb:.1f} then {look.resident_mb:.1f} MB"
-        errors = "".join(f"\n  {error}" for error in (*look.errors, *self.unproven))
-        return f"{self.duration_s:.1f} s, {counts}; {len(look.admitted)} commands; {memory}{errors}"
+        memory = f"{self.before.resident_mb:.1f} then {poll.resident_mb:.1f} MB"
+        errors = "".join(f"\n  {error}" for error in (*poll.errors, *self.unproven))
+        return f"{self.duration_s:.1f} s, {counts}; {len(poll.admitted)} commands; {memory}{errors}"
 
 
 def measure(
     settings: Settings,
     count: int,
     seed: int,
-    tell: Tell,
+    log: Log,
     prepare: Callable[[], None] = break_nothing,
     parts: Sequence[Part] = PARTS,
 ) -> list[Figure]:
@@ -91,7 +91,7 @@ def measure(
         settings: of the rovers.
         count: mutated messages in all, shared out evenly.
         seed: of everything random.
-        tell: called with a line on each provider.
+        log: called with a line on each provider.
         prepare: called in each provider's process before it starts; tests break it there.
         parts: the providers.
     """
@@ -102,10 +102,10 @@ def measure(
         with _provider(settings, part, prepare) as (process, pipe):
             try:
                 results.append(_attacked(pipe, share, seed + number, part[0]))
-                tell(f"{name}: {results[-1]}")
+                log(f"{name}: {results[-1]}")
             except (EOFError, ConnectionError, TimeoutError) as error:
                 process.join(GRACE_S)
-                tell(f"{name}: exit code {process.exitcode}: {error!r}")
+                log(f"{name}: exit code {process.exitcode}: {error!r}")
     return _figures(results, len(parts))
 
 
@@ -139,7 +139,7 @@ def _attacked(pipe: Pipe, count: int, seed: int, encoding: Encoding) -> Result:
             proven.add((values[0].source, values[0].commandId))
 
     specification = mrs_specification()
-    messages = Messages(specification, encoding, seed, uri := _heard(pipe), WORDS)
+    messages = Messages(specification, encoding, seed, uri := _received(pipe), TOKENS)
     codec, port = Codec(specification, encoding), MalUri.parse(uri).port
     attack = Attack(specification, codec, messages, Random(seed), port, taken)
     warm_up = round(WARM_UP * count)
@@ -151,7 +151,7 @@ def _attacked(pipe: Pipe, count: int, seed: int, encoding: Encoding) -> Result:
     return Result(duration_s, attack, proven, reached, before, _settled(pipe, before))
 
 
-def _settled(pipe: Pipe, before: Look | None = None) -> Look:
+def _settled(pipe: Pipe, before: Sample | None = None) -> Sample:
     """The provider when it has noticed that everybody hung up, or after a while.
 
     It has ended, too, what ran for them: no more is left than before.
@@ -159,14 +159,14 @@ def _settled(pipe: Pipe, before: Look | None = None) -> Look:
     deadline_s = time.monotonic() + SETTLE_S
     while True:
         pipe.send(None)
-        look: Look = _heard(pipe)
-        gained = before is not None and (look.tasks > before.tasks or look.files > before.files)
-        if not (look.open or gained) or time.monotonic() > deadline_s:
-            return look
-        time.sleep(LOOK_S)
+        poll: Sample = _received(pipe)
+        gained = before is not None and (poll.tasks > before.tasks or poll.files > before.files)
+        if not (poll.open or gained) or time.monotonic() > deadline_s:
+            return poll
+        time.sleep(POLL_S)
 
 
-def _heard(pipe: Pipe) -> Any:
+def _received(pipe: Pipe) -> Any:
     if not pipe.poll(START_S):
         raise TimeoutError(f"nothing heard in {START_S:.0f} s")
     return pipe.recv()
@@ -181,7 +181,7 @@ def _figures(results: Sequence[Result], providers: int) -> list[Figure]:
     def summed(value: Callable[[Result], float]) -> float:
         return sum(map(value, results))
 
-    def gained(value: Callable[[Look], float]) -> float:
+    def gained(value: Callable[[Sample], float]) -> float:
         return max((value(each.after) - value(each.before) for each in results), default=0.0)
 
     must_not: dict[str, tuple[float, str]] = {
@@ -191,15 +191,15 @@ def _figures(results: Sequence[Result], providers: int) -> list[Figure]:
         "motion that nobody commanded": (summed(lambda each: each.after.moved), "turns"),
         "commands that nobody gave": (summed(lambda each: len(each.unproven)), ""),
         "errors in the log": (summed(lambda each: each.after.error_count), "lines"),
-        "files gained": (gained(lambda look: look.files), "files"),
-        "tasks gained": (gained(lambda look: look.tasks), "tasks"),
+        "files gained": (gained(lambda poll: poll.files), "files"),
+        "tasks gained": (gained(lambda poll: poll.tasks), "tasks"),
     }
     mutated, grown_mb = (
         summed(lambda each: each.attack.mutated),
-        gained(lambda look: look.resident_mb),
+        gained(lambda poll: poll.resident_mb),
     )
-    kept = max((result.after.kept for result in results), default=0)
-    limit, registered = Goal(MOST_GROWTH_MB), "a registered service keeps its own"
+    stored = max((result.after.stored for result in results), default=0)
+    limit, registered = Goal(MAX_GROWTH_MB), "a registered service keeps its own"
     return [
         Figure("fuzz: mutated messages", mutated, "messages", beside),
         Figure("fuzz: rate", rate, "1/s", "making, sending, judging and answering"),
@@ -207,5 +207,5 @@ def _figures(results: Sequence[Result], providers: int) -> list[Figure]:
         *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in ALLOWED),
         *(Figure(f"fuzz: {t}", n, unit, beside, Goal(0)) for t, (n, unit) in must_not.items()),
         Figure("fuzz: memory gained", grown_mb, "MB", "since 30% of it", limit),
-        Figure("fuzz: connections kept", kept, "connections", registered, Goal(MAX_SERVICES)),
+        Figure("fuzz: connections kept", stored, "connections", registered, Goal(MAX_SERVICES)),
     ]

@@ -130,11 +130,11 @@ class Sound:
 
 @cache
 def _values(
-    specification: Specification, words: tuple[str, ...], seed: int
+    specification: Specification, tokens: tuple[str, ...], seed: int
 ) -> tuple[list[list[tuple[Any, ...]]], list[TypedAttribute]]:
     """Return the parts of some messages of each start, and attributes of any type."""
     # What makes sense comes more often than what only the types allow.
-    text = st.sampled_from(words) | st.sampled_from(words) | TEXT
+    text = st.sampled_from(tokens) | st.sampled_from(tokens) | TEXT
     near, small = st.floats(-3.0, 3.0), st.integers(1, 100)
     number = near | near | near | st.floats()
     strategies = Strategies(
@@ -152,8 +152,8 @@ def _values(
         },
     )
     values = [
-        examples(st.tuples(*map(strategies.field, operation.parts[stage])), EACH, seed + place)
-        for place, (operation, stage) in enumerate(starts_of(specification))
+        examples(st.tuples(*map(strategies.field, operation.parts[stage])), EACH, seed + index)
+        for index, (operation, stage) in enumerate(starts_of(specification))
     ]
     return values, examples(strategies.typed, 50, seed)
 
@@ -163,7 +163,7 @@ class Messages:
 
     Args:
         uri: the provider that they are for.
-        words: texts that mean something there.
+        tokens: texts that mean something there.
     """
 
     def __init__(
@@ -172,10 +172,10 @@ class Messages:
         encoding: Encoding,
         seed: int,
         uri: str,
-        words: tuple[str, ...],
+        tokens: tuple[str, ...],
     ) -> None:
         self._random = random = Random(seed)
-        self._specification, self._words, self._seed = specification, words, seed
+        self._specification, self._tokens, self._seed = specification, tokens, seed
         self._uris = (uri, uri + "Broker", uri.replace("MRS", "mrs"), "", "maltcp://", "x" * 5000)
         self._codec = Codec(specification, encoding)
         self._types = TypeCodec(specification, encoding)
@@ -187,7 +187,7 @@ class Messages:
             if number is not None
         )
         self._transaction = self._made = 0
-        self._ways = (
+        self._mutations = (
             [self._slip] * 40
             + [self._mutated_body] * 20
             + [self._other_body, self._other_address, self._other_stage, self._other_uri] * 3
@@ -203,7 +203,7 @@ class Messages:
         if self._made % RENEWED == 0:
             self._seed += 1
             self._fill()
-        return self._random.choice(self._ways)(self._random.choice(self._pool))
+        return self._random.choice(self._mutations)(self._random.choice(self._pool))
 
     def storming(self) -> bytes:
         """Return a sound registration, deregistration or publication."""
@@ -220,7 +220,7 @@ class Messages:
         return self._whole(self._sound(operation, InteractionStage.REQUEST, (), []))
 
     def _fill(self) -> None:
-        values, attributes = _values(self._specification, self._words, self._seed)
+        values, attributes = _values(self._specification, self._tokens, self._seed)
         self._pool = [
             self._sound(operation, stage, each, attributes)
             for (operation, stage), some in zip(starts_of(self._specification), values, strict=True)
@@ -241,7 +241,7 @@ class Messages:
             case 0:
                 arrival = random.choice(("append", "replace", "later"))
                 value = TypedAttribute(AttributeType.IDENTIFIER, arrival)
-                supplements = (NamedValue(name="arrival", value=value),)
+                supplements = (NamedValue(name="preemption", value=value),)
             case 1:
                 supplements = (NamedValue(name="other", value=random.choice(others)),)
             case _:

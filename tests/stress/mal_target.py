@@ -32,7 +32,7 @@ FILE_OCTETS: Final = 100_000
 _TURN_S: Final = 0.01
 """Real time from tick to tick: five times as fast as the rover's."""
 STILL_M: Final = 0.01
-_MOST_ERRORS: Final = 5
+_MAX_ERRORS: Final = 5
 PICTURE: Final = PictureSettings(width=16, height=12)
 
 
@@ -53,7 +53,7 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Sample:
     """What only the process itself can say.
 
     Attributes:
@@ -65,7 +65,7 @@ class Look:
         files: its open file descriptors, sockets included.
         tasks: asyncio tasks that are not done.
         open: connections that are open.
-        kept: connections that somebody still holds, open or not.
+        stored: connections that somebody still holds, open or not.
     """
 
     moved: int
@@ -76,7 +76,7 @@ class Look:
     files: int
     tasks: int
     open: int
-    kept: int
+    stored: int
 
 
 class Target:
@@ -115,15 +115,15 @@ class Target:
             self._lockstep.run(self._tick_s)
             self._watch()
 
-    def look(self) -> Look:
+    def poll(self) -> Sample:
         gc.collect()
         living = gc.get_objects()
         connections = [each for each in living if type(each) is Connection]
         tasks = [each for each in living if type(each) is asyncio.Task and not each.done()]
-        return Look(
+        return Sample(
             self._moved,
             frozenset(self._admitted),
-            tuple(self._errors.lines[:_MOST_ERRORS]),
+            tuple(self._errors.lines[:_MAX_ERRORS]),
             len(self._errors.lines),
             resident_mb(),
             psutil.Process().num_fds(),
@@ -137,19 +137,19 @@ class Target:
         self._lockstep.executive.close()
 
     def _watch(self) -> None:
-        executive, heard = self._lockstep.executive, self._lockstep.downlink_record
+        executive, received = self._lockstep.executive, self._lockstep.downlink_record
         commanded = not self._held and executive.moving
         here = self._lockstep.rover.true_pose
-        way_m = hypot(here.x_m - self._begun.x_m, here.y_m - self._begun.y_m)
-        displaced = self._held and way_m > STILL_M
+        distance_m = hypot(here.x_m - self._begun.x_m, here.y_m - self._begun.y_m)
+        displaced = self._held and distance_m > STILL_M
         self._moved += (executive.velocity != STANDING and not commanded) or displaced
         self._admitted |= {
             (report.identity.source, report.identity.command_id)
-            for report in heard.reports
+            for report in received.reports
             if report.identity is not None and report.stage is Stage.ACCEPTED
         }
-        for kept in (heard.reports, heard.telemetry_batches, heard.file_events):
-            kept.clear()
+        for stored in (received.reports, received.telemetry_batches, received.file_events):
+            stored.clear()
 
 
 def serve(options: Options, settings: Settings, pipe: Pipe) -> None:
@@ -162,5 +162,5 @@ def serve(options: Options, settings: Settings, pipe: Pipe) -> None:
             target.turn()
             if pipe.poll():
                 pipe.recv()
-                pipe.send(target.look())
+                pipe.send(target.poll())
     target.close()

@@ -20,7 +20,7 @@ from executive.values.reports import Identity, Stage
 from tests.stress.findings import Lines
 from tests.stress.mops_grammar import cut, is_sound
 from tests.stress.mops_readers import Fault, MopsFindings
-from tests.support.kinematic import Heard, KinematicRover
+from tests.support.kinematic import KinematicRover, Received
 from trees import RoverTree
 
 TICK_EVERY: Final = 20
@@ -31,11 +31,11 @@ class Wire:
     """The topics of the link, with a subscriber; keeps what is published."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.output: list[str] = []
         self.taken: list[int] = []
 
     def publish(self, text: str) -> None:
-        self.said.append(text)
+        self.output.append(text)
 
     def confirm(self, mark: int) -> None:
         self.taken.append(mark)
@@ -49,7 +49,7 @@ class Aboard:
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
-        self._wire, self._rover, self._heard = Wire(), KinematicRover(), Heard()
+        self._wire, self._rover, self._received = Wire(), KinematicRover(), Received()
         self._log = Lines("adapters.relay.rover.executive_link")
         self._refused: list[str] = []
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
@@ -62,7 +62,7 @@ class Aboard:
             rover=self._rover,
             ledger=ledger,
             files=folder / "files",
-            downlinks=[self._link, self._heard],
+            downlinks=[self._link, self._received],
             build_tree=RoverTree,
         )
         self._link.serve(self._executive.submit)
@@ -71,8 +71,13 @@ class Aboard:
         text = b"".join(portions).decode("utf-8", "replace")
         octets = text.encode("utf-8")
         wanted = cut(octets)
-        for kept in (self._refused, self._wire.said, self._log.lines, *vars(self._heard).values()):
-            kept.clear()
+        for stored in (
+            self._refused,
+            self._wire.output,
+            self._log.lines,
+            *vars(self._received).values(),
+        ):
+            stored.clear()
         self._rover.sent.clear()
         try:
             self._link.command(text)
@@ -81,15 +86,15 @@ class Aboard:
         self._executive.serve_inbox()
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
-        self._keep()
-        findings.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
-        asked = {_identity(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
-        for report in self._heard.reports:
-            if report.stage is Stage.ACCEPTED and report.identity not in asked:
+        self._store()
+        findings.reported(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
+        requested = {_identity(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
+        for report in self._received.reports:
+            if report.stage is Stage.ACCEPTED and report.identity not in requested:
                 findings.add(Fault.UNCALLED, (octets, report.identity))
-        for said in re.findall("[^#]*#?", "".join(self._wire.said))[:-1]:
-            if not is_sound(said.encode("utf-8")):
-                findings.add(Fault.CHANGED, said)
+        for message in re.findall("[^#]*#?", "".join(self._wire.output))[:-1]:
+            if not is_sound(message.encode("utf-8")):
+                findings.add(Fault.CHANGED, message)
         if any(velocity != STANDING for velocity in self._rover.sent):
             findings.add(Fault.MOVED, octets)
 
@@ -102,10 +107,10 @@ class Aboard:
         self._executive.tick()
         self._link.poll()
 
-    def _keep(self) -> None:
+    def _store(self) -> None:
         """Keep all that was told, and what is told thereupon."""
-        for said in self._wire.said:
-            self._link.on_confirmed(fingerprint(said))
+        for message in self._wire.output:
+            self._link.on_confirmed(fingerprint(message))
 
 
 def _identity(command: bytes) -> Identity:

@@ -9,21 +9,21 @@ from typing import Final
 
 from adapters.mops import load_dictionary
 from executive.settings import Settings
-from tests.stress.findings import Tell
+from tests.stress.findings import Log
 from tests.stress.fuzzing import attack, break_nothing
 from tests.stress.mops_aboard import Aboard
 from tests.stress.mops_readers import BRICK, Brick, Fault, MopsFindings, Orbiter, Parsers, Reader
 from tests.stress.mops_strings import Wrong
 from tests.support.figures import Figure, Goal
 
-MOST_GROWTH_MB: Final = 5.0
+MAX_GROWTH_MB: Final = 5.0
 
 
 def measure(
     settings: Settings,
     count: int,
     seed: int,
-    tell: Tell,
+    log: Log,
     prepare: Callable[[], None] = break_nothing,
 ) -> list[Figure]:
     """Return how often a promise was broken.
@@ -32,16 +32,16 @@ def measure(
         settings: of the rover.
         count: texts, of one to three messages each and a sound one behind them.
         seed: of everything random.
-        tell: called with a line on each of the first faults.
+        log: called with a line on each of the first faults.
         prepare: called when everybody is there; tests break them.
     """
-    dictionary, findings, asset = load_dictionary(), MopsFindings(tell), settings.asset.upper()
-    with tempfile.TemporaryDirectory(prefix="rover-mops-") as place, ExitStack() as stack:
+    dictionary, findings, asset = load_dictionary(), MopsFindings(log), settings.asset.upper()
+    with tempfile.TemporaryDirectory(prefix="rover-mops-") as workspace, ExitStack() as stack:
         ours, theirs = Wrong(asset, seed), Wrong(BRICK, seed)
         readers: list[tuple[Wrong, Reader]] = [
             (ours, Parsers(dictionary)),
-            (ours, Aboard(dictionary, settings, Path(place) / "aboard")),
-            (ours, Orbiter(dictionary, Path(place) / "orbiter", asset)),
+            (ours, Aboard(dictionary, settings, Path(workspace) / "aboard")),
+            (ours, Orbiter(dictionary, Path(workspace) / "orbiter", asset)),
             (theirs, Brick(dictionary)),
         ]
         for _, reader in readers:
@@ -58,5 +58,5 @@ def measure(
         Figure("MOPS: texts", count, "texts", "the last message of each is sound"),
         Figure("MOPS: rate", mutated / duration_s, "1/s", "making and judging too"),
         *findings.figures("MOPS", Fault, beside),
-        Figure("MOPS: memory gained", grown_mb, "MB", "since 30% of it", Goal(MOST_GROWTH_MB)),
+        Figure("MOPS: memory gained", grown_mb, "MB", "since 30% of it", Goal(MAX_GROWTH_MB)),
     ]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-LONGEST: Final = 4096
+MAX_OCTETS: Final = 4096
 FIELDS: Final = 10
 _NAME: Final = rb"[^\x00-\x20\x7f-\xff#|,]+"
 _VALUES: Final = rb"[^\x00-\x1f\x7f-\xff#|]*"
@@ -56,5 +56,5 @@ class Stream:
 
 
 def is_sound(piece: bytes) -> bool:
-    found = _MESSAGE.fullmatch(piece) if len(piece) <= LONGEST else None
+    found = _MESSAGE.fullmatch(piece) if len(piece) <= MAX_OCTETS else None
     return found is not None and int(found[1] or 0) < 1 << 63 and int(found[2] or 0) < 1 << 32

@@ -41,7 +41,7 @@ from executive.values.reports import Identity, Report
 from tests.stress.findings import Findings, Lines
 from tests.stress.mops_grammar import Cut, Stream, cut, is_sound
 
-LONGEST_LINE: Final = 6000
+MAX_LINE: Final = 6000
 """Characters of a line that names a message of 4096 octets."""
 
 
@@ -70,21 +70,21 @@ class MopsFindings(Findings):
         for _ in (wanted - found).elements():
             self.add(Fault.DEAF, octets)
 
-    def told(self, octets: bytes, lines: Sequence[str], least: int, most: int) -> None:
+    def reported(self, octets: bytes, lines: Sequence[str], least: int, maximum: int) -> None:
         """Check that so many lines were told."""
         if len(lines) < least:
             self.add(Fault.SILENT, octets)
-        if len(lines) > most or any(map(_is_long, lines)):
+        if len(lines) > maximum or any(map(_is_long, lines)):
             self.add(Fault.WORDY, (octets, lines))
 
 
 def _is_long(line: str) -> bool:
-    return "\n" in line or len(line) > LONGEST_LINE
+    return "\n" in line or len(line) > MAX_LINE
 
 
 BRICK: Final = "MOCUP"
 STOP_CODE: Final = 0x10E
-_MOST_QUEUED: Final = 4
+_MAX_QUEUED: Final = 4
 
 
 class Reader(Protocol):
@@ -105,7 +105,7 @@ class Parsers:
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary, self._lines = dictionary, list[str]()
         self._stream, self._judge = MopsStream(self._lines.append), Stream()
-        self._tray = SendQueue(dictionary, _MOST_QUEUED)
+        self._tray = SendQueue(dictionary, _MAX_QUEUED)
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         octets = b"".join(portions)
@@ -113,7 +113,7 @@ class Parsers:
         self._lines.clear()
         messages = [each for portion in portions for each in self._stream.feed(portion)]
         findings.compare(octets, wanted.sound, [encode(message) for message in messages])
-        findings.told(octets, self._lines, wanted.wrong, wanted.wrong)
+        findings.reported(octets, self._lines, wanted.wrong, wanted.wrong)
         for message in messages:
             self._read(message, findings)
 
@@ -163,28 +163,30 @@ class Brick:
         )
         self._judge, self._turns = Stream(), count()
         self._sent: list[bytes] = []
-        self._said: list[Message] = []
+        self._output: list[Message] = []
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         octets = b"".join(portions)
-        for kept in (self._lines, self._sent, self._said):
-            kept.clear()
-        way = (None, *BrickLink)[next(self._turns) % 3]
-        if way is None:
+        for stored in (self._lines, self._sent, self._output):
+            stored.clear()
+        path = (None, *BrickLink)[next(self._turns) % 3]
+        if path is None:
             wanted = self._judge.cut(octets)
             for portion in portions:
                 self._router.on_octets(portion)
-            asked: list[bytes] = []
+            requested: list[bytes] = []
         else:
             text = octets.decode("utf-8", "replace")
             wanted = cut(text.encode("utf-8"))
-            self._router.command(way, text)
-            asked = [_plain(each) for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
-        findings.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+            self._router.process(path, text)
+            requested = [
+                _plain(each) for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()
+            ]
+        findings.reported(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         for sent in self._sent:
-            if sent not in asked:
+            if sent not in requested:
                 findings.add(Fault.MOVED, (octets, sent))
-        for message in self._said:
+        for message in self._output:
             if not wanted.sound or not is_sound(encode(message)):
                 findings.add(Fault.UNCALLED, (octets, message))
 
@@ -202,10 +204,10 @@ class Brick:
         return True
 
     def notify(self, link: BrickLink, message: Message) -> None:
-        self._said.append(message)
+        self._output.append(message)
 
-    def telemetry(self, message: Message) -> None:
-        self._said.append(message)
+    def publish_telemetry(self, message: Message) -> None:
+        self._output.append(message)
 
 
 def _plain(octets: bytes) -> bytes:
@@ -231,7 +233,7 @@ class Orbiter:
         self._rover.listener = self
         self._log, self._numbers = Lines("adapters.relay.orbiter"), count(1)
         self._asset = asset.encode()
-        self._told = 0
+        self._reported = 0
         specification = mrs_specification()
         self._codec = Codec(specification)
         self._notifications = specification.operation("Notification", "getNotifications")
@@ -241,13 +243,13 @@ class Orbiter:
         octets = b"".join(portions)
         wanted = self._wanted(octets)
         self._log.lines.clear()
-        self._told = 0
+        self._reported = 0
         creation = Creation(848_000_000_000, next(self._numbers))
         self._rover.on_delivery(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
         self._encode(self._values, aboard_values(self._rover.aboard))
-        findings.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        findings.reported(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
-        if self._told > len(ours):
+        if self._reported > len(ours):
             findings.add(Fault.UNCALLED, octets)
 
     def close(self) -> None:
@@ -255,13 +257,13 @@ class Orbiter:
             rover.record.close()
         self._log.close()
 
-    def report(self, report: Report, cursor: int | None) -> None:
+    def on_report(self, report: Report, cursor: int | None) -> None:
         """Count what is told of the rover, but not what the relay says of itself; encode it."""
-        self._told += report.link is not None or bool(report.sequence)
+        self._reported += report.link is not None or bool(report.sequence)
         self._encode(self._notifications, (notification_of(report, cursor),))
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        self._told += 1
+    def on_telemetry(self, values: Sequence[ParameterValue]) -> None:
+        self._reported += 1
         self._encode(self._values, tuple(map(parameter_value, values)))
 
     def _encode(self, operation: Operation, values: Sequence[Any]) -> None:

@@ -26,7 +26,7 @@ from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Report, ReportKind, Stage
 from tests.stress.fuzzing import examples, fragments, mutate
-from tests.stress.mops_grammar import FIELDS, LONGEST
+from tests.stress.mops_grammar import FIELDS, MAX_OCTETS
 
 EACH: Final = 20
 """Sound messages of each kind, of which the wrong ones are made."""
@@ -37,18 +37,18 @@ NUMBERS: Final = st.sampled_from((0.0, -1.5, 0.25, 3.0, 1e-3, 1e300)) | st.float
 IDENTITIES: Final = st.builds(Identity, st.just("MOE"), st.integers(1, 1 << 40))
 REASONS: Final = st.none() | st.sampled_from(Reason)
 KNOWN: Final = st.fixed_dictionaries({each: st.none() | NUMBERS for each in Parameter})
-MOST_TOGETHER: Final = 4
+MAX_TOGETHER: Final = 4
 MUTATED: Final = 0.85
 """Part of the messages that something is done to."""
 SIZES: Final = (10, 100, 1000)
-WORDS: Final = (
+TOKENS: Final = (
     *(b"", b" ", b"\0", b"\n", b",", b",,", b"#", b"|", b"%", b"%ZZ", b"%ff", b"%2c", b"\xff"),
     *("٣".encode(), "…".encode(), b"nan", b"inf", b"-inf", b"1e999", b"-0", b"+1", b"1_0", b"0x1"),
     *(b"9" * 10, b"9" * 19, b"9" * 30, b"9" * 50, b"-1", b"-1e300", b"1e300", b"007", b"0"),
     *(b"true", b"TRUE", b"True", b"False", b"None", b"101", b"10e", b"FFF", b"1000", b"10E"),
     *(b"301", b"201", b"302", b"STOP", b"MOVE_FORWARD", b"EXECUTED", b"REJECTED", b"PROGRESS"),
     *(b"MOE", b"JACKAL", b"MOCUP", b"ALL", b"jackal"),
-    *(b"A" * 300, b"A" * (LONGEST + 200), b"1.0," * 500, b"1.0," * 1500),
+    *(b"A" * 300, b"A" * (MAX_OCTETS + 200), b"1.0," * 500, b"1.0," * 1500),
 )
 _SPLICES: Final = (b"#", b"|", b",", b"\n", b"\0", b"%")
 _NEAR: Final[Sequence[Callable[[bytes], bytes]]] = (
@@ -61,7 +61,7 @@ _NEAR: Final[Sequence[Callable[[bytes], bytes]]] = (
     lambda field: field[:1].lower() + field[1:],
 )
 """What somebody who writes strings by hand might take for the same."""
-_EDGES: Final = (LONGEST - 1, LONGEST, LONGEST + 1)
+_EDGES: Final = (MAX_OCTETS - 1, MAX_OCTETS, MAX_OCTETS + 1)
 
 
 @cache
@@ -100,8 +100,8 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
         return health_message(LinkHealth(utc_s, 3, 1.5, None, 0.25, 0, 0), spelling.link, asset)
 
     def housekeeping(utc_s: float) -> Message:
-        told = Housekeeping(utc_s, {"EXEC_TICK": 0.25, "EXEC_GOALS": None})
-        return housekeeping_message(told, spelling.housekeeping, asset)
+        reported = Housekeeping(utc_s, {"EXEC_TICK": 0.25, "EXEC_GOALS": None})
+        return housekeeping_message(reported, spelling.housekeeping, asset)
 
     commands = [st.builds(command, st.from_type(kind), IDENTITIES) for kind in get_args(Request)]
     any_command = st.one_of(commands)
@@ -137,7 +137,7 @@ class Wrong:
         self._sound = sound_messages(asset, seed)
         self._random = Random(seed)
         self.mutated = 0
-        self._ways: Sequence[Callable[[bytes], bytes]] = (
+        self._mutations: Sequence[Callable[[bytes], bytes]] = (
             *[self._octets] * 2, self._between, *[self._of_fields] * 8,
         )  # fmt: skip
         self._changes: Sequence[Callable[[list[bytes]], None]] = (
@@ -146,7 +146,7 @@ class Wrong:
 
     def portions(self) -> list[bytes]:
         """Return one message or several, most of them wrong, and a sound one behind them."""
-        messages = [self._one() for _ in range(self._random.randrange(1, MOST_TOGETHER))]
+        messages = [self._one() for _ in range(self._random.randrange(1, MAX_TOGETHER))]
         # What follows a piece that may have lost its own end must be found all the same.
         end = self._random.choice((b"", b"#", b"\r\n#", b"\n"))
         text = b"".join((*messages, end, self._random.choice(self._sound)))
@@ -157,7 +157,7 @@ class Wrong:
         if self._random.random() >= MUTATED:
             return sound
         self.mutated += 1
-        return self._random.choice(self._ways)(sound)
+        return self._random.choice(self._mutations)(sound)
 
     def _octets(self, sound: bytes) -> bytes:
         return mutate(sound, self._random, _SPLICES)
@@ -172,7 +172,7 @@ class Wrong:
         return b"|".join(fields) + b"#"
 
     def _field(self, fields: list[bytes]) -> None:
-        fields[self._random.randrange(FIELDS)] = self._random.choice(WORDS)
+        fields[self._random.randrange(FIELDS)] = self._random.choice(TOKENS)
 
     def _near(self, fields: list[bytes]) -> None:
         at = self._random.randrange(FIELDS)
@@ -181,7 +181,7 @@ class Wrong:
     def _value(self, fields: list[bytes]) -> None:
         which = self._random.choice((4, 5))
         values = fields[which].split(b",")
-        values[self._random.randrange(len(values))] = self._random.choice(WORDS)
+        values[self._random.randrange(len(values))] = self._random.choice(TOKENS)
         fields[which] = b",".join(values)
 
     def _swapped(self, fields: list[bytes]) -> None:
@@ -193,7 +193,7 @@ class Wrong:
         if self._random.random() < 0.5:
             del fields[at]
         else:
-            fields.insert(at, self._random.choice(WORDS))
+            fields.insert(at, self._random.choice(TOKENS))
 
     def _long(self, fields: list[bytes]) -> None:
         """Fill the outputs up to the longest message, or one octet more or less."""

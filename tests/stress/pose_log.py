@@ -34,6 +34,7 @@ def main(asset: str) -> None:
         single_threaded(node) as executor,
     ):
         topic = declare_topics(node).ground_truth
+        assert topic is not None
 
         def see(message: Odometry) -> None:
             pose = conversions.odometry_fact(message).pose

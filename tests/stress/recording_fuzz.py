@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.recording import RecordingError, RunReader
-from tests.stress.findings import Finding, Findings, Tell
+from tests.stress.findings import Finding, Findings, Log
 from tests.stress.recording_mutants import Mutants, originals
 from tests.stress.recording_readers import (
     MAX_CPU_S,
@@ -64,27 +64,27 @@ class Portion:
     findings: list[Finding] = field(default_factory=list)
 
 
-def measure(count: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
+def measure(count: int, seed: int, log: Log, output: Path | None = None) -> list[Figure]:
     """Return how often a reader did not keep its promise.
 
     Args:
         count: how many recordings.
         seed: of everything random.
-        tell: called with a line on each of the first faults.
-        keep: a folder for the recordings that a reader did not bear; None keeps none.
+        log: called with a line on each of the first faults.
+        output: a folder for the recordings that a reader did not bear; None keeps none.
     """
-    findings, total = Findings(tell), Portion()
+    findings, total = Findings(log), Portion()
     sizes = [min(PORTION, count - done) for done in range(0, count, PORTION)]
-    with tempfile.TemporaryDirectory(prefix="rover-recordings-") as place:
-        sound = originals(Path(place))
+    with tempfile.TemporaryDirectory(prefix="rover-recordings-") as workspace:
+        sound = originals(Path(workspace))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(os.cpu_count(), context, initializer=_quiet) as pool:
-        take = partial(read_portion, sound, keep=keep)
+        take = partial(read_portion, sound, output=output)
         for portion in pool.map(take, sizes, (f"{seed}.{each}" for each in range(len(sizes)))):
             for fault, about in portion.findings:
                 findings.add(fault, about)
             _add(total, portion)
-            tell(f"{total.recordings} of {count}, {findings.counts.total()} findings")
+            log(f"{total.recordings} of {count}, {findings.counts.total()} findings")
     beside = f"{count} wrong recordings, {len(READERS)} readers, seed {seed}"
     return [
         Figure("recordings: wrong recordings", total.recordings, "", beside),
@@ -102,12 +102,12 @@ def read_portion(
     count: int,
     seed: str,
     readers: Mapping[str, Reader] = READERS,
-    keep: Path | None = None,
+    output: Path | None = None,
 ) -> Portion:
     """Have so many wrong recordings read by all readers, in this process."""
     mutants, portion, known = Mutants(sound, seed), Portion(), set[bytes]()
-    with tempfile.TemporaryDirectory(prefix="rover-recordings-") as place:
-        path, folder = Path(place, "run.mcap"), Path(place, "out")
+    with tempfile.TemporaryDirectory(prefix="rover-recordings-") as workspace:
+        path, folder = Path(workspace, "run.mcap"), Path(workspace, "out")
         meter = _warm(sound, readers, path, folder)
         for number in range(count):
             name, octets = mutants.next()
@@ -122,8 +122,8 @@ def read_portion(
                 if not is_known or title == "complete":
                     taken = _taken(meter, reader, path, folder)
                     about = f"{seed}.{number} {title}: {name}"
-                    if _judge(portion, taken, about) and keep is not None:
-                        shutil.copy(path, keep / f"{seed}.{number}.mcap")
+                    if _judge(portion, taken, about) and output is not None:
+                        shutil.copy(path, output / f"{seed}.{number}.mcap")
     return portion
 
 

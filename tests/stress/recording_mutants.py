@@ -33,7 +33,7 @@ MIB: Final = 1 << 20
 RUNS: Final = {
     "drive": """
 title: A drive, a stop, a picture
-lasts: 1.1
+duration: 1.1
 timeline:
   - {at: 0.1, command: {moveForward: {distance: 2}}, label: ahead}
   - {at: 0.5, command: stop, label: stop}
@@ -43,7 +43,7 @@ expect: [{mode: IDLE}]
 """,
     "plan": """
 title: A plan, a kill and another start
-lasts: 1.2
+duration: 1.2
 timeline:
   - {at: 0.1, command: {submitPlan: {plan: look-around, id: tour}}, label: plan}
   - {after: plan EXECUTED, command: {activatePlan: {plan_id: tour}}, label: go}
@@ -54,7 +54,7 @@ expect: [{mode: MOVING}]
     "mocup": """
 title: A rover that moves by itself
 asset: mocup
-lasts: 1
+duration: 1
 timeline:
   - {at: 0.2, command: {moveForward: {distance: 0.1}}, label: ahead}
   - {at: 0.3, command: {rotateBy: {angle: 720deg}}, label: too-far}
@@ -166,8 +166,8 @@ class Mutants:
             return self._damaged(random.choice(self._sound))
         batches = random.choice(self._batches)
         if share < 0.50:
-            place = random.randrange(len(batches))
-            changed = [*batches[:place], mutate(batches[place], random), *batches[place + 1 :]]
+            index = random.randrange(len(batches))
+            changed = [*batches[:index], mutate(batches[index], random), *batches[index + 1 :]]
             return "content: text of a batch", recording_of(changed)
         if share < 0.97:
             names, parsed = [], [json.loads(each) for each in batches]
@@ -183,18 +183,18 @@ class Mutants:
 
     def _damaged(self, octets: bytes) -> tuple[str, bytes]:
         random = self._random
-        place, length = random.randrange(len(octets)), random.randrange(1, 5000)
+        index, length = random.randrange(len(octets)), random.randrange(1, 5000)
         match random.randrange(6):
             case 0:
-                return "cut off", octets[:place]
+                return "cut off", octets[:index]
             case 1:
-                return "zeros at the end", octets[:place] + bytes(length)
+                return "zeros at the end", octets[:index] + bytes(length)
             case 2:
-                return "zeros within", octets[:place] + bytes(length) + octets[place + length :]
+                return "zeros within", octets[:index] + bytes(length) + octets[index + length :]
             case 3:
-                place = len(octets) - random.randrange(1, 3000)
-                flipped = bytes([octets[place] ^ 1 << random.randrange(8)])
-                return "a flipped bit at the end", octets[:place] + flipped + octets[place + 1 :]
+                index = len(octets) - random.randrange(1, 3000)
+                flipped = bytes([octets[index] ^ 1 << random.randrange(8)])
+                return "a flipped bit at the end", octets[:index] + flipped + octets[index + 1 :]
             case _:
                 return "changed octets", mutate(octets, random)
 
@@ -210,9 +210,9 @@ def _time(parsed: list[Batch], random: Random) -> None:
     """Have the times of an entry leap."""
     row = random.choice(random.choice(parsed)["rows"])
     by = random.choice((-1e10, -1e3, -0.01, 0.01, 10.0, 1e5, 1e8, 4e9, 1e12, 1e300))
-    for place in range(1, min(3, len(row))):
-        if isinstance(row[place], float):
-            row[place] += by
+    for index in range(1, min(3, len(row))):
+        if isinstance(row[index], float):
+            row[index] += by
 
 
 def _inner(parsed: list[Batch], random: Random) -> None:
@@ -240,34 +240,34 @@ def _name(parsed: list[Batch], random: Random) -> None:
 def _rows(parsed: list[Batch], random: Random) -> None:
     """Drop, repeat, exchange or cut rows."""
     rows = random.choice(parsed)["rows"]
-    place, other = random.randrange(len(rows)), random.randrange(len(rows))
+    index, other = random.randrange(len(rows)), random.randrange(len(rows))
     match random.randrange(5):
         case 0:
-            del rows[place : place + random.randrange(1, 20)]
+            del rows[index : index + random.randrange(1, 20)]
             rows.append([0])
         case 1:
-            rows[place:place] = [list(rows[place]) for _ in range(random.randrange(1, 200))]
+            rows[index:index] = [list(rows[index]) for _ in range(random.randrange(1, 200))]
         case 2:
-            rows[place], rows[other] = rows[other], rows[place]
+            rows[index], rows[other] = rows[other], rows[index]
         case 3:
-            del rows[place][random.randrange(len(rows[place])) :]
-            rows[place] = rows[place] or [0]
+            del rows[index][random.randrange(len(rows[index])) :]
+            rows[index] = rows[index] or [0]
         case _:
-            rows[place].append(random.choice(ODD))
+            rows[index].append(random.choice(ODD))
 
 
 def _batch(parsed: list[Batch], random: Random) -> None:
     """Drop, repeat or exchange batches, or their parts."""
-    place, other = random.randrange(len(parsed)), random.randrange(len(parsed))
+    index, other = random.randrange(len(parsed)), random.randrange(len(parsed))
     match random.randrange(4):
         case 0 if len(parsed) > 1:
-            del parsed[place]
+            del parsed[index]
         case 1:
-            parsed.insert(place, json.loads(json.dumps(parsed[place])))
+            parsed.insert(index, json.loads(json.dumps(parsed[index])))
         case 2:
-            parsed[place], parsed[other] = parsed[other], parsed[place]
+            parsed[index], parsed[other] = parsed[other], parsed[index]
         case _:
-            parsed[place]["shapes"] = parsed[other]["shapes"]
+            parsed[index]["shapes"] = parsed[other]["shapes"]
 
 
 CHANGES: Final = (_value, _value, _value, _time, _inner, _name, _rows, _batch)
@@ -321,10 +321,10 @@ def _packed_zeros(mib: int) -> bytes:
 def hostile(batches: list[bytes]) -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Yield names of recordings made on purpose, with what makes them."""
     first, second = batches[0], json.loads(batches[1])
-    life = chunk(message(first))
+    start = chunk(message(first))
 
     def behind(batch: bytes) -> bytes:
-        return container(life, chunk(message(batch)))
+        return container(start, chunk(message(batch)))
 
     def of_rows(found: list[Any]) -> bytes:
         return behind(json.dumps({"shapes": second["shapes"], "rows": found}).encode())
@@ -333,14 +333,14 @@ def hostile(batches: list[bytes]) -> Iterator[tuple[str, Callable[[], bytes]]]:
     yield "content: a bomb that claims 1000 octets", lambda: large
     yield "content: a bomb that claims its size", lambda: honest
     yield "content: a bomb of the budget", lambda: bomb(4, 4 * MIB)
-    yield "content: a bomb behind a life", lambda: container(life, chunk(bytes(200 * MIB), 1000))
+    yield "content: a bomb behind a life", lambda: container(start, chunk(bytes(200 * MIB), 1000))
     yield (
         "content: many chunks of zeros",
-        lambda: container(life, *[chunk(record(0, bytes(MIB)))] * 300),
+        lambda: container(start, *[chunk(record(0, bytes(MIB)))] * 300),
     )
-    yield "content: many chunks of nothing", lambda: container(life, *[chunk(b"")] * 20_000)
-    yield "content: many records", lambda: container(life, chunk(record(3, b"") * 400_000))
-    yield "content: many messages", lambda: container(life, chunk(record(5, bytes(22)) * 120_000))
+    yield "content: many chunks of nothing", lambda: container(start, *[chunk(b"")] * 20_000)
+    yield "content: many records", lambda: container(start, chunk(record(3, b"") * 400_000))
+    yield "content: many messages", lambda: container(start, chunk(record(5, bytes(22)) * 120_000))
     yield (
         "content: a batch of blanks",
         lambda: behind(b'{"shapes":[],"rows":[' + b" " * 3 * MIB + b"]}"),
@@ -374,19 +374,19 @@ def hostile(batches: list[bytes]) -> Iterator[tuple[str, Callable[[], bytes]]]:
     ticks = [row for row in second["rows"] if len(row) == 3] * 10_000
     yield "content: many ticks", lambda: of_rows(ticks)
     yield "content: UTF-16", lambda: behind(batches[1].decode().encode("utf-16"))
-    yield "content: another profile", lambda: container(life, profile="rover-run-1")
-    yield "content: lz4", lambda: container(life, chunk(message(batches[1]), how="lz4"))
-    yield "content: not packed", lambda: container(life, chunk(message(batches[1]), how=""))
-    yield "content: a wrong checksum", lambda: container(life, chunk(message(batches[1]), crc=1))
+    yield "content: another profile", lambda: container(start, profile="rover-run-1")
+    yield "content: lz4", lambda: container(start, chunk(message(batches[1]), how="lz4"))
+    yield "content: not packed", lambda: container(start, chunk(message(batches[1]), how=""))
+    yield "content: a wrong checksum", lambda: container(start, chunk(message(batches[1]), crc=1))
     yield (
         "content: a length of 2^64",
-        lambda: container(life)[:-30] + pack("<BQ", 6, 2**64 - 1) + bytes(99),
+        lambda: container(start)[:-30] + pack("<BQ", 6, 2**64 - 1) + bytes(99),
     )
     yield (
         "content: a long attachment",
-        lambda: container(life, record(9, bytes(9 * MIB)), chunk(b"")),
+        lambda: container(start, record(9, bytes(9 * MIB)), chunk(b"")),
     )
     yield (
         "content: a long index",
-        lambda: container(life, record(7, pack("<HI", 0, 16 << 20) + bytes(16 << 20))),
+        lambda: container(start, record(7, pack("<HI", 0, 16 << 20) + bytes(16 << 20))),
     )

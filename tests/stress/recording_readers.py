@@ -92,14 +92,14 @@ def _completed(path: Path, folder: Path) -> str:
 
 
 def _console(path: Path, folder: Path) -> str:
-    async def look() -> None:
+    async def poll() -> None:
         recordings = Recordings(folder, lambda _: None, OPERATING_SYSTEM.utc_s)
         try:
             json_response((await recordings.open(path)).entry)
         finally:
             await recordings.close()
 
-    asyncio.run(look())
+    asyncio.run(poll())
     return ""
 
 
@@ -135,8 +135,8 @@ class Meter:
             with _interrupted(PATIENCE * MAX_CPU_S):
                 error = reader(path, folder)
                 read = not error
-        except RecordingError as told:
-            read, error = False, str(told)
+        except RecordingError as reported:
+            read, error = False, str(reported)
         except (Exception, TooLongError) as other:
             # Whatever it is, it is what this looks for.
             read, raised, error = False, True, f"{type(other).__name__}: {other}"

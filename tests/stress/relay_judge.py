@@ -16,8 +16,8 @@ from tests.stress.relay_traffic import (
     ACKNOWLEDGED,
     GIVEN,
     ORBITER_JOURNAL,
+    REPORTED,
     ROVER_LEDGER,
-    TOLD,
     TOPIC_JOURNAL,
     string_of,
 )
@@ -32,7 +32,7 @@ class Fault(Enum):
     CHANGED_UP = "strings at the topic that nobody sent"
     LOST_DOWN = "reports that did not come to the orbiter"
     CHANGED_DOWN = "reports that came otherwise than the rover told them"
-    TOLD_TWICE = "reports that were told to the ground twice"
+    REPORTED_TWICE = "reports that were told to the ground twice"
     GIVEN_TWICE = "bundles that the orbiter was given twice, no kill between"
 
 
@@ -45,7 +45,7 @@ class Evidence:
         topic: strings that came to the topic.
         reports: of the rover, one for each execution of a command.
         known: reports of the orbiter's record.
-        told: life of the orbiter and number of each report that was told to the ground.
+        reported: life of the orbiter and number of each report that was told to the ground.
         given: life of the orbiter and identity of each bundle that came down.
     """
 
@@ -53,7 +53,7 @@ class Evidence:
     topic: Sequence[str]
     reports: Sequence[Report]
     known: Sequence[Report]
-    told: Sequence[tuple[int, int]]
+    reported: Sequence[tuple[int, int]]
     given: Sequence[tuple[int, str]]
 
 
@@ -81,7 +81,7 @@ def gather(folder: Path, record: Path) -> Evidence:
         topic=[string for (string,) in read_journal(folder / TOPIC_JOURNAL)],
         reports=_reports(folder / ROVER_LEDGER),
         known=_reports(record),
-        told=list(map(tuple, rows[TOLD])),
+        reported=list(map(tuple, rows[REPORTED])),
         given=list(map(tuple, rows[GIVEN])),
     )
 
@@ -90,10 +90,10 @@ def judge(evidence: Evidence) -> Verdict:
     """Return which promises were broken, and what is allowed and happened."""
     dictionary, strings = load_dictionary(), set(evidence.topic)
     acknowledged = set(evidence.acknowledged)
-    told = Counter(number for _, number in evidence.told)
+    reported = Counter(number for _, number in evidence.reported)
     executed = Counter(report.identity for report in evidence.reports)
     given = Counter(evidence.given)
-    lives = Counter(identity for _, identity in given)
+    lifecycles = Counter(identity for _, identity in given)
     faults = [
         *(
             (Fault.LOST_UP, str(number))
@@ -103,16 +103,16 @@ def judge(evidence: Evidence) -> Verdict:
         *_repeated(Fault.EXECUTED_TWICE, executed),
         *((Fault.CHANGED_UP, string) for string in strings if not _is_ours(string, dictionary)),
         *_down(evidence),
-        *_repeated(Fault.TOLD_TWICE, told),
+        *_repeated(Fault.REPORTED_TWICE, reported),
         *_repeated(Fault.GIVEN_TWICE, given),
     ]
     allowed = {
         "commands not acknowledged": len(strings) - len(acknowledged),
         "commands published again, the ledger knows": len(evidence.topic) - len(strings),
-        "bundles given again after a kill": sum(count - 1 for count in lives.values()),
-        "reports in two bundles": len(lives) - len(evidence.known),
+        "bundles given again after a kill": sum(count - 1 for count in lifecycles.values()),
+        "reports in two bundles": len(lifecycles) - len(evidence.known),
         "reports kept, killed before telling": len(
-            {e.sequence for e in evidence.known} - set(told)
+            {e.sequence for e in evidence.known} - set(reported)
         ),
     }
     return Verdict(tuple(faults), len(strings), allowed)

@@ -27,23 +27,23 @@ from executive.values.reports import Report
 from tests.stress.journal import Journal
 from tests.stress.relay_traffic import (
     ACKNOWLEDGED,
-    ASKED,
     ASSET,
-    EACH_LIFE,
+    EACH_RUN,
     GIVEN,
     ORBITER_JOURNAL,
     REFUSED,
-    TOLD,
+    REPORTED,
+    REQUESTED,
     command_of,
 )
 
 LISTENS: Final = "the orbiter listens"
 AT_ONCE: Final = 16
-MOST_UNDERWAY: Final = 500
+MAX_UNDERWAY: Final = 500
 """Commands that are up and not reported on, at most."""
 SHARE: Final = 8
 """The same as a part of all, so that the last fault, too, finds both ways busy."""
-LOOK_S: Final = 1.0
+POLL_S: Final = 1.0
 PAUSE_S: Final = 0.02
 
 
@@ -52,30 +52,30 @@ class Ground:
 
     Args:
         rover: whom it commands.
-        life: which of the orbiter's lives this is, counted from 0.
+        run: which of the orbiter's lives this is, counted from 0.
         messages: how many commands there are to be, those of earlier lives included.
     """
 
-    def __init__(self, rover: RelayedRover, journal: Journal, life: int, messages: int) -> None:
+    def __init__(self, rover: RelayedRover, journal: Journal, run: int, messages: int) -> None:
         def numbers(kind: str) -> list[int]:
             return [row[1] for row in journal.rows if row[0] == kind]
 
-        self._rover, self._journal, self._life = rover, journal, life
-        self._next = life * EACH_LIFE
+        self._rover, self._journal, self._run = rover, journal, run
+        self._next = run * EACH_RUN
         acknowledged = set(numbers(ACKNOWLEDGED))
-        self._again = sorted(set(numbers(ASKED)) - acknowledged - set(numbers(REFUSED)))
+        self._again = sorted(set(numbers(REQUESTED)) - acknowledged - set(numbers(REFUSED)))
         self._left = messages - len(acknowledged)
-        self._most_underway = min(MOST_UNDERWAY, messages // SHARE)
-        self._underway = max(0, len(acknowledged) - len(numbers(TOLD)))
+        self._max_underway = min(MAX_UNDERWAY, messages // SHARE)
+        self._underway = max(0, len(acknowledged) - len(numbers(REPORTED)))
         rover.listener = self
 
-    def report(self, report: Report, cursor: int | None) -> None:
+    def on_report(self, report: Report, cursor: int | None) -> None:
         """Hear a report, unless it is of the relay itself."""
         if report.sequence:
-            self._journal.write(TOLD, self._life, report.sequence)
+            self._journal.write(REPORTED, self._run, report.sequence)
             self._underway -= 1
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def on_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Hear telemetry, which is nothing to this."""
 
     async def send(self) -> None:
@@ -87,7 +87,7 @@ class Ground:
 
     async def _send_some(self) -> None:
         while self._left > 0:
-            if self._underway >= self._most_underway:
+            if self._underway >= self._max_underway:
                 await asyncio.sleep(PAUSE_S)
                 continue
             self._left -= 1
@@ -98,7 +98,7 @@ class Ground:
         if self._again:
             return self._again.pop()
         self._next += 1
-        self._journal.write(ASKED, self._next)
+        self._journal.write(REQUESTED, self._next)
         return self._next
 
     async def _send_one(self, number: int) -> None:
@@ -109,7 +109,7 @@ class Ground:
                 self._journal.write(REFUSED, number, repr(error))
                 self._left += 1
                 self._underway -= 1
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(POLL_S)
                 return
         self._journal.write(ACKNOWLEDGED, number)
 
@@ -117,22 +117,22 @@ class Ground:
 class Witness(OrbiterRelay):
     """The relay, which also writes down which bundles it is given."""
 
-    def watch(self, journal: Journal, life: int) -> None:
-        self._journal, self._life = journal, life
+    def watch(self, journal: Journal, run: int) -> None:
+        self._journal, self._run = journal, run
 
     def _on_delivery(self, delivery: Delivery) -> None:
-        self._journal.write(GIVEN, self._life, str(delivery.identity))
+        self._journal.write(GIVEN, self._run, str(delivery.identity))
         super()._on_delivery(delivery)
 
 
-async def serve(settings_file: Path, data: Path, folder: Path, life: int, messages: int) -> None:
+async def serve(settings_file: Path, data: Path, folder: Path, run: int, messages: int) -> None:
     with exclusive(data, "orbiter.lock"):
         journal = Journal(folder / ORBITER_JOURNAL)
         relay = Witness(load_orbiter(settings_file), data, lambda: None, load_dictionary())
-        relay.watch(journal, life)
+        relay.watch(journal, run)
         await relay.open()
         (rover,) = relay.rovers.values()
-        ground = Ground(rover, journal, life, messages)
+        ground = Ground(rover, journal, run, messages)
         print(LISTENS, flush=True)
         async with asyncio.TaskGroup() as group:
             group.create_task(relay.receive())
@@ -142,7 +142,7 @@ async def serve(settings_file: Path, data: Path, folder: Path, life: int, messag
                     relay.poll()
                 except LedgerError as error:
                     logging.getLogger(ASSET).error("%s", error)
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(POLL_S)
 
 
 if __name__ == "__main__":

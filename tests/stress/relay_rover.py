@@ -21,7 +21,7 @@ from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
 from adapters.ros import MessageError, Topic, ros_node, single_threaded
 from executive.commands.catalogue import Command
-from executive.commands.lifecycle import Repeated, SubmitResult
+from executive.commands.lifecycle import Duplicate, SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.settings import config_folder
 from executive.values.reports import Report, ReportKind, Severity, Stage
@@ -33,7 +33,7 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class Rover:
-    """Takes commands and tells reports; the `Served` of its topics."""
+    """Takes commands and tells reports; the `CommandDequeued` of its topics."""
 
     def __init__(self, node: Node, folder: Path) -> None:
         self._node = node
@@ -45,7 +45,7 @@ class Rover:
         self._link.serve(self._submit)
         topics.serve(self._link, self)
 
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Have what takes messages called; a string is written down before."""
         contained = self.contained(callback)
 
@@ -56,7 +56,7 @@ class Rover:
             contained(message)
             self._do()
 
-        self._node.create_subscription(kind, topic.name, take, topic.qos)
+        self._node.create_subscription(topic.type, topic.name, take, topic.qos)
 
     subscribe_apart = subscribe
 
@@ -89,8 +89,8 @@ class Rover:
                 self._ledger.record(command)
                 self._ledger.append_report(report)
             self._ledger.commit()
-            self._link.report((report,))
-            answer(Repeated(report))
+            self._link.send_reports((report,))
+            answer(Duplicate(report))
 
     def _done(self, command: Command) -> Report:
         number, how = self._ledger.last_sequence + 1, (ReportKind.COMMAND, Severity.INFORMATIONAL)

@@ -20,7 +20,7 @@ from typing import Final
 from sim.processes import HOST
 from tests.stress import lossy_link, relay_orbiter, relay_rover
 from tests.stress.fake_clock import set_clock
-from tests.stress.findings import Findings, Tell
+from tests.stress.findings import Findings, Log
 from tests.stress.journal import read_journal
 from tests.stress.relay_judge import Fault, gather, judge
 from tests.stress.relay_traffic import (
@@ -46,7 +46,7 @@ FULL: Final = "disk is full"
 """As SQLite says it."""
 HASTE_S: Final = 0.3
 """Between the progress that calls for a fault and the fault, at most."""
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 STALL_S: Final = 90.0
 """Without anything at the topic, after which nothing is awaited any more."""
 QUIET_S: Final = 2.0
@@ -114,9 +114,9 @@ class Side:
             self.disk, self.no_disk = Disk(folder / name), str(error)
         self.victim: Victim
 
-    def start(self, place: Workplace, up: str, line: Callable[[int], Sequence[object]]) -> None:
-        self.victim = place.start_each_life(
-            self.name, lambda life: ("tests.stress.fake_clock", self.clock, *line(life)), up
+    def start(self, workspace: Workplace, up: str, line: Callable[[int], Sequence[object]]) -> None:
+        self.victim = workspace.start_again(
+            self.name, lambda run: ("tests.stress.fake_clock", self.clock, *line(run)), up
         )
 
     def suffer(self, happening: Happening) -> None:
@@ -143,30 +143,30 @@ class Side:
 class Storm:
     """All that runs, how far it has come, and what can be done to it."""
 
-    def __init__(self, place: Workplace, plan: Plan, stack: ExitStack) -> None:
-        self._place, self._plan = place, plan
-        self._folder = folder = place.folder
+    def __init__(self, workspace: Workplace, plan: Plan, stack: ExitStack) -> None:
+        self._workspace, self._plan = workspace, plan
+        self._folder = folder = workspace.folder
         self.sides = {name: Side(folder, name, stack) for name in SIDES}
         self.orbiter, self.relay = self.sides.values()
         up, down, from_orbiter, from_relay = free_udp_ports(4)
         settings, relay_settings = folder / "orbiter.yaml", folder / "relay.yaml"
         settings.write_text(_orbiter_yaml(up, from_orbiter), encoding="utf-8")
         relay_settings.write_text(_relay_yaml(down, from_relay), encoding="utf-8")
-        self._proxy = place.start(
+        self._proxy = workspace.start(
             "proxy", "tests.stress.lossy_link",
             "--end", from_orbiter, down, "--end", from_relay, up,
             "--loss", plan.loss, "--scale", SCALE, "--seed", plan.seed, up=lossy_link.LISTENS,
         )  # fmt: skip
-        place.start("rover", "tests.stress.relay_rover", folder, up=relay_rover.LISTENS)
-        self.relay.start(place, f"relays for {NAME}", lambda _: (
+        workspace.start("rover", "tests.stress.relay_rover", folder, up=relay_rover.LISTENS)
+        self.relay.start(workspace, f"relays for {NAME}", lambda _: (
             "adapters.relay.rover.process", "--asset", ASSET,
             "--config", relay_settings, "--data", self.relay.disk.folder,
         ))  # fmt: skip
-        self.orbiter.start(place, relay_orbiter.LISTENS, lambda life: (
+        self.orbiter.start(workspace, relay_orbiter.LISTENS, lambda run: (
             "tests.stress.relay_orbiter", settings, self.orbiter.disk.folder, folder,
-            life, plan.messages,
+            run, plan.messages,
         ))  # fmt: skip
-        for victim in place.victims:
+        for victim in workspace.victims:
             victim.wait()
 
     @property
@@ -178,19 +178,19 @@ class Storm:
         """Wait for so many strings; return False where nothing comes any more."""
         last, last_s = self.count, time.monotonic()
         while (now := self.count) < count:
-            self._place.check()
+            self._workspace.check()
             if now > last:
                 last, last_s = now, time.monotonic()
             elif time.monotonic() - last_s > STALL_S:
                 return False
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         return True
 
     def settle(self) -> None:
         """Wait until everything is where it belongs, unless nothing moves any more."""
         last, last_s = self.count, time.monotonic()
         while (quiet_s := time.monotonic() - last_s) < STALL_S:
-            self._place.check()
+            self._workspace.check()
             if self.count > last:
                 last, last_s = self.count, time.monotonic()
             rows = read_journal(self._folder / ORBITER_JOURNAL)
@@ -208,43 +208,43 @@ class Storm:
         self._proxy.child.end()
         for path in self.orbiter.disk.folder.glob(f"{ASSET}.sqlite*"):
             shutil.copy(path, self._folder / path.name.replace(ASSET, "orbiter"))
-        said = self._proxy.child.find_output(re.compile(f"{lossy_link.DONE}(.*)"))
-        pairs = (word.split("=") for word in said[1].split()) if said else ()
+        message = self._proxy.child.find_output(re.compile(f"{lossy_link.DONE}(.*)"))
+        pairs = (word.split("=") for word in message[1].split()) if message else ()
         return [Figure(f"relay: {lossy_link.COUNTS[kind]}", int(n), "") for kind, n in pairs]
 
 
-def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
+def measure(plan: Plan, log: Log, output: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken, and what the storm came upon.
 
     Args:
         plan: what is to happen.
-        tell: called with a line on each fault that is injected, and on each of the first found.
-        keep: an empty folder where everything is left; None for one that is gone in the end.
+        log: called with a line on each fault that is injected, and on each of the first found.
+        output: an empty folder where everything is left; None for one that is gone in the end.
 
     Raises:
         ChildError: a process ended by itself.
         TimeoutError: a process did not start.
     """
     with ExitStack() as stack:
-        place = stack.enter_context(workplace(keep))
-        storm = Storm(place, plan, stack)
+        workspace = stack.enter_context(workplace(output))
+        storm = Storm(workspace, plan, stack)
         no_disk = storm.orbiter.no_disk or storm.relay.no_disk
         if no_disk:
-            tell(f"no disk is filled, for none can be made here: {no_disk}")
+            log(f"no disk is filled, for none can be made here: {no_disk}")
         began_s, random, happened = time.monotonic(), Random(plan.seed), Counter[InjectedFault]()
         for at, (side, happening) in fault_schedule(plan, random, not no_disk):
             if not storm.reaches(at):
-                tell(f"nothing comes any more after {storm.count} messages")
+                log(f"nothing comes any more after {storm.count} messages")
                 break
             time.sleep(random.uniform(0.0, HASTE_S))
-            tell(f"{time.monotonic() - began_s:6.1f} s {storm.count:6d}  {side} {happening.value}")
+            log(f"{time.monotonic() - began_s:6.1f} s {storm.count:6d}  {side} {happening.value}")
             happened[side, happening] += 1
             storm.sides[side].suffer(happening)
         storm.settle()
         duration_s = time.monotonic() - began_s
         link = storm.end()
-        unwritten = sum(path.read_text().count(FULL) for path in place.folder.glob("*-*.log"))
-        verdict = judge(gather(place.folder, place.folder / "orbiter.sqlite"))
+        unwritten = sum(path.read_text().count(FULL) for path in workspace.folder.glob("*-*.log"))
+        verdict = judge(gather(workspace.folder, workspace.folder / "orbiter.sqlite"))
     beside = f"{plan.messages} each way, {plan.loss:.0%} loss, seed {plan.seed}"
     rate = verdict.commands / duration_s
     return [
@@ -259,7 +259,7 @@ def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
         Figure("relay: messages each way, all faults included", rate, "1/s", beside),
         Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),
         *(Figure(f"relay: {what}", number, "") for what, number in verdict.allowed.items()),
-        *Findings(tell, verdict.faults).figures("relay", Fault, beside),
+        *Findings(log, verdict.faults).figures("relay", Fault, beside),
     ]
 
 

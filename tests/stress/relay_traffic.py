@@ -9,16 +9,16 @@ from executive.values.reports import Identity
 ASSET: Final = "jackal"
 NAME: Final = "JACKAL"
 SOURCE: Final = "MOE"
-EACH_LIFE: Final = 1_000_000
+EACH_RUN: Final = 1_000_000
 """Numbers for each life of the orbiter: none is given twice, whatever is known of it."""
 TOPIC_JOURNAL: Final = "topic.jsonl"
 """A row for each string on the topic of commands."""
 ROVER_LEDGER: Final = "rover.sqlite"
 ORBITER_JOURNAL: Final = "orbiter.jsonl"
 """Rows of the orbiter; the first column is one of those below."""
-ASKED, ACKNOWLEDGED, REFUSED = "asked", "acknowledged", "refused"
+REQUESTED, ACKNOWLEDGED, REFUSED = "asked", "acknowledged", "refused"
 """Number of a command that is about to be sent; acknowledged, or known when sent again; refused."""
-TOLD, GIVEN = "told", "given"
+REPORTED, GIVEN = "told", "given"
 """Life, and number of a report that was told to the ground; life, and bundle that came down."""
 
 

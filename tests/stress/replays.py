@@ -30,7 +30,7 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Crash, Entry, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario, scenario_folder
 from tests.stress.command_generator import PER_PLAN, random_request
-from tests.stress.findings import Findings, Tell
+from tests.stress.findings import Findings, Log
 from tests.support.figures import Figure
 
 WITH_FAULTS: Final = 0.6
@@ -38,13 +38,13 @@ WITH_FAULTS: Final = 0.6
 CRASHES: Final = 1 / 3
 VISITORS: Final = 1 / 3
 """Of the runs: those in which another source sends random commands, too."""
-MOST_COMMANDS: Final = 12
-LONGEST_S: Final = 25.0
+MAX_COMMANDS: Final = 12
+MAX_DURATION_S: Final = 25.0
 """Of a run: most motions of the campaigns have ended by then."""
-MOST_DOWN_S: Final = 2.0
+MAX_DOWN_S: Final = 2.0
 ODD: Final = 0.05
 DRAWN_FROM: Final = 1_000_000
-TOLD_EVERY: Final = 50
+REPORTED_EVERY: Final = 50
 
 
 @unique
@@ -77,44 +77,44 @@ class Outcome:
 
     fault: ReplayFault | None
     text: str
-    lives: int = 0
+    starts: int = 0
     ticks: int = 0
     decisions: int = 0
 
 
-def measure(count: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
+def measure(count: int, seed: int, log: Log, output: Path | None = None) -> list[Figure]:
     """Return how many of so many recorded runs decide otherwise when they are replayed.
 
     Args:
         count: how many runs.
         seed: of which runs.
-        tell: called with a line on each run that does not decide the same.
-        keep: an empty folder for the recordings; None deletes each once it is replayed.
+        log: called with a line on each run that does not decide the same.
+        output: an empty folder for the recordings; None deletes each once it is replayed.
     """
-    findings = Findings(tell)
+    findings = Findings(log)
     kinds: list[Kind] = []
     outcomes: list[Outcome] = []
     # A process that was not forked shares neither the seed of hashes nor anything in memory.
     other = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
     with other, tempfile.TemporaryDirectory(prefix="rover-replays-") as scratch:
         for number, (scenario, kind) in enumerate(islice(_runs(seed), count), 1):
-            path = Path(keep or scratch, f"{number:04d}.mcap")
+            path = Path(output or scratch, f"{number:04d}.mcap")
             _record(scenario, path, Path(scratch, str(number)))
             outcome = other.submit(_replayed, path).result()
             if outcome.fault is not None:
                 findings.add(outcome.fault, f"run {number}, {kind}: {outcome.text}")
-            if keep is None:
+            if output is None:
                 path.unlink()
             kinds.append(kind)
             outcomes.append(outcome)
-            if number % TOLD_EVERY == 0:
-                tell(f"{number} of {count}")
+            if number % REPORTED_EVERY == 0:
+                log(f"{number} of {count}")
     beside = f"{count} runs, seed {seed}, lock step"
     numbers = [
         *sorted(Counter(each.asset for each in kinds).items()),
         ("with an injected fault", sum(each.fault for each in kinds)),
         ("with random commands", sum(each.visitor for each in kinds)),
-        ("with a crash", sum(each.lives > 1 for each in outcomes)),
+        ("with a crash", sum(each.starts > 1 for each in outcomes)),
     ]
     return [
         *(Figure(f"replays: {name}", number, "runs", beside) for name, number in numbers),
@@ -143,9 +143,9 @@ def _runs(seed: int) -> Iterator[tuple[Scenario, Kind]]:
         fault = any(each.key == "inject" and each.value != "none" for each in changes)
         visitor = random.random() < VISITORS
         if visitor:
-            scenario = _with(scenario, *_visits(random, scenario.lasts_s))
+            scenario = _with(scenario, *_visits(random, scenario.duration_s))
         if random.random() < CRASHES:
-            scenario = _with(scenario, _crash(random, scenario.lasts_s))
+            scenario = _with(scenario, _crash(random, scenario.duration_s))
         yield scenario, Kind(name, scenario.settings.asset, fault, visitor)
 
 
@@ -177,7 +177,7 @@ def _quick(scenario: Scenario) -> Scenario:
     """Return a scenario that is short, with small pictures: nothing but their end decides."""
     camera = replace(scenario.settings.camera, width_px=16, height_px=12)
     settings = replace(scenario.settings, camera=camera)
-    return replace(scenario, settings=settings, lasts_s=min(scenario.lasts_s, LONGEST_S))
+    return replace(scenario, settings=settings, duration_s=min(scenario.duration_s, MAX_DURATION_S))
 
 
 def _with(scenario: Scenario, *entries: Entry) -> Scenario:
@@ -185,14 +185,14 @@ def _with(scenario: Scenario, *entries: Entry) -> Scenario:
 
 
 def _crash(random: Random, lasts_s: float) -> Crash:
-    down_s = random.uniform(0.0, MOST_DOWN_S)
+    down_s = random.uniform(0.0, MAX_DOWN_S)
     return Crash(at_s=random.uniform(0.0, lasts_s - down_s - 1.0), crash_s=down_s)
 
 
 def _visits(random: Random, lasts_s: float) -> Iterator[Send]:
     """Yield random commands, of which the first submits a plan."""
     first = 1 + PER_PLAN * random.randrange(100)
-    times_s = sorted(random.uniform(0.5, lasts_s) for _ in range(MOST_COMMANDS))
+    times_s = sorted(random.uniform(0.5, lasts_s) for _ in range(MAX_COMMANDS))
     for number, at_s in enumerate(times_s, first):
         request = random_request(random, number, ODD)
         yield Send(at_s=at_s, command=request, label=f"visit-{number}", source="VISITOR")

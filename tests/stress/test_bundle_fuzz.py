@@ -18,7 +18,7 @@ def _log_as_before() -> Iterator[None]:
     logger.setLevel(level)
 
 
-def test_what_is_wrong_is_refused_and_nothing_grows() -> None:
+def test_invalid_input_is_refused_and_nothing_grows() -> None:
     figures = bundle_fuzz.measure(6000, 2, print)
     assert [figure.name for figure in figures if figure.met is False] == []
     values = {figure.name: figure.value for figure in figures}

@@ -11,8 +11,8 @@ from tests.stress import campaign_kills
 
 
 def judged(seed: int = 3) -> dict[str, float]:
-    told: list[str] = []
-    figures = campaign_kills.measure(1, seed, told.append, "expired")
+    reported: list[str] = []
+    figures = campaign_kills.measure(1, seed, reported.append, "expired")
     return {figure.name.partition(": ")[2]: figure.value for figure in figures}
 
 
@@ -25,7 +25,7 @@ def played(job: Job) -> JobResult:
 
 
 @pytest.mark.slow
-def test_every_run_is_there_once_whatever_is_killed() -> None:
+def test_every_run_is_present_once_after_any_kill() -> None:
     found = judged()
     assert found.pop("kills") == 1
     assert found.pop("runs") == campaign_kills.RUNS_PER_KILL
@@ -46,7 +46,7 @@ def test_each_fault_is_noticed(
 ) -> None:
     spoils = iter([spoil, list])
 
-    class Nobody:
+    class NoClient:
         def __enter__(self) -> None:
             return None
 
@@ -57,7 +57,7 @@ def test_each_fault_is_noticed(
         yield from next(spoils)([played(job) for job in jobs])
 
     monkeypatch.setattr(campaign_kills.Killer, "on_run", lambda *_: None)
-    monkeypatch.setattr(campaign_kills, "local_cluster", lambda _: Nobody())
+    monkeypatch.setattr(campaign_kills, "local_cluster", lambda _: NoClient())
     monkeypatch.setattr(campaign_kills, "results", here)
     found = judged()
     assert found[fault.value] == 1

@@ -11,7 +11,7 @@ MOTION = "storm: motion while stopped or safe"
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_promises_hold_whatever_happens_when(seed: int) -> None:
+def test_promises_hold_in_any_order_of_events(seed: int) -> None:
     figures = core_storm.measure(load_settings("jackal"), 500, seed, print)
     assert [figure.name for figure in figures if not figure.met] == []
 

@@ -20,17 +20,17 @@ from executive.commands.catalogue import (
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.stress.command_generator import random_command
-from tests.stress.findings import LifeFault
+from tests.stress.findings import LifecycleFault
 from tests.stress.kills_journal import (
     Answer,
     Answered,
     Entry,
     Fetched,
     Fetching,
-    Heard,
+    Received,
+    Route,
     Sent,
     View,
-    Way,
     read_entries,
 )
 from tests.stress.kills_judge import Evidence, Fault, judge, stops
@@ -46,7 +46,7 @@ def one(number: int) -> Identity:
     return Identity("KILLS", number)
 
 
-def told(sequence: int, number: int, stage: Stage) -> Report:
+def reported(sequence: int, number: int, stage: Stage) -> Report:
     return Report(
         sequence=sequence,
         utc_s=START_S + sequence,
@@ -72,8 +72,8 @@ def story(tmp_path: Path) -> Evidence:
         journal.append(Sent(Command(one(number), request, "direct")))
         journal.append(Answered(one(number), Answer.TAKEN))
         for stage in STAGES:
-            reports.append(told(len(reports) + 1, number, stage))
-            journal.append(Heard(replace(reports[-1], link=None), Way.BROKER))
+            reports.append(reported(len(reports) + 1, number, stage))
+            journal.append(Received(replace(reports[-1], link=None), Route.BROKER))
     journal += [Sent(Command(one(1), REQUESTS[1], "direct")), Answered(one(1), Answer.DUPLICATE)]
     journal.append(Fetched("samples/0.bin", "fetched-1", sha256(b"sample").hexdigest()))
     poses = [TruePose(START_S + time / 10, time / 10, 0.0, 0.0) for time in range(60)]
@@ -81,10 +81,10 @@ def story(tmp_path: Path) -> Evidence:
     return Evidence(journal, reports, poses, files)
 
 
-def without(kind: type[Entry], place: int) -> Spoil:
+def without(kind: type[Entry], index: int) -> Spoil:
     def spoil(evidence: Evidence) -> Evidence:
-        gone = [entry for entry in evidence.journal if isinstance(entry, kind)][place]
-        return replace(evidence, journal=[e for e in evidence.journal if e is not gone])
+        closed = [entry for entry in evidence.journal if isinstance(entry, kind)][index]
+        return replace(evidence, journal=[e for e in evidence.journal if e is not closed])
 
     return spoil
 
@@ -93,16 +93,16 @@ def aboard(change: Callable[[list[Report]], list[Report]]) -> Spoil:
     return lambda evidence: replace(evidence, reports=change(list(evidence.reports)))
 
 
-def and_heard(*more: Entry) -> Spoil:
+def and_received(*more: Entry) -> Spoil:
     return lambda evidence: replace(evidence, journal=[*evidence.journal, *more])
 
 
 def writing(path: str, octets: bytes | None) -> Spoil:
     def spoil(evidence: Evidence) -> Evidence:
-        place = evidence.files.parent / path
-        place.unlink()
+        index = evidence.files.parent / path
+        index.unlink()
         if octets is not None:
-            place.write_bytes(octets)
+            index.write_bytes(octets)
         return evidence
 
     return spoil
@@ -120,34 +120,39 @@ def test_a_whole_story_has_no_fault(story: Evidence) -> None:
 @pytest.mark.parametrize(
     ("spoil", "found"),
     [
-        (without(Heard, 2), {Fault.VIEW, Fault.CLIENT_GAP}),
-        (without(Heard, -1), {Fault.VIEW, Fault.CLIENT_GAP}),
-        (and_heard(Heard(told(17, 4, Stage.FAILED), Way.LEDGER)), {Fault.VIEW, Fault.CLIENT_GAP}),
+        (without(Received, 2), {Fault.VIEW, Fault.CLIENT_GAP}),
+        (without(Received, -1), {Fault.VIEW, Fault.CLIENT_GAP}),
         (
-            and_heard(Heard(replace(told(3, 1, Stage.STARTED), text="other"), Way.LEDGER)),
+            and_received(Received(reported(17, 4, Stage.FAILED), Route.LEDGER)),
             {Fault.VIEW, Fault.CLIENT_GAP},
         ),
-        (aboard(lambda reports: reports[:-1]), {Fault.VIEW, LifeFault.ENDS, Fault.CLIENT_GAP}),
         (
-            aboard(lambda reports: [*reports, told(17, 4, Stage.STARTED)]),
-            {Fault.VIEW, LifeFault.STAGE_TWICE, Fault.CLIENT_GAP},
+            and_received(
+                Received(replace(reported(3, 1, Stage.STARTED), text="other"), Route.LEDGER)
+            ),
+            {Fault.VIEW, Fault.CLIENT_GAP},
+        ),
+        (aboard(lambda reports: reports[:-1]), {Fault.VIEW, LifecycleFault.ENDS, Fault.CLIENT_GAP}),
+        (
+            aboard(lambda reports: [*reports, reported(17, 4, Stage.STARTED)]),
+            {Fault.VIEW, LifecycleFault.STAGE_TWICE, Fault.CLIENT_GAP},
         ),
         (
-            aboard(lambda reports: [*reports, told(17, 4, Stage.FAILED)]),
-            {Fault.VIEW, LifeFault.ENDS, Fault.CLIENT_GAP},
+            aboard(lambda reports: [*reports, reported(17, 4, Stage.FAILED)]),
+            {Fault.VIEW, LifecycleFault.ENDS, Fault.CLIENT_GAP},
         ),
         (
-            aboard(lambda reports: [*reports[:-1], told(18, 4, Stage.EXECUTED)]),
-            {Fault.VIEW, LifeFault.GAP, Fault.CLIENT_GAP},
+            aboard(lambda reports: [*reports[:-1], reported(18, 4, Stage.EXECUTED)]),
+            {Fault.VIEW, LifecycleFault.GAP, Fault.CLIENT_GAP},
         ),
         (
-            and_heard(
+            and_received(
                 Sent(Command(one(5), MoveForward(1.0), "direct")), Answered(one(5), Answer.TAKEN)
             ),
             {Fault.UNKNOWN},
         ),
-        (and_heard(Answered(one(3), Answer.TAKEN)), {Fault.TAKEN_TWICE}),
-        (and_heard(Answered(one(3), Answer.DUPLICATE)), {Fault.DUPLICATE}),
+        (and_received(Answered(one(3), Answer.TAKEN)), {Fault.TAKEN_TWICE}),
+        (and_received(Answered(one(3), Answer.DUPLICATE)), {Fault.DUPLICATE}),
         (writing("files/samples/0.bin", b"simple"), {Fault.FILE}),
         (writing("files/pictures/KILLS-4.jpg", b"\xff\xd8pict"), {Fault.PICTURE}),
         (writing("files/pictures/KILLS-4.jpg", None), {Fault.PICTURE}),
@@ -161,23 +166,23 @@ def test_each_fault_is_noticed(story: Evidence, spoil: Spoil, found: set[Enum]) 
 
 def test_each_fault_has_a_story_that_shows_it() -> None:
     marks = test_each_fault_is_noticed.pytestmark  # type: ignore[attr-defined]
-    assert set().union(*(found for _, found in marks[0].args[1])) == {*Fault, *LifeFault}
+    assert set().union(*(found for _, found in marks[0].args[1])) == {*Fault, *LifecycleFault}
 
 
 def report(sequence: int, stage: Stage | None = None) -> Report:
     if stage is not None:
-        return replace(told(sequence, 1, stage), link=None, reason=Reason.STOPPED)
+        return replace(reported(sequence, 1, stage), link=None, reason=Reason.STOPPED)
     return Report(sequence, 1.5, ReportKind.EVENT, Severity.WARNING, "that")
 
 
-def test_everything_written_is_read_but_for_a_line_cut_short(tmp_path: Path) -> None:
+def test_everything_written_is_read_except_a_truncated_line(tmp_path: Path) -> None:
     commands = [random_command(7, number, "direct", 12.25) for number in range(1, 200)]
-    assert {command.arrival for command in commands} == set(PreemptionPolicy)
+    assert {command.preemption for command in commands} == set(PreemptionPolicy)
     written: list[Entry] = [
         *map(Sent, commands),
         Answered(one(1), Answer.DUPLICATE),
-        Heard(report(1), Way.BROKER),
-        Heard(report(2, Stage.EXECUTED), Way.LEDGER),
+        Received(report(1), Route.BROKER),
+        Received(report(2, Stage.EXECUTED), Route.LEDGER),
         Fetching("samples/0.bin", "fetched-1", 4096),
         Fetched("samples/0.bin", "fetched-1", "00ff"),
     ]
@@ -192,15 +197,15 @@ def test_everything_written_is_read_but_for_a_line_cut_short(tmp_path: Path) -> 
     assert read_entries(path) == written
 
 
-def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_view_continues_at_its_former_end(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     command = Command(one(1), random_command(1, 1, "direct", 0.0).request, "direct")
     view = View(path)
     assert (view.next_number, view.next_name) == (1, "fetched-1")
     view.note(Sent(command))
-    view.hear(report(1, Stage.RECEIVED), Way.BROKER)
-    view.hear(report(3, Stage.EXECUTED), Way.BROKER)
-    view.hear(report(3, Stage.EXECUTED), Way.LEDGER)
+    view.receive(report(1, Stage.RECEIVED), Route.BROKER)
+    view.receive(report(3, Stage.EXECUTED), Route.BROKER)
+    view.receive(report(3, Stage.EXECUTED), Route.LEDGER)
     view.note(Fetching("a", view.next_name, 0))
     view = View(path)
     assert view.unanswered == view.commands == [command]
@@ -208,10 +213,10 @@ def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
     assert (view.complete_to, view.newest) == (1, 3)
     assert view.living == []
     assert view.interrupted == Fetching("a", "fetched-1", 0)
-    view.hear(report(2), Way.LEDGER)
+    view.receive(report(2), Route.LEDGER)
     view.note(Answered(one(1), Answer.DUPLICATE))
     view.note(Fetched("a", "fetched-1", "00"))
-    assert sum(isinstance(entry, Heard) for entry in read_entries(path)) == 3
+    assert sum(isinstance(entry, Received) for entry in read_entries(path)) == 3
     view = View(path)
     assert view.complete_to == 3
     assert not view.unanswered

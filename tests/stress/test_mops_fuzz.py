@@ -39,17 +39,17 @@ def test_sound_readers_meet_every_goal() -> None:
         (broken_readers.raises, {"raised something else than a refusal"}),
         (broken_readers.does_not_find_back, {"not taken though sound"}),
         (broken_readers.is_silent, {"wrong and not told"}),
-        (broken_readers.says_it_twice, {"told in more than one line"}),
-        (broken_readers.says_it_in_many_lines, {"told in more than one line"}),
+        (broken_readers.reports_twice, {"told in more than one line"}),
+        (broken_readers.reports_in_many_lines, {"told in more than one line"}),
         (broken_readers.writes_otherwise, {"read otherwise than it was written"}),
-        (broken_readers.has_the_brick_do_what_is_for_others, {"motion"}),
+        (broken_readers.has_the_brick_execute_foreign_commands, {"motion"}),
         (broken_readers.moves, {"motion"}),
         (
-            broken_readers.takes_commands_of_nobody,
+            broken_readers.accepts_commands_without_source,
             {"said or done though no sound string asked for it"},
         ),
         (
-            broken_readers.tells_what_nobody_said,
+            broken_readers.reports_unsent_messages,
             {"said or done though no sound string asked for it"},
         ),
         (broken_readers.grows, {"memory gained"}),
@@ -60,10 +60,10 @@ def test_a_broken_reader_is_found_out(
 ) -> None:
     ctypes.CDLL(None).malloc_trim(0)  # else what other tests gave back is taken first
     assert missed(lambda: breaks(monkeypatch)) >= names
-    broken_readers.KEPT.clear()
+    broken_readers.RETAINED.clear()
 
 
-def test_the_bench_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bench_reports_it(monkeypatch: pytest.MonkeyPatch) -> None:
     few = ["mops-fuzz", "--messages", "200", "--seed", "3"]
     assert CliRunner().invoke(bench, few).exit_code == 0
     broken_readers.is_silent(monkeypatch)

@@ -22,7 +22,6 @@ ATTACKED = {
     "adapters/calibration/drive_log.py",
     "adapters/cli/history_options.py",
     "adapters/cli/watch_file.py",
-    "adapters/cli/watch_page.py",
     "adapters/console/recordings/recorded.py",
     "adapters/ros/bag.py",
     "sim/plot/recorded.py",

@@ -39,17 +39,17 @@ STORY = Evidence(
     topic=[string(number) for number in NUMBERS],
     reports=[report(number) for number in NUMBERS],
     known=[report(number) for number in NUMBERS],
-    told=[(0, number) for number in NUMBERS],
+    reported=[(0, number) for number in NUMBERS],
     given=[(0, f"ipn:2.1 {number}") for number in NUMBERS],
 )
 
 
-def test_a_whole_story_holds_and_what_is_allowed_is_counted() -> None:
+def test_a_whole_run_holds_and_permitted_losses_are_counted() -> None:
     verdict = judge(
         replace(
             STORY,
             topic=[*STORY.topic, string(5)],
-            told=STORY.told[1:],
+            reported=STORY.reported[1:],
             given=[*STORY.given, (1, "ipn:2.1 10"), (1, "ipn:2.1 11")],
         )
     )
@@ -64,7 +64,7 @@ def executed_twice(evidence: Evidence) -> Evidence:
         evidence,
         reports=[*evidence.reports, again],
         known=[*evidence.known, again],
-        told=[*evidence.told, (0, 11)],
+        reported=[*evidence.reported, (0, 11)],
         given=[*evidence.given, (0, "ipn:2.1 11")],
     )
 
@@ -78,7 +78,7 @@ def executed_twice(evidence: Evidence) -> Evidence:
         (Fault.LOST_DOWN, lambda e: replace(e, known=e.known[:-1])),
         (Fault.CHANGED_DOWN, lambda e: replace(e, known=[*e.known[:-1], other(10)])),
         (Fault.CHANGED_DOWN, lambda e: replace(e, known=[*e.known, report(99)])),
-        (Fault.TOLD_TWICE, lambda e: replace(e, told=[*e.told, (1, 4)])),
+        (Fault.REPORTED_TWICE, lambda e: replace(e, reported=[*e.reported, (1, 4)])),
         (Fault.GIVEN_TWICE, lambda e: replace(e, given=[*e.given, e.given[0]])),
     ],
 )
@@ -94,14 +94,14 @@ def other(number: int) -> Report:
     return replace(report(number), stage=Stage.FAILED)
 
 
-TELLS = """\
+OUTPUT = """\
 import sys, time
 for _ in sys.stdin:
     print(time.time(), flush=True)
 """
 
 
-def test_the_link_does_what_it_is_asked_for() -> None:
+def test_the_link_acts_as_requested() -> None:
     link = LossyLink(Random(1), loss=0.3, scale=20.0)
     delays_s = [link.delays_s(number / 100) for number in range(60_000)]
     done = link.done
@@ -119,12 +119,12 @@ def test_the_link_does_what_it_is_asked_for() -> None:
 
 
 def test_a_clock_is_set_while_its_process_runs(tmp_path: Path) -> None:
-    (tmp_path / "tells.py").write_text(TELLS)
+    (tmp_path / "tells.py").write_text(OUTPUT)
     clock = tmp_path / "clock"
     set_clock(clock, 0.0)
     command = [sys.executable, "-m", "tests.stress.fake_clock", str(clock), "tells"]
     checkout = str(Path(__file__).parents[2])
-    told_s = []
+    reported_s = []
     with subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
@@ -138,12 +138,12 @@ def test_a_clock_is_set_while_its_process_runs(tmp_path: Path) -> None:
             set_clock(clock, wrong_by_s)
             process.stdin.write("\n")
             process.stdin.flush()
-            told_s.append(float(process.stdout.readline()))
+            reported_s.append(float(process.stdout.readline()))
         process.stdin.close()
-    assert -3601.0 < told_s[1] - told_s[0] < -3500.0
+    assert -3601.0 < reported_s[1] - reported_s[0] < -3500.0
 
 
-def test_a_disk_is_full_from_one_moment_to_the_next_and_has_room_again(tmp_path: Path) -> None:
+def test_a_disk_is_full_at_once_and_has_space_again(tmp_path: Path) -> None:
     try:
         with small_disk(tmp_path / "disk") as disk:
             path = disk.folder / "file"

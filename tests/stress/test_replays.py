@@ -10,7 +10,7 @@ FAULT = "replays: recordings that decide otherwise"
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replays, "LONGEST_S", 10.0)
+    monkeypatch.setattr(replays, "MAX_DURATION_S", 10.0)
 
 
 def test_runs_of_all_kinds_are_replayed_equally() -> None:
@@ -23,7 +23,7 @@ def test_another_law_in_the_run_than_in_its_replay_is_found_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(DriveLaw, "done", property(lambda _: True))
-    told: list[str] = []
-    figures = {figure.name: figure for figure in replays.measure(1, 1, told.append)}
+    reported: list[str] = []
+    figures = {figure.name: figure for figure in replays.measure(1, 1, reported.append)}
     assert figures[FAULT].value > 0
-    assert told[0].startswith("recordings that decide otherwise: run ")
+    assert reported[0].startswith("recordings that decide otherwise: run ")

@@ -12,7 +12,7 @@ LIMIT_S = 120.0
 T = TypeVar("T")
 
 
-def ask(
+def call_ground(
     uri: str, question: Callable[[MrsClient], Awaitable[T]], terms: TransportSettings = CLEAR
 ) -> T:
     """Connect, ask, hang up; return the answer."""
@@ -32,7 +32,7 @@ def carry_out(
     async def send(client: MrsClient) -> list[CommandOutcome]:
         return [await client.run(client.command(request)) for request in requests]
 
-    return ask(uri, send, terms)
+    return call_ground(uri, send, terms)
 
 
 async def located(client: MrsClient) -> None:
@@ -43,4 +43,4 @@ async def located(client: MrsClient) -> None:
 
 
 def until_located(uri: str) -> None:
-    ask(uri, located)
+    call_ground(uri, located)

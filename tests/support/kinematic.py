@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from executive.commands import Command, MoveForward, PreemptionPolicy, Request
-from executive.commands.lifecycle import Refused, SubmitResult
-from executive.core.recording import Tape
+from executive.commands.lifecycle import Rejected, SubmitResult
+from executive.core.recording import RecordingSink
 from executive.core.runner import Executive
 from executive.core.tree import Tree
 from executive.faults import FaultResponse, Reaction
@@ -27,13 +27,15 @@ from trees import RoverTree
 
 STEP_S = 0.05
 PICTURE = b"\xff\xd8picture\xff\xd9"
-WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+ALL_STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 def ignoring(*faults: str) -> Settings:
     """Return the settings of a Jackal that does not watch for some faults."""
     settings = load_settings("jackal")
-    rows = {name: replace(getattr(settings.faults, name), then=Reaction.IGNORE) for name in faults}
+    rows = {
+        name: replace(getattr(settings.faults, name), reaction=Reaction.IGNORE) for name in faults
+    }
     return replace(settings, faults=replace(settings.faults, **rows))
 
 
@@ -96,13 +98,13 @@ class KinematicRover:
             heading_rad=wrap_rad(pose.heading_rad + velocity.rotate_radps * step_s),
         )
 
-    def _pan(self, most_rad: float) -> None:
-        way_rad = self.pan_wanted_rad - self.angles.pan_rad
-        pan_rad = self.angles.pan_rad + max(-most_rad, min(most_rad, way_rad))
+    def _pan(self, max_rad: float) -> None:
+        difference_rad = self.pan_wanted_rad - self.angles.pan_rad
+        pan_rad = self.angles.pan_rad + max(-max_rad, min(max_rad, difference_rad))
         self.angles = CameraAngles(pan_rad, self.angles.tilt_rad)
 
 
-class Heard:
+class Received:
     """A downlink that keeps what it hears."""
 
     def __init__(self) -> None:
@@ -111,16 +113,16 @@ class Heard:
         self.values: list[Sequence[ParameterValue]] = []
         self.files: list[FileEvent] = []
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         self.reports += reports
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         self.plans.append(update)
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         self.values.append(values)
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         self.files.append(event)
 
 
@@ -147,7 +149,7 @@ class Bench:
     """
 
     ledger: Ledger
-    new_tape: ClassVar[Callable[[], Tape | None]] = staticmethod(lambda: None)
+    new_tape: ClassVar[Callable[[], RecordingSink | None]] = staticmethod(lambda: None)
 
     def __init__(
         self,
@@ -157,19 +159,19 @@ class Bench:
         rover: KinematicRover | None = None,
         solver: SharedSolver | None = None,
         clock: ManualClock | None = None,
-        tape: Tape | None = None,
+        tape: RecordingSink | None = None,
         all_sensors: bool = False,
     ) -> None:
         self.folder = folder
         # The tree of a recording is that of the rover.
         self.tape = tape or (Bench.new_tape() if build_tree is RoverTree else None)
         asset = settings or load_settings("jackal")
-        told = asset.sensors
-        fewer = Sensors(laser=told.laser, second_odometry=told.second_odometry)
+        reported = asset.sensors
+        fewer = Sensors(laser=reported.laser, second_odometry=reported.second_odometry)
         self.settings = asset if all_sensors else replace(asset, sensors=fewer)
         self.clock = clock or ManualClock()
         self.rover = rover or KinematicRover()
-        self.heard = Heard()
+        self.received = Received()
         self.video = VideoSwitch()
         self.odometry = True
         self.voltage_v: float | None = 26.0
@@ -202,7 +204,7 @@ class Bench:
 
     def downlinks(self) -> list[Downlink]:
         """Return who hears the executive that starts now."""
-        return [self.heard]
+        return [self.received]
 
     def fill_disk(self, full: bool = True) -> None:
         """Let the ledger take nothing more, or mend it."""
@@ -224,12 +226,12 @@ class Bench:
     def refusal(self, request: Request, number: int, **options: object) -> Refusal:
         """Send a command that is refused, and return why."""
         answer = self.submit(request, number, **options)
-        assert isinstance(answer, Refused), answer
+        assert isinstance(answer, Rejected), answer
         return answer.refusal
 
     def replace(self, request: Request, number: int) -> SubmitResult:
         """Send a command that replaces the motion under way."""
-        return self.submit(request, number, arrival=PreemptionPolicy.REPLACE)
+        return self.submit(request, number, preemption=PreemptionPolicy.REPLACE)
 
     def send(self, command: Command) -> SubmitResult:
         """Send a command."""
@@ -288,10 +290,10 @@ class Bench:
         """Return the stages reported of a command, in order."""
         return [
             report.stage
-            for report in self.heard.reports
+            for report in self.received.reports
             if report.identity == Identity("MOE", number) and report.stage is not None
         ]
 
     def last(self, number: int) -> Report:
         """Return the last report on a command."""
-        return [r for r in self.heard.reports if r.identity == Identity("MOE", number)][-1]
+        return [r for r in self.received.reports if r.identity == Identity("MOE", number)][-1]

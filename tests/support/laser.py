@@ -19,12 +19,12 @@ class Disc:
     y_m: float
     radius_m: float
 
-    def away_m(self, place: Point) -> float:
+    def away_m(self, position: Point) -> float:
         """How far a place is from its surface."""
-        return hypot(place.x_m - self.x_m, place.y_m - self.y_m) - self.radius_m
+        return hypot(position.x_m - self.x_m, position.y_m - self.y_m) - self.radius_m
 
 
-def look(pose: Pose, discs: Sequence[Disc], stamp_s: float) -> LaserScan:
+def scan_of(pose: Pose, discs: Sequence[Disc], stamp_s: float) -> LaserScan:
     """Return a scan all around from a pose."""
     ranges_m = []
     for ray in range(RAYS):
@@ -41,7 +41,7 @@ def look(pose: Pose, discs: Sequence[Disc], stamp_s: float) -> LaserScan:
 
 
 @dataclass
-class LookingRover(KinematicRover):
+class ScanningRover(KinematicRover):
     """Sees rocks ten times a second.
 
     Attributes:
@@ -61,4 +61,4 @@ class LookingRover(KinematicRover):
         away_m = [disc.away_m(self.pose.point) - 0.3335 for disc in self.discs]
         self.nearest_m = min([self.nearest_m, *away_m])
         if self.steps % 2 == 0 and not self.blind:
-            self.facts.append(look(self.pose, self.discs, self.steps * step_s))
+            self.facts.append(scan_of(self.pose, self.discs, self.steps * step_s))

@@ -9,7 +9,7 @@ from executive.commands import (
     ResumePlan,
     SubmitPlan,
 )
-from executive.commands.lifecycle import Admitted, SubmitResult
+from executive.commands.lifecycle import Accepted, SubmitResult
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
@@ -39,7 +39,7 @@ class PlanBench(Bench):
 
     number = 1000
 
-    def ask(self, request: PlanRequest) -> SubmitResult:
+    def request(self, request: PlanRequest) -> SubmitResult:
         """Send a command about a plan."""
         return self.numbered(request)
 
@@ -56,8 +56,8 @@ class PlanBench(Bench):
     def go(self, definition: PlanDefinition) -> None:
         """Submit and activate a plan."""
         for request in (SubmitPlan(definition), ActivatePlan(definition.plan_id)):
-            answer = self.ask(request)
-            assert isinstance(answer, Admitted), answer
+            answer = self.request(request)
+            assert isinstance(answer, Accepted), answer
 
     def begin(self, body: str, duration_s: float = 1.0) -> None:
         """Run a plan for a while."""
@@ -66,7 +66,7 @@ class PlanBench(Bench):
 
     def resumed(self) -> PlanStatus:
         """Resume the plan and run it to its end."""
-        self.ask(ResumePlan("survey"))
+        self.request(ResumePlan("survey"))
         return self.until(PlanStatus.COMPLETED, PlanStatus.FAILED)
 
     def status(self, plan_id: str = "survey") -> PlanUpdate:
@@ -99,14 +99,14 @@ class PlanBench(Bench):
 
     def commanded(self, plan_id: str = "survey") -> list[tuple[int, list[Stage]]]:
         """Return the plan's commands by number, each with its stages."""
-        lives: dict[int, list[Stage]] = {}
+        stages_by_number: dict[int, list[Stage]] = {}
         for report in self.of(plan_id):
             assert report.identity is not None
             assert report.stage is not None
-            lives.setdefault(report.identity.command_id, []).append(report.stage)
-        return sorted(lives.items())
+            stages_by_number.setdefault(report.identity.command_id, []).append(report.stage)
+        return sorted(stages_by_number.items())
 
     def of(self, plan_id: str = "survey") -> list[Report]:
         """Return the reports on the plan's commands."""
         source = f"plan:{plan_id}"
-        return [r for r in self.heard.reports if r.identity and r.identity.source == source]
+        return [r for r in self.received.reports if r.identity and r.identity.source == source]

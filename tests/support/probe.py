@@ -4,8 +4,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import dist
+from pathlib import Path
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -25,12 +26,13 @@ class Probe:
         self.topics: Topics = declare_topics(node)
         self._executor = executor
         self.truth: list[Odometry] = []
-        self.velocities: list[Twist] = []
-        self.hear(Odometry, self.topics.ground_truth, self.truth.append)
-        self.hear(Twist, self.topics.cmd_vel, self.velocities.append)
+        self.velocities: list[TwistStamped] = []
+        self.receive(self.topics.ground_truth, self.truth.append)
+        self.receive(self.topics.cmd_vel, self.velocities.append)
 
-    def hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
-        self.node.create_subscription(kind, topic.name, callback, topic.qos)
+    def receive(self, topic: Topic | None, callback: Callable[..., None]) -> None:
+        assert topic is not None
+        self.node.create_subscription(topic.type, topic.name, callback, topic.qos)
 
     def until(self, done: Callable[[], bool], what: str) -> None:
         """Serve the node until something holds."""
@@ -42,7 +44,9 @@ class Probe:
     def fresh_truth(self) -> Odometry:
         """Wait for a true pose that is newer than what had queued."""
         self.truth.clear()
-        self.until(lambda: len(self.truth) > self.topics.ground_truth.qos.depth, "true poses")
+        assert self.topics.ground_truth is not None
+        depth = self.topics.ground_truth.qos.depth
+        self.until(lambda: len(self.truth) > depth, "true poses")
         return self.truth[-1]
 
     def driven(self) -> None:
@@ -57,20 +61,20 @@ class Probe:
     def advanced(self, distance_m: float) -> None:
         """Wait until it is that far from where it is now."""
 
-        def place() -> tuple[float, float]:
+        def position_m() -> tuple[float, float]:
             position = self.fresh_truth().pose.pose.position
             return position.x, position.y
 
-        begun = place()
-        self.until(lambda: dist(begun, place()) > distance_m, "it advances")
+        begun = position_m()
+        self.until(lambda: dist(begun, position_m()) > distance_m, "it advances")
 
     def standing(self) -> None:
         self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) < 0.01, "it stands")
 
 
 @contextmanager
-def probing() -> Iterator[Probe]:
+def probing(parameters: Path | None = None) -> Iterator[Probe]:
     """Give a probe in the namespace of the rover."""
-    parameters = config_folder() / f"{ASSET}.ros.yaml"
+    parameters = parameters or config_folder() / f"{ASSET}.ros.yaml"
     with ros_node("probe", ASSET, parameters=parameters) as node, single_threaded(node) as executor:
         yield Probe(node, executor)

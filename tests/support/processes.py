@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.support.warm import WarmProcess, entry_of
+
 LIMIT_S = 90.0
 LISTENS = r"listens at (maltcp://\S+)"
 
@@ -19,7 +21,11 @@ class Running:
 
     def __init__(self, log: Path, *command: str, cwd: Path | None = None) -> None:
         self.log = log
-        with log.open("w", encoding="utf-8") as output:
+        log.write_text("", encoding="utf-8")
+        if (entry := entry_of(command)) is not None:
+            self._process: WarmProcess | subprocess.Popen[bytes] = WarmProcess(*entry, log, cwd)
+            return
+        with log.open("a", encoding="utf-8") as output:
             self._process = subprocess.Popen(
                 command,
                 cwd=cwd,
@@ -37,7 +43,7 @@ class Running:
     def text(self) -> str:
         return self.log.read_text(encoding="utf-8")
 
-    def said(self, pattern: str) -> str:
+    def output(self, pattern: str) -> str:
         """Wait until it has said something; return the first group."""
         deadline_s = time.monotonic() + LIMIT_S
         while (found := re.search(pattern, self.text)) is None:
@@ -95,7 +101,7 @@ def simulation(folder: Path, *arguments: str) -> Iterator[Running]:
     """Run rover-sim on flat ground, ready to be driven."""
     log = folder / f"sim-{time.monotonic_ns()}.log"
     with running(log, "rover-sim", "--world", "flat", *arguments) as process:
-        process.said("stands in world")
+        process.output("stands in world")
         yield process
 
 
@@ -105,4 +111,4 @@ def executive(folder: Path, *arguments: str) -> Iterator[tuple[Running, str]]:
     log = folder / f"executive-{time.monotonic_ns()}.log"
     options = ("--port", "0", "--data", str(folder / "data"))
     with running(log, "rover-executive", *options, *arguments) as process:
-        yield process, process.said(LISTENS)
+        yield process, process.output(LISTENS)

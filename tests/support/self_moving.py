@@ -6,7 +6,7 @@ from pathlib import Path
 from executive.settings import LocomotionKind, Settings, load_settings
 from executive.values.facts import MotionEnded
 from executive.values.geometry import STANDING, Velocity
-from executive.values.ports import Advance, Hold, TurnBy, WholeMotion
+from executive.values.ports import DelegatedMotion, DriveBy, TurnBy, VelocityHold
 from tests.support.kinematic import Bench, KinematicRover
 
 
@@ -15,40 +15,40 @@ class SelfMovingRover(KinematicRover):
     """Takes one motion at a time; another one takes its place.
 
     Attributes:
-        told: what it was told, in order; None for halt.
+        reported: what it was told, in order; None for halt.
         refuses: whether it ends every motion at once, not executed.
         deaf: whether it does nothing at all, not even halt.
         slip: what part of each motion it loses without noticing.
     """
 
     spin_centre_m: float = 0.0
-    told: list[WholeMotion | None] = field(default_factory=list)
+    reported: list[DelegatedMotion | None] = field(default_factory=list)
     refuses: bool = False
     deaf: bool = False
     slip: float = 0.0
-    _motion: WholeMotion | None = None
+    _motion: DelegatedMotion | None = None
     _left_s: float = 0.0
 
-    def execute_motion(self, motion: WholeMotion) -> None:
-        self.told.append(motion)
+    def execute_motion(self, motion: DelegatedMotion) -> None:
+        self.reported.append(motion)
         if self.deaf:
             return
         if self.refuses:
             self.facts.append(MotionEnded(motion.number, False, "motor stuck"))
             return
         self._motion = motion
-        match motion.what:
+        match motion.primitive:
             case TurnBy(angle_rad, speed_radps):
                 self._left_s = abs(angle_rad) / speed_radps
                 self.velocity = Velocity(0.0, speed_radps if angle_rad > 0 else -speed_radps)
-            case Advance(distance_m, speed_mps):
+            case DriveBy(distance_m, speed_mps):
                 self._left_s = abs(distance_m) / speed_mps
                 self.velocity = Velocity(speed_mps if distance_m > 0 else -speed_mps, 0.0)
-            case Hold(velocity, duration_s):
+            case VelocityHold(velocity, duration_s):
                 self._left_s, self.velocity = duration_s, velocity
 
     def halt(self) -> None:
-        self.told.append(None)
+        self.reported.append(None)
         if not self.deaf:
             self._end(executed=False, text="halted")
 
@@ -87,4 +87,4 @@ def settings() -> Settings:
     jackal = load_settings("jackal")
     law = replace(jackal.turn_drive, control_point_m=0.0)
     at_once = replace(jackal.drive, travel_acceleration_mps2=1e9, rotate_acceleration_radps2=1e9)
-    return replace(jackal, locomotion=LocomotionKind.WHOLE_MOTION, turn_drive=law, drive=at_once)
+    return replace(jackal, locomotion=LocomotionKind.DELEGATED, turn_drive=law, drive=at_once)

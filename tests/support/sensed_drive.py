@@ -3,11 +3,10 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import copysign, cos, nan, sin, sqrt
+from math import cos, nan, sin
 from random import Random
 
 from executive.safety import Fault, FaultMonitor
-from executive.safety.sensor_history import SLIP_GAIN, SLIP_OFFSET_M
 from executive.settings import Settings, load_settings
 from executive.values.clock import ManualClock
 from executive.values.facts import Fact, Imu, Joints, Odometry, SecondOdometry
@@ -77,7 +76,7 @@ class SensedDrive:
         self.true = self.believed = Pose()
         self._wheels = Velocity()
         self._moves = self._before = Velocity()
-        self._under_way: deque[tuple[float, Fact]] = deque()
+        self._active: deque[tuple[float, Fact]] = deque()
         self._steps = 0
 
     @property
@@ -129,14 +128,14 @@ class SensedDrive:
         )
         true = _moved(self.true, self._moves, self.aside_mps)
         self.true = Pose(true.x_m, true.y_m, 0.0, true.heading_rad, self.roll_rad, self.pitch_rad)
-        told = self._told
-        believed = _moved(self.believed, told, 0.0)
+        reported = self._reported
+        believed = _moved(self.believed, reported, 0.0)
         self.believed = Pose(
             believed.x_m, believed.y_m, 0.0, believed.heading_rad, self.roll_rad, self.pitch_rad
         )
 
     @property
-    def _told(self) -> Velocity:
+    def _reported(self) -> Velocity:
         return Velocity(
             self.odometry_travel * self._wheels.travel_mps,
             self.odometry_turn * self._moves.rotate_radps + self.odometry_bias_radps,
@@ -148,24 +147,25 @@ class SensedDrive:
         self._send(self._imu(stamp_s), 0.0)
         if self._steps % 2 == 0:
             self._send(self._wheel_speeds(stamp_s), 0.0)
-            self._send(Odometry(stamp_s, self.believed, self._told), 0.02)
+            self._send(Odometry(stamp_s, self.believed, self._reported), 0.02)
         if self._steps % 50 == 0:
             self._send(SecondOdometry(stamp_s, self._seen), SECOND_LATE_S)
-        while self._under_way and self._under_way[0][0] <= now_s + 1e-9:
-            self.observe(self._under_way.popleft()[1])
+        while self._active and self._active[0][0] <= now_s + 1e-9:
+            self.observe(self._active.popleft()[1])
 
     def _send(self, fact: Fact, late_s: float) -> None:
         if type(fact) in self.lost:
             return
-        self._under_way.append((self.clock.now_s() + late_s, fact))
-        self._under_way = deque(sorted(self._under_way, key=lambda each: each[0]))
+        self._active.append((self.clock.now_s() + late_s, fact))
+        self._active = deque(sorted(self._active, key=lambda each: each[0]))
 
     def _imu(self, stamp_s: float) -> Imu:
         turn_radps = self._moves.rotate_radps * self.gyro + self.gyro_bias_radps
         rate_radps = turn_radps * cos(self.pitch_rad)
         gained_mps2 = (self._moves.travel_mps - self._before.travel_mps) / STEP_S
-        v, w = self._wheels.travel_mps, self._moves.rotate_radps
-        aside_mps = -(SLIP_OFFSET_M + copysign(SLIP_GAIN * sqrt(abs(v * w)), v)) * w
+        w = self._moves.rotate_radps
+        slip = self.settings.mpc.measured_slip
+        aside_mps = -slip.side_slip_m(self._wheels.travel_mps, w) * w
         return Imu(
             stamp_s,
             self.roll_rad if self.oriented else nan,

@@ -28,11 +28,11 @@ class StallWatch:
     waits for the disk.
 
     Attributes:
-        longest_s: the longest such time so far.
+        max_s: the longest such time so far.
     """
 
     def __init__(self) -> None:
-        self.longest_s = 0.0
+        self.max_s = 0.0
         self._ended = threading.Event()
         watches: list[Callable[[], None]] = [self._watch_disk]
         watches += [partial(self._watch_processor, cpu) for cpu in os.sched_getaffinity(0)]
@@ -43,7 +43,7 @@ class StallWatch:
     @property
     def stalled(self) -> bool:
         """Whether the machine stood still for long enough to excuse a failure."""
-        return self.longest_s > STALL_S
+        return self.max_s > STALL_S
 
     def __enter__(self) -> "StallWatch":
         for thread in self._threads:
@@ -79,7 +79,7 @@ class StallWatch:
             ended = self._ended.wait(PERIOD_S)
             work()
             now_s = time.monotonic()
-            self.longest_s = max(self.longest_s, now_s - before_s - PERIOD_S)
+            self.max_s = max(self.max_s, now_s - before_s - PERIOD_S)
             before_s = now_s
 
 
@@ -95,7 +95,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if failed and watch.stalled:
         item._initrequest()
         reports = runtestprotocol(item, log=False, nextitem=nextitem)
-        first = f"the machine stood still for {watch.longest_s:.2f} s\n{failed[0].longreprtext}"
+        first = f"the machine stood still for {watch.max_s:.2f} s\n{failed[0].longreprtext}"
         reports[-1].sections.append(("the first time", first))
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)

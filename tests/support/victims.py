@@ -16,7 +16,7 @@ CHECKOUT: Final = Path(__file__).resolve().parents[2]
 LISTENS: Final = r"listens at \D*(?:[\d.]+:)?(\d+)"
 """What servers of ours say when they are up; the group is the port."""
 START_S: Final = 60.0
-LOOK_S: Final = 0.02
+POLL_S: Final = 0.02
 Line = Callable[[int], Sequence[object]]
 """A module and its arguments for each life, counted from 0."""
 
@@ -26,17 +26,17 @@ class Victim:
 
     def __init__(self, name: str, workplace: "Workplace", line: Line, up: str) -> None:
         self.name = name
-        self.lives = 0
+        self.starts = 0
         self._workplace, self._line, self._up = workplace, line, up
         self.start()
 
     def start(self, *more: str) -> None:
         """Begin the next life, with further arguments."""
-        module, *arguments = map(str, self._line(self.lives))
-        self.lives += 1
-        name, place = f"{self.name}-{self.lives}", self._workplace
+        module, *arguments = map(str, self._line(self.starts))
+        self.starts += 1
+        name, workspace = f"{self.name}-{self.starts}", self._workplace
         self.child = ChildProcess(
-            name, module, (*arguments, *more), place.folder, place.environment
+            name, module, (*arguments, *more), workspace.folder, workspace.environment
         )
 
     def restart(self, *more: str) -> None:
@@ -51,7 +51,7 @@ class Victim:
             self.child.check()
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"{self.child.name} never says {wanted.pattern!r}")
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         return found
 
     def port(self) -> int:
@@ -70,9 +70,9 @@ class Workplace:
 
     def start(self, name: str, *line: object, up: str = LISTENS) -> Victim:
         """Start a module with its arguments."""
-        return self.start_each_life(name, lambda _: line, up)
+        return self.start_again(name, lambda _: line, up)
 
-    def start_each_life(self, name: str, line: Line, up: str = LISTENS) -> Victim:
+    def start_again(self, name: str, line: Line, up: str = LISTENS) -> Victim:
         """Start a module whose arguments differ from life to life."""
         self.victims.append(Victim(name, self, line, up))
         return self.victims[-1]
@@ -84,13 +84,13 @@ class Workplace:
 
 
 @contextmanager
-def workplace(keep: Path | None = None) -> Iterator[Workplace]:
+def workplace(output: Path | None = None) -> Iterator[Workplace]:
     """Yield a place for victims; in the end they are ended, and the folder is gone unless kept.
 
     Must be called on the main thread, which no other thread may run beside yet.
     """
-    with allocate_address() as place, tempfile.TemporaryDirectory(prefix="rover-") as passing:
-        found = Workplace(keep or Path(passing), place.domain)
+    with allocate_address() as address, tempfile.TemporaryDirectory(prefix="rover-") as passing:
+        found = Workplace(output or Path(passing), address.domain)
         try:
             yield found
         finally:

@@ -47,7 +47,7 @@ def test_paths_are_unique_and_the_same_in_every_build(bench: Bench) -> None:
     assert paths == list(snapshot(bench))
 
 
-def test_what_runs_is_shown_with_what_it_says(bench: Bench) -> None:
+def test_active_nodes_are_shown_with_their_messages(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.rover.camera_works = False
     bench.submit(TakePicture(), 2)
@@ -57,7 +57,7 @@ def test_what_runs_is_shown_with_what_it_says(bench: Bench) -> None:
     assert "m left" in drive.message
 
 
-def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench) -> None:
+def test_an_unticked_node_is_idle_though_it_ran_the_tick_before(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.run(0.5)
     before = snapshot(bench)["rover/work/side by side/camera/no camera work"]
@@ -152,7 +152,7 @@ def _node(path: str, kind: NodeKind, status: NodeStatus) -> TreeNodeSnapshot:
     return TreeNodeSnapshot(path, path.rpartition("/")[2], path.count("/"), kind, status, "")
 
 
-def test_a_guard_that_finds_nothing_is_no_failure_but_a_leaf_that_gave_up_is() -> None:
+def test_a_guard_that_finds_nothing_is_no_failure_but_an_aborted_leaf_is() -> None:
     fails = NodeStatus.FAILURE
     seen = display_statuses(
         [
@@ -186,7 +186,7 @@ def test_rover_tree_draws_in_three_forms(form: str, beginning: str) -> None:
     assert result.output.startswith(beginning)
 
 
-def test_rover_tree_says_what_is_wrong_with_an_asset_file(tmp_path: Path) -> None:
+def test_rover_tree_reports_an_invalid_asset_file(tmp_path: Path) -> None:
     bad = tmp_path / "mine.yaml"
     bad.write_text("asset: mine\nspeed: 3\n")
     result = CliRunner().invoke(tree, ["--asset", str(bad)])

@@ -43,7 +43,7 @@ def wait_for(done: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-LONGEST = 65507
+MAX_OCTETS = 65507
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def refused(source: socket.socket) -> bool:
     return False
 
 
-@pytest.mark.parametrize("length", [0, 1, 12, 1400, LONGEST])
+@pytest.mark.parametrize("length", [0, 1, 12, 1400, MAX_OCTETS])
 def test_forwards_octet_for_octet(
     forwarder: VideoForwarder, source: socket.socket, ground: socket.socket, length: int
 ) -> None:
@@ -127,7 +127,7 @@ def test_off_closes_the_port_and_on_opens_it_again(
         assert refused(source)
 
 
-def test_off_tells_how_much_it_was(
+def test_off_reports_the_sent_amount(
     forwarder: VideoForwarder,
     source: socket.socket,
     ground: socket.socket,
@@ -188,7 +188,7 @@ def test_a_destination_that_refuses_does_not_end_it(
         assert forwarder.enabled
 
 
-def test_what_cannot_be_sent_is_counted_and_told_once(
+def test_an_unsendable_picture_is_counted_and_reported_once(
     settings: VideoSettings, source: socket.socket, caplog: pytest.LogCaptureFixture
 ) -> None:
     receiver, sink = udp_socket(settings.listen_port), udp_socket()
@@ -200,8 +200,8 @@ def test_what_cannot_be_sent_is_counted_and_told_once(
         wait_for(lambda: relay.lost == 5)
         assert relay.runs
         assert relay.datagrams == 0
-    (told,) = caplog.messages
-    assert told.startswith("video cannot be sent to 192.0.2.1: ")
+    (reported,) = caplog.messages
+    assert reported.startswith("video cannot be sent to 192.0.2.1: ")
 
 
 def test_goes_to_a_broadcast_address(settings: VideoSettings, source: socket.socket) -> None:
@@ -219,14 +219,14 @@ class Names:
 
     def __init__(self) -> None:
         self.up = False
-        self.asked = threading.Semaphore(0)
+        self.requested = threading.Semaphore(0)
         self._answers = threading.Semaphore(0)
         self._look_up = socket.getaddrinfo
 
     def __call__(self, host: str, port: int, *, type: int, flags: int) -> object:
         if host != "ground" or flags & socket.AI_NUMERICHOST:
             return self._look_up(host, port, type=type, flags=flags)
-        self.asked.release()
+        self.requested.release()
         self._answers.acquire()
         if not self.up:
             raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
@@ -234,7 +234,7 @@ class Names:
 
     def answer(self) -> None:
         """Answer one question, and wait until that is known."""
-        self.asked.acquire()
+        self.requested.acquire()
         self._answers.release()
         for thread in threading.enumerate():
             if thread.name == "host":
@@ -306,7 +306,7 @@ def test_no_address_is_a_usage_error(process: click.Command, option: str, at: st
     assert "is not HOST:PORT" in done.output
 
 
-def test_an_asset_without_video_cannot_be_told_where_to(tmp_path: Path) -> None:
+def test_an_asset_without_video_cannot_receive_a_destination(tmp_path: Path) -> None:
     typed = ["--asset", str(settings_file(tmp_path, None)), "--video-to", "192.0.2.7:5006"]
     done = CliRunner().invoke(main, typed)
     assert done.exit_code == USAGE

@@ -89,7 +89,7 @@ def test_order_within_a_picture_does_not_matter() -> None:
     assert seen(file).tobytes() == seen(sent).tobytes()
 
 
-def test_what_is_lost_costs_its_picture_only() -> None:
+def test_a_lost_packet_costs_its_picture_only() -> None:
     sender, stream = RtpJpegSender(1), JpegStream()
     files = []
     for number in range(6):
@@ -103,7 +103,7 @@ def test_what_is_lost_costs_its_picture_only() -> None:
     assert stream.lost == 2
 
 
-def test_what_is_no_picture_is_passed_over() -> None:
+def test_an_invalid_picture_is_skipped() -> None:
     random, stream = Random(3), JpegStream()
     packets = list(RtpJpegSender(1).packets(jpeg(picture()), 0.0))
     for packet in packets:
@@ -118,12 +118,12 @@ def test_what_is_no_picture_is_passed_over() -> None:
 
 
 @pytest.mark.parametrize("size", [(12, 8), (8, 2048)])
-def test_a_size_that_rtp_cannot_say_is_refused(size: tuple[int, int]) -> None:
+def test_a_size_beyond_rtp_is_refused(size: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="RTP carries no JPEG of"):
         list(RtpJpegSender(1).packets(jpeg(picture(*size)), 0.0))
 
 
-def test_a_sampling_that_rtp_cannot_say_is_refused() -> None:
+def test_a_sampling_beyond_rtp_is_refused() -> None:
     with pytest.raises(ValueError, match="sampled 0x11"):
         list(RtpJpegSender(1).packets(jpeg(picture(), subsampling="4:4:4"), 0.0))
 
@@ -144,7 +144,7 @@ def stream(port: int) -> Iterator[VideoStream]:
         yield stream
 
 
-def test_sends_only_while_somebody_listens(stream: VideoStream, port: int) -> None:
+def test_sends_only_to_listeners(stream: VideoStream, port: int) -> None:
     assert [stream.watched for _ in range(3)] == [False] * 3
     for _ in range(3):
         with udp_socket(port) as receiver:
@@ -171,7 +171,9 @@ def test_a_stream_that_cannot_be(host: str, size: tuple[int, int], why: str) -> 
         VideoStream(host, 5004, *size)
 
 
-def test_rover_video_keeps_the_last_picture(stream: VideoStream, port: int, tmp_path: Path) -> None:
+def test_rover_video_stores_the_last_picture(
+    stream: VideoStream, port: int, tmp_path: Path
+) -> None:
     file = tmp_path / "now.jpg"
     options = ("video", "--at", f"{HOST}:{port}", "--save", str(file), "--pictures", "3")
     with subprocess.Popen(
@@ -182,16 +184,16 @@ def test_rover_video_keeps_the_last_picture(stream: VideoStream, port: int, tmp_
             if stream.watched:
                 number += 1
                 stream.send(jpeg(picture(seed=number)), number / 5)
-        said = watching.stdout.read() if watching.stdout else ""
+        message = watching.stdout.read() if watching.stdout else ""
     assert watching.returncode == 0
-    first, *_, last = said.splitlines()
+    first, *_, last = message.splitlines()
     assert first == f"the first picture is in {file}"
     assert last.startswith("3 pictures, ")
     assert Image.open(io.BytesIO(file.read_bytes())).size == SIZE
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_tells_a_player() -> None:
+def test_prints_a_player() -> None:
     result = CliRunner().invoke(main, ["video", "--at", "192.0.2.7:6000", "--sdp"])
     assert result.exit_code == 0
     assert "c=IN IP4 192.0.2.7\n" in result.output

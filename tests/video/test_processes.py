@@ -19,7 +19,7 @@ from adapters.mrs.spec.types import Stage
 from adapters.video import JpegStream
 from executive.commands.catalogue import DriveFor, ExecuteAction, Request, Stop
 from tests.conftest import port_of
-from tests.support.ground import ask, carry_out, until_located
+from tests.support.ground import call_ground, carry_out, until_located
 from tests.support.processes import Running, executive, simulation
 from tests.video.test_forwarder import HOST, udp_socket
 
@@ -46,7 +46,7 @@ class Rover:
 
     @property
     def video_on(self) -> bool:
-        return ask(self.uri, lambda client: client.get_camera_state()).videoOn
+        return call_ground(self.uri, lambda client: client.get_camera_state()).videoOn
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def receive_picture(ground: socket.socket) -> Image.Image:
     return Image.open(io.BytesIO(picture))
 
 
-def test_the_ground_sees_what_the_camera_sees(aboard: Rover, ground: socket.socket) -> None:
+def test_the_ground_receives_the_camera_picture(aboard: Rover, ground: socket.socket) -> None:
     folder = aboard.process.log.parent
     stream = ("--camera", "rays", "--video-to", f"{HOST}:{aboard.listen}")
     with simulation(folder, *stream):
@@ -125,14 +125,16 @@ def test_a_stop_gets_through_while_video_floods(aboard: Rover, ground: socket.so
             drive = asyncio.create_task(
                 client.run(
                     client.command(DriveFor(0.3, 0.0, 50.0)),
-                    lambda told: moves.set() if told.stage is Stage.STARTED else None,
+                    lambda reported: (
+                        moves.set() if reported.report.stage is Stage.STARTED else None
+                    ),
                 )
             )
             await moves.wait()
             stop = await client.run(client.command(Stop()))
             return await drive, stop
 
-        drive, stop = ask(aboard.uri, drive_and_stop)
+        drive, stop = call_ground(aboard.uri, drive_and_stop)
         assert stop.executed
         assert drive.stage is Stage.CANCELLED
         assert aboard.video_on

@@ -1,4 +1,4 @@
-"""Bundles (RFC 9171, 4) as values and as octets; the decoder is strict and raises DecodeError."""
+"""`Bundle` (RFC 9171, 4) as value and as octets; the decoder is strict, raises DecodeError."""
 
 import struct
 from binascii import crc_hqx
@@ -62,7 +62,7 @@ def check_sum(kind: Crc, octets: bytes) -> bytes:
     return crc32c(octets) if kind is Crc.CRC32C else b""
 
 
-def _mirrored(octet: int) -> int:
+def _reverse_bits(octet: int) -> int:
     return int(f"{octet:08b}"[::-1], 2)
 
 
@@ -73,7 +73,7 @@ def _castagnoli(octet: int, behind: int) -> int:
     return octet
 
 
-_MIRRORED: Final = bytes(map(_mirrored, range(256)))
+_MIRRORED: Final = bytes(map(_reverse_bits, range(256)))
 _CASTAGNOLI: Final = [[_castagnoli(octet, behind) for octet in range(256)] for behind in range(4)]
 _FOURS: Final = struct.Struct("<I")
 
@@ -366,7 +366,7 @@ def encode_primary(primary: Primary) -> bytes:
             cbor.unsigned(part.offset) + cbor.unsigned(part.total) if part else b"",
         )
     )
-    return _sealed(encoded, primary.crc)
+    return _append_crc(encoded, primary.crc)
 
 
 def encode_block(block: Block) -> bytes:
@@ -381,10 +381,10 @@ def encode_block(block: Block) -> bytes:
             cbor.octet_string(block.data),
         )
     )
-    return _sealed(encoded, block.crc)
+    return _append_crc(encoded, block.crc)
 
 
-def _sealed(encoded: bytes, kind: Crc) -> bytes:
+def _append_crc(encoded: bytes, kind: Crc) -> bytes:
     """Append the CRC, computed with the CRC field's octets at zero (RFC 9171, 4.2.1)."""
     if kind is Crc.NONE:
         return encoded

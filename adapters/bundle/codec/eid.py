@@ -1,4 +1,4 @@
-"""Endpoint identifiers: `ipn:1.2`, `dtn://name/service` and the null endpoint `dtn:none`."""
+"""Endpoint identifiers: `ipn:1.2`, `dtn://name/service`, and the null endpoint `dtn:none`."""
 
 import re
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Errors of the bundle package."""
+"""`BundleError` and its subclasses: all errors of the bundle package."""
 
 
 class BundleError(Exception):

@@ -1,4 +1,4 @@
-"""Block integrity: BIB-HMAC-SHA2 (RFC 9172, RFC 9173), and NASA ION's variant of it.
+"""`sign` and `verify` bundles: BIB-HMAC-SHA2 (RFC 9172, RFC 9173), and NASA ION's variant of it.
 
 A block integrity block (BIB) holds an HMAC for each target. It covers the IPPT (RFC 9173, 3.7):
 scope flags, the bundle parts they select, and the target. ION 4.1 builds other octets. The two
@@ -95,12 +95,12 @@ class IntegrityResult:
     Attributes:
         target: block number.
         scope: a sum of `Scope`s.
-        fault: reason why the signature is invalid; empty if it is valid.
+        error: reason why the signature is invalid; empty if it is valid.
     """
 
     target: int
     scope: int
-    fault: str
+    error: str
 
 
 @dataclass(frozen=True, slots=True)

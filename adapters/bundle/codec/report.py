@@ -1,4 +1,4 @@
-"""Administrative records: the bundle status report (RFC 9171, 6.1)."""
+"""`StatusReport`: the bundle status report, an administrative record (RFC 9171, 6.1), as octets."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""NASA ION as daemon: a bridge process attached through pyion, and the client that talks to it."""
+"""NASA ION as carrier of bundles: a bridge process attached through pyion, and its client."""

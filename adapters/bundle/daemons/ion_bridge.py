@@ -1,4 +1,4 @@
-"""Bridge process that is attached to ION in place of the agent.
+"""The bridge: a process of its own that attaches to NASA ION for the agent, and passes on bundles.
 
 A process that dies within ION can leave the whole node locked, so this one does nothing else. It
 ends with the agent or at its request, once ION has released it. Only the agent starts it.
@@ -40,7 +40,7 @@ _INTERRUPT_S: Final = 0.2
 _SPACE_RETRY_S: Final = 1.0
 
 
-class IonFault(Exception):  # noqa: N818 - consistent with the other fault classes
+class IonError(Exception):
     """ION cannot be used.
 
     Attributes:
@@ -56,7 +56,7 @@ class IonEndpoint:
     """One ION endpoint; one thread sends, another receives.
 
     Raises:
-        IonFault: pyion is missing or too old, ION is not running, or lacks this endpoint.
+        IonError: pyion is missing or too old, ION is not running, or lacks this endpoint.
     """
 
     def __init__(self, own: Ipn) -> None:
@@ -65,7 +65,7 @@ class IonEndpoint:
             import pyion
             import pyion.utils
         except (ImportError, ValueError) as error:
-            raise IonFault(
+            raise IonError(
                 f"{sys.executable} cannot import pyion: {error}. Build the pyion of your ION for"
                 " it, or name the interpreter that has it: ion: {python: PATH}",
                 lasting=True,
@@ -78,23 +78,23 @@ class IonEndpoint:
             self._proxy.bp_attach()
             self._endpoint: Any = self._proxy.bp_open(str(own), mem_ctrl=True, return_headers=True)
         except TypeError as error:
-            raise IonFault(
+            raise IonError(
                 f"this pyion does not report the source of a bundle: {error}", lasting=True
             ) from error
         except (OSError, SystemError, RuntimeError) as error:
-            raise IonFault(str(error)) from error
+            raise IonError(str(error)) from error
         self._endpoint._lock = nullcontext()
 
     def receive(self) -> frames.Received:
         """Wait without limit for a bundle; this call deletes it in ION.
 
         Raises:
-            IonFault: interrupted, ION has ended, or another process has the endpoint open.
+            IonError: interrupted, ION has ended, or another process has the endpoint open.
         """
         try:
             payload, headers = self._endpoint.bp_receive()
         except (OSError, RuntimeError, MemoryError) as error:
-            raise IonFault(
+            raise IonError(
                 f"cannot receive: {error}; ION has ended, or another process has the endpoint open"
             ) from error
         return frames.Received(
@@ -108,13 +108,13 @@ class IonEndpoint:
         """Give a payload to ION; wait as long as ION is full.
 
         Raises:
-            IonFault: ION rejects it.
+            IonError: ION rejects it.
         """
         try:
             priority = _EXPEDITED if expedited else None
             self._endpoint.bp_send(destination, payload, TTL=lifetime_s, priority=priority)
         except (OSError, RuntimeError, MemoryError, ValueError) as error:
-            raise IonFault(f"ION: {error}") from error
+            raise IonError(f"ION: {error}") from error
 
     def interrupt(self) -> None:
         """End a waiting `receive`."""
@@ -133,7 +133,7 @@ def _change_to_node_folder(node: int) -> None:
     try:
         os.chdir(Path(folder) / str(node))
     except OSError as error:
-        raise IonFault(f"{_NODE_LIST}: {error}") from error
+        raise IonError(f"{_NODE_LIST}: {error}") from error
 
 
 class SharedMemory:
@@ -334,10 +334,10 @@ class Bridge:
                     frame.destination, frame.lifetime_s, frame.payload, frame.expedited
                 )
                 if self._memory.lost():
-                    raise IonFault("ION was restarted: the payload went into removed memory")
+                    raise IonError("ION was restarted: the payload went into removed memory")
                 self._channel.write(frames.Sent(frame.number))
-            except IonFault as fault:
-                self._channel.write(frames.SendRejected(frame.number, str(fault)))
+            except IonError as error:
+                self._channel.write(frames.SendRejected(frame.number, str(error)))
 
     def _receive(self) -> None:
         try:
@@ -354,9 +354,9 @@ class Bridge:
                     unit = None
                 else:
                     self._over.wait(_RETRY_S)
-        except (IonFault, OSError) as fault:
+        except (IonError, OSError) as error:
             if not self._over.is_set():
-                self._channel.write(frames.Failed(str(fault), lasting=False))
+                self._channel.write(frames.Failed(str(error), lasting=False))
                 self._channel.hang_up()
 
     def _save(self, unit: frames.Received) -> None:
@@ -422,10 +422,10 @@ def main() -> None:
     _install_signals(channel)
     try:
         if not isinstance(own, Ipn):
-            raise IonFault(f"ION has only ipn endpoints, not {own}", lasting=True)
+            raise IonError(f"ION has only ipn endpoints, not {own}", lasting=True)
         endpoint = IonEndpoint(own)
-    except IonFault as fault:
-        channel.write(frames.Failed(str(fault), fault.lasting))
+    except IonError as error:
+        channel.write(frames.Failed(str(error), error.lasting))
         sys.exit(1)
     _install_signals(channel)  # pyion has replaced the handler of SIGINT
     memory = SharedMemory()

@@ -1,4 +1,4 @@
-"""Client of NASA ION: talks to the bridge process, supervises it, and restarts it.
+"""`IonClient`: the agent's side of the bridge to NASA ION, which it starts, supervises, restarts.
 
 ION carries either payloads, in its own bundles, or our whole bundles as its payload.
 """
@@ -97,19 +97,19 @@ class IonNeighbour(Link):
         payload = outgoing.octets if self.whole else bundle.payload
         self._client.post(
             destination, left_ms / 1000, payload, outgoing.stored.expedited,
-            partial(self._posted, outgoing),
+            partial(self._on_sent, outgoing),
         )  # fmt: skip
 
-    def _posted(self, outgoing: Outgoing, failure: str | None) -> None:
+    def _on_sent(self, outgoing: Outgoing, failure: str | None) -> None:
         self._in_flight -= 1
         self._wake()
         if failure is None:
-            self._backoff.succeeded()
-            self._node.sending.handed_on([outgoing])
+            self._backoff.reset()
+            self._node.sending.mark_forwarded([outgoing])
             return
         self._rejected.append(outgoing)
         if self._retry_s == inf:
-            self._retry_s = self._now_s() + self._backoff.failed(failure)
+            self._retry_s = self._now_s() + self._backoff.next_pause_s(failure)
 
 
 class IonClient(Endpoint):
@@ -200,7 +200,7 @@ class IonClient(Endpoint):
                 await self._serve()
             except (OSError, DecodeError, _BridgeEnded) as error:
                 self._settle(None)
-                await asyncio.sleep(self._backoff.failed(error))
+                await asyncio.sleep(self._backoff.next_pause_s(error))
             except BundleError as error:
                 if not self._settle(error):
                     _LOG.error("ION: %s", error)
@@ -237,15 +237,15 @@ class IonClient(Endpoint):
         match frame:
             case frames.Ready():
                 self._open = True
-                self._backoff.succeeded()
+                self._backoff.reset()
                 self._settle(None)
                 self._update_links()
             case frames.Sent():
-                self._finish(frame.number, None)
+                self._complete_request(frame.number, None)
             case frames.SendRejected():
-                self._finish(frame.number, frame.reason)
+                self._complete_request(frame.number, frame.reason)
             case frames.Received():
-                self._take(frame)
+                self._receive_unit(frame)
             case frames.Pong():
                 self._note(answers=frame.ion_answers)
             case frames.Failed():
@@ -253,7 +253,7 @@ class IonClient(Endpoint):
             case _:
                 raise DecodeError(f"unexpected frame {type(frame).__name__} from the bridge")
 
-    def _take(self, unit: frames.Received) -> None:
+    def _receive_unit(self, unit: frames.Received) -> None:
         """Process a received unit; the bridge deletes it once it is on the disk.
 
         Units from an invalid source are logged, dropped and acknowledged.
@@ -273,7 +273,7 @@ class IonClient(Endpoint):
         if link is not None:
             link.note_received()
         try:
-            node.receiving.arrived(name, octets)
+            node.receiving.receive(name, octets)
         except StoreError:
             self._write(frames.ReceivedAck(False))
         else:
@@ -296,7 +296,7 @@ class IonClient(Endpoint):
         primary = Primary(self._own, source, NONE, creation, lifetime_ms)
         return Bundle(primary, (Block(BlockType.PAYLOAD, PAYLOAD_NUMBER, unit.payload),))
 
-    def _finish(self, number: int, failure: str | None) -> None:
+    def _complete_request(self, number: int, failure: str | None) -> None:
         if (on_result := self._in_flight.pop(number, None)) is not None:
             on_result(failure)
         if not self._in_flight:
@@ -319,10 +319,10 @@ class IonClient(Endpoint):
     async def _watch(self, bridge: subprocess.Popen[bytes]) -> None:
         """Watchdog: terminate a silent bridge, once."""
         while True:
-            await asyncio.sleep(self._settings.look_s)
+            await asyncio.sleep(self._settings.poll_period_s)
             self._write(frames.Ping())
             silent_s = self._context.now_s() - self._last_received_s
-            if self._alive and silent_s > self._settings.look_s + self._settings.answer_s:
+            if self._alive and silent_s > self._settings.poll_period_s + self._settings.answer_s:
                 self._note(alive=False)
                 bridge.terminate()
 
@@ -354,7 +354,7 @@ class IonClient(Endpoint):
             self._writer.close()
             self._writer = None
         for number in list(self._in_flight):
-            self._finish(number, "the bridge to ION has ended")
+            self._complete_request(number, "the bridge to ION has ended")
         self._idle.set()
         if self._closing:
             bridge.terminate()
@@ -390,7 +390,7 @@ def _start_bridge(
                     "--fd", str(its.fileno()),
                     "--own", str(own),
                     "--spool", str(spool.absolute()),
-                    "--look-s", str(settings.look_s),
+                    "--look-s", str(settings.poll_period_s),
                     "--answer-s", str(settings.answer_s),
                 ],
                 env=_environment(settings),

@@ -1,4 +1,4 @@
-"""Contact plans in NASA ION's ionadmin syntax: planned contacts and ranges between nodes.
+"""`ContactPlan` in NASA ION's ionadmin syntax: contact windows and ranges between nodes.
 
     a contact +0 +600 1 2 125000
     a range 2026/11/21-12:00:00 2026/11/22-12:00:00 1 2 3
@@ -81,19 +81,19 @@ class ContactPlan:
         """Return the contact at a time, or None; the one that ends last if several overlap."""
         there = [
             contact
-            for contact in self.between(sender, receiver)
+            for contact in self.contacts_between(sender, receiver)
             if contact.begin_utc_s <= utc_s < contact.end_utc_s
         ]
         return max(there, key=lambda contact: contact.end_utc_s, default=None)
 
     def next_contact_utc_s(self, sender: int, receiver: int, utc_s: float) -> float:
         """Return the begin of the next contact after a time; infinity if none is planned."""
-        begins = (contact.begin_utc_s for contact in self.between(sender, receiver))
+        begins = (contact.begin_utc_s for contact in self.contacts_between(sender, receiver))
         return min((begin for begin in begins if begin > utc_s), default=inf)
 
     def planned(self, sender: int, receiver: int, utc_s: float) -> bool:
         """Return whether a contact is planned at or after a time."""
-        return any(utc_s < contact.end_utc_s for contact in self.between(sender, receiver))
+        return any(utc_s < contact.end_utc_s for contact in self.contacts_between(sender, receiver))
 
     def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
         """Return the one-way light time; a range applies both ways unless each way has one."""
@@ -104,7 +104,7 @@ class ContactPlan:
         }
         return there.get((sender, receiver), there.get((receiver, sender), 0.0))
 
-    def between(self, sender: int, receiver: int) -> Iterator[Contact]:
+    def contacts_between(self, sender: int, receiver: int) -> Iterator[Contact]:
         """Return the contacts from one node to another, in file order."""
         return (
             contact

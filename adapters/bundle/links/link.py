@@ -1,4 +1,4 @@
-"""Base classes of all links and endpoints, their pacing, and the back-off after failures."""
+"""`Link` and `Endpoint`, base classes of all links; their pacing; the back-off after failures."""
 
 import logging
 from abc import ABC, abstractmethod
@@ -136,7 +136,7 @@ class Pacer:
         """Monotonic end of the pause; infinity if sending is allowed now."""
         return inf if self.ready else self._not_before_s
 
-    def sent(self, octets: int) -> None:
+    def add_sent(self, octets: int) -> None:
         """Account for octets that were sent."""
         begin_s = max(self._now_s(), self._not_before_s)
         self._not_before_s = begin_s + octets / self.rate_octets_s
@@ -159,13 +159,13 @@ class Backoff:
 
     def __init__(self, name: str, min_pause_s: float) -> None:
         self._name, self._min_pause_s = name, min_pause_s
-        self.succeeded()
+        self.reset()
 
-    def succeeded(self) -> None:
-        """Reset to the shortest pause."""
+    def reset(self) -> None:
+        """Reset the pause to its minimum."""
         self.pause_s, self._last_error = self._min_pause_s, ""
 
-    def failed(self, failure: BaseException | str | None = None) -> float:
+    def next_pause_s(self, failure: BaseException | str | None = None) -> float:
         """Log a failure that differs from the last one; return the pause in seconds."""
         text = str(failure) or type(failure).__name__
         if failure is not None and text != self._last_error:

@@ -1,4 +1,4 @@
-"""Link over LTP: blocks of bundles, each acknowledged when it is on the disk."""
+"""Link over LTP: bundles in blocks, each acknowledged once the receiver has stored it on disk."""
 
 import logging
 from collections.abc import Callable
@@ -72,7 +72,7 @@ class LtpNeighbour(Link):
         for event in self.span.events:
             match event:
                 case ExportCompleted():
-                    self._node.sending.handed_on(self._blocks.pop(event.number))
+                    self._node.sending.mark_forwarded(self._blocks.pop(event.number))
                 case ExportCancelled():
                     self._cancelled += len(self._blocks[event.number])
                     self._requeue(event.number)
@@ -120,7 +120,7 @@ class LtpNeighbour(Link):
                 sending.requeue(self.name, batch)
                 raise
             self._blocks[number] = batch
-            self._pacer.sent(len(block))
+            self._pacer.add_sent(len(block))
         self._flush()
 
     def tick(self) -> None:
@@ -140,7 +140,7 @@ class LtpNeighbour(Link):
     def _store(self, arrived: BlockReceived) -> None:
         """Store a block, and report it when it is on the disk."""
         try:
-            self._node.receiving.arrived(self.name, arrived.block)
+            self._node.receiving.receive(self.name, arrived.block)
         except StoreError as error:
             if not self._refusing:
                 _LOG.warning("blocks from %s are refused: %s", self.name, error)
@@ -149,14 +149,14 @@ class LtpNeighbour(Link):
             return
         self._refusing = False
 
-        def tell(failure: StoreError | None) -> None:
+        def on_commit(failure: StoreError | None) -> None:
             if failure is None:
-                self.span.stored(arrived.number)
+                self.span.mark_stored(arrived.number)
             else:
                 self.span.refuse(arrived.number)
             self._flush()
 
-        self._node.transaction.on_commit(tell)
+        self._node.transaction.on_commit(on_commit)
 
     def _flush(self) -> None:
         if self.span.segments:

@@ -1,4 +1,4 @@
-"""LTP between two engines (RFC 5326, red part), driven by segments and time.
+"""`LtpSpan`: LTP between two engines (RFC 5326, red part), driven by segments and time.
 
 Checkpoints are retransmitted without limit. A block is reported complete only once it is stored.
 """
@@ -227,11 +227,11 @@ class ImportSession:
             return True
         return self._end_serial is not None and _end_serial(data) not in (None, self._end_serial)
 
-    def take(self, data: Data) -> bool:
+    def add_segment(self, data: Data) -> bool:
         """Add a red segment; return whether it requests a report."""
         self._end_serial = _end_serial(data) or self._end_serial
         if self.stage is ImportStage.GATHERING:
-            self._gather(data)
+            self._add_octets(data)
         if data.checkpoint is None:
             return False
         self._checkpoint_serial = data.checkpoint.serial
@@ -250,7 +250,7 @@ class ImportSession:
             block += octets[len(block) - offset :]
         return bytes(block[: self._length])
 
-    def stored(self) -> None:
+    def mark_stored(self) -> None:
         """Mark the block as stored, and free its octets."""
         self.stage = ImportStage.STORED
         self.octets = 0
@@ -268,7 +268,7 @@ class ImportSession:
         self._serials.add(serial)
         return ReportSegment(self._session, serial, self._checkpoint_serial, upper, 0, claims)
 
-    def _gather(self, data: Data) -> None:
+    def _add_octets(self, data: Data) -> None:
         end = data.offset + len(data.octets)
         self._sums[data.offset, end] = zlib.crc32(data.octets)
         if data.ends_red:
@@ -399,7 +399,7 @@ class LtpSpan:
         match segment:
             case Data():
                 if segment.red:
-                    self._take(number, segment)
+                    self._receive_data(number, segment)
             case ReportSegment():
                 self.segments.append(ReportAck(segment.session, segment.serial))
                 self._on_report(number, segment)
@@ -420,11 +420,11 @@ class LtpSpan:
             case _:
                 assert_never(segment)
 
-    def stored(self, number: int) -> None:
+    def mark_stored(self, number: int) -> None:
         """Record that a received block is stored, and report it to the peer engine."""
         block = self._imports.pop(number)
         self._import_octets -= block.octets
-        block.stored()
+        block.mark_stored()
         _remember(self._stored, number, block)
         self._report(number, block)
 
@@ -507,12 +507,12 @@ class LtpSpan:
         self._resent += self._exports.pop(number).resent
         _remember(self._ended, number, None)
 
-    def _take(self, number: int, data: Data) -> None:
+    def _receive_data(self, number: int, data: Data) -> None:
         now_s = self._now_s()
         self._forget_another(number, data, now_s)
         if (block := self._stored.get(number)) is not None:
             block.last_received_s = now_s
-            if block.take(data):
+            if block.add_segment(data):
                 self._report(number, block)
             return
         block = self._imports.get(number) or ImportSession(data.session)
@@ -524,7 +524,7 @@ class LtpSpan:
         self._imports[number] = block
         self._imports.move_to_end(number)
         before = block.octets
-        wanted = block.take(data)
+        wanted = block.add_segment(data)
         self._import_octets += block.octets - before
         whole = block.completed_block()
         if whole is not None:
@@ -558,7 +558,7 @@ class LtpSpan:
         self.segments.append(report)
 
     def _limit_imports(self) -> None:
-        """Refuse the oldest incomplete blocks while count or octets exceed their limit."""
+        """Refuse incomplete blocks by age while count or octets exceed their limit."""
         while len(self._imports) > _MAX_IMPORTS or self._import_octets > _MAX_IMPORT_OCTETS:
             first = next(
                 (

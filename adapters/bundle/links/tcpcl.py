@@ -1,4 +1,4 @@
-"""TCPCL version 3 (RFC 7242): sessions, and the link that opens and accepts them."""
+"""`TcpclNeighbour`: link over TCPCL version 3 (RFC 7242), with the sessions it opens or accepts."""
 
 import asyncio
 import logging
@@ -140,7 +140,7 @@ class TcpclSession(asyncio.Protocol):
             self._in_flight.append((outgoing, self._now_s()))
             self._in_flight_octets += len(octets)
         else:
-            self._node.sending.handed_on([outgoing])
+            self._node.sending.mark_forwarded([outgoing])
 
     def flush(self) -> None:
         """Write the queued messages in one call."""
@@ -199,9 +199,9 @@ class TcpclSession(asyncio.Protocol):
             case ContactHeader():
                 self._receive_header(message)
             case DataSegment():
-                self._take(message)
+                self._receive_segment(message)
             case AckSegment():
-                self._acked(message.length)
+                self._on_ack(message.length)
             case RefuseBundle():
                 if self._in_flight:
                     self.end()
@@ -236,7 +236,7 @@ class TcpclSession(asyncio.Protocol):
         flags = int(ContactFlag.ACKNOWLEDGE | ContactFlag.REFUSE) if link.acknowledge else 0
         self._send(ContactHeader(flags, link.keepalive_s, str(self._node.settings.node)))
 
-    def _take(self, segment: DataSegment) -> None:
+    def _receive_segment(self, segment: DataSegment) -> None:
         if segment.start:
             self._incoming.clear()
         self._incoming += segment.octets
@@ -245,22 +245,22 @@ class TcpclSession(asyncio.Protocol):
         length = len(self._incoming)
         if not segment.end:
             # Keeps the order with acknowledgements of complete bundles, which await their commit.
-            self._node.transaction.on_commit(lambda _: self._ack(length))
+            self._node.transaction.on_commit(lambda _: self._send_ack(length))
             return
         octets = bytes(self._incoming)
         self._incoming.clear()
         assert self._neighbour is not None
         try:
-            self._node.receiving.arrived(self._neighbour.name, octets)
+            self._node.receiving.receive(self._neighbour.name, octets)
         except StoreError as error:
             _LOG.debug("bundle from %s refused: %s", self._neighbour.name, error)
             self._node.transaction.on_commit(lambda _: self._refuse())
             return
         self._node.transaction.on_commit(
-            lambda failure: self._refuse() if failure else self._ack(length)
+            lambda failure: self._refuse() if failure else self._send_ack(length)
         )
 
-    def _ack(self, length: int) -> None:
+    def _send_ack(self, length: int) -> None:
         if self._acknowledged and self.stage is SessionStage.UP:
             self._send(AckSegment(length))
 
@@ -271,7 +271,7 @@ class TcpclSession(asyncio.Protocol):
                 self._send(RefuseBundle(RefuseReason.NO_RESOURCES))
             self.end()
 
-    def _acked(self, length: int) -> None:
+    def _on_ack(self, length: int) -> None:
         if not self._in_flight:
             raise DecodeError("acknowledgement although no bundle is in flight")
         outgoing, sent_s = self._in_flight[0]
@@ -282,8 +282,8 @@ class TcpclSession(asyncio.Protocol):
             self._in_flight_octets -= expected
             self._in_flight.popleft()
             assert self._neighbour is not None
-            self._neighbour.answered_in(self._now_s() - sent_s)
-            self._node.sending.handed_on([outgoing])
+            self._neighbour.record_round_trip(self._now_s() - sent_s)
+            self._node.sending.mark_forwarded([outgoing])
 
     def _send(self, message: Message) -> None:
         self._last_sent_s = self._now_s()
@@ -374,7 +374,7 @@ class TcpclNeighbour(Link):
         self._traffic.retransmitted += len(unacknowledged)
         self._node.sending.requeue(self.name, unacknowledged)
 
-    def answered_in(self, round_trip_s: float) -> None:
+    def record_round_trip(self, round_trip_s: float) -> None:
         """Record the time that the neighbour took to acknowledge a bundle."""
         self._traffic.round_trip_s = round_trip_s
 
@@ -386,10 +386,10 @@ class TcpclNeighbour(Link):
             begun_s = self._now_s()
             try:
                 if await self._call(address) and self._now_s() - begun_s > backoff.pause_s:
-                    backoff.succeeded()
-                pause_s = backoff.failed()
+                    backoff.reset()
+                pause_s = backoff.next_pause_s()
             except OSError as error:  # a timeout is one
-                pause_s = backoff.failed(error)
+                pause_s = backoff.next_pause_s(error)
             await asyncio.sleep(pause_s)
 
     async def _call(self, address: Address) -> bool:

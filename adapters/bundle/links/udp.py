@@ -1,4 +1,4 @@
-"""UDP sockets, address lookup, and the link over UDPCL (RFC 7122)."""
+"""`UdpNeighbour`: link over UDPCL (RFC 7122); also UDP sockets and address lookup for LTP."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
 LOOKUP_RETRY_S: Final = 1.0
-"""Shortest pause before a failed name lookup is repeated; it doubles up to 30 s."""
+"""Minimum pause before a failed name lookup is repeated; it doubles up to 30 s."""
 _AT_ONCE: Final = 16
 _MAX_QUEUED_OCTETS: Final = 16 << 20
 _BUFFER_OCTETS: Final = 4 << 20
@@ -47,7 +47,7 @@ class AddressLookup:
         except OSError:
             self._resolving = asyncio.get_running_loop().create_task(self._resolve())
         else:
-            self._know(answer[0][4])
+            self._on_resolved(answer[0][4])
 
     def close(self) -> None:
         """Cancel the lookup."""
@@ -61,11 +61,13 @@ class AddressLookup:
                 answer = await loop.getaddrinfo(
                     address.host, address.port, family=self._family, type=socket.SOCK_DGRAM
                 )
-                self._know(answer[0][4])
+                self._on_resolved(answer[0][4])
             except OSError as error:
-                await asyncio.sleep(self._backoff.failed(error))
+                await asyncio.sleep(self._backoff.next_pause_s(error))
 
-    def _know(self, found: tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]) -> None:
+    def _on_resolved(
+        self, found: tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]
+    ) -> None:
         host, port = found[:2]
         self.where = str(host), int(port)
         self._found()
@@ -145,15 +147,17 @@ class DatagramEndpoint(Endpoint):
             self._waiting.append((datagram, sender[:2]))
             self._waiting_octets += len(datagram)
         if self._working is None:
-            self._work()
+            self._process_datagrams()
 
-    def _work(self) -> None:
+    def _process_datagrams(self) -> None:
         """Process some datagrams, then yield to the event loop."""
         for _ in range(min(_AT_ONCE, len(self._waiting))):
             datagram, sender = self._waiting.popleft()
             self._waiting_octets -= len(datagram)
             self._receive(datagram, sender)
-        self._working = asyncio.get_running_loop().call_soon(self._work) if self._waiting else None
+        self._working = (
+            asyncio.get_running_loop().call_soon(self._process_datagrams) if self._waiting else None
+        )
         self._context.wake()
 
 
@@ -193,8 +197,8 @@ class UdpNeighbour(Link):
             if not batch:
                 return
             self._transmit([outgoing.octets for outgoing in batch])
-            sending.handed_on(batch)
-            self._pacer.sent(sum(len(outgoing.octets) for outgoing in batch))
+            sending.mark_forwarded(batch)
+            self._pacer.add_sent(sum(len(outgoing.octets) for outgoing in batch))
 
 
 class UdpEndpoint(DatagramEndpoint):
@@ -220,7 +224,7 @@ class UdpEndpoint(DatagramEndpoint):
         if (link := self._sender(sender)) is not None:
             link.note_received()
         try:
-            self._context.node.receiving.arrived(link.name if link else sender[0], datagram)
+            self._context.node.receiving.receive(link.name if link else sender[0], datagram)
         except StoreError as error:
             _LOG.warning("bundle from %s lost: %s", sender[0], error)
 

@@ -1,4 +1,4 @@
-"""Durable store of a bundle node: SQLite in write-ahead mode, with group commits.
+"""`BundleDatabase`: durable store of a bundle node, SQLite in write-ahead mode.
 
 Writes accumulate in one transaction until `commit`. Committed data survive `kill -9` and loss of
 power.
@@ -58,14 +58,14 @@ class StoreLimits:
     """Limits at which the store counts as full, before the disk is full.
 
     Attributes:
-        most_octets: maximum size of the content.
-        least_free_octets: free space that remains on the disk.
-        reserved_octets: space for expedited bundles beyond `most_octets`. They may also use all
+        max_octets: maximum size of the content.
+        min_free_octets: free space that remains on the disk.
+        reserved_octets: space for expedited bundles beyond `max_octets`. They may also use all
             free space of the disk.
     """
 
-    most_octets: int = 1 << 30
-    least_free_octets: int = 64 << 20
+    max_octets: int = 1 << 30
+    min_free_octets: int = 64 << 20
     reserved_octets: int = 4 << 20
 
 
@@ -185,7 +185,7 @@ class BundleDatabase:
         """Measure the free space, which other processes use as well."""
         limits = self._limits
         octets = self.octets
-        left = limits.most_octets - octets, self._free_octets - limits.least_free_octets
+        left = limits.max_octets - octets, self._free_octets - limits.min_free_octets
         self.free_octets = max(0, min(left))
         self.capacity_octets = octets + self.free_octets
         self.full = min(left) < 0
@@ -206,13 +206,13 @@ class BundleDatabase:
     def full_error(self) -> StoreFull:
         """Return the error for a full store; its text gives the reason."""
         limits, free = self._limits, self._free_octets
-        if free < limits.least_free_octets:
+        if free < limits.min_free_octets:
             why = (
-                f"{free // _MB} MB are free on the disk, {limits.least_free_octets // _MB} MB must"
+                f"{free // _MB} MB are free on the disk, {limits.min_free_octets // _MB} MB must"
                 " stay free: free disk space"
             )
         else:
-            why = f"it holds its maximum of {limits.most_octets // _MB} MB until bundles are sent"
+            why = f"it holds its maximum of {limits.max_octets // _MB} MB until bundles are sent"
         return StoreFull(f"bundle store {self.path} is full: {why}")
 
     @property

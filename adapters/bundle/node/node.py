@@ -1,4 +1,4 @@
-"""A bundle node without links: the store, and bundle processing (RFC 9171, 5).
+"""`BundleNode`: processes bundles (RFC 9171, 5) with a store; `BundleAgent` adds the links.
 
 It uses no clock and no network of its own. Changes take effect with their commit.
 """
@@ -102,7 +102,7 @@ class BundleNode(NodeContext):
             neighbour,
             settings.sender,
             payload,
-            lifetime_ms=round(1000 * min(lifetime_s, settings.most_lifetime_s)),
+            lifetime_ms=round(1000 * min(lifetime_s, settings.max_lifetime_s)),
             flags=_CONFIRM if confirm else 0,
             confirm=confirm,
             expedited=expedited,
@@ -126,7 +126,7 @@ class BundleNode(NodeContext):
         """Requeue a fetched unit, before all others of its priority."""
         self._fetched[delivery.expedited].appendleft(delivery)
 
-    def delivered(self, delivery: Delivery) -> None:
+    def mark_delivered(self, delivery: Delivery) -> None:
         """Record that the application has processed a unit."""
 
         def write() -> None:
@@ -147,7 +147,7 @@ class BundleNode(NodeContext):
         """
         self.database.measure_free_space()
         now_utc_ms = self.utc_ms()
-        unconfirmed = self.outbox.unconfirmed(now_utc_ms)
+        unconfirmed = self.outbox.requeue_unconfirmed(now_utc_ms)
         for neighbour in unconfirmed:
             if traffic := self.traffic.get(neighbour):
                 traffic.retransmitted += 1
@@ -174,7 +174,7 @@ class BundleNode(NodeContext):
     def _end(self, identity: BundleId, bundle: Bundle) -> None:
         if neighbour := self.settings.neighbour_of(bundle.primary.destination):
             self.traffic[neighbour].expired += 1
-        self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
+        self._reporting.report_deletion(bundle, ReportReason.LIFETIME_EXPIRED)
         if bundle.primary.source == self.settings.sender:
             self.notify(identity, DeliveryStatus.EXPIRED)
 
@@ -190,7 +190,7 @@ class Receiving:
         self._state, self._reporting = state, reporting
         self.malformed = 0
 
-    def arrived(self, neighbour: str, octets: bytes) -> None:
+    def receive(self, neighbour: str, octets: bytes) -> None:
         """Process concatenated bundles, within the transaction.
 
         Malformed octets are counted and dropped, because a retransmission would be malformed too.
@@ -212,7 +212,7 @@ class Receiving:
         state, primary = self._state, bundle.primary
         now_utc_ms = state.utc_ms()
         local = node_of(primary.destination) == state.settings.node
-        if why := self._fault(bundle, encoded, local, now_utc_ms):
+        if why := self._drop_reason(bundle, encoded, local, now_utc_ms):
             state.refusals.note(identity_of(primary), why)
             return
         if local and primary.flags & _ADMINISTRATIVE:
@@ -224,9 +224,9 @@ class Receiving:
         expedited = is_expedited(bundle)
         state.database.require_space(len(encoded), expedited=expedited)
         expires_utc_ms = _expires_utc_ms(bundle, now_utc_ms)
-        self._reporting.about(bundle, Assertion.RECEIVED)
+        self._reporting.report_on(bundle, Assertion.RECEIVED)
         if (reason := self._refusal(bundle, expires_utc_ms <= now_utc_ms, neighbour)) is not None:
-            self._reporting.deleted(bundle, reason)
+            self._reporting.report_deletion(bundle, reason)
         elif local:
             self._store(bundle, expires_utc_ms)
         else:
@@ -241,22 +241,24 @@ class Receiving:
                 expedited=expedited,
             )
 
-    def _fault(self, bundle: Bundle, encoded: bytes, local: bool, now_utc_ms: int) -> str:
+    def _drop_reason(self, bundle: Bundle, encoded: bytes, local: bool, now_utc_ms: int) -> str:
         """Return why a bundle is dropped without any status report; empty if it is not."""
         primary, state = bundle.primary, self._state
         settings = state.settings
         ahead_s = (primary.creation.time_ms + DTN_EPOCH_UTC_MS - now_utc_ms) / 1000
-        if ahead_s > settings.most_ahead_s:
+        if ahead_s > settings.max_clock_lead_s:
             return (
-                f"creation time is {ahead_s:.0f} s ahead of the clock here, most_ahead_s is"
-                f" {settings.most_ahead_s:.0f}"
+                f"creation time is {ahead_s:.0f} s ahead of the clock here, max_clock_lead_s is"
+                f" {settings.max_clock_lead_s:.0f}"
             )
-        if primary.lifetime_ms > 1000 * settings.most_lifetime_s:
+        if primary.lifetime_ms > 1000 * settings.max_lifetime_s:
             return (
-                f"lifetime is {primary.lifetime_ms / 1000:.3g} s, most_lifetime_s is"
-                f" {settings.most_lifetime_s:.0f}"
+                f"lifetime is {primary.lifetime_ms / 1000:.3g} s, max_lifetime_s is"
+                f" {settings.max_lifetime_s:.0f}"
             )
-        return state.security.fault(bundle, encoded, local=local) if state.security else ""
+        return (
+            state.security.signature_error(bundle, encoded, local=local) if state.security else ""
+        )
 
     def _repeat_delivery_report(self, primary: Primary) -> None:
         """Repeat the delivery report of a duplicate bundle: the first report may be lost."""
@@ -273,7 +275,7 @@ class Receiving:
         if node_of(primary.destination) == settings.node:
             if primary.destination not in settings.receivers:
                 return ReportReason.DESTINATION_UNAVAILABLE
-            max_octets = min(settings.most_payload_octets, self._state.inbox.max_fragment_octets)
+            max_octets = min(settings.max_payload_octets, self._state.inbox.max_fragment_octets)
             too_long = primary.part and primary.part.total > max_octets
             return ReportReason.DEPLETED_STORAGE if too_long else None
         onward = settings.neighbour_of(primary.destination)

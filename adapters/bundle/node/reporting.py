@@ -1,4 +1,4 @@
-"""Shared state of a node's parts, and status reports: sent on others' bundles, received on ours."""
+"""`NodeContext`: state shared by a node's parts; `Reporting`: status reports sent and received."""
 
 import logging
 from collections.abc import Callable
@@ -151,11 +151,11 @@ class NodeContext:
     def notify(self, identity: BundleId, status: DeliveryStatus) -> None:
         """Notify the application of a delivery status, after the commit."""
 
-        def tell(failure: StoreError | None) -> None:
+        def on_commit(failure: StoreError | None) -> None:
             if failure is None:
                 self._on_status(DeliveryNotice(identity, status))
 
-        self.transaction.on_commit(tell)
+        self.transaction.on_commit(on_commit)
 
     def add_own(
         self,
@@ -245,7 +245,7 @@ class Reporting:
             flags=int(Flag.ADMINISTRATIVE),
         )
 
-    def about(
+    def report_on(
         self, bundle: Bundle, assertion: Assertion, reason: ReportReason = ReportReason.NONE
     ) -> None:
         """Send a status report on a decoded bundle, if the bundle requests it."""
@@ -254,13 +254,13 @@ class Reporting:
         identity = identity_of(primary)
         self.report(identity, primary.flags, primary.report_to, assertion, reason, part)
 
-    def deleted(self, bundle: Bundle, reason: ReportReason) -> None:
+    def report_deletion(self, bundle: Bundle, reason: ReportReason) -> None:
         """Log the deletion of a bundle, and report it if the bundle requests that."""
         primary = bundle.primary
         _LOG.warning(
             "bundle %s to %s deleted: %s", identity_of(primary), primary.destination, reason.name
         )
-        self.about(bundle, Assertion.DELETED, reason)
+        self.report_on(bundle, Assertion.DELETED, reason)
 
     def receive(self, bundle: Bundle) -> None:
         """Process an administrative record addressed to this node."""

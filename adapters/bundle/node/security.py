@@ -1,4 +1,4 @@
-"""Signature policies by source and destination, and the keys they name."""
+"""`Security`: signs and verifies bundles by policies and keys of the section `security`."""
 
 import logging
 import os
@@ -118,7 +118,7 @@ class Security:
     def __init__(self, node: Eid, settings: SecuritySettings, keys: Mapping[str, Key]) -> None:
         self._node, self._policies, self._keys = node, settings.policies, keys
 
-    def fault(self, bundle: Bundle, octets: bytes, *, local: bool) -> str:
+    def signature_error(self, bundle: Bundle, octets: bytes, *, local: bool) -> str:
         """Return why a signature is invalid or missing; empty if it is valid or not required.
 
         Bundles to this node (`local`) must be signed. `octets` is the bundle as received.
@@ -132,8 +132,8 @@ class Security:
             return f"signature: {error}"
         scopes = {check.target: check.scope for check in checks}
         for check in checks:
-            if check.fault:
-                return f"{_name(check.target)}: {check.fault}"
+            if check.error:
+                return f"{_name(check.target)}: {check.error}"
         for target in policy.numbers:
             if target not in scopes:
                 return f"{_name(target)} is not signed"
@@ -148,7 +148,7 @@ class Security:
         each = _BLOCK_OCTETS + len(encode_eid(self._node))
         return each * len(policy.targets) if policy else 0
 
-    def signed(self, bundle: Bundle) -> Bundle:
+    def sign(self, bundle: Bundle) -> Bundle:
         """Return an own bundle with the signatures that its policy requires."""
         policy = self._policy(bundle.primary)
         if policy is None:

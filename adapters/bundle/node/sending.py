@@ -1,4 +1,4 @@
-"""Outgoing bundles: selection for a neighbour, forwarding, fragmentation, and their results."""
+"""`OutboxReader` selects the bundles to send to a neighbour; forwarding and fragmentation."""
 
 import logging
 from collections import deque
@@ -87,7 +87,7 @@ class OutboxReader:
         self._state.traffic[neighbour].sent += len(taken)
         return taken
 
-    def handed_on(self, sent: Sequence[Outgoing]) -> None:
+    def mark_forwarded(self, sent: Sequence[Outgoing]) -> None:
         """Record that the neighbour has received these."""
         whole = []
         for outgoing in sent:
@@ -132,7 +132,7 @@ class OutboxReader:
         if not stored.own:
             stayed_ms = max(0, self._state.utc_ms() - stored.put_utc_ms)
             node = self._state.settings.node
-            octets = encode_bundle(forwarded(decode_bundle(octets), node, stayed_ms))
+            octets = encode_bundle(prepare_forwarding(decode_bundle(octets), node, stayed_ms))
         security = self._state.security if stored.own else None
         parts = [octets]
         if security or len(octets) > bundle_octets:
@@ -145,7 +145,7 @@ class OutboxReader:
                     return []
                 parts = cut
             if more and security:
-                parts = [encode_bundle(security.signed(decode_bundle(part))) for part in parts]
+                parts = [encode_bundle(security.sign(decode_bundle(part))) for part in parts]
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
 
@@ -154,23 +154,23 @@ class OutboxReader:
             "bundle %s cannot be fragmented to %d octets, bundle_octets of the link to %s",
             stored.identity, bundle_octets, stored.neighbour,
         )  # fmt: skip
-        self._reporting.deleted(bundle, ReportReason.TRANSMISSION_CANCELLED)
+        self._reporting.report_deletion(bundle, ReportReason.TRANSMISSION_CANCELLED)
         self._state.outbox.remove([stored.id])
         if stored.own:
             self._state.notify(stored.identity, DeliveryStatus.DELETED)
 
     def _write_handed_on(self, whole: Sequence[OutboxEntry]) -> None:
-        self._state.outbox.handed_on(whole, self._state.utc_ms())
+        self._state.outbox.mark_forwarded(whole, self._state.utc_ms())
         for stored in whole:
             if not stored.confirm and self._state.settings.acknowledges(stored.neighbour):
                 self._state.traffic[stored.neighbour].acknowledged += 1
             if stored.own:
                 self._state.notify(stored.identity, DeliveryStatus.HANDED_ON)
             else:
-                self._reporting.about(decode_bundle(stored.octets), Assertion.FORWARDED)
+                self._reporting.report_on(decode_bundle(stored.octets), Assertion.FORWARDED)
 
 
-def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
+def prepare_forwarding(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
     """Return a bundle as a node forwards it (RFC 9171, 5.4): previous node, age and hop count."""
     blocks = [
         _one_hop_on(block, stayed_ms)

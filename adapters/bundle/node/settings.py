@@ -16,7 +16,7 @@ MAX_LIFETIME_S: Final = 1e10
 MAX_PORT: Final = 65535
 _DATAGRAM_OCTETS: Final = 65_507
 _MIN_BUNDLE_OCTETS: Final = 512
-"""Smallest fragment: two long EIDs and a hundred octets of payload."""
+"""Minimum size of a fragment: two long EIDs and a hundred octets of payload."""
 _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 
@@ -109,9 +109,9 @@ class TcpclLink:
         acknowledge: whether bundles are acknowledged; both sides need the same value. With
             acknowledgements NASA ION 4.1 hangs or ends when a session breaks: for ION use False,
             and confirmation of bundles.
-        keepalive_s: longest silence of a session; 0 for no limit.
+        keepalive_s: maximum silence of a session; 0 for no limit.
         window_octets: maximum octets in flight without acknowledgement.
-        redial_s: shortest pause before connecting again; it doubles up to 30 s.
+        redial_s: minimum pause before connecting again; it doubles up to 30 s.
         confirm_after_s: see `LtpLink`.
     """
 
@@ -219,9 +219,9 @@ class NodeSettings:
         neighbours: nodes that it reaches directly.
         lifetime_s: default lifetime of a bundle.
         hop_limit: hop limit of own bundles; None omits the hop count block.
-        most_payload_octets: longest application data unit that is reassembled.
-        most_lifetime_s: longest lifetime that is sent or accepted.
-        most_ahead_s: maximum lead of a bundle's creation time over the clock here.
+        max_payload_octets: maximum size of a reassembled application data unit.
+        max_lifetime_s: maximum lifetime that is sent or accepted.
+        max_clock_lead_s: maximum lead of a bundle's creation time over the clock here.
         limits: limits of the store.
 
     Raises:
@@ -233,19 +233,19 @@ class NodeSettings:
     neighbours: tuple[Neighbour, ...]
     lifetime_s: float = 7 * DAY_S
     hop_limit: int | None = None
-    most_payload_octets: int = 16 << 20
-    most_lifetime_s: float = 60 * DAY_S
-    most_ahead_s: float = DAY_S
+    max_payload_octets: int = 16 << 20
+    max_lifetime_s: float = 60 * DAY_S
+    max_clock_lead_s: float = DAY_S
     limits: StoreLimits = field(default_factory=StoreLimits)
 
     def __post_init__(self) -> None:
         check_ranges(
             self,
-            most_lifetime_s=(0.001, MAX_LIFETIME_S),
-            lifetime_s=(0.001, self.most_lifetime_s),
-            most_ahead_s=(0.0, MAX_LIFETIME_S),
+            max_lifetime_s=(0.001, MAX_LIFETIME_S),
+            lifetime_s=(0.001, self.max_lifetime_s),
+            max_clock_lead_s=(0.0, MAX_LIFETIME_S),
             hop_limit=(1, 255),
-            most_payload_octets=(1, 1 << 30),
+            max_payload_octets=(1, 1 << 30),
         )
         for eid in (self.sender, *self.receivers):
             if is_null(eid) or node_of(eid) != self.node:
@@ -316,17 +316,17 @@ class IonSettings:
             the environment.
         whole: see `DaemonLink`.
         answer_s: silence after which the bridge or ION counts as hanging.
-        look_s: period of the liveness check of ION.
+        poll_period_s: period of the liveness check of ION.
     """
 
     python: str | None = None
     node_list: str | None = None
     whole: bool = False
     answer_s: float = 30.0
-    look_s: float = 15.0
+    poll_period_s: float = 15.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, answer_s=(0.1, DAY_S), look_s=(0.05, DAY_S))
+        check_ranges(self, answer_s=(0.1, DAY_S), poll_period_s=(0.05, DAY_S))
 
 
 class Agent(Enum):
@@ -388,7 +388,7 @@ class AgentSettings(Application):
         contact_plan: file of planned contacts, relative to this file; None for permanent contact.
         agent: implementation that sends and receives; ion: access to that node.
         security: signature policies and keys; None disables signatures.
-        most_lifetime_s, most_ahead_s: see `NodeSettings`.
+        max_lifetime_s, max_clock_lead_s: see `NodeSettings`.
     """
 
     listen: Listen = NO_ADDRESSES
@@ -396,8 +396,8 @@ class AgentSettings(Application):
     agent: Agent = Agent.EMBEDDED
     ion: IonSettings | None = None
     security: SecuritySettings | None = None
-    most_lifetime_s: float = 60 * DAY_S
-    most_ahead_s: float = DAY_S
+    max_lifetime_s: float = 60 * DAY_S
+    max_clock_lead_s: float = DAY_S
 
     @property
     def daemon(self) -> IonSettings | None:
@@ -426,8 +426,8 @@ class AgentSettings(Application):
             (self.endpoint,),
             neighbours,
             lifetime_s,
-            most_lifetime_s=self.most_lifetime_s,
-            most_ahead_s=self.most_ahead_s,
+            max_lifetime_s=self.max_lifetime_s,
+            max_clock_lead_s=self.max_clock_lead_s,
         )
 
     def link_to(self, other: Peer, name: str) -> AnyLink:

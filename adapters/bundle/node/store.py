@@ -1,4 +1,4 @@
-"""Contents of the store: bundles to send, and received application data."""
+"""The parts of the store: `Outbox` of bundles to send, `BundleInbox` of received data."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,6 +20,8 @@ from adapters.bundle.node.database import BundleDatabase
 _MAX_ID: Final = 2**62
 _MAX_DOUBLINGS: Final = 5
 """Maximum doublings of the retransmission pause: a link that lost many may have been back long."""
+_FORGET_BATCH: Final = 1000
+"""Maximum number of incomplete units removed in one transaction."""
 
 
 class OutboxState(IntEnum):
@@ -120,7 +122,7 @@ class Outbox:
             for row_id, key, own, confirm, put_utc_ms, octets in rows
         ]  # fmt: skip
 
-    def handed_on(self, bundles: Sequence[OutboxEntry], now_utc_ms: int) -> None:
+    def mark_forwarded(self, bundles: Sequence[OutboxEntry], now_utc_ms: int) -> None:
         """Record that the next node has these: remove them, or retain them until confirmed."""
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
@@ -161,7 +163,7 @@ class Outbox:
                 yield Queued(bundle_id_from_key(key), payload, expires_utc_ms / 1000)
             before = rows[-1][0]
 
-    def unconfirmed(self, now_utc_ms: int) -> list[str]:
+    def requeue_unconfirmed(self, now_utc_ms: int) -> list[str]:
         """Requeue bundles with an overdue confirmation.
 
         If the clock was set back, even while no process ran, each waits at most for its pause from
@@ -300,7 +302,7 @@ class BundleInbox:
         return self._db.capacity_octets // 4
 
     def evict_fragments(self, identity: BundleId, octets: int) -> list[BundleId]:
-        """Evict the oldest incomplete units if a fragment would exceed its source's share.
+        """Evict incomplete units by age if a fragment would exceed its source's share.
 
         Fragments of one source may use a quarter of the store, those of all sources half of it.
 
@@ -312,8 +314,8 @@ class BundleInbox:
         if self._held[source] + octets > limit:
             dropped += self._drop_first(source, identity.key, octets)
         if self._held.total() + octets > 2 * limit:
-            (largest, _), *_ = self._held.most_common(1)
-            dropped += self._drop_first(largest, identity.key, octets)
+            (fullest, _), *_ = self._held.most_common(1)
+            dropped += self._drop_first(fullest, identity.key, octets)
         return dropped
 
     def _drop_first(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:
@@ -396,11 +398,18 @@ class BundleInbox:
         return [(row_id, bool(first), bundle_id_from_key(key)) for row_id, first, key in rows]
 
     def forget(self, now_utc_ms: int) -> list[BundleId]:
-        """Remove expired identities and fragments; return the units that stayed incomplete."""
+        """Remove expired identities and fragments; return the units that stayed incomplete.
+
+        At most `_FORGET_BATCH` units are removed; the next call continues.
+        """
         old = "WHERE expires_utc_ms <= ?"
-        rows = self._db.read(f"SELECT DISTINCT key FROM fragments {old} LIMIT 1000", (now_utc_ms,))
+        rows = self._db.read(
+            f"SELECT DISTINCT key FROM fragments {old} LIMIT ?", (now_utc_ms, _FORGET_BATCH)
+        )
         if rows:
-            self._db.write(f"DELETE FROM fragments {old}", (now_utc_ms,))
+            self._db.write_all(
+                f"DELETE FROM fragments {old} AND key = ?", [(now_utc_ms, key) for (key,) in rows]
+            )
             self._count_fragments()
         if self._db.read("SELECT 1 FROM seen WHERE until_utc_ms <= ? LIMIT 1", (now_utc_ms,)):
             self._db.write("DELETE FROM seen WHERE until_utc_ms <= ?", (now_utc_ms,))

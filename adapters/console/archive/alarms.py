@@ -1,4 +1,4 @@
-"""Alarms in the archive, shared by all consoles at one database.
+"""`change_alarms` and `acknowledge_alarms` in the archive, which consoles at a database share.
 
 At most one alarm of a source is open. A report that was received before (by another link or
 console, or before a restart) changes nothing: occurrences are identified by their time aboard.
@@ -59,8 +59,8 @@ def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
             case AlarmCleared(utc=utc):
                 active = known is not None and known.cleared_us is None
                 if known is not None and active and to_us(utc) >= known.last_us:
-                    standing = int(known.acknowledged_us is None)
-                    _update(connection, known.id, cleared_us=to_us(utc), standing=standing)
+                    is_open = int(known.acknowledged_us is None)
+                    _update(connection, known.id, cleared_us=to_us(utc), open=is_open)
 
 
 def acknowledge_alarms(
@@ -82,28 +82,21 @@ def acknowledge_alarms(
         )
         row = connection.execute(select(ALARM).where(*chosen)).first()
         if row is not None:
-            standing = int(row.cleared_us is None)
+            is_open = int(row.cleared_us is None)
             by = {"operator": operator, "acknowledged_us": to_us(utc_s)}
-            _update(connection, number, standing=standing, **by)
+            _update(connection, number, open=is_open, **by)
 
 
 def open_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
     """Return the open alarms, and further ones by their ids, in the order of ids."""
-    chosen = select(ALARM).where(or_(ALARM.c.standing == 1, ALARM.c.id.in_(also)))
+    chosen = select(ALARM).where(or_(ALARM.c.open == 1, ALARM.c.id.in_(also)))
     return [alarm_of(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
 
 
 def read_alarms(connection: Connection, page: TablePage) -> list[AlarmStatus]:
     """Return open and closed alarms, newest first."""
-    chosen = select(ALARM)
-    if page.asset is not None:
-        chosen = chosen.where(ALARM.c.asset == page.asset)
-    if page.start_us is not None:
-        chosen = chosen.where(ALARM.c.raised_us >= page.start_us)
-    if page.before_us is not None:
-        chosen = chosen.where(ALARM.c.raised_us < page.before_us)
-    ordered = chosen.order_by(ALARM.c.raised_us.desc(), ALARM.c.id.desc())
-    return [alarm_of(row) for row in connection.execute(ordered.limit(page.limit))]
+    chosen = page.of(select(ALARM), ALARM.c.asset, ALARM.c.raised_us).order_by(ALARM.c.id.desc())
+    return [alarm_of(row) for row in connection.execute(chosen)]
 
 
 def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) -> None:
@@ -119,14 +112,14 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
         "operator": None,
         "acknowledged_us": None,
     }
-    if known is None or not known.standing:
+    if known is None or not known.open:
         first = {
             "asset": raised.asset,
             "source": raised.source,
             "raised_us": utc_us,
             "occurrences": 1,
         }
-        connection.execute(ALARM.insert().values(**first, **values, standing=1))
+        connection.execute(ALARM.insert().values(**first, **values, open=1))
     elif raised.reoccurrence or known.cleared_us is not None:
         _update(connection, known.id, occurrences=known.occurrences + 1, **values)
 

@@ -1,4 +1,4 @@
-"""Archives received messages in batches, and runs queries on them.
+"""`Archive` stores received messages in batches, and runs queries on them.
 
 One thread writes, which preserves the order; another reads. Neither blocks the event loop.
 """
@@ -37,7 +37,7 @@ from adapters.console.messages import (
     DictionaryChanged,
     FileChanged,
     LinkStatus,
-    Notified,
+    NotificationMessage,
     ObjectChanged,
     PlanProgress,
     Presence,
@@ -115,11 +115,12 @@ class Archive:
         """Queue a behaviour tree, if it differs from the previous one.
 
         Compared are statuses and commands of the nodes, the mode, and the cause of motion or
-        standstill without its figures.
+        standstill without its figures. Only the display of the archive depends on the comparison
+        of texts.
         """
         content = (
             (tree.mode, without_figures(tree.why)),
-            *((node.path, node.look, node.command) for node in tree.nodes),
+            *((node.path, node.status, node.command) for node in tree.nodes),
         )
         if self._last_trees.get(tree.asset) != content:
             self._last_trees[tree.asset] = content
@@ -210,7 +211,7 @@ class Archive:
             match message:
                 case Sample():
                     samples.append(self._sample(connection, message))
-                case Notified():
+                case NotificationMessage():
                     notifications.append(
                         {
                             "asset": message.asset,
@@ -225,7 +226,7 @@ class Archive:
                 case CommandStatus():
                     commands[message.id] = message
                 case AssetState() | AuthorityMessage():
-                    self._state(connection, message, rx_us)
+                    self._store_state(connection, message, rx_us)
                 case PlanProgress() | TreeState():
                     records.append(_record(message, message.utc, rx_us))
                 case LinkStatus():
@@ -243,7 +244,7 @@ class Archive:
         for command in commands.values():
             self._store_command(connection, command)
 
-    def _state(
+    def _store_state(
         self, connection: Connection, message: AssetState | AuthorityMessage, rx_us: int
     ) -> None:
         """Store a state, unless a neighbouring state of the same link has the same content."""
@@ -349,7 +350,7 @@ def _command_row(connection: Connection, command: CommandStatus) -> dict[str, An
         "asset": command.asset,
         "source": command.source,
         "number": command.number,
-        "made_us": to_us(command.made),
+        "created_us": to_us(command.created),
         "ended": int(command.ended),
         "body": encode(command),
         "revision": (last or 0) + 1,

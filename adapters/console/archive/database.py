@@ -61,7 +61,7 @@ def open_database(url: str | None, folder: Path, system: System = OPERATING_SYST
         system: opens the SQLite file.
 
     Raises:
-        StartError: it cannot be opened, or is of a newer version.
+        StartError: it cannot be opened, or has the tables of another version.
         ModuleNotFoundError: its driver is not installed.
     """
     try:
@@ -118,8 +118,8 @@ def _migrate(engine: Engine) -> None:
         current = MigrationContext.configure(connection).get_current_revision()
         if current is not None and current not in known:
             raise StartError(
-                f"the archive is of a newer version (revision {current}): start that version of"
-                " rover-console, or choose another archive with --archive"
+                f"the archive has the tables of another version (revision {current}): start that"
+                " version of rover-console, or choose another archive with --archive"
             )
         config.attributes["connection"] = connection
         command.upgrade(config, "head")

@@ -1,4 +1,4 @@
-"""Reads data for export in pages, oldest first: samples, or complete records."""
+"""Reads archived data page by page for the export, oldest first: samples, or complete records."""
 
 import json
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from adapters.console.archive.tables import ALARM, COMMAND, NOTIFICATION, RECORD
 from adapters.console.messages import (
     AlarmStatus,
     CommandStatus,
-    Notified,
+    NotificationMessage,
     PlanProgress,
     TreeState,
     plain,
@@ -64,7 +64,11 @@ def export_page(
 
 
 Exported = (
-    type[CommandStatus] | type[Notified] | type[TreeState] | type[PlanProgress] | type[AlarmStatus]
+    type[CommandStatus]
+    | type[NotificationMessage]
+    | type[TreeState]
+    | type[PlanProgress]
+    | type[AlarmStatus]
 )
 """Types that are exported as complete records."""
 
@@ -119,8 +123,8 @@ def record_page(
 
 
 _SOURCES: Final[dict[Exported, tuple[Table, Column[int], Column[int]]]] = {
-    CommandStatus: (COMMAND, COMMAND.c.made_us, COMMAND.c.made_us),
-    Notified: (NOTIFICATION, NOTIFICATION.c.utc_us, NOTIFICATION.c.rx_us),
+    CommandStatus: (COMMAND, COMMAND.c.created_us, COMMAND.c.created_us),
+    NotificationMessage: (NOTIFICATION, NOTIFICATION.c.utc_us, NOTIFICATION.c.rx_us),
     TreeState: (RECORD, RECORD.c.utc_us, RECORD.c.rx_us),
     PlanProgress: (RECORD, RECORD.c.utc_us, RECORD.c.rx_us),
     AlarmStatus: (ALARM, ALARM.c.raised_us, ALARM.c.raised_us),

@@ -1,16 +1,16 @@
-"""Objects that operators make and share, such as displays: JSON values by key, with revisions.
+"""Stores and reads what operators make and share: objects by key (displays, ...), and plans.
 
-A change names the revision that it changes. A change to an outdated revision is refused, so that
-the operator reads the new one first.
+Both have revisions. A change of an object names the revision that it changes. A change to an
+outdated revision is refused, so that the operator reads the new one first.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Row, select
 
-from adapters.console.archive.archive import to_us
-from adapters.console.archive.tables import OBJECT
+from adapters.console.archive.archive import US_PER_S, to_us
+from adapters.console.archive.tables import OBJECT, PLAN
 
 FIRST: Final = 1
 
@@ -87,3 +87,56 @@ def delete_object(connection: Connection, key: str, revision: int) -> RevisionCo
 
 def _revision(connection: Connection, key: str) -> int | None:
     return connection.execute(select(OBJECT.c.revision).where(OBJECT.c.key == key)).scalar()
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRevision:
+    """A submitted plan.
+
+    Attributes:
+        revision: its number; later revisions have higher numbers.
+        command: id of the command that submitted it.
+        content: its XML; empty in a list.
+    """
+
+    asset: str
+    plan: str
+    revision: int
+    command: str
+    operator: str
+    utc: float
+    content: str = ""
+
+
+def add_plan_revision(connection: Connection, revision: PlanRevision) -> None:
+    """Store a submitted plan; the database assigns its revision."""
+    connection.execute(
+        PLAN.insert().values(
+            asset=revision.asset,
+            plan=revision.plan,
+            command=revision.command,
+            operator=revision.operator,
+            utc_us=to_us(revision.utc),
+            content=revision.content,
+        )
+    )
+
+
+def list_plans(connection: Connection, asset: str) -> list[PlanRevision]:
+    """Return all revisions of the plans of an asset, newest first, without their content."""
+    columns = (each for each in PLAN.c if each is not PLAN.c.content)
+    chosen = select(*columns).where(PLAN.c.asset == asset).order_by(PLAN.c.id.desc())
+    return [_plan_revision(row) for row in connection.execute(chosen)]
+
+
+def get_plan(connection: Connection, asset: str, revision: int) -> PlanRevision | None:
+    """Return a revision; None if there is none."""
+    chosen = select(PLAN).where(PLAN.c.asset == asset, PLAN.c.id == revision)
+    row = connection.execute(chosen).first()
+    return None if row is None else _plan_revision(row, row.content)
+
+
+def _plan_revision(row: Row[Any], content: str = "") -> PlanRevision:
+    return PlanRevision(
+        row.asset, row.plan, row.id, row.command, row.operator, row.utc_us / US_PER_S, content
+    )

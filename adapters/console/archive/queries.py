@@ -1,11 +1,12 @@
-"""Queries of the archive: decimated samples, commands, notifications, records.
+"""Queries of the archive: decimated samples, commands, notifications, records, open pages.
 
-Results are JSON texts, encoded on the reader thread.
+Samples, and pages of tables, are JSON texts, encoded on the reader thread. The open pages of the
+consoles are also written here.
 """
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum, unique
 from typing import Any, Final
 
@@ -19,8 +20,15 @@ from adapters.console.archive.rollup import (
     ranked_of,
     samples_of,
 )
-from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
-from adapters.console.messages import CommandStatus, LinkKind, decode_command
+from adapters.console.archive.tables import (
+    COMMAND,
+    NOTIFICATION,
+    PARAMETER,
+    PRESENCE,
+    RECORD,
+    SAMPLE,
+)
+from adapters.console.messages import CommandStatus, LinkKind, OpenPage, decode_command
 
 MAX_SAMPLES: Final = 20_000
 """Maximum number of samples in one response."""
@@ -214,10 +222,10 @@ def changed_commands(connection: Connection, since: int) -> tuple[list[CommandSt
 
 def last_commands(connection: Connection, count: int) -> list[CommandStatus]:
     """Return the last commands and all that have not ended, oldest first."""
-    newest = select(COMMAND.c.made_us, COMMAND.c.body).order_by(COMMAND.c.made_us.desc())
-    found = {row.body: row.made_us for row in connection.execute(newest.limit(count))}
+    newest = select(COMMAND.c.created_us, COMMAND.c.body).order_by(COMMAND.c.created_us.desc())
+    found = {row.body: row.created_us for row in connection.execute(newest.limit(count))}
     found |= {
-        row.body: row.made_us for row in connection.execute(newest.where(COMMAND.c.ended == 0))
+        row.body: row.created_us for row in connection.execute(newest.where(COMMAND.c.ended == 0))
     }
     bodies = sorted(found, key=lambda body: found[body])
     return [decode_command(json.loads(body)) for body in bodies]
@@ -237,10 +245,20 @@ class TablePage:
     before_us: int | None
     limit: int
 
+    def of(self, chosen: Select[Any], asset: Column[str], at: Column[int]) -> Select[Any]:
+        """Return the query for the page, given the columns of asset and time."""
+        if self.asset is not None:
+            chosen = chosen.where(asset == self.asset)
+        if self.start_us is not None:
+            chosen = chosen.where(at >= self.start_us)
+        if self.before_us is not None:
+            chosen = chosen.where(at < self.before_us)
+        return chosen.order_by(at.desc()).limit(self.limit)
+
 
 def read_commands(connection: Connection, page: TablePage) -> str:
     """Return commands as a JSON array."""
-    return _bodies(connection, COMMAND, COMMAND.c.made_us, page)
+    return _bodies(connection, COMMAND, COMMAND.c.created_us, page)
 
 
 def read_notifications(connection: Connection, page: TablePage) -> str:
@@ -272,15 +290,8 @@ def last_notification(connection: Connection, asset: str, link: LinkKind) -> tup
 def _bodies(
     connection: Connection, table: Table, at: Column[int], page: TablePage, *others: Any
 ) -> str:
-    chosen = select(table.c.body).where(*others)
-    if page.asset is not None:
-        chosen = chosen.where(table.c.asset == page.asset)
-    if page.start_us is not None:
-        chosen = chosen.where(at >= page.start_us)
-    if page.before_us is not None:
-        chosen = chosen.where(at < page.before_us)
-    rows = connection.execute(chosen.order_by(at.desc()).limit(page.limit))
-    return f"[{','.join(row.body for row in rows)}]"
+    chosen = page.of(select(table.c.body).where(*others), table.c.asset, at)
+    return f"[{','.join(row.body for row in connection.execute(chosen))}]"
 
 
 def _sample(parameter: ArchivedParameter, row: Row[Any]) -> dict[str, Any]:
@@ -294,3 +305,42 @@ def _sample(parameter: ArchivedParameter, row: Row[Any]) -> dict[str, Any]:
         "value": row.text if row.value is None else row.value,
         "q": QUALITIES[row.quality].value,
     }
+
+
+@dataclass(frozen=True, slots=True)
+class ConsolePages:
+    """The open pages of a console.
+
+    Attributes:
+        instance: id of its process start.
+        heartbeat: differs in each write.
+    """
+
+    instance: str
+    heartbeat: int
+    pages: tuple[OpenPage, ...]
+
+
+def write_pages(connection: Connection, console: ConsolePages) -> None:
+    """Replace the stored pages of a console; without pages its row is deleted."""
+    connection.execute(PRESENCE.delete().where(PRESENCE.c.instance == console.instance))
+    if console.pages:
+        body = json.dumps([asdict(each) for each in console.pages])
+        row = {"instance": console.instance, "heartbeat": console.heartbeat, "body": body}
+        connection.execute(PRESENCE.insert().values(**row))
+
+
+def read_pages(connection: Connection) -> list[ConsolePages]:
+    """Return the pages of all consoles."""
+    rows = connection.execute(select(PRESENCE).order_by(PRESENCE.c.instance))
+    return [ConsolePages(row.instance, row.heartbeat, _pages(row.body)) for row in rows]
+
+
+def forget_pages(connection: Connection, console: ConsolePages) -> None:
+    """Delete the pages of a console that has ended, unless its heartbeat has changed."""
+    this = (PRESENCE.c.instance == console.instance, PRESENCE.c.heartbeat == console.heartbeat)
+    connection.execute(PRESENCE.delete().where(*this))
+
+
+def _pages(body: str) -> tuple[OpenPage, ...]:
+    return tuple(OpenPage(**each) for each in json.loads(body))

@@ -1,4 +1,4 @@
-"""Retention of archived data, by age and by size.
+"""`run_retention` deletes archived data periodically, by age and by size.
 
 Age is measured by the console's clock, since that of a rover may be wrong. Objects, plans and open
 alarms are never deleted. Nor is the last notification of each link: the console requests the later
@@ -67,7 +67,7 @@ async def delete_old(archive: Archive, retention: RetentionPolicy, utc_s: float)
     max_octets = retention.megabytes * 1e6
     if await archive.read(_octets) <= max_octets:
         return deleted
-    first_us = await archive.read(_first)
+    first_us = await archive.read(_first_utc_us)
     step_us = max((to_us(utc_s) - first_us) // STEPS, 1)
     while first_us < to_us(utc_s) and await archive.read(_octets) > REDUCTION_RATIO * max_octets:
         first_us += step_us
@@ -86,10 +86,10 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
     for deleting in (
         NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
         COMMAND.delete().where(
-            COMMAND.c.made_us < rx_us, COMMAND.c.ended == 1, COMMAND.c.revision < last
+            COMMAND.c.created_us < rx_us, COMMAND.c.ended == 1, COMMAND.c.revision < last
         ),
         RECORD.delete().where(RECORD.c.rx_us < rx_us),
-        ALARM.delete().where(ALARM.c.acknowledged_us < rx_us, ALARM.c.standing == 0),
+        ALARM.delete().where(ALARM.c.acknowledged_us < rx_us, ALARM.c.open == 0),
     ):
         deleted += await archive.write(partial(_execute, deleting=deleting))
     return deleted
@@ -122,7 +122,7 @@ def _octets(connection: Connection) -> float:
     return octets
 
 
-def _first(connection: Connection) -> int:
-    columns = (SAMPLE.c.rx_us, NOTIFICATION.c.rx_us, COMMAND.c.made_us, RECORD.c.rx_us)
+def _first_utc_us(connection: Connection) -> int:
+    columns = (SAMPLE.c.rx_us, NOTIFICATION.c.rx_us, COMMAND.c.created_us, RECORD.c.rx_us)
     found = [connection.execute(select(func.min(column))).scalar() for column in columns]
     return min((each for each in found if each is not None), default=0)

@@ -1,4 +1,4 @@
-"""Minimum and maximum sample of each minute, for fast queries of long time spans.
+"""Stores minimum and maximum of each minute's samples, for fast queries of long time spans.
 
 Minutes are counted since 1970-01-01 UTC, by the onboard clock. Late samples and deletions update
 their minutes, too.

@@ -1,4 +1,4 @@
-"""The tables of the archive. Times are whole microseconds since 1970-01-01 UTC.
+"""The archive's tables (SQLAlchemy). Times are whole microseconds since 1970-01-01 UTC.
 
 `utc_us` is the time of the onboard clock, `rx_us` that of the console's clock.
 
@@ -107,11 +107,11 @@ COMMAND: Final = Table(
     Column("asset", String(256), nullable=False),
     Column("source", String(256), nullable=False),
     Column("number", BigInteger, nullable=False),
-    Column("made_us", BigInteger, nullable=False),
+    Column("created_us", BigInteger, nullable=False),
     Column("ended", SmallInteger, nullable=False),
     Column("body", Text, nullable=False),
     Column("revision", BigInteger, nullable=False),
-    Index(None, "made_us"),
+    Index(None, "created_us"),
     Index(None, "revision"),
     UniqueConstraint("asset", "source", "number"),
 )
@@ -174,8 +174,8 @@ ALARM: Final = Table(
     Column("cleared_us", BigInteger),
     Column("operator", String(256)),
     Column("acknowledged_us", BigInteger),
-    Column("standing", SmallInteger, nullable=False),
-    Index(None, "standing"),
+    Column("open", SmallInteger, nullable=False),
+    Index(None, "open"),
     Index(None, "asset", "source"),
     Index(None, "raised_us"),
 )
@@ -185,7 +185,7 @@ PRESENCE: Final = Table(
     "presence",
     METADATA,
     Column("instance", String(64), primary_key=True),
-    Column("beat", BigInteger, nullable=False),
+    Column("heartbeat", BigInteger, nullable=False),
     Column("body", Text, nullable=False),
 )
-"""Open pages of a console; `beat` changes while it runs."""
+"""Open pages of a console; `heartbeat` changes while it runs."""

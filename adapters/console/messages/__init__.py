@@ -17,7 +17,7 @@ from adapters.console.messages.pages import OpenPage as OpenPage
 from adapters.console.messages.pages import Presence as Presence
 from adapters.console.messages.reports import AlarmStatus as AlarmStatus
 from adapters.console.messages.reports import FileChanged as FileChanged
-from adapters.console.messages.reports import Notified as Notified
+from adapters.console.messages.reports import NotificationMessage as NotificationMessage
 from adapters.console.messages.reports import PlanProgress as PlanProgress
 from adapters.console.messages.reports import Transfer as Transfer
 from adapters.console.messages.reports import TransferState as TransferState
@@ -29,6 +29,7 @@ from adapters.console.messages.telemetry import Quality as Quality
 from adapters.console.messages.telemetry import Sample as Sample
 from adapters.console.messages.telemetry import SamplesDropped as SamplesDropped
 from adapters.console.messages.telemetry import Scalar as Scalar
+from adapters.console.messages.telemetry import TreeFault as TreeFault
 from adapters.console.messages.telemetry import TreeNode as TreeNode
 from adapters.console.messages.telemetry import TreeState as TreeState
 from adapters.console.messages.wire import Broadcast as Broadcast

@@ -1,10 +1,11 @@
-"""Messages on the life cycle of commands and on the authority."""
+"""Messages to the console's pages on the life cycle of commands and on the authority."""
 
 from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import Any, ClassVar, Final
 
 from adapters.console.messages.telemetry import LinkKind, Scalar
+from executive.values.reports import TERMINAL
 
 
 @unique
@@ -13,13 +14,13 @@ class CommandState(Enum):
 
     Attributes:
         SENDING: sent, not answered yet.
-        TAKEN: acknowledged by the other end of the link.
+        ACKNOWLEDGED: acknowledged by the other end of the link.
         LOST: lost: the relay expects no report; the rover may have received it.
         UNKNOWN: no report in time, or none of its end; the rover may have executed it.
     """
 
     SENDING = "sending"
-    ACKNOWLEDGED = "taken"
+    ACKNOWLEDGED = "acknowledged"
     RECEIVED = "received"
     ACCEPTED = "accepted"
     STARTED = "started"
@@ -28,19 +29,11 @@ class CommandState(Enum):
     FAILED = "failed"
     CANCELLED = "cancelled"
     EXPIRED = "expired"
-    LOST = "given_up"
+    LOST = "lost"
     UNKNOWN = "unknown"
 
 
-TERMINAL_STATES: Final = frozenset(
-    {
-        CommandState.EXECUTED,
-        CommandState.REJECTED,
-        CommandState.FAILED,
-        CommandState.CANCELLED,
-        CommandState.EXPIRED,
-    }
-)
+TERMINAL_STATES: Final = frozenset(CommandState[stage.name] for stage in TERMINAL)
 """Terminal states."""
 
 
@@ -49,7 +42,7 @@ class StageEntry:
     """A stage of a command's life cycle.
 
     Attributes:
-        stage: stage of the MRS, or SENT, TAKEN, FORWARDED, PREDICTED, GIVEN_UP or UNKNOWN.
+        stage: stage of the MRS, or SENT, ACKNOWLEDGED, FORWARDED, PREDICTED, LOST or UNKNOWN.
         node: reporting node: `console`, `orbiter` or the asset.
         utc: time by the clock of the node.
         rx: reception time at the console.
@@ -79,7 +72,7 @@ class CommandStatus:
         args: posted arguments; None if unknown to this console.
         by: operator, or source.
         source, number: command id at the asset.
-        made: time of posting.
+        created: time of posting.
         deadline: time of the first report, after which it is UNKNOWN; None once reported.
     """
 
@@ -95,7 +88,7 @@ class CommandStatus:
     link: LinkKind
     state: CommandState
     ended: bool
-    made: float
+    created: float
     deadline: float | None
     history: tuple[StageEntry, ...]
 
@@ -110,7 +103,7 @@ class AuthorityMessage:
         needed: whether commands need it.
         lease_left: remaining lease at `utc`, s, without a renewal.
         lease: duration of the lease, s.
-        asked_by: last operator or source that requested it since the grant.
+        requested_by: last operator or source that requested it since the grant.
     """
 
     ty: ClassVar[str] = "auth"
@@ -124,4 +117,4 @@ class AuthorityMessage:
     needed: bool
     lease_left: float
     lease: float
-    asked_by: str | None
+    requested_by: str | None

@@ -1,4 +1,4 @@
-"""Messages on the pages: presence, and the data that they share."""
+"""Messages to the console's pages on the pages themselves: presence, and data that they share."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Final

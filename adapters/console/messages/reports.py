@@ -1,4 +1,4 @@
-"""Messages on reports, alarms, plans, files and transfers."""
+"""Messages to the console's pages on reports, alarms, plans, files and transfers."""
 
 from dataclasses import dataclass
 from enum import Enum, unique
@@ -8,7 +8,7 @@ from adapters.console.messages.telemetry import LinkKind, Scalar
 
 
 @dataclass(frozen=True, slots=True)
-class Notified:
+class NotificationMessage:
     """A notification of an asset.
 
     Attributes:
@@ -16,6 +16,7 @@ class Notified:
         severity: INFORMATIONAL, WARNING, ALARM, SEVERE or CRITICAL.
         command: id of its command.
         cursor: number in the ledger of the other end; None if it is not recorded.
+        fault: name of the fault that began, cleared, or ended the command.
     """
 
     ty: ClassVar[str] = "ntf"
@@ -35,6 +36,7 @@ class Notified:
     steps: int | None
     figures: dict[str, Scalar]
     cursor: int | None = None
+    fault: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,7 @@ class Transfer:
         by: operator who requested it; empty for a page that displays the file.
         done, size: received octets, and size of the file; None until known.
         rate: recent rate, octets/s; None unless it runs.
-        made: time of the request.
+        created: time of the request.
         utc: time of this state.
         detail: human-readable reason of the state.
     """
@@ -153,7 +155,7 @@ class Transfer:
     path: str
     by: str
     state: TransferState
-    made: float
+    created: float
     utc: float
     done: int = 0
     size: int | None = None

@@ -1,4 +1,4 @@
-"""Messages on the present state of assets: values, behaviour tree, links, modes."""
+"""Messages to the console's pages on the state of assets: values, behaviour tree, links, modes."""
 
 from dataclasses import dataclass
 from enum import Enum, unique
@@ -87,7 +87,8 @@ class TreeNode:
     Attributes:
         path: names from the root, joined by slashes.
         kind: value of `NodeKind`.
-        look: `Look` in lower case: a guard that does not hold is `declined`, no `failure`.
+        status: status of its last tick; that of a guard that does not hold is `declined`, no
+            `failure`.
         message: its status message.
         command: SOURCE:NUMBER of the command that it executes or executed last; None for none.
     """
@@ -96,9 +97,18 @@ class TreeNode:
     name: str
     depth: int
     kind: str
-    look: str
+    status: str
     message: str
     command: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class TreeFault:
+    """A fault that has not cleared, with its evidence as a text."""
+
+    name: str
+    severity: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +118,7 @@ class TreeState:
     Attributes:
         why: cause of motion or standstill, in one line.
         active: active command, as SOURCE:NUMBER.
-        faults: one line for each fault that has not cleared.
+        faults: the faults that have not cleared.
         nodes: nodes in depth-first order.
     """
 
@@ -121,7 +131,7 @@ class TreeState:
     mode: str
     why: str
     active: str | None
-    faults: tuple[str, ...]
+    faults: tuple[TreeFault, ...]
     nodes: tuple[TreeNode, ...]
 
 
@@ -131,7 +141,7 @@ class LinkStatus:
 
     Attributes:
         since: start time of the state.
-        heard: last reception time; None for never.
+        last_received: last reception time; None for never.
         detail: human-readable reason.
     """
 
@@ -142,7 +152,7 @@ class LinkStatus:
     uri: str
     state: LinkState
     since: float
-    heard: float | None
+    last_received: float | None
     detail: str
 
 

@@ -1,4 +1,4 @@
-"""JSON of the messages, and the topics to which pages subscribe."""
+"""`encode` and other conversions of messages to JSON, and the topics to which pages subscribe."""
 
 import json
 from dataclasses import fields
@@ -16,7 +16,7 @@ from adapters.console.messages.pages import DictionaryChanged, Hello, ObjectChan
 from adapters.console.messages.reports import (
     AlarmStatus,
     FileChanged,
-    Notified,
+    NotificationMessage,
     PlanProgress,
     Transfer,
     TransferState,
@@ -33,7 +33,7 @@ from adapters.console.messages.telemetry import (
 Broadcast = (
     CommandStatus
     | AuthorityMessage
-    | Notified
+    | NotificationMessage
     | AlarmStatus
     | LinkStatus
     | AssetState

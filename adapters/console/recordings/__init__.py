@@ -1,4 +1,4 @@
-"""Recordings as assets, each with its own archive."""
+"""Recordings that the console shows as assets, each with an archive of its own."""
 
 from adapters.console.recordings.recordings import Recordings as Recordings
 from adapters.console.recordings.recordings import is_connected as is_connected

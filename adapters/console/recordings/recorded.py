@@ -1,4 +1,4 @@
-"""Converts a recording into the messages that a console would have received from the rover."""
+"""`RecordedRun` converts a recording into the messages that a console receives from a rover."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,7 +10,6 @@ from adapters.console.messages import (
     CommandState,
     CommandStatus,
     LinkKind,
-    PlanProgress,
     Quality,
     Sample,
 )
@@ -19,34 +18,36 @@ from adapters.console.rovers import (
     CommandTracker,
     RecordingEntry,
     form_values,
-    notified,
+    notification_message,
     parameter_entries,
+    plan_progress,
     tree_of,
     zone_entries,
 )
 from adapters.mrs.spec import (
     DEFINED,
     POSE_HOUSEKEEPING,
-    notification_of,
+    ReceivedReport,
     reported_uncertainty,
 )
 from adapters.recording import RecordedTree, RecordingError, RunReader, TimedItem, read_timed
 from executive.commands import Command, declaration_of
 from executive.core.recording import (
-    Life,
+    CommandDequeued,
     ModeChanged,
-    Reported,
-    Served,
-    ToldParameters,
-    ToldPlan,
+    PlanUpdateSent,
+    ProcessStart,
+    ReportSent,
+    TelemetrySent,
     TreeChanged,
 )
-from executive.history import KINDS, HistoryBuilder, RunHistory
+from executive.history import RunHistory
+from executive.history.history_builder import KINDS, HistoryBuilder
 from executive.settings import Settings
-from executive.values.reports import Identity, PlanUpdate, Report
+from executive.values.reports import Report, ReportKind
 from trees import TreeSnapshot, leaf_paths
 
-_KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
+_KINDS: Final = {*KINDS, TelemetrySent, PlanUpdateSent}
 TEXT_PERIOD_S: Final = 1.0
 """Minimum interval between two trees that differ in node messages only, s."""
 _LINKS: Final = {link.value: link for link in LinkKind}
@@ -99,7 +100,7 @@ class RecordedRun:
             if self._began_utc_s is None:
                 self._began_utc_s = timed.utc_s
             self._history.put(timed.item)
-            self._take(timed)
+            self._add_item(timed)
             yield from self._found
             self._found.clear()
         self._end_moment()
@@ -120,6 +121,7 @@ class RecordedRun:
             commands=(),
             zones=zone_entries(settings),
             footprint=settings.footprint,
+            frame=settings.frame,
             recording=RecordingEntry(
                 self._reader.path.name,
                 self.rover,
@@ -134,28 +136,28 @@ class RecordedRun:
         """Return the run history for explanations. Call it after all messages were read."""
         return self._history.history()
 
-    def _take(self, timed: TimedItem) -> None:
+    def _add_item(self, timed: TimedItem) -> None:
         match timed.item:
-            case Life(settings=settings):
+            case ProcessStart(settings=settings):
                 self._settings, self._tree = settings, RecordedTree(settings)
                 self._tree_differs = True
             case TreeChanged() if self._tree is not None:
                 self._ticks += 1
-                self._tree_differs |= bool(self._tree.put(timed.item) or timed.item.gone)
+                self._tree_differs |= bool(self._tree.put(timed.item) or timed.item.removed)
                 self._text_changed = True
             case ModeChanged():
                 self._mode = timed.item
                 self._tree_differs = True
-            case Served(command=command):
-                self._begin(command)
-            case Reported(report=report):
+            case CommandDequeued(command=command):
+                self._register(command)
+            case ReportSent(report=report):
                 self._report(report)
-            case ToldParameters(values=values):
+            case TelemetrySent(values=values):
                 for value in values:
                     figure = (value.parameter.value, value.utc_s, value.value)
                     self._found.append(self._sample(*figure))
-            case ToldPlan(update=update):
-                self._found.append(self._plan(update))
+            case PlanUpdateSent(update=update):
+                self._found.append(plan_progress(self._name, update))
             case _:
                 pass
 
@@ -176,7 +178,7 @@ class RecordedRun:
         )
         self._found.append(tree_of(self._name, LinkKind.RECORDING, snapshot))
 
-    def _begin(self, command: Command) -> None:
+    def _register(self, command: Command) -> None:
         identity = command.identity
         if self._tracker.get(str(identity)) is None:
             self._tracker.register(
@@ -191,7 +193,7 @@ class RecordedRun:
                     link=_LINKS.get(command.link, LinkKind.RECORDING),
                     state=CommandState.SENDING,
                     ended=False,
-                    made=self._utc_s,
+                    created=self._utc_s,
                     deadline=None,
                     history=(),
                 )
@@ -203,12 +205,11 @@ class RecordedRun:
             self._found.append(command)
 
     def _report(self, report: Report) -> None:
-        notification = notification_of(report)
         link = _LINKS.get(report.link or "", LinkKind.RECORDING)
-        message = notified(self._name, link, notification, report.utc_s)
-        if notification.source is not None and notification.commandId is not None:
-            identity = Identity(notification.source, notification.commandId)
-            message = replace(message, command=self._tracker.on_notification(message, identity))
+        message = notification_message(self._name, link, ReceivedReport(0, report), report.utc_s)
+        if report.identity is not None and report.kind is not ReportKind.LINK:
+            name = self._tracker.on_notification(message, report.identity)
+            message = replace(message, command=name)
         self._found.append(message)
         for key, figure in reported_uncertainty(report).items():
             self._found.append(self._sample(key, report.utc_s, figure))
@@ -217,21 +218,9 @@ class RecordedRun:
         quality = Quality.INVALID if figure is None else Quality.GOOD
         return Sample(self._name, key, LinkKind.RECORDING, utc_s, utc_s, figure, quality)
 
-    def _plan(self, update: PlanUpdate) -> PlanProgress:
-        return PlanProgress(
-            self._name,
-            update.plan_id,
-            update.status.name,
-            update.utc_s,
-            update.node or None,
-            update.done,
-            update.total,
-            update.text,
-        )
-
 
 def _settings_of(reader: RunReader) -> Settings:
     for timed in read_timed(reader, ()):
-        if isinstance(timed.item, Life):
+        if isinstance(timed.item, ProcessStart):
             return timed.item.settings
     raise RecordingError(f"{reader.path}: the recording names no rover")

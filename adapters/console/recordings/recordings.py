@@ -1,4 +1,4 @@
-"""Opened recordings: each is one more asset, with its history from the file.
+"""`Recordings` opens recordings for the pages: each is one more asset, with an archive of its own.
 
 A file is read once, into its own database, which is deleted at the end of the process. All requests
 for the history are answered from it, as requests for a rover are from the archive.
@@ -126,7 +126,7 @@ class Recordings:
             stamp = _stamp(path)
             name = self._name_of(run.rover, path)
             messages = run.messages(name)
-            while part := await asyncio.to_thread(_take, messages):
+            while part := await asyncio.to_thread(_next_part, messages):
                 for message in part:
                     archive.put(message)
                 await archive.flush()
@@ -212,5 +212,5 @@ def is_connected(request: web.Request) -> Callable[[], bool]:
     return lambda: request.transport is not None
 
 
-def _take(messages: Iterator[Written]) -> list[Written]:
+def _next_part(messages: Iterator[Written]) -> list[Written]:
     return list(islice(messages, PART))

@@ -1,7 +1,8 @@
-"""The HTTP requests, which the README of `adapters.console` lists.
+"""Handlers of the console's HTTP requests, which the README of `adapters.console` lists.
 
-Each module has the handlers of one subject, as `routes()`. They respond through
-`adapters.console.web` and command through `adapters.console.rovers`.
+Each class `...Requests` has the handlers of one subject, which its `routes()` returns. They share
+`Commanding`, `Transfers` and `FileStore`, respond through `adapters.console.web`, and command
+through `adapters.console.rovers`.
 """
 
 from adapters.console.requests.alarms import AlarmRequests as AlarmRequests
@@ -11,8 +12,8 @@ from adapters.console.requests.export import ExportRequests as ExportRequests
 from adapters.console.requests.file_store import FileStore as FileStore
 from adapters.console.requests.files import FileRequests as FileRequests
 from adapters.console.requests.history import ArchiveRequests as ArchiveRequests
-from adapters.console.requests.objects import ObjectRequests as ObjectRequests
+from adapters.console.requests.objects import PlanRequests as PlanRequests
+from adapters.console.requests.objects import SharedObjectRequests as SharedObjectRequests
 from adapters.console.requests.operations import OperationRequests as OperationRequests
-from adapters.console.requests.plans import PlanRequests as PlanRequests
 from adapters.console.requests.transfers import Transfers as Transfers
 from adapters.console.requests.video import VideoRequests as VideoRequests

@@ -1,4 +1,4 @@
-"""Alarms with the states of ISA-18.2: open until both cleared and acknowledged.
+"""`AlarmRequests` raises alarms from received data; they stay open until cleared and acknowledged.
 
 Reports of severity WARNING and above raise alarms: those of a monitor's fault are active until the
 fault clears, the others clear at once. A parameter outside its limits raises an alarm, too. Open
@@ -30,8 +30,15 @@ from adapters.console.archive import (
     open_alarms,
     read_alarms,
 )
-from adapters.console.messages import AlarmStatus, Notified, Quality, Sample, TreeState
-from adapters.console.web import OPERATOR, body_of, json_response, page_of, refused
+from adapters.console.messages import AlarmStatus, NotificationMessage, Quality, Sample, TreeState
+from adapters.console.web import (
+    OPERATOR,
+    body_of,
+    invalid,
+    json_response,
+    refused,
+    requested_page,
+)
 from executive.faults import DECLARED
 from executive.values.reasons import Reason
 
@@ -49,7 +56,6 @@ MAX_SOURCE_LENGTH: Final = 200
 _CALM: Final = "INFORMATIONAL"
 _CODES: Final = {name: declared.reason.value for name, declared in DECLARED.items()}
 _LASTING: Final = frozenset(_CODES.values())
-_CLEARED_TEXT: Final = re.compile(r"(\w+) is over")
 
 Limits = tuple[float | None, float | None]
 Key = tuple[str, str]
@@ -124,13 +130,10 @@ class AlarmRequests:
                     self._publish(alarm)
             self._published = {alarm.id: alarm for alarm in found if alarm.open}
 
-    def on_report(self, report: Notified) -> None:
+    def on_report(self, report: NotificationMessage) -> None:
         """Raise or clear the alarm of a report."""
-        over = (
-            _CLEARED_TEXT.fullmatch(report.text) if report.code == Reason.FAULT_OVER.value else None
-        )
-        if over is not None and over[1] in _CODES:
-            self._put(AlarmCleared(report.asset, _fault(_CODES[over[1]]), report.utc))
+        if report.code == Reason.FAULT_CLEARED.value and report.fault in _CODES:
+            self._put(AlarmCleared(report.asset, _fault_key(_CODES[report.fault]), report.utc))
         if report.severity == _CALM:
             return
         lasts = report.kind == "EVENT" and report.code in _LASTING
@@ -154,10 +157,10 @@ class AlarmRequests:
         known = _LASTING if before is None else frozenset(_faults_of(before))
         found = _faults_of(tree)
         for code in known - frozenset(found):
-            self._put(AlarmCleared(tree.asset, _fault(code), tree.utc))
+            self._put(AlarmCleared(tree.asset, _fault_key(code), tree.utc))
         for code, (severity, text) in found.items():
             if before is None or code not in known:
-                source = _fault(code)
+                source = _fault_key(code)
                 self._put(_raise_persistent(tree.asset, source, tree.utc, severity, text))
 
     def on_sample(self, sample: Sample) -> None:
@@ -184,7 +187,7 @@ class AlarmRequests:
 
     async def _list(self, request: web.Request) -> web.Response:
         await self.refresh()
-        found = await self._archive.read(partial(read_alarms, page=page_of(request)))
+        found = await self._archive.read(partial(read_alarms, page=requested_page(request)))
         return json_response({"alarms": found})
 
     async def _acknowledge(self, request: web.Request) -> web.Response:
@@ -194,11 +197,8 @@ class AlarmRequests:
             or len(seen) > MAX_ACKNOWLEDGED
             or not all(map(_is_seen, seen))
         ):
-            text = (
-                f"alarms: at most {MAX_ACKNOWLEDGED} pairs [id, occurrences], as displayed, are"
-                " needed"
-            )
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="alarms")
+            text = f"at most {MAX_ACKNOWLEDGED} pairs [id, occurrences], as displayed, are needed"
+            raise invalid("alarms", text)
         acknowledge = partial(
             acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=self._archive.utc()
         )
@@ -264,26 +264,22 @@ def _raise_persistent(asset: str, source: str, utc: float, severity: str, text: 
 
 def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:
     """Return severity and text of the active faults of a tree, by their codes."""
-    found = {}
-    for line in tree.faults:
-        severity, _, rest = line.partition(" ")
-        name, _, text = rest.partition(": ")
-        if name in _CODES:
-            found[_CODES[name]] = (severity, text)
-    return found
+    return {
+        _CODES[each.name]: (each.severity, each.text) for each in tree.faults if each.name in _CODES
+    }
 
 
-def _source_of(report: Notified) -> str:
+def _source_of(report: NotificationMessage) -> str:
     """Return the alarm source of a report: an equal report is another occurrence of the alarm."""
     if report.kind == "EVENT" and report.code in _LASTING:
-        return _fault(report.code)
+        return _fault_key(report.code)
     if report.stage is not None:
         return f"command {report.stage} {report.code or ''}".strip()
     what = report.code or re.sub(r"[0-9.]+", "#", report.text)[:MAX_SOURCE_LENGTH]
     return f"{report.kind.lower()} {what}"
 
 
-def _fault(code: int | None) -> str:
+def _fault_key(code: int | None) -> str:
     return f"fault {code}"
 
 

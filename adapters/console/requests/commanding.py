@@ -1,4 +1,4 @@
-"""Sends operators' requests to assets: commands, stops, previews.
+"""`Commanding` sends commands, stops and preview requests of operators to assets.
 
 The asset decides on the authority: a command claims the epoch that its operator holds there, a stop
 claims none.
@@ -27,7 +27,7 @@ from adapters.console.rovers import (
     request_of,
 )
 from adapters.console.tasks import start_task
-from adapters.console.web import one_of, refused
+from adapters.console.web import invalid, is_number, one_of, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error
@@ -56,7 +56,7 @@ class CommandPost:
     name: str
     args: object
     link: LinkKind | None = None
-    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
+    preemption: PreemptionPolicy = PreemptionPolicy.APPEND
     lifetime_s: float | None = None
 
 
@@ -72,8 +72,8 @@ def parse_command_post(body: dict[str, Any]) -> CommandPost:
         name=str(body.get("name")),
         args=body.get("args", {}),
         link=None if body.get("link") is None else one_of(LinkKind, "link", body["link"]),
-        arrival=one_of(
-            PreemptionPolicy, "arrival", body.get("arrival", PreemptionPolicy.APPEND.value)
+        preemption=one_of(
+            PreemptionPolicy, "preemption", body.get("preemption", PreemptionPolicy.APPEND.value)
         ),
         lifetime_s=_lifetime(body.get("lifetime")),
     )
@@ -141,7 +141,7 @@ class Commanding:
                 source=self._desk.source(link, operator),
                 command_id=self._numbers.next_id(),
                 lifetime_s=posted.lifetime_s,
-                arrival=posted.arrival,
+                preemption=posted.preemption,
                 authority=self._desk.claim(link, operator),
             )
             status = _status(operator, posted, link, command)
@@ -265,8 +265,8 @@ class Commanding:
     def _request(self, asset: ConnectedAsset, name: str, args: object) -> Request:
         form = next((each for each in asset.entry.commands if each.name == name), None)
         if form is None:
-            text = f"name: command {name[:64]!r} is unknown; the dictionary lists the commands"
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
+            text = f"command {name[:64]!r} is unknown; the dictionary lists the commands"
+            raise invalid("name", text)
         request = request_of(form, args)
         if isinstance(request, InvalidArgument):
             raise refused(
@@ -331,7 +331,7 @@ def _status(operator: str, posted: CommandPost, link: RoverLink, command: Comman
         link=link.kind,
         state=CommandState.SENDING,
         ended=False,
-        made=now_s,
+        created=now_s,
         deadline=now_s + REPORT_TIMEOUT_S,
         history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
     )
@@ -357,25 +357,15 @@ def identifier(value: object) -> str:
         RequestError: it is invalid.
     """
     if not isinstance(value, str) or not 0 < len(value) <= MAX_ID_LENGTH or not value.isprintable():
-        text = f"id: 1 to {MAX_ID_LENGTH} printable characters are needed, new for each command"
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="id")
+        text = f"1 to {MAX_ID_LENGTH} printable characters are needed, new for each command"
+        raise invalid("id", text)
     return value
 
 
 def _lifetime(value: object) -> float | None:
     if value is None:
         return None
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not 0 < value <= MAX_LIFETIME_S
-    ):
-        text = f"lifetime: seconds above 0 and at most {MAX_LIFETIME_S:g} are needed"
-        raise refused(
-            HTTPStatus.UNPROCESSABLE_ENTITY,
-            text,
-            field="lifetime",
-            low=0.0,
-            high=MAX_LIFETIME_S,
-        )
+    if not is_number(value) or not 0 < value <= MAX_LIFETIME_S:
+        text = f"seconds above 0 and at most {MAX_LIFETIME_S:g} are needed"
+        raise invalid("lifetime", text, low=0.0, high=MAX_LIFETIME_S)
     return float(value)

@@ -1,4 +1,4 @@
-"""Requests for explanations of a command, or of the present state of an asset."""
+"""HTTP requests for the explanation of a command, or of an asset's present state."""
 
 import asyncio
 from dataclasses import dataclass

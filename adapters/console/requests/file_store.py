@@ -1,19 +1,18 @@
-"""Files that the console stores, each under the name of its asset and its path aboard."""
+"""`FileStore`: files that the console has fetched, by the name of the asset and the path aboard."""
 
 import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
-from zlib import crc32
 
+from adapters.mrs.ground import checksum_of
 from adapters.mrs.spec import FileInfo
 from executive.state import FileFolder, FileStamp, check_path
 from executive.values.reasons import Refusal
 
 MAX_OCTETS: Final = 1_000_000_000
 """Capacity for files, in octets; beyond it the earliest fetched files are deleted."""
-_READ_OCTETS: Final = 1 << 20
 _STAGED: Final = ".transfers"
 """Subfolder for unfinished files; names that begin with a dot are not listed."""
 
@@ -48,7 +47,7 @@ class FileStore:
         if stamp.size_octets != file.size:
             return None
         if stamp not in self._verified:
-            self._verified[stamp] = _checksum(stored)
+            self._verified[stamp] = checksum_of(stored)
         return stored if self._verified[stamp] == file.checksum else None
 
     @property
@@ -96,11 +95,3 @@ class FileStore:
             octets += file.stat().st_size
             if octets > MAX_OCTETS and number > 0:
                 file.unlink()
-
-
-def _checksum(path: Path) -> int:
-    value = 0
-    with path.open("rb") as file:
-        while octets := file.read(_READ_OCTETS):
-            value = crc32(octets, value)
-    return value

@@ -1,4 +1,4 @@
-"""Requests for files aboard, for stored files, and for transfers.
+"""HTTP requests for the list of onboard files, for fetched files, and for transfers.
 
 Files of a rover are not trusted: a browser displays pictures, saves other files, and runs none.
 """
@@ -71,7 +71,7 @@ class FileRequests:
         """Return the routes."""
         return [
             web.get(f"/api/files/{self._own}", self._list_stored),
-            web.get(f"/api/files/{self._own}/{{path:.+}}", self._stored),
+            web.get(f"/api/files/{self._own}/{{path:.+}}", self._get_stored),
             web.get("/api/files/{asset}", self._list),
             web.get("/api/files/{asset}/{path:.+}", self._file),
             web.get("/api/transfers", self._list_transfers),
@@ -86,7 +86,7 @@ class FileRequests:
         try:
             found = await client.list_files(request.query.get("folder"))
         except (MalError, ConnectionError) as error:
-            raise _refused(error) from error
+            raise _file_error(error) from error
         return json_response({"files": list(map(_entry, found))})
 
     async def _list_stored(self, _: web.Request) -> web.Response:
@@ -106,12 +106,12 @@ class FileRequests:
                 await self._fetch(asset, path)
                 here = self._store.find(target)
         except (MalError, ConnectionError, OSError, ValueError) as error:
-            raise _refused(error) from error
-        return _found(here, file.mimeType)
+            raise _file_error(error) from error
+        return _file_response(here, file.mimeType)
 
-    async def _stored(self, request: web.Request) -> web.StreamResponse:
+    async def _get_stored(self, request: web.Request) -> web.StreamResponse:
         path = request.match_info["path"]
-        return _found(self._store.find(path), mimetypes.guess_type(path)[0])
+        return _file_response(self._store.find(path), mimetypes.guess_type(path)[0])
 
     async def _fetch(self, asset: str, path: str) -> None:
         begun = self._transfers.fetch(asset, path, "")
@@ -136,13 +136,13 @@ class FileRequests:
         try:
             begun = self._transfers.fetch(asset, path, request[OPERATOR])
         except (OSError, ValueError) as error:
-            raise _refused(error) from error
+            raise _file_error(error) from error
         return json_response(begun, HTTPStatus.ACCEPTED)
 
     async def _turn(self, request: web.Request) -> web.Response:
-        act = one_of(TransferAction, "act", (await body_of(request)).get("act"))
+        action = one_of(TransferAction, "action", (await body_of(request)).get("action"))
         try:
-            turned = await self._transfers.apply(request.match_info["id"], act)
+            turned = await self._transfers.apply(request.match_info["id"], action)
         except KeyError:
             raise refused(HTTPStatus.NOT_FOUND, _NO_SUCH_TRANSFER) from None
         return json_response(turned)
@@ -169,7 +169,7 @@ class FileRequests:
         return web.Response(status=HTTPStatus.NO_CONTENT)
 
 
-def _found(here: Path | None, mime: str | None) -> web.FileResponse:
+def _file_response(here: Path | None, mime: str | None) -> web.FileResponse:
     if here is None:
         raise refused(HTTPStatus.NOT_FOUND, "no such file in the store")
     name = quote(PurePosixPath(here).name)
@@ -200,7 +200,7 @@ def _stored_entry(path: str, stamp: FileStamp) -> FileEntry:
     return FileEntry(path, stamp.size_octets, modified_s, mime, None, {})
 
 
-def _refused(error: Exception) -> Exception:
+def _file_error(error: Exception) -> Exception:
     match error:
         case MalError(number=AreaError.NOT_FOUND.value):
             return refused(HTTPStatus.NOT_FOUND, f"no such file aboard: {error}")

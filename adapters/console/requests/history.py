@@ -1,8 +1,7 @@
-"""Requests that read the archive."""
+"""HTTP requests that read the archive: samples, commands, notifications."""
 
 from collections.abc import Callable
 from functools import partial
-from http import HTTPStatus
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, Final, TypeVar
@@ -28,12 +27,13 @@ from adapters.console.web import (
     MAX_NUMBER,
     body_of,
     count_of,
+    invalid,
+    is_number,
     json_answer,
     json_response,
     number_of,
     one_of,
-    page_of,
-    refused,
+    requested_page,
 )
 
 T = TypeVar("T")
@@ -92,13 +92,10 @@ class ArchiveRequests:
         body = await body_of(request)
         keys, end = body.get("keys"), body.get("end", MAX_NUMBER)
         if not isinstance(keys, list) or len(keys) > MAX_KEYS or not all(map(_is_key, keys)):
-            text = (
-                f"keys: a list of at most {MAX_KEYS} [asset, key] or [asset, key, link] is needed"
-            )
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="keys")
-        if isinstance(end, bool) or not isinstance(end, int | float) or not abs(end) <= MAX_NUMBER:
-            text = "end: seconds since 1970 UTC are needed"
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="end")
+            text = f"a list of at most {MAX_KEYS} [asset, key] or [asset, key, link] is needed"
+            raise invalid("keys", text)
+        if not is_number(end) or not abs(end) <= MAX_NUMBER:
+            raise invalid("end", "seconds since 1970 UTC are needed")
         found = []
         for asset, wanted in groupby(sorted(keys, key=itemgetter(0)), itemgetter(0)):
             last = [(key, _link(link[0] if link else None)) for _, key, *link in wanted]
@@ -108,17 +105,17 @@ class ArchiveRequests:
         return json_response({"samples": found})
 
     async def _commands(self, request: web.Request) -> web.Response:
-        page = page_of(request)
+        page = requested_page(request)
         found = await self._read(page.asset, partial(read_commands, page=page))
         return json_answer(f'{{"commands":{found}}}')
 
     async def _notifications(self, request: web.Request) -> web.Response:
-        page = page_of(request)
+        page = requested_page(request)
         found = await self._read(page.asset, partial(read_notifications, page=page))
         return json_answer(f'{{"notifications":{found}}}')
 
     async def _records(self, request: web.Request) -> web.Response:
-        ty, page = request.match_info["ty"], page_of(request)
+        ty, page = request.match_info["ty"], requested_page(request)
         found = await self._read(page.asset, partial(read_records, ty=ty, page=page))
         return json_answer(f'{{"records":{found}}}')
 

@@ -1,4 +1,4 @@
-"""Requests for commands, stops, previews and the authority."""
+"""HTTP requests for commands, stops, previews and the authority; `commanding` sends them."""
 
 import asyncio
 from http import HTTPStatus
@@ -7,8 +7,9 @@ from aiohttp import web
 
 from adapters.console.messages import LinkKind
 from adapters.console.requests.commanding import Commanding, parse_command_post
-from adapters.console.rovers import OperatorAction, OperatorAuthority, OperatorRequest
+from adapters.console.rovers import OperatorAuthority
 from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
+from executive.core.authority import AuthorityAction, AuthorityRequest
 
 QUERY_TIMEOUT_S = 10.0
 """Timeout of an authority request, s."""
@@ -54,9 +55,9 @@ class OperationRequests:
 
     async def _change_authority(self, request: web.Request) -> web.Response:
         body = await body_of(request)
-        act = one_of(OperatorAction, "act", body.get("act"))
+        action = one_of(AuthorityAction, "action", body.get("action"))
         wanted = None if body.get("link") is None else one_of(LinkKind, "link", body["link"])
-        to = text_of(body, "to") if act is OperatorAction.HAND_OVER else ""
+        to = text_of(body, "to") if action is AuthorityAction.HAND_OVER else ""
         lease_s = body.get("lease")
         if lease_s is not None and (
             isinstance(lease_s, bool) or not isinstance(lease_s, int | float)
@@ -64,12 +65,11 @@ class OperationRequests:
             text = "lease: seconds are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="lease")
         link = self._commanding.link(request.match_info["asset"], wanted)
-        action = OperatorRequest(
-            act, request[OPERATOR], to, None if lease_s is None else float(lease_s)
-        )
+        lease_s = None if lease_s is None else float(lease_s)
+        wish = AuthorityRequest(action, request[OPERATOR], to=to, lease_s=lease_s)
         try:
             async with asyncio.timeout(QUERY_TIMEOUT_S):
-                return json_response(await self._desk.request(link, action))
+                return json_response(await self._desk.request(link, wish))
         except TimeoutError as error:
             text = f"{link.asset} does not answer: the result is unknown"
             raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error

@@ -1,4 +1,4 @@
-"""File transfers from assets; each resumes at its interruption, also after a kill.
+"""`Transfers` fetches files from assets; each resumes at its interruption, also after a kill.
 
 Received parts are in the store's folder for unfinished files, with the list of the transfers. The
 list is written at each change of a state.
@@ -119,7 +119,7 @@ class Transfers:
                 self._publish(transfer)
             else:
                 self._turn(moving, TransferState.INTERRUPTED, "rover-console was restarted")
-                moving.task = start_task(self._work(moving))
+                moving.task = start_task(self._run_transfer(moving))
 
     async def close(self) -> None:
         """Stop all transfers; received parts are kept for resumption."""
@@ -143,7 +143,7 @@ class Transfers:
         moving = _ActiveTransfer(Transfer(name, asset, path, by, state, now_s, now_s))
         self._known[name] = moving
         self._turn(moving, state, "")
-        moving.task = start_task(self._work(moving))
+        moving.task = start_task(self._run_transfer(moving))
         return moving.transfer
 
     async def until_stopped(self, name: str) -> Transfer:
@@ -166,7 +166,7 @@ class Transfers:
                 self._turn(moving, TransferState.PAUSED, "")
             case TransferAction.RESUME if paused:
                 self._turn(moving, TransferState.WAITING, "")
-                moving.task = start_task(self._work(moving))
+                moving.task = start_task(self._run_transfer(moving))
             case TransferAction.PAUSE | TransferAction.RESUME:
                 pass
             case _:
@@ -185,7 +185,7 @@ class Transfers:
         self._forget(moving)
         self._write()
 
-    async def _work(self, moving: _ActiveTransfer) -> None:
+    async def _run_transfer(self, moving: _ActiveTransfer) -> None:
         """Fetch a file; retry until it is stored or the transfer fails."""
         while moving.transfer.state not in _ENDED:
             try:
@@ -193,7 +193,7 @@ class Transfers:
                 if self._slots.locked():
                     self._turn(moving, TransferState.WAITING, "queued behind other transfers")
                 async with self._slots:
-                    await self._attempt(client, moving)
+                    await self._attempt_transfer(client, moving)
                 self._turn(moving, TransferState.DONE, "")
             except TransferError as error:  # for example changed aboard: it restarts
                 moving.corrupt_attempts += 1
@@ -205,7 +205,7 @@ class Transfers:
             if moving.transfer.state is TransferState.INTERRUPTED:
                 await asyncio.sleep(RETRY_S)
 
-    async def _attempt(self, client: MrsClient, moving: _ActiveTransfer) -> None:
+    async def _attempt_transfer(self, client: MrsClient, moving: _ActiveTransfer) -> None:
         path = moving.transfer.path
         target = store_path(moving.transfer.asset, path)
         moving.recent.clear()
@@ -240,7 +240,7 @@ class Transfers:
             moving.stopped.clear()
         else:
             moving.stopped.set()
-        if (before.state, before.detail) != (state, detail) or before.made == before.utc:
+        if (before.state, before.detail) != (state, detail) or before.created == before.utc:
             self._publish(moving.transfer)
             self._write()
 

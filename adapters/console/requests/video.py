@@ -45,7 +45,7 @@ class FrameAssembler(asyncio.DatagramProtocol):
         more.set()
 
     async def after(self, number: int) -> tuple[int, bytes]:
-        """Wait for a picture after a number; return the newest one with its number."""
+        """Wait until a picture has a higher number; return the newest number and picture."""
         while self._number <= number:
             await self._more.wait()
         return self._number, self._newest

@@ -13,13 +13,12 @@ from adapters.console.rovers.fleet import NS_PER_S as NS_PER_S
 from adapters.console.rovers.fleet import ConnectedAsset as ConnectedAsset
 from adapters.console.rovers.fleet import Fleet as Fleet
 from adapters.console.rovers.fleet import figures_of as figures_of
-from adapters.console.rovers.fleet import notified as notified
+from adapters.console.rovers.fleet import notification_message as notification_message
+from adapters.console.rovers.fleet import plan_progress as plan_progress
 from adapters.console.rovers.fleet import tree_of as tree_of
-from adapters.console.rovers.operator_authority import OperatorAction as OperatorAction
 from adapters.console.rovers.operator_authority import OperatorAuthority as OperatorAuthority
-from adapters.console.rovers.operator_authority import OperatorRequest as OperatorRequest
 from adapters.console.rovers.rover_link import LastNotification as LastNotification
 from adapters.console.rovers.rover_link import RoverLink as RoverLink
-from adapters.console.rovers.shared_commands import SharedCommands as SharedCommands
 from adapters.console.rovers.tracker import REPORT_TIMEOUT_S as REPORT_TIMEOUT_S
 from adapters.console.rovers.tracker import CommandTracker as CommandTracker
+from adapters.console.rovers.tracker import SharedCommands as SharedCommands

@@ -1,4 +1,4 @@
-"""Converts a posted command into a request of the catalogue.
+"""`request_of` converts a command that a page posts into a request of the catalogue.
 
 It is checked against the form of the dictionary; the asset makes the checks that need its state.
 """
@@ -53,11 +53,6 @@ def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
         values = _values("", form.arguments, declaration.user_arguments, given)
     except _BadArgumentError as error:
         return error.wrong
-    if form.at_least_one:
-        values = [
-            0.0 if value is None and not argument.optional else value
-            for argument, value in zip(declaration.user_arguments, values, strict=True)
-        ]
     request: Request = declaration.build_request(*values)
     return request
 
@@ -154,7 +149,7 @@ def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
 
 
 def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> tuple[Any, ...]:
-    minimum, maximum = entry.least or 0, entry.most
+    minimum, maximum = entry.min_items or 0, entry.max_items
     if not isinstance(value, list) or any(not isinstance(each, Mapping) for each in value):
         raise _invalid(field, f"{field}: a list of objects is needed")
     if len(value) < minimum or (maximum is not None and len(value) > maximum):

@@ -1,7 +1,7 @@
-"""Dictionary of an asset: its parameters, commands and zones, derived from their declarations.
+"""Dictionary entry of an asset for pages: its parameters, its commands as forms, its zones.
 
-Figures are in SI units and radians. `typed` has the display unit if it differs, with the number of
-display units per SI unit.
+Figures are in SI units and radians. `display_unit` is set if the display unit differs; it has the
+number of display units per SI unit.
 """
 
 from collections.abc import Iterable
@@ -27,7 +27,7 @@ from executive.commands import (
     arguments_of,
 )
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock
-from executive.settings import Settings
+from executive.settings import Settings, TargetFrame
 from executive.values.parameters import Parameter
 
 _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
@@ -55,7 +55,7 @@ class ParameterEntry:
     description: str
     type: str
     unit: str
-    typed: DisplayUnit | None
+    display_unit: DisplayUnit | None
     low: float | None
     high: float | None
     writable: bool
@@ -72,13 +72,13 @@ class ArgumentEntry:
         or_zero: whether 0 is accepted outside the bounds.
         choices: permitted values; None for any.
         items: fields of each item of a list.
-        least, most: minimum and maximum number of items.
+        min_items, max_items: minimum and maximum number of items.
     """
 
     name: str
     type: str
     unit: str
-    typed: DisplayUnit | None
+    display_unit: DisplayUnit | None
     optional: bool
     help: str
     low: float | None = None
@@ -86,8 +86,8 @@ class ArgumentEntry:
     or_zero: bool = False
     choices: tuple[str, ...] | None = None
     items: "tuple[ArgumentEntry, ...]" = ()
-    least: int | None = None
-    most: int | None = None
+    min_items: int | None = None
+    max_items: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,16 +140,16 @@ class RecordingEntry:
     Attributes:
         file: name of the file.
         rover: recorded asset.
-        began, ended: first and last time of the recording.
-        whole: whether the file was closed in good order.
+        start, end: first and last time of the recording.
+        complete: whether the file was closed in good order.
         damaged: whether damage ended the reading.
     """
 
     file: str
     rover: str
-    began: float
-    ended: float
-    whole: bool
+    start: float
+    end: float
+    complete: bool
     damaged: bool
 
 
@@ -161,6 +161,7 @@ class AssetEntry:
         ranges_known: whether its settings are installed here, which give ranges, zones and
             footprint.
         footprint: length and width about base_link, m; None if unknown.
+        frame: default frame of waypoints; None if unknown.
         recording: None for a rover.
     """
 
@@ -172,6 +173,7 @@ class AssetEntry:
     commands: tuple[CommandEntry, ...]
     zones: tuple[ZoneEntry, ...]
     footprint: Footprint | None
+    frame: TargetFrame | None = None
     recording: RecordingEntry | None = None
 
     def limits_of(self, key: str) -> tuple[float | None, float | None]:
@@ -215,7 +217,7 @@ def parameter_entries(
                 each.description,
                 each.type.name,
                 unit,
-                _typed(unit),
+                _display_unit(unit),
                 low,
                 high,
                 each.writable,
@@ -263,7 +265,7 @@ def _argument(
         name=argument.name,
         type=_type(argument),
         unit=argument.unit,
-        typed=_typed(argument.unit),
+        display_unit=_display_unit(argument.unit),
         optional=argument.optional or at_least_one,
         help=argument.help,
         low=None if is_list else low,
@@ -271,8 +273,8 @@ def _argument(
         or_zero=isinstance(argument.bound, ValueRange) and argument.bound.or_zero,
         choices=_choices(argument, settings),
         items=tuple(_argument(each, settings) for each in arguments_of(argument.kind)),
-        least=int(low) if is_list and low is not None else None,
-        most=int(high) if is_list and high is not None else None,
+        min_items=int(low) if is_list and low is not None else None,
+        max_items=int(high) if is_list and high is not None else None,
     )
 
 
@@ -325,9 +327,9 @@ def _negative(figure: float | None) -> float | None:
     return None if figure is None else -figure
 
 
-def _typed(unit: str) -> DisplayUnit | None:
-    typed = _IN_DEGREES.get(unit)
-    return None if typed is None else DisplayUnit(typed, degrees(1.0))
+def _display_unit(unit: str) -> DisplayUnit | None:
+    displayed = _IN_DEGREES.get(unit)
+    return None if displayed is None else DisplayUnit(displayed, degrees(1.0))
 
 
 def _limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:

@@ -1,4 +1,4 @@
-"""The connected assets: their links, and the messages converted from their data."""
+"""`Fleet`: the connected assets with their links; converts their data into messages to pages."""
 
 import asyncio
 import logging
@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from adapters.console.archive import to_us
 from adapters.console.command_states import FORWARDED, LOST
 from adapters.console.messages import (
     AssetState,
@@ -15,11 +16,12 @@ from adapters.console.messages import (
     LinkKind,
     LinkState,
     LinkStatus,
-    Notified,
+    NotificationMessage,
     PlanProgress,
     Quality,
     Sample,
     Scalar,
+    TreeFault,
     TreeNode,
     TreeState,
 )
@@ -31,34 +33,31 @@ from adapters.console.rovers.dictionary import (
 )
 from adapters.console.rovers.operator_authority import OperatorAuthority
 from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, LastNotification, RoverLink
-from adapters.console.rovers.shared_commands import SharedCommands
-from adapters.console.rovers.tracker import CommandTracker
+from adapters.console.rovers.tracker import CommandTracker, SharedCommands
 from adapters.console.tasks import cancel_tasks, start_task
 from adapters.mal import NamedValue, TypedAttribute
 from adapters.mrs.ground import FileNotification
 from adapters.mrs.spec import (
     AssetStatus,
     AuthorityStatus,
-    Notification,
     ParameterDefinition,
-    ParameterValue,
-    PlanUpdate,
+    ReceivedReport,
+    ReceivedValue,
     ServiceDescriptor,
-    Validity,
     forwarded_command,
     lost_command,
+    notification_of,
 )
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
-from executive.values.reports import Identity
+from executive.values.reports import PlanUpdate, ReportKind
 from trees import TreeSnapshot, commands_by_node, display_statuses
 
 _LOG: Final = logging.getLogger(__name__)
 
 NS_PER_S: Final = 1e9
-NS_PER_US: Final = 1000
-MAX_CLOCK_LEAD_NS: Final = 2_000_000_000
+MAX_CLOCK_LEAD_S: Final = 2.0
 """Maximum lead of a value's stamp over the asset's clock; beyond it the clock was set back."""
 _LAYER: Final = ".ServiceLayer"
 
@@ -121,7 +120,7 @@ class Fleet:
         self._links = [RoverLink(uri, terms, self, system) for uri in uris]
         self._running: dict[RoverLink, asyncio.Task[None]] = {}
         self.assets: dict[str, ConnectedAsset] = {}
-        self._newest: dict[tuple[str, str, LinkKind], ParameterValue] = {}
+        self._newest: dict[tuple[str, str, LinkKind], ReceivedValue] = {}
         self._states: dict[tuple[str, LinkKind], AssetState] = {}
         self._last_received: dict[tuple[str, LinkKind], LastNotification] = {}
 
@@ -168,6 +167,7 @@ class Fleet:
             commands=command_entries(settings),
             zones=zone_entries(settings),
             footprint=None if settings is None else settings.footprint,
+            frame=None if settings is None else settings.frame,
         )
         if known is None:
             known = self.assets[name] = ConnectedAsset(settings, entry)
@@ -197,25 +197,24 @@ class Fleet:
             )
         )
 
-    def on_value(self, link: RoverLink, value: ParameterValue, rx_s: float) -> None:
+    def on_value(self, link: RoverLink, value: ReceivedValue, rx_s: float) -> None:
         """Publish a value, unless it repeats the previous one."""
         key = (link.asset, value.name, link.kind)
         newest = self._newest.get(key)
         if newest == value:
             return
-        late = newest is not None and value.timestamp < newest.timestamp
+        late = newest is not None and value.utc_s < newest.utc_s
         if not late:
             self._newest[key] = value
-        is_valid = value.validity is Validity.VALID and value.value is not None
-        quality = Quality.GOOD if is_valid else Quality.INVALID
+        quality = Quality.INVALID if value.value is None else Quality.GOOD
         self._sample(
             Sample(
                 link.asset,
                 value.name,
                 link.kind,
-                value.timestamp / NS_PER_S,
+                value.utc_s,
                 rx_s,
-                scalar_of(value.value) if is_valid else None,
+                value.value,
                 Quality.LATE if late else quality,
             )
         )
@@ -225,31 +224,29 @@ class Fleet:
         for key, value in figures.items():
             self._sample(Sample(link.asset, key, link.kind, rx_s, rx_s, value, Quality.GOOD))
 
-    async def on_notification(
-        self, link: RoverLink, notification: Notification, rx_s: float
-    ) -> None:
-        """Publish a notification with the id of its command."""
-        message = notified(link.asset, link.kind, notification, rx_s)
-        lost, left = lost_command(notification), forwarded_command(notification)
+    async def on_notification(self, link: RoverLink, received: ReceivedReport, rx_s: float) -> None:
+        """Publish a report with the id of its command."""
+        report = received.report
+        message = notification_message(link.asset, link.kind, received, rx_s)
+        lost, left = lost_command(report), forwarded_command(report)
         if (identity := lost or left) is not None:
             await self._commands.load_foreign(link.asset, identity)
             stage = LOST if lost else FORWARDED
             message = replace(
                 message, command=self._tracker.on_orbiter_notification(message, identity, stage)
             )
-        elif notification.source is not None and notification.commandId is not None:
-            identity = Identity(notification.source, notification.commandId)
+        elif (identity := report.identity) is not None and report.kind is not ReportKind.LINK:
             await self._commands.load_foreign(link.asset, identity)
             message = replace(message, command=self._tracker.on_notification(message, identity))
-        if notification.cursor is not None:
-            known = LastNotification(notification.cursor, notification.timestamp // NS_PER_US)
+        if received.cursor:
+            known = LastNotification(received.cursor, to_us(report.utc_s))
             self._last_received[link.asset, link.kind] = known
         self._publish(message)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Publish mode and work of an asset, if changed."""
         if link.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
-            self._forget_after(link, status.timestamp + MAX_CLOCK_LEAD_NS)
+            self._forget_after(link, status.timestamp / NS_PER_S + MAX_CLOCK_LEAD_S)
         state = AssetState(
             link.asset,
             link.kind,
@@ -274,18 +271,7 @@ class Fleet:
 
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
         """Publish the progress of a plan."""
-        self._publish(
-            PlanProgress(
-                link.asset,
-                update.planId,
-                update.status.name,
-                update.timestamp / NS_PER_S,
-                update.node,
-                update.done,
-                update.total,
-                update.text or "",
-            )
-        )
+        self._publish(plan_progress(link.asset, update))
 
     def on_file(self, link: RoverLink, notification: FileNotification) -> None:
         """Publish a change of a file."""
@@ -324,20 +310,23 @@ class Fleet:
         _LOG.warning("%s restarted with another ledger", link.asset)
         self._tracker.mark_all_unknown(link.asset, "the asset restarted without its ledger")
 
-    def _forget_after(self, link: RoverLink, utc_ns: int) -> None:
+    def _forget_after(self, link: RoverLink, utc_s: float) -> None:
         """Discard newest values with later stamps, so that new values do not count as late."""
         this = (link.asset, link.kind)
         for key, newest in list(self._newest.items()):
-            if key[::2] == this and newest.timestamp > utc_ns:
+            if key[::2] == this and newest.utc_s > utc_s:
                 del self._newest[key]
 
     def _run(self, link: RoverLink) -> None:
         self._running[link] = start_task(link.run())
 
 
-def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float) -> Notified:
-    """Return a notification as a console message, without a command id."""
-    return Notified(
+def notification_message(
+    asset: str, link: LinkKind, received: ReceivedReport, rx_s: float
+) -> NotificationMessage:
+    """Return a report as a console message, without a command id."""
+    notification = notification_of(received.report, received.cursor)
+    return NotificationMessage(
         asset=asset,
         link=link,
         sequence=notification.sequence,
@@ -353,6 +342,21 @@ def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float
         step=notification.step,
         steps=notification.stepCount,
         figures=figures_of(notification.parameters),
+        fault=notification.fault,
+    )
+
+
+def plan_progress(asset: str, update: PlanUpdate) -> PlanProgress:
+    """Return the progress of a plan as a console message."""
+    return PlanProgress(
+        asset,
+        update.plan_id,
+        update.status.name,
+        update.utc_s,
+        update.node or None,
+        update.done,
+        update.total,
+        update.text,
     )
 
 
@@ -366,7 +370,9 @@ def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
         mode=snapshot.mode,
         why=snapshot.why,
         active=None if snapshot.active is None else str(snapshot.active),
-        faults=snapshot.faults,
+        faults=tuple(
+            TreeFault(each.name, each.severity.name, each.text) for each in snapshot.faults
+        ),
         nodes=tuple(
             TreeNode(
                 node.path,

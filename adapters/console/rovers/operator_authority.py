@@ -1,4 +1,4 @@
-"""Authority of operators over an asset: requests, hand-over and renewal of the lease.
+"""`OperatorAuthority` requests, renews and hands over an asset's authority for the operators.
 
 The asset grants the authority. Operators use their own names as sources, unless the console's
 certificate proves one name for all: then the console holds it for one operator at a time.
@@ -8,8 +8,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from enum import Enum, unique
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Final, assert_never
 
@@ -19,6 +18,7 @@ from adapters.console.web import RequestError, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus, describe_error
+from executive.core.authority import AuthorityAction, AuthorityRequest
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -29,31 +29,6 @@ RENEWAL_S: Final = 0.5
 """Change of a lease's end from which on it is published again, s."""
 
 Key = tuple[str, LinkKind]
-
-
-@unique
-class OperatorAction(Enum):
-    """Action of an operator on the authority."""
-
-    REQUEST = "request"
-    TAKE = "take"
-    HAND_OVER = "hand_over"
-    RELEASE = "release"
-
-
-@dataclass(frozen=True, slots=True)
-class OperatorRequest:
-    """Request of an operator for an action on the authority over an asset.
-
-    Attributes:
-        to, lease_s: new holder of a `HAND_OVER`, and the duration of its lease, s; None for the
-            default.
-    """
-
-    act: OperatorAction
-    operator: str
-    to: str = ""
-    lease_s: float | None = None
 
 
 class OperatorAuthority:
@@ -134,15 +109,15 @@ class OperatorAuthority:
             needed=status.needed,
             lease_left=status.leaseLeft,
             lease=status.lease,
-            asked_by=self._pending.get(key) or status.askedBy,
+            requested_by=self._pending.get(key) or status.requestedBy,
         )
         self._held[key] = held
-        if before is None or _changed(before, held):
+        if before is None or _is_worth_publishing(before, held):
             self._publish(held)
         return held
 
-    async def request(self, link: RoverLink, operator_request: OperatorRequest) -> AuthorityMessage:
-        """Perform the action that an operator requests.
+    async def request(self, link: RoverLink, request: AuthorityRequest) -> AuthorityMessage:
+        """Perform the action that an operator requests; the source is the operator.
 
         Raises:
             RequestError: another operator holds it, or the asset cannot be reached.
@@ -150,13 +125,13 @@ class OperatorAuthority:
         _LOG.info(
             "%s: %s: %s %s",
             link.asset,
-            operator_request.operator,
-            operator_request.act.value,
-            operator_request.to,
+            request.source,
+            request.act.value,
+            request.to,
         )
-        self._require_turn(link, operator_request)
+        self._require_turn(link, request)
         try:
-            status = await self._perform(link, operator_request)
+            status = await self._perform(link, request)
         except MalError as error:
             raise await self._refused(link, error) from error
         except ConnectionError as error:
@@ -184,45 +159,41 @@ class OperatorAuthority:
         except (MalError, ConnectionError) as error:
             _LOG.warning("%s: the authority of %s is not renewed: %s", link.asset, operator, error)
 
-    async def _perform(self, link: RoverLink, operator_request: OperatorRequest) -> AuthorityStatus:
-        authority = self.client(link).authority_of(self.source(link, operator_request.operator))
+    async def _perform(self, link: RoverLink, request: AuthorityRequest) -> AuthorityStatus:
+        authority = self.client(link).authority_of(self.source(link, request.source))
         key = _key(link)
-        match operator_request.act:
-            case OperatorAction.REQUEST | OperatorAction.TAKE:
-                take = operator_request.act is OperatorAction.TAKE
+        match request.act:
+            case AuthorityAction.REQUEST | AuthorityAction.TAKE:
+                take = request.act is AuthorityAction.TAKE
                 status = await (authority.take() if take else authority.request())
-                self._for[key] = operator_request.operator
-            case OperatorAction.HAND_OVER:
-                if link.proven_name is not None and self._is_present(operator_request.to):
+                self._for[key] = request.source
+            case AuthorityAction.HAND_OVER:
+                if link.proven_name is not None and self._is_present(request.to):
                     status = await authority.request()
-                    self._for[key] = operator_request.to
+                    self._for[key] = request.to
                     self._pending.pop(key, None)
                 else:
-                    status = await authority.hand_over(
-                        operator_request.to, operator_request.lease_s
-                    )
-            case OperatorAction.RELEASE:
+                    status = await authority.hand_over(request.to, request.lease_s)
+            case AuthorityAction.RELEASE:
                 status = await authority.release()
                 self._for.pop(key, None)
             case _:
-                assert_never(operator_request.act)
+                assert_never(request.act)
         return status
 
-    def _require_turn(self, link: RoverLink, operator_request: OperatorRequest) -> None:
+    def _require_turn(self, link: RoverLink, request: AuthorityRequest) -> None:
         """Raise RequestError if all operators share one source and another one holds it."""
         held = self._held.get(_key(link))
         if held is None or link.proven_name is None or held.holder != link.proven_name:
             return
-        if held.operator in {None, operator_request.operator} or not self._is_present(
-            held.operator
-        ):
+        if held.operator in {None, request.source} or not self._is_present(held.operator):
             return
-        if operator_request.act in {OperatorAction.REQUEST, OperatorAction.TAKE}:
-            self._pending[_key(link)] = operator_request.operator
-            held = replace(held, asked_by=operator_request.operator)
+        if request.act in {AuthorityAction.REQUEST, AuthorityAction.TAKE}:
+            self._pending[_key(link)] = request.source
+            held = replace(held, requested_by=request.source)
             self._held[_key(link)] = held
             self._publish(held)
-        raise self._not_held(held, f"{operator_request.operator} does not hold the authority")
+        raise self._not_held(held, f"{request.source} does not hold the authority")
 
     async def _refused(self, link: RoverLink, error: MalError) -> RequestError:
         """Return the refusal of the asset, with the present holder."""
@@ -249,7 +220,8 @@ def _key(link: RoverLink) -> Key:
     return link.asset, link.kind
 
 
-def _changed(before: AuthorityMessage, now: AuthorityMessage) -> bool:
+def _is_worth_publishing(before: AuthorityMessage, now: AuthorityMessage) -> bool:
+    """Whether the authority differs by more than the passing of its lease."""
     ends_s = (before.utc + before.lease_left, now.utc + now.lease_left)
     renewed = now.holder is not None and abs(ends_s[1] - ends_s[0]) > RENEWAL_S
     return renewed or replace(now, utc=before.utc, lease_left=before.lease_left) != before

@@ -1,4 +1,4 @@
-"""One link to one asset: a session that reconnects after each loss, and its received data."""
+"""`RoverLink`: a session with an asset over one link that reconnects after each loss."""
 
 import asyncio
 import logging
@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeVar
 
+from adapters.console.archive import to_us
 from adapters.console.messages import LinkKind, LinkState
 from adapters.mal import CertificateError, MalError
 from adapters.mrs.ground import NEXT_CONTACT, FileNotification, MrsClient, Stream
@@ -15,15 +16,14 @@ from adapters.mrs.spec import (
     AssetStatus,
     AuthorityStatus,
     HousekeepingParameter,
-    Notification,
     ParameterDefinition,
-    ParameterValue,
-    PlanUpdate,
+    ReceivedReport,
+    ReceivedValue,
     ServiceDescriptor,
-    cursor_of,
 )
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
+from executive.values.reports import PlanUpdate
 from trees import TreeSnapshot
 
 _LOG: Final = logging.getLogger(__name__)
@@ -71,14 +71,14 @@ class LinkListener(Protocol):
     def on_state(self, link: "RoverLink") -> None:
         """Called after `link.state` or `link.detail` has changed."""
 
-    def on_value(self, link: "RoverLink", value: ParameterValue, rx_s: float) -> None:
+    def on_value(self, link: "RoverLink", value: ReceivedValue, rx_s: float) -> None:
         """Receive a telemetry value."""
 
     def on_measured(self, link: "RoverLink", figures: Mapping[str, float], rx_s: float) -> None:
         """Receive figures of `LINK_HOUSEKEEPING`, by name."""
 
     async def on_notification(
-        self, link: "RoverLink", notification: Notification, rx_s: float
+        self, link: "RoverLink", received: ReceivedReport, rx_s: float
     ) -> None:
         """Receive a notification, each once."""
 
@@ -154,7 +154,7 @@ class RoverLink:
         pause_s = MIN_BACKOFF_S
         while True:
             try:
-                await self._session()
+                await self._run_session()
             except* (ConnectionError, MalError, TimeoutError) as lost:
                 self._set_state(LinkState.DOWN, _why(lost))
             except* CertificateError as wrong:
@@ -162,7 +162,7 @@ class RoverLink:
             pause_s = MIN_BACKOFF_S if self._was_up else min(2 * pause_s, MAX_BACKOFF_S)
             await asyncio.sleep(pause_s)
 
-    async def _session(self) -> None:
+    async def _run_session(self) -> None:
         self._was_up = False
         client = await MrsClient.connect(
             self.uri, timeout_s=ANSWER_S, patience_s=0.0, terms=self._terms, system=self._system
@@ -185,46 +185,54 @@ class RoverLink:
     async def _listen(
         self,
         client: MrsClient,
-        notifications: Stream[Notification],
-        telemetry: Stream[ParameterValue] | None,
+        notifications: Stream[ReceivedReport],
+        telemetry: Stream[ReceivedValue] | None,
     ) -> None:
         with suppress(MalError):  # initial values, since telemetry intervals may be long
             for value in await client.get_value():
-                self._value(value)
+                self._on_value(value)
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._notifications(client, notifications))
+            tasks.create_task(self._receive_notifications(client, notifications))
             if telemetry is not None:
-                tasks.create_task(self._receive_stream(telemetry, self._value))
-            tasks.create_task(self._stream(client.tree_snapshots, self._listener.on_tree, self))
-            tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
-            tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
+                tasks.create_task(self._receive_stream(telemetry, self._on_value))
+            tasks.create_task(
+                self._subscribe_and_receive(client.tree_snapshots, self._listener.on_tree, self)
+            )
+            tasks.create_task(
+                self._subscribe_and_receive(client.plan_updates, self._listener.on_plan, self)
+            )
+            tasks.create_task(
+                self._subscribe_and_receive(client.file_events, self._listener.on_file, self)
+            )
             tasks.create_task(self._poll_status(client))
             if self.kind is LinkKind.DIRECT:
                 tasks.create_task(self._poll_directory(client))
 
-    async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
+    async def _receive_notifications(
+        self, client: MrsClient, stream: Stream[ReceivedReport]
+    ) -> None:
         known = await self._listener.last_known(self)
         missed, has_new_ledger = await _missed(client, known)
         if has_new_ledger:
             self._listener.on_new_ledger(self)
-        elif known is not None and missed and cursor_of(missed[0]) > known.cursor + 1:
-            gap = (self.asset, known.cursor + 1, cursor_of(missed[0]) - 1)
+        elif known is not None and missed and missed[0].cursor > known.cursor + 1:
+            gap = (self.asset, known.cursor + 1, missed[0].cursor - 1)
             _LOG.warning("%s: no longer has notifications %d to %d", *gap)
-        for notification in missed:
-            await self._notification(notification)
-        seen = {notification.cursor for notification in missed}
-        async for notification in stream:
-            if notification.cursor not in seen:
-                await self._notification(notification)
-            seen.discard(notification.cursor)
+        for received in missed:
+            await self._on_notification(received)
+        seen = {received.cursor for received in missed}
+        async for received in stream:
+            if received.cursor not in seen:
+                await self._on_notification(received)
+            seen.discard(received.cursor)
 
-    async def _notification(self, notification: Notification) -> None:
-        await self._listener.on_notification(self, notification, self._on_received())
+    async def _on_notification(self, received: ReceivedReport) -> None:
+        await self._listener.on_notification(self, received, self._on_received())
 
-    def _value(self, value: ParameterValue) -> None:
+    def _on_value(self, value: ReceivedValue) -> None:
         self._listener.on_value(self, value, self._on_received())
 
-    async def _stream(
+    async def _subscribe_and_receive(
         self,
         subscribe: Callable[[], Awaitable[Stream[T]]],
         handler: Callable[..., None],
@@ -261,14 +269,16 @@ class RoverLink:
                 self._listener.on_status(self, status)
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
-                    self._measured(status, requested_s, round_trip_s)
+                    self._report_link_figures(status, requested_s, round_trip_s)
                 with suppress(MalError):  # some providers do not serve the authority
                     self._listener.on_authority(self, await client.authority.status())
             except MalError as error:
                 self._set_state(LinkState.SILENT, str(error))
             await asyncio.sleep(STATUS_S)
 
-    def _measured(self, status: AssetStatus, requested_s: float, round_trip_s: float) -> None:
+    def _report_link_figures(
+        self, status: AssetStatus, requested_s: float, round_trip_s: float
+    ) -> None:
         figures = {"LINK_ROUND_TRIP": round_trip_s}
         if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
@@ -298,24 +308,25 @@ class RoverLink:
 
 async def _missed(
     client: MrsClient, known: LastNotification | None
-) -> tuple[list[Notification], bool]:
+) -> tuple[list[ReceivedReport], bool]:
     """Return the notifications after a known one, oldest first, and whether the ledger has changed.
 
     Without a known one, or after a change of the ledger, these are the last `CATCH_UP` ones.
     """
     found = [] if known is None else await client.get_all_notifications(known.cursor)
     if known is not None and _continues(known, found):
-        return [each for each in found if cursor_of(each) > known.cursor], False
-    first = max(cursor_of(await client.get_last_notification()) - CATCH_UP, 0) + 1
+        return [each for each in found if each.cursor > known.cursor], False
+    last = await client.get_last_notification()
+    first = max((0 if last is None else last.cursor) - CATCH_UP, 0) + 1
     return await client.get_all_notifications(first), known is not None
 
 
-def _continues(known: LastNotification, found: list[Notification]) -> bool:
+def _continues(known: LastNotification, found: list[ReceivedReport]) -> bool:
     """Whether notifications requested from a known one on are of the same ledger."""
     if not found:
         return False
     first = found[0]
-    return cursor_of(first) > known.cursor or first.timestamp // 1000 == known.utc_us
+    return first.cursor > known.cursor or to_us(first.report.utc_s) == known.utc_us
 
 
 def _why(group: BaseExceptionGroup[BaseException]) -> str:

@@ -1,4 +1,4 @@
-"""Life cycle of each command, merged from the reports of all links.
+"""`CommandTracker`: life cycle of all consoles' commands, merged from the reports of all links.
 
 A command ends only by a notification. Without one in time its state is UNKNOWN, until the next
 notification.
@@ -6,9 +6,22 @@ notification.
 
 import asyncio
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
+from sqlalchemy.exc import SQLAlchemyError
+
+from adapters.console.archive import (
+    POLL_S,
+    Archive,
+    changed_commands,
+    find_command,
+    last_commands,
+    last_revision,
+    read_command,
+)
 from adapters.console.command_states import (
     ACKNOWLEDGED,
     CONSOLE,
@@ -21,7 +34,7 @@ from adapters.console.command_states import (
     apply_stage,
     merge,
 )
-from adapters.console.messages import CommandState, CommandStatus, Notified, StageEntry
+from adapters.console.messages import CommandState, CommandStatus, NotificationMessage, StageEntry
 from executive.values.reports import Identity
 
 REPORT_TIMEOUT_S: Final = 10.0
@@ -71,20 +84,20 @@ class CommandTracker:
             self._set(after)
 
     def on_acknowledged(self, name: str, node: str) -> None:
-        """Mark the command TAKEN, unless a later stage was reported before."""
+        """Mark the command ACKNOWLEDGED, unless a later stage was reported before."""
         if self._commands[name].state not in LIFECYCLE_STATES:
-            self._reach(name, self._own(ACKNOWLEDGED, node))
+            self._reach(name, self._own_stage(ACKNOWLEDGED, node))
 
     def on_rejected(self, name: str, node: str, why: str) -> None:
         """Mark the command REJECTED after an error answer of the other end of the link."""
         if not self._has(name, REJECTED):
-            self._reach(name, self._own(REJECTED, node, why))
+            self._reach(name, self._own_stage(REJECTED, node, why))
 
     def mark_unknown(self, name: str, why: str) -> None:
         """Mark a command UNKNOWN, unless it has ended."""
         command = self._commands[name]
         if not command.ended and command.state is not CommandState.UNKNOWN:
-            self._reach(name, self._own(UNKNOWN, CONSOLE, why))
+            self._reach(name, self._own_stage(UNKNOWN, CONSOLE, why))
 
     def mark_all_unknown(self, asset: str, why: str) -> None:
         """Mark all open commands of an asset UNKNOWN."""
@@ -92,7 +105,7 @@ class CommandTracker:
             if command.asset == asset:
                 self.mark_unknown(command.id, why)
 
-    def on_notification(self, notified: Notified, identity: Identity) -> str:
+    def on_notification(self, notified: NotificationMessage, identity: Identity) -> str:
         """Apply a notification to its command; return the command's id."""
         name = self._name_of(notified, identity)
         command = self._commands[name]
@@ -116,7 +129,9 @@ class CommandTracker:
         )
         return name
 
-    def on_orbiter_notification(self, notified: Notified, identity: Identity, stage: str) -> str:
+    def on_orbiter_notification(
+        self, notified: NotificationMessage, identity: Identity, stage: str
+    ) -> str:
         """Apply an orbiter's notification to its command; return the command's id."""
         name = self._name_of(notified, identity)
         if not self._has(name, stage):
@@ -136,7 +151,7 @@ class CommandTracker:
             if command.deadline is not None and now_s > command.deadline:
                 self.mark_unknown(command.id, f"no report for {REPORT_TIMEOUT_S:g} s")
 
-    def _own(self, stage: str, node: str, detail: str = "") -> StageEntry:
+    def _own_stage(self, stage: str, node: str, detail: str = "") -> StageEntry:
         now_s = self._utc()
         return StageEntry(stage, node, now_s, now_s, detail)
 
@@ -149,7 +164,7 @@ class CommandTracker:
         if after is not before:
             self._set(after)
 
-    def _name_of(self, notified: Notified, identity: Identity) -> str:
+    def _name_of(self, notified: NotificationMessage, identity: Identity) -> str:
         """Return the id of a notification's command; a command of another client gets a new id."""
         name = self._ids.get((notified.asset, identity))
         if name is None:
@@ -157,7 +172,9 @@ class CommandTracker:
             self._store(self._foreign(name, notified, identity))
         return name
 
-    def _foreign(self, name: str, notified: Notified, identity: Identity) -> CommandStatus:
+    def _foreign(
+        self, name: str, notified: NotificationMessage, identity: Identity
+    ) -> CommandStatus:
         return CommandStatus(
             id=name,
             asset=notified.asset,
@@ -169,7 +186,7 @@ class CommandTracker:
             link=notified.link,
             state=CommandState.SENDING,
             ended=False,
-            made=notified.utc,
+            created=notified.utc,
             deadline=None,
             history=(),
         )
@@ -189,3 +206,61 @@ class CommandTracker:
             dropped = next((each for each in self._commands.values() if each.ended), command)
             del self._commands[dropped.id]
             del self._ids[dropped.asset, Identity(dropped.source, dropped.number)]
+
+
+class SharedCommands:
+    """Claims commands before they are sent, and merges those of other consoles.
+
+    Args:
+        archive: stores the commands.
+        tracker: tracks their states.
+    """
+
+    def __init__(self, archive: Archive, tracker: CommandTracker) -> None:
+        self._archive, self._tracker = archive, tracker
+        self._last_revision = 0
+
+    async def restore(self, count: int) -> None:
+        """Restore the last commands, and all that have not ended."""
+        self._last_revision = await self._archive.read(last_revision)
+        self._tracker.restore(await self._archive.read(partial(last_commands, count=count)))
+
+    async def claim(self, command: CommandStatus) -> bool:
+        """Store a command; return whether it is new, which permits sending it.
+
+        Raises:
+            ArchiveError: the archive cannot be written.
+        """
+        return await self._archive.claim_command(command)
+
+    async def find(self, name: str) -> CommandStatus | None:
+        """Return the status of a command of any console by its id; None if unknown."""
+        known = self._tracker.get(name)
+        if known is not None:
+            return known
+        return await self._archive.read(partial(read_command, name=name))
+
+    async def load_foreign(self, asset: str, identity: Identity) -> None:
+        """Load a command that another console sent."""
+        if self._tracker.knows(asset, identity):
+            return
+        find = partial(
+            find_command, asset=asset, source=identity.source, number=identity.command_id
+        )
+        with suppress(SQLAlchemyError):  # shown under its source until the archive can be read
+            found = await self._archive.read(find)
+            if found is not None:
+                self._tracker.merge(found)
+
+    async def run(self) -> None:
+        """Merge changes of other consoles periodically."""
+        while True:
+            await asyncio.sleep(POLL_S)
+            with suppress(SQLAlchemyError):  # the archive logs that it cannot be written
+                await self._refresh()
+
+    async def _refresh(self) -> None:
+        changed = partial(changed_commands, since=self._last_revision)
+        found, self._last_revision = await self._archive.read(changed)
+        for command in found:
+            self._tracker.merge(command)

@@ -1,4 +1,4 @@
-"""Web layer: access control, responses, and messages to pages."""
+"""Web layer of the console's server: access control, responses, and messages to pages."""
 
 from adapters.console.web.access import OPERATOR as OPERATOR
 from adapters.console.web.access import Access as Access
@@ -15,12 +15,14 @@ from adapters.console.web.responses import RequestError as RequestError
 from adapters.console.web.responses import body_of as body_of
 from adapters.console.web.responses import count_of as count_of
 from adapters.console.web.responses import error_middleware as error_middleware
+from adapters.console.web.responses import invalid as invalid
+from adapters.console.web.responses import is_number as is_number
 from adapters.console.web.responses import json_answer as json_answer
 from adapters.console.web.responses import json_response as json_response
 from adapters.console.web.responses import number_of as number_of
 from adapters.console.web.responses import one_of as one_of
-from adapters.console.web.responses import page_of as page_of
 from adapters.console.web.responses import refused as refused
+from adapters.console.web.responses import requested_page as requested_page
 from adapters.console.web.responses import text_of as text_of
 from adapters.console.web.shared_presence import PRESENCE_TIMEOUT_S as PRESENCE_TIMEOUT_S
 from adapters.console.web.shared_presence import SharedPresence as SharedPresence

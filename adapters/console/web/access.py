@@ -1,4 +1,4 @@
-"""Access control of the console: local clients without a token, remote clients with one.
+"""`Access` to the console: local clients need no token, remote clients need one.
 
 Pages of other sites in the same browser can neither read nor post. The Host of a request must be
 served here, and its Origin, if any, must equal it. Requests that change state need a header that
@@ -138,7 +138,7 @@ class Access:
     async def login(self, request: web.Request) -> web.Response:
         """Check a token, and set it as a cookie that scripts cannot read."""
         token = text_of(await body_of(request), "token")
-        name = await self._named(request, token)
+        name = await self._operator_of(request, token)
         if name is None:
             raise refused(HTTPStatus.UNAUTHORIZED, "unknown token")
         response = json_response({"operator": name})
@@ -162,13 +162,13 @@ class Access:
             return name
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         given = token if scheme == "Bearer" else request.cookies.get(COOKIE, "")
-        proven = await self._named(request, given)
+        proven = await self._operator_of(request, given)
         if proven is None:
             text = "a token is needed: log in, or send `Authorization: Bearer TOKEN`"
             raise refused(HTTPStatus.UNAUTHORIZED, text)
         return proven
 
-    async def _named(self, request: web.Request, token: str) -> str | None:
+    async def _operator_of(self, request: web.Request, token: str) -> str | None:
         """Return the operator of a token after the sender's delay; None for a wrong token."""
         found = None
         for known, name in (self._tokens or {}).items():

@@ -1,4 +1,4 @@
-"""Sends messages to the pages in batches; only telemetry may be dropped.
+"""`Hub` sends messages to the pages in batches; only telemetry may be dropped.
 
 Messages other than telemetry are numbered, and buffered for pages that reconnect. The last message
 on each subject is stored for new pages.
@@ -23,7 +23,7 @@ from adapters.console.messages import (
     Latest,
     LinkStatus,
     Message,
-    Notified,
+    NotificationMessage,
     ObjectChanged,
     OpenPage,
     PlanProgress,
@@ -250,7 +250,7 @@ class Hub:
                 self._commands[asset, source, number] = message
                 if len(self._commands) > MAX_REPLAYED_COMMANDS:
                     del self._commands[next(iter(self._commands))]
-            case Notified() | FileChanged() | ObjectChanged():
+            case NotificationMessage() | FileChanged() | ObjectChanged():
                 pass
             case Presence():
                 self._standing[message.ty,] = message

@@ -1,4 +1,4 @@
-"""Responses to requests: values as JSON, and one format for all refusals."""
+"""Helpers of HTTP handlers: parse bodies and queries, respond with JSON or with a refusal."""
 
 import json
 from collections.abc import Awaitable, Callable
@@ -8,7 +8,7 @@ from errno import ENAMETOOLONG
 from functools import partial
 from http import HTTPStatus
 from math import isfinite, nan
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeGuard, TypeVar
 
 from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
@@ -67,6 +67,17 @@ class RequestError(Exception):
 def refused(status: HTTPStatus, error: str, **more: Any) -> RequestError:
     """Return the refusal of a request; `more` are fields of an `ErrorBody`."""
     return RequestError(status, ErrorBody(error, **more))
+
+
+def invalid(field: str, text: str, **more: Any) -> RequestError:
+    """Return the refusal of a request with an invalid field; its text begins with the field."""
+    error = f"{field}: {text}"
+    return refused(HTTPStatus.UNPROCESSABLE_ENTITY, error, field=field, **more)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value of a body is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def json_response(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
@@ -131,8 +142,7 @@ def text_of(body: dict[str, Any], name: str, max_length: int = 256) -> str:
     """
     value = body.get(name)
     if not isinstance(value, str) or not 0 < len(value) <= max_length or not value.isprintable():
-        text = f"{name}: a text of 1 to {max_length} printable characters is needed"
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name)
+        raise invalid(name, f"a text of 1 to {max_length} printable characters is needed")
     return value
 
 
@@ -150,7 +160,7 @@ def number_of(request: web.Request, name: str, default: T) -> float | T:
     except ValueError:
         number = nan
     if not isfinite(number) or abs(number) > MAX_NUMBER:
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"{name}: a number is needed", field=name)
+        raise invalid(name, "a number is needed")
     return number
 
 
@@ -162,13 +172,12 @@ def count_of(request: web.Request, name: str, default: int, maximum: int) -> int
     """
     number = number_of(request, name, default)
     if not 1 <= number <= maximum:
-        text = f"{name}: a number from 1 to {maximum} is needed"
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, low=1, high=maximum)
+        raise invalid(name, f"a number from 1 to {maximum} is needed", low=1, high=maximum)
     return int(number)
 
 
-def page_of(request: web.Request) -> TablePage:
-    """Return the page of a table that a query requests.
+def requested_page(request: web.Request) -> TablePage:
+    """Return the part of a table (asset, times, limit) that a query requests.
 
     Raises:
         RequestError: a parameter is invalid.
@@ -190,8 +199,7 @@ def one_of(kind: type[E], name: str, value: object) -> E:
     """
     choices = tuple(str(each.value) for each in kind)
     if value not in choices:
-        text = f"{name}: one of {', '.join(choices)} is needed"
-        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, choices=choices)
+        raise invalid(name, f"one of {', '.join(choices)} is needed", choices=choices)
     return kind(value)
 
 

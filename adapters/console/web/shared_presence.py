@@ -1,4 +1,4 @@
-"""Exchange of open pages between the consoles at one archive."""
+"""`SharedPresence`: exchanges the open pages among the consoles at one archive."""
 
 import asyncio
 from collections.abc import Callable
@@ -63,7 +63,7 @@ class SharedPresence:
     async def _write(self) -> None:
         before, pages = self._own, self._hub.pages
         if before.pages or pages:
-            self._own = ConsolePages(before.instance, before.beat + 1, pages)
+            self._own = ConsolePages(before.instance, before.heartbeat + 1, pages)
             await self._archive.write(partial(write_pages, console=self._own))
 
     async def _poll(self) -> None:
@@ -83,7 +83,7 @@ class SharedPresence:
         """Return the time since a console's last heartbeat, s, by this console's clock."""
         now_s = self._now_s()
         beat, beat_s = self._last_beats.get(console.instance, (None, now_s))
-        if beat != console.beat:
+        if beat != console.heartbeat:
             beat_s = now_s
-        self._last_beats[console.instance] = (console.beat, beat_s)
+        self._last_beats[console.instance] = (console.heartbeat, beat_s)
         return now_s - beat_s

@@ -1,4 +1,4 @@
-"""WebSocket `/ws`: requests of a page, and the batches sent to it."""
+"""`Sockets` serves the WebSocket `/ws`: subscriptions of a page, and the batches sent to it."""
 
 import asyncio
 from contextlib import suppress

@@ -1,1 +1,1 @@
-"""MOCUP's brick: MOPS strings over USB, routed between the links (thesis 6.2)."""
+"""The process `rover-nxt`: MOPS strings between its links and MOCUP's brick on USB (thesis 6.2)."""

@@ -1,4 +1,4 @@
-"""Monitor of the camera head: compares its angles in telemetry with those a command requested.
+"""`CameraHeadMonitor`: holds the reply to a camera command until telemetry shows its angles.
 
 The brick replies EXECUTED as soon as the head starts to turn. The relay receives EXECUTED once
 telemetry shows the angles, and FAILED if it does not in time. Replies to the executive are
@@ -118,7 +118,7 @@ class CameraHeadMonitor:
         self._seen_rad = known[Parameter.CAM_PAN], known[Parameter.CAM_TILT]
         self._speed_radps = known[Parameter.CAM_ROTATE_SPEED] or USUAL_RADPS
         return [
-            PointingResult(each.command, self._taken(each))
+            PointingResult(each.command, self._executed_reply(each))
             for each in self._waiting()
             if _left_rad(each.wanted_rad, self._seen_rad) <= ANGLE_TOLERANCE_RAD
         ]
@@ -128,12 +128,12 @@ class CameraHeadMonitor:
         late = [each for each in self._waiting() if self._clock.now_s() > each.until_s]
         shown = ", ".join("unknown" if seen is None else f"{seen:.3f}" for seen in self._seen_rad)
         text = f"the camera did not reach its angles in time: it is at {shown} rad"
-        return [PointingResult(each.command, self._taken(each), text) for each in late]
+        return [PointingResult(each.command, self._executed_reply(each), text) for each in late]
 
     def _waiting(self) -> list[_Pointing]:
         return [each for each in self._pointing.values() if each.reply is not None]
 
-    def _taken(self, pointing: _Pointing) -> Message:
+    def _executed_reply(self, pointing: _Pointing) -> Message:
         self.forget(pointing.command)
         assert pointing.reply is not None
         return pointing.reply

@@ -1,4 +1,4 @@
-"""`rover-nxt` on ROS: parameters, topics and diagnostics."""
+"""`NxtNode`, the ROS node of `rover-nxt`: its parameters, topics and diagnostics."""
 
 import logging
 import time
@@ -9,11 +9,9 @@ from math import inf
 from typing import Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
@@ -62,7 +60,7 @@ HOUSEKEEPING_S: Final = {BrickLink.DIRECT: 5.0, BrickLink.RELAY: 30.0}
 """Period of the housekeeping of this process; longer for the relay, because its link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 MAX_PERIOD_S: Final = 3600.0
-_TAKEN: Final = "std_msgs/UInt64, fingerprint of an accepted string"
+_TAKEN: Final = "fingerprint of an accepted string"
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
     "product_id": ("the brick's product id", 0xFFFF),
@@ -111,12 +109,16 @@ def declare_settings(node: Node) -> NxtSettings:
         UsbAddress(**numbers),
         {link: _strings(node, link, "command") for link in BrickLink},
         {link: _strings(node, link, "notification") for link in BrickLink},
-        declare_topic(node, "relay_stop", "std_msgs/String, MOPS of the relay's stops"),
-        {link: declare_topic(node, f"{link.value}_taken", _TAKEN) for link in BrickLink},
+        declare_topic(node, "relay_stop", "MOPS of the relay's stops", String),
+        {
+            link: declare_topic(node, f"{link.value}_command_ack", _TAKEN, UInt64)
+            for link in BrickLink
+        },
         declare_optional_topic(
             node,
-            "relay_kept",
-            "std_msgs/UInt64, fingerprint of a reply that is stored",
+            "relay_notification_ack",
+            "fingerprint of a reply that is stored",
+            UInt64,
         ),
         _period_s(node),
         declare_value(
@@ -147,8 +149,8 @@ def _period_s(node: Node) -> float:
 
 
 def _strings(node: Node, link: BrickLink, what: str) -> Topic:
-    meaning = f"std_msgs/String, MOPS {what}s of the {link.value} link"
-    return declare_topic(node, f"{link.value}_{what}", meaning)
+    meaning = f"MOPS {what}s of the {link.value} link"
+    return declare_topic(node, f"{link.value}_{what}", meaning, String)
 
 
 def keep_alive(spelling: Spelling, brick: str) -> bytes:
@@ -185,27 +187,28 @@ class NxtNode:
         self._house_s = dict.fromkeys(BrickLink, -inf)
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
-            dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
+            dictionary, settings.brick, self, self._on_refused, record, authority, SystemClock()
         )
         self._refused_since = 0
-        self._odometry = self._publisher(OdometryMessage, topics.odometry)
-        self._battery = self._publisher(BatteryState, topics.battery)
-        self._pan = self._publisher(Float64, topics.camera_pan_state)
-        self._tilt = self._publisher(Float64, topics.camera_tilt_state)
+        self._odometry = self._publisher(topics.odometry)
+        self._battery = self._publisher(topics.battery)
+        self._pan = self._publisher(topics.camera_pan_state)
+        self._tilt = self._publisher(topics.camera_tilt_state)
         self._relay_telemetry_s = -inf
         self._notifications = {
-            link: self._publisher(String, topic) for link, topic in settings.notifications.items()
+            link: self._publisher(topic) for link, topic in settings.notifications.items()
         }
         self._ack_publisher = {
-            link: self._publisher(UInt64, topic)
-            for link, topic in settings.acknowledgements.items()
+            link: self._publisher(topic) for link, topic in settings.acknowledgements.items()
         }
         ack = settings.confirmations
         self._service = BrickService(self._router, self._confirm, confirmed=ack is not None)
         if ack is not None:
             node.create_subscription(UInt64, ack.name, self._on_confirmed, ack.qos)
         self._commands = {
-            link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
+            link: node.create_subscription(
+                String, topic.name, self._command_callback(link), topic.qos
+            )
             for link, topic in settings.commands.items()
         }
         self._inbox_waits = node.create_guard_condition(self._serve_inbox)
@@ -216,7 +219,7 @@ class NxtNode:
         for link, topic in settings.commands.items():
             watch(node, topic, self._commanders[link])
         node.create_subscription(
-            String, settings.stops.name, self._taker(BrickLink.RELAY), settings.stops.qos
+            String, settings.stops.name, self._command_callback(BrickLink.RELAY), settings.stops.qos
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady_timer(node, HEALTH_S, self._poll)
@@ -241,7 +244,7 @@ class NxtNode:
         """Publish a notification on a link's topic."""
         self._notifications[link].publish(String(data=str(message)))
 
-    def telemetry(self, message: Message) -> None:
+    def publish_telemetry(self, message: Message) -> None:
         """Publish telemetry on the rover's topics, and the whole message to the relay."""
         now_s = time.monotonic()
         if now_s - self._relay_telemetry_s >= self._settings.relay_telemetry_s:
@@ -252,7 +255,7 @@ class NxtNode:
             for fact in facts_of(message, self._telemetry, stamp_s(stamp)):
                 self._publish(fact, stamp_s(stamp))
         except MopsError as error:
-            self._refused(f"telemetry {message}: {error}")
+            self._on_refused(f"telemetry {message}: {error}")
 
     def _publish(self, fact: Odometry | Battery | CameraAngles, time_s: float) -> None:
         match fact:
@@ -264,19 +267,21 @@ class NxtNode:
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
 
-    def _publisher(self, kind: type, topic: Topic) -> Publisher:
-        return self._node.create_publisher(kind, topic.name, topic.qos)
+    def _publisher(self, topic: Topic | None) -> Publisher:
+        if topic is None:
+            raise ParameterError("battery, camera_pan_state and camera_tilt_state need a topic")
+        return self._node.create_publisher(topic.type, topic.name, topic.qos)
 
-    def _taker(self, link: BrickLink) -> Callable[[String], None]:
+    def _command_callback(self, link: BrickLink) -> Callable[[String], None]:
         def take(message: String) -> None:
-            self._arrived(link, message)
+            self._on_command(link, message)
             self._serve_inbox()
 
         return take
 
-    def _arrived(self, link: BrickLink, message: String) -> None:
+    def _on_command(self, link: BrickLink, message: String) -> None:
         if not self._service.inbox.put(link, message.data):
-            self._refused(f"{link.value} link: {MAX_INBOX} texts are queued")
+            self._on_refused(f"{link.value} link: {MAX_INBOX} texts are queued")
 
     def _serve_inbox(self) -> None:
         """Process one received text of either link, a stop first."""
@@ -284,7 +289,7 @@ class NxtNode:
             waiting = subscription.handle
             with waiting:
                 while (taken := waiting.take_message(String, False)) is not None:
-                    self._arrived(link, taken[0])
+                    self._on_command(link, taken[0])
         if (served := self._service.serve()) is not None:
             self._commanders[served].command()
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
@@ -312,7 +317,7 @@ class NxtNode:
         self._house_s |= {link: now_s + HOUSEKEEPING_S[link] for link in due}
         figures = {
             "NXT_CONNECTED": float(self._session.connected),
-            "NXT_WAITING": counts.waiting,
+            "NXT_QUEUED": counts.queued,
             "NXT_COMMANDS": counts.commands,
             "NXT_REPEATS": counts.repeats,
             "NXT_REFUSED": counts.refused,
@@ -338,7 +343,7 @@ class NxtNode:
         )
         self._refused_since = 0
 
-    def _refused(self, line: str) -> None:
+    def _on_refused(self, line: str) -> None:
         if self._refused_since == 0:
             _LOG.warning("message refused: %s", line)
         self._refused_since += 1

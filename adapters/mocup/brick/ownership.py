@@ -1,4 +1,4 @@
-"""Ownership of the brick: the executive's claims, and queued commands of the relay."""
+"""`Ownership`: which commands the executive claims; `BrickQueue`: the relay's waiting commands."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -206,7 +206,7 @@ class BrickQueue:
             if there and waiting and not self._at_work:
                 self._send_first(waiting)
                 waiting = self._record.waiting()
-            self._out.counts.waiting = len(waiting)
+            self._out.counts.queued = len(waiting)
             if not waiting:
                 self._arrived.clear()
 

@@ -1,4 +1,4 @@
-"""`rover-nxt`: the onboard process that connects MOCUP's brick."""
+"""The process `rover-nxt`, on the rover: its command line; `serve_brick` connects MOCUP's brick."""
 
 import logging
 from collections.abc import Callable

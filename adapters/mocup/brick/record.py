@@ -1,4 +1,4 @@
-"""The record of `rover-nxt`: commands, queue, claims, authority. All SQL of this process."""
+"""`BrickRecord` of `rover-nxt`: commands, queue, claims, authority; all SQL of this process."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,22 +11,24 @@ from executive.record import Connect, Database, LedgerError, connect_to_file
 from executive.values.reports import Stage
 
 MAX_COMMANDS: Final = 10_000
-"""Maximum number of commands in the record; the oldest are deleted."""
+"""Maximum number of commands in the record; older ones are deleted."""
 _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
 """Number of latest claims searched for open ones: the executive queues far fewer."""
-_SELECT_COMMANDS: Final = "SELECT command, links, replied, waits FROM asked"
-_FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
+_SELECT_COMMANDS: Final = "SELECT command, links, reply, queued FROM commands"
+_FORGET: Final = "DELETE FROM commands WHERE source = ? AND moe_id = ? AND counter = ?"
+_VERSION: Final = 1
+"""Version of the tables; increase it with each change."""
 _SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS asked (
+CREATE TABLE IF NOT EXISTS commands (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
-    counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, replied TEXT,
-    ended INTEGER NOT NULL, waits INTEGER NOT NULL DEFAULT 0, UNIQUE (source, moe_id, counter)
+    counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, reply TEXT,
+    ended INTEGER NOT NULL, queued INTEGER NOT NULL DEFAULT 0, UNIQUE (source, moe_id, counter)
 );
-CREATE INDEX IF NOT EXISTS unended ON asked (number) WHERE NOT ended;
+CREATE INDEX IF NOT EXISTS commands_open ON commands (number) WHERE NOT ended;
 CREATE TABLE IF NOT EXISTS claims (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
-    command TEXT NOT NULL, reported TEXT, wanted TEXT, UNIQUE (source, moe_id)
+    command TEXT NOT NULL, reported TEXT, relay_copy TEXT, UNIQUE (source, moe_id)
 );
 CREATE TABLE IF NOT EXISTS authority (only_row INTEGER PRIMARY KEY, message TEXT NOT NULL);
 """
@@ -103,7 +105,7 @@ class BrickRecord(Database):
     """
 
     def __init__(self, path: Path | None = None, connect: Connect = connect_to_file) -> None:
-        super().__init__(path, _SCHEMA, connect=connect)
+        super().__init__(path, _SCHEMA, connect=connect, version=_VERSION)
 
     def find(self, command: Message) -> BrickCommand | None:
         """Return the command with a message's source, number and counter, or None."""
@@ -125,26 +127,26 @@ class BrickRecord(Database):
 
     def unanswered(self) -> Sequence[BrickCommand]:
         """Return the commands without a final reply of the brick, in order."""
-        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND NOT waits ORDER BY number")
+        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND NOT queued ORDER BY number")
         return [_command_of_row(row) for row in rows]
 
     def waiting(self) -> Sequence[BrickCommand]:
         """Return the queued commands that were not sent to the brick, in order."""
-        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND waits ORDER BY number")
+        rows = self.rows(f"{_SELECT_COMMANDS} WHERE NOT ended AND queued ORDER BY number")
         return [_command_of_row(row) for row in rows]
 
     def save(self, stored: BrickCommand, instead: BrickCommand | None = None) -> None:
-        """Record a command, or its last reply, before the brick receives anything.
+        """Record a command, or its last reply, before the brick receives it.
 
         Args:
             stored: the command.
             instead: a command deleted in the same transaction.
         """
         self._save(
-            "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
+            "INSERT INTO commands (source, moe_id, counter, command, links, reply, ended, queued)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
-            " links = excluded.links, replied = excluded.replied, ended = excluded.ended,"
-            " waits = excluded.waits",
+            " links = excluded.links, reply = excluded.reply, ended = excluded.ended,"
+            " queued = excluded.queued",
             (
                 *_key(stored.command),
                 str(stored.command),
@@ -153,7 +155,8 @@ class BrickRecord(Database):
                 stored.ended,
                 stored.waits,
             ),
-            "DELETE FROM asked WHERE number <= (SELECT max(number) - ? FROM asked) AND NOT waits",
+            "DELETE FROM commands WHERE NOT queued"
+            " AND number <= (SELECT max(number) - ? FROM commands)",
             instead,
         )
 
@@ -164,21 +167,21 @@ class BrickRecord(Database):
     def claim(self, command: Message) -> ExecutiveClaim | None:
         """Return the executive's claim on a message's source and number, or None."""
         where = "source = ? AND moe_id = ?"
-        query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
+        query = f"SELECT command, reported, relay_copy FROM claims WHERE {where}"
         rows = self.rows(query, _name(command))
         return _claim(rows[0]) if rows else None
 
     def claims_with_copy(self, count: int) -> Sequence[ExecutiveClaim]:
         """Return the last claims with a copy of the relay, in order."""
         query = (
-            "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
+            "SELECT command, reported, relay_copy FROM claims WHERE relay_copy IS NOT NULL"
             " ORDER BY number DESC LIMIT ?"
         )
         return [_claim(row) for row in reversed(self.rows(query, (count,)))]
 
     def unended_claims(self) -> Sequence[ExecutiveClaim]:
         """Return the claims without a final report."""
-        query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
+        query = "SELECT command, reported, relay_copy FROM claims ORDER BY number DESC LIMIT ?"
         rows = self.rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
@@ -186,9 +189,9 @@ class BrickRecord(Database):
         """Record a claim or its changed state; `instead` as in `save`."""
         texts = (None if each is None else str(each) for each in (claim.reported, claim.wanted))
         self._save(
-            "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
-            " ON CONFLICT DO UPDATE SET command = excluded.command,"
-            " reported = excluded.reported, wanted = excluded.wanted",
+            "INSERT INTO claims (source, moe_id, command, reported, relay_copy)"
+            " VALUES (?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " reported = excluded.reported, relay_copy = excluded.relay_copy",
             (*_name(claim.command), str(claim.command), *texts),
             "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
             instead,

@@ -1,4 +1,4 @@
-"""The brick's replies: recorded, then forwarded to every link that sent the command."""
+"""`BrickReplies` records each reply of the brick, then sends it to every link of the command."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -44,11 +44,11 @@ class BrickReplies:
             self.expect(self._stopped)
             self._stopped = ()
         with self._out.contained(f"reply {reply}"):
-            self._take(self._record.find(command_of(reply)), reply)
+            self._on_reply(self._record.find(command_of(reply)), reply)
 
-    def _take(self, stored: BrickCommand | None, reply: Message) -> None:
+    def _on_reply(self, stored: BrickCommand | None, reply: Message) -> None:
         if stored is None or stored.command.code != reply.code:
-            self._out.counts.unasked += 1
+            self._out.counts.unsolicited += 1
             # The relay repeats a stop that could not be recorded until it is recorded.
             for link in (BrickLink.DIRECT,) if reply.code == self._stop else BrickLink:
                 self._out.notify(link, reply)
@@ -67,7 +67,7 @@ class BrickReplies:
                 self._head.forget(stored.command)
             self.answer(stored, reply)
 
-    def stopped(self) -> None:
+    def on_stop(self) -> None:
         """Record the commands that the present stop ends, or drops before they are sent."""
         with self._out.contained("commands that a stop ends"):
             self._stopped = [each.command for each in self._record.unanswered()]

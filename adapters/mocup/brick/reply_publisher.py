@@ -1,4 +1,4 @@
-"""The ports of the router, its replies to links, and its counters."""
+"""`ReplyPublisher`: replies to links in the brick's name; `RouterPorts`: the router's output."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -32,7 +32,7 @@ class RouterPorts(Protocol):
         """Publish a notification on a link."""
         ...
 
-    def telemetry(self, message: Message) -> None:
+    def publish_telemetry(self, message: Message) -> None:
         """Publish the measurements of the brick."""
         ...
 
@@ -43,27 +43,27 @@ class RouterCounts:
 
     Attributes:
         commands, repeats: from the links; repeats are not forwarded.
-        replies, unasked, telemetry: from the brick.
+        replies, unsolicited, telemetry: from the brick.
         refused: messages, and invalid pieces, that were not forwarded.
         dropped_octets, dropped_pieces: invalid input from the links and the brick.
-        waiting: commands of the relay that are queued now.
+        queued: commands of the relay that are queued now.
         dead_man: stops of the brick because every sender of its motions was silent.
     """
 
     commands: int = 0
     repeats: int = 0
     replies: int = 0
-    unasked: int = 0
+    unsolicited: int = 0
     telemetry: int = 0
     refused: int = 0
     dropped_octets: int = 0
     dropped_pieces: int = 0
-    waiting: int = 0
+    queued: int = 0
     dead_man: int = 0
 
 
 MAX_UNCONFIRMED: Final = 1000
-"""Maximum number of replies that are retransmitted; the oldest are dropped."""
+"""Maximum number of replies that are retransmitted; older ones are dropped."""
 ABSENT: Final = "the brick is not connected or too slow"
 
 

@@ -1,4 +1,4 @@
-"""Router for messages of both links and the brick: checks, records, forwards or refuses them."""
+"""`Router` between both links and the brick: checks, records, forwards or refuses each message."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -137,7 +137,7 @@ class Router:
         stops = f"{self._stop_code:03X}|" in text
         return stops and any(map(self._stops, messages_in(text, lambda _: None)))
 
-    def command(self, link: BrickLink, text: str, overtaken: bool = False) -> bool:
+    def process(self, link: BrickLink, text: str, overtaken: bool = False) -> bool:
         """Process whole messages from a link.
 
         Args:
@@ -177,7 +177,7 @@ class Router:
                 self._out.refuse(f"message {message} of the brick has the source {message.source}")
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
-                self.ports.telemetry(message)
+                self.ports.publish_telemetry(message)
                 if self._replies.on_telemetry(message):
                     self._send_next()
             elif message.code == self._keep_alive:
@@ -278,9 +278,9 @@ class Router:
             case _Kind.AUTHORITY:
                 self._learn(message)
             case _Kind.COMMAND:
-                if message.moe_inputs_id is not None and self._known(link, message):
+                if message.moe_inputs_id is not None and self._answer_repeat(link, message):
                     return
-                if link is BrickLink.DIRECT or self._admitted(message):
+                if link is BrickLink.DIRECT or self._authorize(message):
                     self._begin(link, message)
             case _Kind.OTHER_DESTINATION:
                 self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
@@ -316,7 +316,7 @@ class Router:
         with self._out.contained("the authority is lost at a restart"):
             self.record.save_authority(message)
 
-    def _admitted(self, command: Message) -> bool:
+    def _authorize(self, command: Message) -> bool:
         """Return whether a command of the relay has authority and is in time; refuse it if not.
 
         A command under the orbiter's authority is reported to the executive: it renews the lease.
@@ -327,7 +327,7 @@ class Router:
             self._reject(BrickLink.RELAY, command, str(error))
             return False
         claimed = conditions.authority
-        fault = self._authority.fault(command.source, claimed)
+        fault = self._authority.refusal_text(command.source, claimed)
         if fault:
             self._reject(BrickLink.RELAY, command, fault, Reason.NO_AUTHORITY)
             return False
@@ -400,7 +400,7 @@ class Router:
         sent = self.ports.stop_brick(encode(replace(stop, inputs=(), outputs=(), received=False)))
         self.counts.commands += sent
         if sent:
-            self._replies.stopped()
+            self._replies.on_stop()
         return sent
 
     def _stop(self, link: BrickLink, stop: Message) -> None:
@@ -414,7 +414,7 @@ class Router:
 
     def _record_stop(self, link: BrickLink, stop: Message, sent: bool) -> None:
         """Record a stop that was sent, or refuse it; one that has ended keeps its last reply."""
-        known = self._first(stop)
+        known = self._first_command(stop)
         if known is not None and not self._out.is_same(link, known.command, stop):
             return
         before = self.record.find(stop) if known else None
@@ -426,12 +426,12 @@ class Router:
         else:
             self._reject(link, stop, ABSENT)
 
-    def _first(self, command: Message) -> ExecutiveClaim | BrickCommand | None:
+    def _first_command(self, command: Message) -> ExecutiveClaim | BrickCommand | None:
         if command.moe_inputs_id is None:
             return None
         return self.record.claim(command) or self.record.find_first(command)
 
-    def _known(self, link: BrickLink, command: Message) -> bool:
+    def _answer_repeat(self, link: BrickLink, command: Message) -> bool:
         """Answer a command that was received before; return False for a new one."""
         first, family = self.record.find_from_relay(command), self.record.find_first(command)
         claim = self.record.claim(command)

@@ -1,4 +1,4 @@
-"""Processing of texts, events of the brick and new subscribers in `rover-nxt`. No ROS, no USB."""
+"""`BrickService` passes received texts and events of the brick to the router. No ROS, no USB."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -86,7 +86,7 @@ class BrickService:
         """Process one text, a stop first; return its link, None if the queue is empty."""
         if (arrived := self.inbox.take()) is None:
             return None
-        if self._router.command(arrived.link, arrived.text, arrived.overtaken):
+        if self._router.process(arrived.link, arrived.text, arrived.overtaken):
             self._confirm(arrived.link, fingerprint(arrived.text))
         return arrived.link
 

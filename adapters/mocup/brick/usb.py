@@ -1,4 +1,4 @@
-"""The brick on USB (thesis 6.2): claimed by libusb through pyusb, reconnected after a loss.
+"""`BrickSession`: the brick on USB (thesis 6.2), by libusb and pyusb; reconnects after a loss.
 
 There are two threads, so that a slow or dead brick blocks no other thread: one searches and
 reads; while a brick is connected, the other writes.
@@ -116,7 +116,7 @@ class Brick:
         except usb.core.USBTimeoutError:
             return b""
         except usb.core.USBError as error:
-            raise self._fault(endpoint, error) from error
+            raise self._usb_error(endpoint, error) from error
 
     def write(self, octets: bytes) -> int:
         """Write one packet of octets.
@@ -133,7 +133,7 @@ class Brick:
         except usb.core.USBTimeoutError:
             return 0
         except usb.core.USBError as error:
-            raise self._fault(endpoint, error) from error
+            raise self._usb_error(endpoint, error) from error
 
     def _claim(self) -> None:
         address = self._address
@@ -152,7 +152,7 @@ class Brick:
                 where = f"interface {address.interface} of brick {address}"
                 raise BrickError(f"{where} has no endpoint {endpoint:#04x}")
 
-    def _fault(self, endpoint: int, error: usb.core.USBError) -> BrickError:
+    def _usb_error(self, endpoint: int, error: usb.core.USBError) -> BrickError:
         if error.errno == errno.EPIPE:
             try:
                 self._device.clear_halt(endpoint)
@@ -338,7 +338,7 @@ class BrickSession:
             wait_s = min(2 * wait_s, MAX_RETRY_S)
 
     def _serve(self, visit: _Connection) -> None:
-        writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
+        writer = Thread(target=self._run_thread, args=(visit, self._write), name="nxt-write")
         _LOG.info("brick connected")
         with self._changed:
             self._visits += 1
@@ -346,7 +346,7 @@ class BrickSession:
         with self._changed:
             self._connected = True
         writer.start()
-        self._until_over(visit, self._read)
+        self._run_thread(visit, self._read)
         with self._changed:
             self._connected = False
             # After a reconnect the brick must not execute old commands.
@@ -357,7 +357,7 @@ class BrickSession:
             _LOG.warning("brick disconnected: %s; searching for it again", visit.why[0])
             self._put(BrickDisconnected(visit.why[0]))
 
-    def _until_over(self, visit: _Connection, work: Callable[[_Connection], None]) -> None:
+    def _run_thread(self, visit: _Connection, work: Callable[[_Connection], None]) -> None:
         try:
             work(visit)
         except BrickError as error:

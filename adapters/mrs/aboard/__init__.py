@@ -1,4 +1,4 @@
-"""Provider of the MRS for one executive.
+"""The MRS provider of one executive: services that submit commands and publish its reports.
 
     consumer ==> served_operations ──> asset_services, … ──> gateway ==> the core's thread
       broker <== broadcast <────────────────+   <── post, futures <==========+

@@ -1,4 +1,4 @@
-"""Operations of one asset except file operations: commands, state, telemetry, reports, plans."""
+"""`AssetServices`: an asset's MRS operations except files: commands, state, telemetry, plans."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Sequence
@@ -10,8 +10,7 @@ from typing import Any, Final, Protocol
 from adapters.mal import AttributeType, CallContext, NamedValue, StandardError, TypedAttribute
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import CoreGateway
-from adapters.mrs.aboard.peer_rate import PeerRateLimiter
-from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard.served_operations import PeerRateLimiter, ServedOperations
 from adapters.mrs.spec import (
     DEFINED,
     MAX_FIGURES,
@@ -29,6 +28,7 @@ from adapters.mrs.spec import (
     figure_values,
     find_or_raise,
     housekeeping_values,
+    map_figures,
     notification_keys,
     notification_of,
     parameter_value,
@@ -45,7 +45,7 @@ from executive.core.runner import Executive
 from executive.faults import ClearPolicy
 from executive.safety import Fault, unmonitored
 from executive.settings import Settings
-from executive.values.parameters import Parameter, ParameterValue
+from executive.values.parameters import ParameterValue
 from executive.values.reasons import Figure
 from executive.values.reports import PlanUpdate, Report, Severity
 
@@ -82,10 +82,10 @@ class CommandIntake(Protocol):
 class UpstreamPublisher(Protocol):
     """Publishes the data of this asset at another service layer."""
 
-    def value(self, value: wire.ParameterValue) -> None:
+    def publish_value(self, value: wire.ParameterValue) -> None:
         """Publish a value."""
 
-    def notification(self, notification: Notification) -> None:
+    def publish_notification(self, notification: Notification) -> None:
         """Publish a notification."""
 
 
@@ -168,11 +168,11 @@ class AssetServices:
             for notify in self._publish_notification:
                 notify(notification, keys=keys)
             if self.above is not None:
-                self.above.notification(notification)
+                self.above.publish_notification(notification)
             changed = reported_uncertainty(report).items() if self.housekeeping else ()
             self._broadcast(figure_value(*each, report.utc_s) for each in changed)
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def publish_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast parameter values of the rover."""
         self._broadcast(map(parameter_value, values))
 
@@ -186,9 +186,9 @@ class AssetServices:
             for notify in self._publish_value:
                 notify(value, keys=(self._asset, value.name))
             if self.above is not None:
-                self.above.value(value)
+                self.above.publish_value(value)
 
-    def plan(self, update: PlanUpdate) -> None:
+    def publish_plan_update(self, update: PlanUpdate) -> None:
         """Broadcast the status of a plan."""
         keys = (self._asset, update.plan_id, update.status.value)
         self._publish_plan(wire_update(update), keys=keys)
@@ -210,8 +210,9 @@ class AssetServices:
         )
 
     def _housekeeping_now(self, executive: Executive) -> tuple[wire.ParameterValue, ...]:
-        """Return the stored housekeeping with the present uncertainty of the pose."""
-        figures = uncertainty_figures(executive.status.uncertainty.figures)
+        """Return the stored housekeeping with the present uncertainty of the pose, and map."""
+        status = executive.status
+        figures = uncertainty_figures(status.uncertainty.figures) | map_figures(status.map_origin)
         utc_s = executive.parameters()[0].utc_s
         now = {name: figure_value(name, figure, utc_s) for name, figure in figures.items()}
         return tuple(now.get(each.name, each) for each in self.housekeeping)
@@ -287,14 +288,8 @@ def own_info(executive: Executive) -> wire.AssetInfo:
 
 
 def _camera_state(executive: Executive) -> wire.CameraState:
-    """Return the angles of the camera, and whether its video stream is forwarded."""
-    figure, video = wire.figures(executive), executive.video
-    return wire.CameraState(
-        pan=figure[Parameter.CAM_PAN],
-        tilt=figure[Parameter.CAM_TILT],
-        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
-        videoOn=video is not None and video.enabled,
-    )
+    video = executive.video
+    return wire.camera_state(executive, video is not None and video.enabled)
 
 
 def _actions(executive: Executive) -> tuple[NamedValue, ...]:
@@ -321,7 +316,7 @@ def _active_fault(fault: Fault) -> wire.ActiveFault:
         name=fault.name,
         began=to_ns(fault.begun_utc_s),
         severity=fault.severity,
-        reaction=wire.FaultReaction[fault.row.then.name],
+        reaction=wire.FaultReaction[fault.row.reaction.name],
         onResume=fault.row.clears is ClearPolicy.ON_RESUME,
         code=why.reason.value,
         text=why.text[:MAX_TEXT_LENGTH],
@@ -341,7 +336,7 @@ def _report(
     """Report an event; raises INTERNAL if the ledger cannot store it."""
     if not executive.ledger_writable:
         raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
-    executive.event(severity, text, figures)
+    executive.report_event(severity, text, figures)
 
 
 def _figure(parameter: NamedValue) -> Figure:

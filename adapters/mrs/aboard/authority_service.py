@@ -1,4 +1,4 @@
-"""Service Authority: holder of the command authority, requests and hand-over."""
+"""`serve_authority`: the service Authority, with holder, requests and hand-over."""
 
 import asyncio
 from collections.abc import Callable
@@ -7,8 +7,7 @@ from typing import Any, Final
 
 from adapters.mal import CallContext
 from adapters.mrs.aboard.gateway import CoreGateway
-from adapters.mrs.aboard.peer_rate import PeerRateLimiter
-from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard.served_operations import PeerRateLimiter, ServedOperations
 from adapters.mrs.spec import AreaError, AuthorityStatus, refusal_error, with_text
 from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
 from executive.core.runner import Executive
@@ -66,7 +65,7 @@ def _status(found: AuthorityState | Refusal, caller: str | None) -> AuthoritySta
         epoch=found.epoch,
         leaseLeft=found.lease_left_s,
         lease=found.lease_s,
-        askedBy=found.requested_by,
+        requestedBy=found.requested_by,
         needed=found.needed,
         caller=caller,
     )

@@ -1,4 +1,4 @@
-"""Onboard files: attributes, content, checksums, and a watch for changes.
+"""Reads onboard files for the file services: attributes, content, checksums, a watch for changes.
 
 Threads read the files, so that a stop does not wait for a disk. Each read opens the file, checks
 that it is unchanged, and reads one slice: no file stays open when a transfer ends early.
@@ -152,7 +152,7 @@ class Checksums:
         await asyncio.wait((running,))  # keeps it running if the waiting task is cancelled
         return running.result()
 
-    async def begin_of(self, path: str, stamp: FileStamp, octets: int) -> int:
+    async def of_first_octets(self, path: str, stamp: FileStamp, octets: int) -> int:
         """Return the checksum of the first octets of a file; raises as `read` does."""
         value = offset = 0
         while offset < octets:
@@ -163,7 +163,7 @@ class Checksums:
 
     async def _compute(self, path: str, stamp: FileStamp) -> int:
         async with self._slots:
-            value = await self.begin_of(path, stamp, stamp.size_octets)
+            value = await self.of_first_octets(path, stamp, stamp.size_octets)
         if await asyncio.to_thread(self._folder.stamp, path) != stamp:
             raise changed_error(path)
         if utc_ns(self._system) - stamp.modified_ns > AT_REST_NS:
@@ -227,12 +227,12 @@ class FolderWatcher:
         self._notified.add(path)
         match kind:
             case FileEventKind.DELETED:
-                self._lost(path)
+                self._on_deleted(path)
             case FileEventKind.TRANSFERRED:
                 self._publish(kind, path, stamp or self._known.get(path, UNKNOWN_STAMP), about)
             case FileEventKind.STORED | FileEventKind.CHANGED:
                 if stamp is not None:
-                    self._found(path, stamp, about)
+                    self._on_found(path, stamp, about)
 
     async def _watch(self) -> None:
         loop, pause_s = asyncio.get_running_loop(), PERIOD_S
@@ -261,19 +261,19 @@ class FolderWatcher:
             if path in self._notified:
                 continue
             if path in new:
-                self._found(path, new[path])
+                self._on_found(path, new[path])
             else:
-                self._lost(path)
+                self._on_deleted(path)
             await asyncio.sleep(0)
 
-    def _found(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
+    def _on_found(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
         known = self._known.get(path)
         if known != stamp:
             self._known[path] = stamp
             kind = FileEventKind.STORED if known is None else FileEventKind.CHANGED
             self._publish(kind, path, stamp, about)
 
-    def _lost(self, path: str) -> None:
+    def _on_deleted(self, path: str) -> None:
         stamp = self._known.pop(path, None)
         if stamp is not None:
             self._publish(FileEventKind.DELETED, path, stamp, None)

@@ -1,4 +1,4 @@
-"""Services FileManagement and FileTransfer, except the commands `delete` and `move`."""
+"""`FileServices`: FileManagement and FileTransfer, except the commands `delete` and `move`."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable
@@ -99,11 +99,11 @@ class FileServices:
         self._holder = holder
         self._checksums = Checksums(folder, system)
         self._transfers: set[_Transfer] = set()
-        self._tell = served.broadcast(
+        self._broadcast = served.broadcast(
             "FileManagement", "monitorFiles", settings.asset, settings.domain
         )
         self.watch = FolderWatcher(folder, self._publish)
-        served.serve("FileManagement", "fileStored", self._stored)
+        served.serve("FileManagement", "fileStored", self._on_file_stored)
         served.serve("FileManagement", "getAttributes", self._attributes)
         served.serve("FileTransfer", "listFiles", self._list)
         served.serve("FileTransfer", "retrieveFile", self._retrieve)
@@ -114,20 +114,20 @@ class FileServices:
         return self._folder.stamp(path), meta_data(self._folder, path)
 
     def _publish(self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData) -> None:
-        self._tell(
+        self._broadcast(
             kind,
             file_info(path, stamp, self._checksums.known(stamp), about),
             keys=(self._asset, kind.value, mime_type(path)),
         )
 
-    async def _found(self, path: str) -> tuple[FileStamp, MetaData]:
+    async def _stamp_of(self, path: str) -> tuple[FileStamp, MetaData]:
         """Return stamp and metadata of a file; raises NotFound."""
         stamp, about = await asyncio.to_thread(self.inspect, path)
         if stamp is None:
             raise not_found_error(path)
         return stamp, about
 
-    async def _stored(self, _: CallContext, file: FileInfo) -> None:
+    async def _on_file_stored(self, _: CallContext, file: FileInfo) -> None:
         """Publish that a file was stored; raises Invalid unless path, size and checksum match."""
         stamp, about = await asyncio.to_thread(self.inspect, file.path)
         if stamp is None or stamp.size_octets != file.size:
@@ -144,7 +144,7 @@ class FileServices:
         self.watch.notify(FileEventKind.STORED, file.path, stamp, about)
 
     async def _attributes(self, _: CallContext, path: str) -> tuple[FileInfo]:
-        stamp, about = await self._found(path)
+        stamp, about = await self._stamp_of(path)
         checksum: int | None = None
         try:
             checksum = await self._checksums.of(path, stamp)
@@ -210,7 +210,7 @@ class FileServices:
             self._transfers.discard(transfer)
 
     def _evict_stalled(self) -> None:
-        """Cancel the transfer with the oldest accepted chunk.
+        """Cancel the transfer that has waited longest for an accepted chunk.
 
         Raises:
             MalError: Busy, all transfers progress.
@@ -227,13 +227,13 @@ class FileServices:
     ) -> FileReport:
         """Send a file from an offset on, and return the checksum of the octets read for it."""
         path = transfer.path
-        stamp, about = await self._found(path)
+        stamp, about = await self._stamp_of(path)
         if offset > stamp.size_octets:
             text = f"offset: {path} has {stamp.size_octets} octets"
             raise with_text(AreaError.INVALID, text)
         checksum = await self._checksums.of(path, stamp)
         interaction.acknowledge(file_info(path, stamp, checksum, about))
-        value = await self._checksums.begin_of(path, stamp, offset)
+        value = await self._checksums.of_first_octets(path, stamp, offset)
         pieces = self._pieces(path, stamp, offset, READ_OCTETS // chunk * chunk, value)
         async with aclosing(pieces):
             async for begin, data, value in pieces:  # noqa: B007 - the last one counts

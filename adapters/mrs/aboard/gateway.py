@@ -1,4 +1,4 @@
-"""Gateway from the link's loop to the core's thread, and back to the loop."""
+"""`CoreGateway` passes commands and queries from the link's loop to the core's thread."""
 
 import asyncio
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 from adapters.mal import StandardError
 from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
 from executive.commands import Command, Stop
-from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
+from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
 from executive.core.runner import Executive
 
 T = TypeVar("T")
@@ -45,7 +45,7 @@ class CoreGateway:
         answer: asyncio.Future[None] = self._loop.create_future()
         if self._pending >= MAX_PENDING and not isinstance(command.request, Stop):
             return _queue_full_error(answer)
-        self._executive.submit(command, partial(self._admitted, answer, command))
+        self._executive.submit(command, partial(self._on_result, answer, command))
         return self._limit(answer)
 
     def query(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
@@ -77,17 +77,17 @@ class CoreGateway:
         answer.add_done_callback(on_done)
         return answer
 
-    def _admitted(
+    def _on_result(
         self, answer: asyncio.Future[None], command: Command, result: SubmitResult
     ) -> None:
         match result:
-            case Admitted():
+            case Accepted():
                 self.call_on_loop(_succeed, answer, None)
-            case Refused(refusal) if isinstance(command.request, Stop):
+            case Rejected(refusal) if isinstance(command.request, Stop):
                 self.call_on_loop(_fail, answer, with_text(AreaError.REJECTED, refusal.text))
-            case Refused(refusal):
+            case Rejected(refusal):
                 self.call_on_loop(_fail, answer, refusal_error(refusal, command.identity))
-            case Repeated():
+            case Duplicate():
                 self.call_on_loop(_fail, answer, duplicate_error(command.identity))
 
     def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:

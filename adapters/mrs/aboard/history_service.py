@@ -1,4 +1,4 @@
-"""Serves the history that explains a command, or the present state of the rover."""
+"""`HistoryService`: sends the history that explains a command or the rover's present state."""
 
 import asyncio
 from collections.abc import Container, Iterator, Sequence
@@ -13,7 +13,8 @@ from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import wire_history
 from executive.commands import request_text
 from executive.core.runner import Executive
-from executive.history import HistoryBuilder, ReceivedCommand, RunHistory
+from executive.history import ReceivedCommand, RunHistory
+from executive.history.history_builder import HistoryBuilder
 from executive.values.reports import Identity, Report
 
 MAX_REPORTS: Final = 1000
@@ -39,12 +40,14 @@ class HistoryService:
     async def _get(
         self, _: CallContext, source: str | None, number: int | None, everything: bool
     ) -> tuple[wire.History]:
-        known = await self._gateway.query(lambda executive: self._known(executive, number))
+        known = await self._gateway.query(
+            lambda executive: self._recorded_history(executive, number)
+        )
         command = str(number) if source is None else f"{source}:{number}"
         wanted = None if number is None else command
         return (await asyncio.to_thread(_wire_history_of, known, wanted, everything),)
 
-    def _known(self, executive: Executive, number: int | None) -> RunHistory:
+    def _recorded_history(self, executive: Executive, number: int | None) -> RunHistory:
         """Return the recorded history; for a command also its reports in the ledger."""
         history = self._history.history()
         if number is None:

@@ -1,4 +1,4 @@
-"""Serves previews of motions and plans, computed in slices on the link's loop.
+"""`PreviewService`: previews of motions and plans, computed in slices on the link's loop.
 
 A slice holds Python's interpreter lock for well under a millisecond, and the loop sleeps after it.
 So the core's thread meets its ticks, and a stop is served during a preview.
@@ -11,7 +11,14 @@ from adapters.mal import CallContext, MalError
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import AreaError, PreviewRequest, motion_of, wire_preview, with_text
+from adapters.mrs.spec import (
+    AreaError,
+    PreviewRequest,
+    framed,
+    motion_of,
+    wire_preview,
+    with_text,
+)
 from executive.commands import Motion, PlanDefinition
 from executive.preview import Preview, PreviewRun
 from executive.values.reasons import Refusal
@@ -30,20 +37,20 @@ class PreviewService:
         self._gateway = gateway
         self._running = 0
         served.serve("MotionControl", "preview", self._motion)
-        served.serve("Plan", "previewPlan", self._plan)
+        served.serve("Plan", "previewPlan", self._preview_plan)
 
     async def _motion(
         self,
-        _: CallContext,
+        call: CallContext,
         operation: str,
         waypoints: tuple[wire.Waypoint, ...] | None,
         figures: tuple[float, ...] | None,
         controller: wire.Controller | None,
     ) -> tuple[wire.Preview]:
         request = PreviewRequest(operation, waypoints, figures, controller)
-        return (await self._work_out(motion_of(request)),)
+        return (await self._work_out(framed(motion_of(request), call.supplements)),)
 
-    async def _plan(self, _: CallContext, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
+    async def _preview_plan(self, _: CallContext, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
         return (await self._work_out(wire.definition_of(plan)),)
 
     async def _work_out(self, request: Motion | PlanDefinition) -> wire.Preview:
@@ -56,7 +63,7 @@ class PreviewService:
         finally:
             self._running -= 1
         if isinstance(found, Refusal):
-            raise _refused(found)
+            raise _refusal_error(found)
         return wire_preview(found)
 
 
@@ -73,7 +80,7 @@ async def _run_in_slices(run: PreviewRun) -> Preview | Refusal:
     return run.result
 
 
-def _refused(refusal: Refusal) -> MalError:
+def _refusal_error(refusal: Refusal) -> MalError:
     """Return the error for a refusal, with its full text: no report follows."""
     reason = refusal.reason
     error = _ERRORS.get(reason.value // 100, AreaError.REJECTED)

@@ -1,4 +1,4 @@
-"""Registers the operations of an MRS provider, so that the directory lists the supported ones."""
+"""`ServedOperations` registers an MRS provider's operations, also in its directory; rate limits."""
 
 import asyncio
 from collections import deque
@@ -17,6 +17,7 @@ from adapters.mal import (
     Provider,
     Publisher,
     Service,
+    StandardError,
 )
 from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.spec import (
@@ -34,24 +35,52 @@ T = TypeVar("T")
 MESSAGE_CAP: Final = 1 << 20
 """Maximum octets of a message accepted aboard.
 
-The longest useful message is a plan of at most 256 KiB. Outgoing messages, such as chunks of a
+A useful message, such as a plan, has at most 256 KiB. Outgoing messages, such as chunks of a
 file, are not bounded by it.
 """
 MAX_PRIORITY_CONNECTIONS: Final = 4
 """Maximum priority connections: those that last proved to hold the authority."""
+MAX_PEERS: Final = 1024
+"""Maximum peers with a stored token bucket: the last ones."""
 LIMITS: Final = PeerLimits(
     message_octets=MESSAGE_CAP,
     unfinished_octets=8 * MESSAGE_CAP,
     unread_octets=32 << 20,
     elements=2048,
 )
-"""Bounds of all clients of the link together. The longest useful lists have 1000 names; decoding
+"""Bounds of all clients of the link together. Useful lists have at most 1000 names; decoding
 `elements` elements takes less time than a stop may be late."""
 
 BETWEEN_ASSETS: Final = frozenset(
     {"ServiceLayer", "MonitoringClient", "NotificationClient", "Monitoring.publishParameters"}
 )
 """Services, and one operation, that rovers call without an operator: no contact with the ground."""
+
+
+class PeerRateLimiter:
+    """Limits the events a second of each peer, with a burst of the same number (token bucket).
+
+    Args:
+        max_hz: maximum events a second.
+        now_s: a monotonic clock.
+    """
+
+    def __init__(self, max_hz: int, now_s: Callable[[], float]) -> None:
+        self._max_hz = max_hz
+        self._now_s = now_s
+        self._spent_until_s: dict[str, float] = {}
+
+    def admit(self, peer: str) -> None:
+        """Count an event of a peer; raises TOO_MANY."""
+        now_s = self._now_s()
+        at_s = max(now_s, self._spent_until_s.pop(peer, now_s))
+        full = at_s - now_s > 1.0 - 0.5 / self._max_hz
+        self._spent_until_s[peer] = at_s if full else at_s + 1.0 / self._max_hz
+        if len(self._spent_until_s) > MAX_PEERS:
+            del self._spent_until_s[next(iter(self._spent_until_s))]
+        if full:
+            text = f"at most {self._max_hz} a second of {peer}"
+            raise with_text(StandardError.TOO_MANY, text)
 
 
 class ServedOperations:

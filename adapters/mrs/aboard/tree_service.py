@@ -1,4 +1,4 @@
-"""Broadcasts the behaviour tree while it has subscribers.
+"""`TreeService` broadcasts the behaviour tree while it has subscribers.
 
 The core's thread returns a snapshot at each poll; the link's loop decides which update is sent, and
 when. Without subscribers the core is not polled.
@@ -20,7 +20,7 @@ from trees import TreeSnapshot, snapshot_of
 
 POLL_S: Final = 0.2
 FIGURES_ONLY_S: Final = 1.0
-"""Minimum period of updates in which only figures differ."""
+"""Minimum period of updates in which only figures of texts differ; nothing else depends on it."""
 FULL_UPDATE_S: Final = 10.0
 
 

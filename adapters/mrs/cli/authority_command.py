@@ -1,4 +1,4 @@
-"""`rover authority`: shows, requests and transfers the command authority of a rover."""
+"""The command `rover authority`: shows, requests and transfers a rover's command authority."""
 
 import click
 
@@ -112,7 +112,7 @@ async def release(client: MrsClient) -> None:
 async def _hold(client: MrsClient) -> None:
     """Hold the authority until Ctrl-C; exits 1 if it is lost to another holder."""
     try:
-        await client.authority.lost()
+        await client.authority.wait_lost()
     finally:
         if client.authority.epoch is not None:
             await client.authority.release()
@@ -124,7 +124,7 @@ def authority_line(status: AuthorityStatus) -> str:
     need = "" if status.needed else "; not needed for commands"
     if status.holder is None:
         return f"authority free{need}"
-    requested = f"; {status.askedBy} requests it" if status.askedBy else ""
+    requested = f"; {status.requestedBy} requests it" if status.requestedBy else ""
     return (
         f"{status.holder} holds the authority, epoch {status.epoch},"
         f" lease {status.leaseLeft:.0f} s{requested}{need}"

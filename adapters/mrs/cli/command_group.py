@@ -1,4 +1,4 @@
-"""`rover command`: a sub-command for each operator request, from its declaration."""
+"""The command `rover command`: a sub-command for each operator request, from its declaration."""
 
 from collections.abc import Iterable
 from enum import Enum
@@ -35,18 +35,14 @@ def angle(text: str) -> float:
     Raises:
         click.BadParameter: not an angle, or a number without unit above one turn: likely degrees.
     """
-    angle_rad = _radians(text)
+    angle_rad = angular_speed(text)
     if text[-1:].isdigit() and isfinite(angle_rad) and abs(angle_rad) > 2 * pi:
         raise click.BadParameter(f"{text} rad is more than a turn: write {text}deg for degrees")
     return angle_rad
 
 
 def angular_speed(text: str) -> float:
-    """Return rad/s from an angle text."""
-    return _radians(text)
-
-
-def _radians(text: str) -> float:
+    """Return rad/s from an angle text; raises BadParameter."""
     try:
         for unit in ("deg", "°"):
             if text.endswith(unit):
@@ -197,19 +193,14 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     def send(
         sending: "CommandSender",
         /,
-        arrival: PreemptionPolicy = PreemptionPolicy.APPEND,
+        preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         **given: Any,
     ) -> None:
         if declaration.at_least_one and all(value is None for value in given.values()):
             names = ", ".join(f"--{argument.name}" for argument in written)
             raise click.UsageError(f"give at least one of {names}")
-        values = [given[argument.field] for argument in written]
-        if declaration.at_least_one:
-            values = [
-                0.0 if value is None and not argument.optional else value
-                for argument, value in zip(written, values, strict=True)
-            ]
-        sending.send(declaration.build_request(*values), arrival)
+        values = (given[argument.field] for argument in written)
+        sending.send(declaration.build_request(*values), preemption)
 
     return OperationCommand(
         declaration.name,
@@ -267,7 +258,7 @@ def _type(argument: Argument) -> Any:
 
 def _replace() -> click.Option:
     return click.Option(
-        ["--replace", "arrival"],
+        ["--replace", "preemption"],
         flag_value=PreemptionPolicy.REPLACE,
         default=PreemptionPolicy.APPEND,
         type=PreemptionPolicy,
@@ -319,10 +310,10 @@ for _each in all_declarations():
 
 
 def _action_hints(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
-    """Return the completions of the typed words among the known actions."""
+    """Return the completions of the typed text among the known actions."""
     from executive.commands.actions import Action
 
-    typed = [*(ctx.params.get("words") or ()), begun]
+    typed = [*(ctx.params.get("text") or ()), begun]
     known = (each.value.split() for each in Action)
     last = len(typed) - 1
     return sorted(
@@ -337,9 +328,9 @@ def _action_hints(ctx: click.Context, _: click.Parameter, begun: str) -> list[st
 
 
 @command.command(cls=OperationCommand)
-@click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_action_hints)
+@click.argument("text", metavar="[TEXT]...", nargs=-1, shell_complete=_action_hints)
 @click.pass_obj
-def action(sending: "CommandSender", words: tuple[str, ...]) -> None:
+def action(sending: "CommandSender", text: tuple[str, ...]) -> None:
     """Execute a text command; without one, list the supported ones.
 
     \b
@@ -348,8 +339,8 @@ def action(sending: "CommandSender", words: tuple[str, ...]) -> None:
       rover command action VIDEO ON
       rover command action VIDEO OFF
     """
-    if words:
-        sending.send(ExecuteAction(" ".join(words)))
+    if text:
+        sending.send(ExecuteAction(" ".join(text)))
     else:
         run(_list(sending))
 

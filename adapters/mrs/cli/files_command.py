@@ -1,4 +1,4 @@
-"""`rover files`: list, describe, fetch and watch the files of a rover."""
+"""The command `rover files`: lists, describes, fetches and watches the files of a rover."""
 
 from datetime import datetime
 from pathlib import Path, PurePosixPath

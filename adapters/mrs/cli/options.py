@@ -1,4 +1,4 @@
-"""Options of all MRS clients and servers: address, encoding and certificates."""
+"""Command-line options of all MRS clients and servers: address, encoding and certificates."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
         show_default=True,
         show_envvar=True,
         metavar="URI",
-        help=f"{where} Once for each rover." if multiple else where,
+        help=f"{where} Repeat it for each rover." if multiple else where,
     )
     return add_address(add_terms(with_target))
 

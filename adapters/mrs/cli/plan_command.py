@@ -1,4 +1,4 @@
-"""`rover plan`: check plans locally, submit them to a rover, control and watch them."""
+"""The command `rover plan`: checks plans locally; submits, controls and watches them on a rover."""
 
 import sys
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import FAILED, echo_json, echo_line, in_session, print_table
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import PlanStatus, PlanUpdate
+from adapters.mrs.spec import wire_update
 from adapters.process import asset_option
 from executive.commands import (
     CommandDeclaration,
@@ -34,6 +34,7 @@ from executive.plans import (
 )
 from executive.settings import SettingsError, load_settings
 from executive.values.reasons import Refusal
+from executive.values.reports import PlanStatus, PlanUpdate
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -122,7 +123,9 @@ def submit(
     CommandSender(to).send(SubmitPlan(definition_of(file, plan_id, arguments)))
 
 
-def _steering(kind: Callable[[str], PlanRequest], declaration: CommandDeclaration) -> None:
+def _add_control_command(
+    kind: Callable[[str], PlanRequest], declaration: CommandDeclaration
+) -> None:
     name = declaration.name.removesuffix("Plan")
 
     @plan.command(
@@ -136,7 +139,7 @@ def _steering(kind: Callable[[str], PlanRequest], declaration: CommandDeclaratio
 
 for _kind in get_args(PlanRequest):
     if _kind is not SubmitPlan:
-        _steering(_kind, declaration_of(_kind))
+        _add_control_command(_kind, declaration_of(_kind))
 
 
 @plan.command()
@@ -154,7 +157,7 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
     plans = await client.get_plan_status(*plan_ids)
     if as_json:
         for update in plans:
-            echo_json(update)
+            echo_json(wire_update(update))
     elif plans:
         print_table(map(plan_row, plans), *COLUMNS)
     else:
@@ -179,13 +182,13 @@ async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:
     for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
         updates.put(update)
     async for update in updates:
-        if plan_id not in {None, update.planId}:
+        if plan_id not in {None, update.plan_id}:
             continue
         if as_json:
-            echo_json(update)
+            echo_json(wire_update(update))
         else:
             echo_line(lines.line(update))
-        if update.planId == plan_id and _is_over(update):
+        if update.plan_id == plan_id and _is_over(update):
             return
 
 
@@ -218,7 +221,7 @@ def _is_over(update: PlanUpdate) -> bool:
 def plan_row(update: PlanUpdate) -> tuple[str, ...]:
     """Return a plan as a table row; node paths are shown without the plan's prefix."""
     ended = f"{update.done} of {update.total}"
-    return (update.planId, update.status.name, ended, _node(update), _text(update))
+    return (update.plan_id, update.status.name, ended, _node(update), _text(update))
 
 
 class PlanLines:
@@ -229,11 +232,12 @@ class PlanLines:
 
     def line(self, update: PlanUpdate) -> str:
         """Return an update as one line: time, plan, status, ended leaves, node, and text."""
-        time = datetime.fromtimestamp(update.timestamp / 1e9)
-        new_text = "" if self._last_texts.get(update.planId) == update.text else _text(update)
-        self._last_texts[update.planId] = update.text or ""
+        time = datetime.fromtimestamp(update.utc_s)
+        new_text = "" if self._last_texts.get(update.plan_id) == update.text else _text(update)
+        self._last_texts[update.plan_id] = update.text
         ended = f"{update.done}/{update.total} ended"
-        head = (f"{time:%H:%M:%S}", update.planId, f"{update.status.name:<9}", ended, _node(update))
+        status = f"{update.status.name:<9}"
+        head = (f"{time:%H:%M:%S}", update.plan_id, status, ended, _node(update))
         return "  ".join(part for part in (*head, new_text) if part)
 
 
@@ -245,8 +249,8 @@ def _text(update: PlanUpdate) -> str:
     return _short(update, update.text).removeprefix(f"{_node(update)}: ")
 
 
-def _short(update: PlanUpdate, text: str | None) -> str:
-    return (text or "").replace(f"plan:{update.planId}/", "")
+def _short(update: PlanUpdate, text: str) -> str:
+    return text.replace(f"plan:{update.plan_id}/", "")
 
 
 def palette() -> str:

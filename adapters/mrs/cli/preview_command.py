@@ -1,4 +1,4 @@
-"""`rover preview`: predicts a motion or a plan without commanding it."""
+"""The command `rover preview`: predicts a motion or a plan without commanding it."""
 
 from collections.abc import Callable, Coroutine
 from functools import partial
@@ -86,7 +86,8 @@ def preview_lines(found: Preview) -> list[str]:
     lines = [
         f"duration {found.duration:.1f} s, {found.length:.2f} m{energy}",
         f"ends at x {end.x:.2f} m, y {end.y:.2f} m, heading {degrees(end.heading):.1f}°,"
-        f" within {found.endWithin:.2f} m and {degrees(found.headingWithin):.1f}° (2 sigma)",
+        f" within {found.endUncertainty:.2f} m"
+        f" and {degrees(found.headingUncertainty):.1f}° (2 sigma)",
     ]
     if found.clearance is not None:
         lines.append(f"clearance {found.clearance:.2f} m to {found.nearest}")
@@ -98,7 +99,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     parameters = parameters_of(declaration)
 
     @click.pass_obj
-    def ask(show: Callable[[Motion], Coroutine[Any, Any, None]], /, **given: Any) -> None:
+    def request(show: Callable[[Motion], Coroutine[Any, Any, None]], /, **given: Any) -> None:
         run(
             show(
                 declaration.build_request(
@@ -111,7 +112,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     return OperationCommand(
         declaration.name,
         params=parameters,
-        callback=ask,
+        callback=request,
         help=help_of(declaration, parameters, "rover preview", typed),
     )
 

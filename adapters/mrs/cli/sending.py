@@ -1,4 +1,4 @@
-"""Sends one command from a terminal, and prints its stages."""
+"""`CommandSender` sends one command from a terminal, and prints its stages."""
 
 import asyncio
 import sys
@@ -13,15 +13,14 @@ from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, echo_li
 from adapters.mrs.ground import CommandOutcome, MrsClient, describe_storage
 from adapters.mrs.spec import (
     AreaError,
-    Notification,
-    Stage,
+    ReceivedReport,
     describe_error,
-    is_prediction,
     lost_command,
+    notification_of,
 )
 from executive.commands import Command, PreemptionPolicy, Request, Stop
-from executive.values.reasons import PREDICTED, Reason
-from executive.values.reports import TERMINAL
+from executive.values.reasons import PREDICTED
+from executive.values.reports import TERMINAL, Report, Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +30,7 @@ class CommandSender:
     Attributes:
         command_id: the number to use; None for a new one.
         authority: the epoch to claim, e.g. of an orbiter; None for this source's own.
-        wait, as_json: whether to wait for its end, and to print notifications as JSON.
+        wait, as_json: whether to wait for its end, and to print reports as JSON.
     """
 
     to: RoverTarget
@@ -42,21 +41,26 @@ class CommandSender:
     wait: bool = True
     as_json: bool = False
 
-    def send(self, request: Request, arrival: PreemptionPolicy = PreemptionPolicy.APPEND) -> None:
+    def send(
+        self, request: Request, preemption: PreemptionPolicy = PreemptionPolicy.APPEND
+    ) -> None:
         """Send a request and print each stage; exits 1 unless it ends EXECUTED.
 
         Raises:
             ConnectionError: the rover is not reachable.
         """
-        if not asyncio.run(self._send(request, arrival)):
+        if not asyncio.run(self._send(request, preemption)):
             sys.exit(FAILED)
 
-    async def _send(self, request: Request, arrival: PreemptionPolicy) -> bool:
+    async def _send(self, request: Request, preemption: PreemptionPolicy) -> bool:
         async with await connect(self.to, self.source) as client:
             if not await self._is_authorized(client, request):
                 return False
             command = client.command(
-                request, command_id=self.command_id, lifetime_s=self.lifetime_s, arrival=arrival
+                request,
+                command_id=self.command_id,
+                lifetime_s=self.lifetime_s,
+                preemption=preemption,
             )
             source, number = command.identity.source, command.identity.command_id
             self._print(
@@ -79,9 +83,7 @@ class CommandSender:
             try:
                 await client.authority.ensure()
             except MalError as refusal:
-                echo_line(
-                    f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True
-                )
+                _echo_refused(describe_error(refusal))
                 return False
         return True
 
@@ -91,34 +93,38 @@ class CommandSender:
         else:
             echo_line(line, word=word, fg=fg)
 
-    def _print_notification(self, notification: Notification) -> None:
-        word, fg = _stage_word(notification)
-        self._print(notification_line(notification), notification, word, fg)
+    def _print_report(self, received: ReceivedReport) -> None:
+        word, fg = _stage_word(received.report)
+        value = notification_of(received.report, received.cursor)
+        self._print(report_line(received.report), value, word, fg)
 
     async def _run(self, client: MrsClient, command: Command) -> bool:
         outcome = await client.run(
             command,
-            self._print_notification,
+            self._print_report,
             lambda where: self._print(f"{clock()}  STORED     {where}", {"stored": where}),
         )
         printed = outcome.stage is Stage.REJECTED or outcome.loss is not None
         if outcome.refusal is not None and not printed:
-            echo_line(
-                f"refused: {await _refusal(client, outcome)}", word="refused:", fg="red", err=True
-            )
+            _echo_refused(await _refusal(client, outcome))
         return outcome.executed
 
     async def _submit(self, client: MrsClient, command: Command) -> bool:
         try:
             await client.submit(command)
         except MalError as refusal:
-            echo_line(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
+            _echo_refused(describe_error(refusal))
             return False
         where = await describe_storage(client.get_value)
         self._print(
-            "acknowledged" if where is None else f"stored {where}", {"taken": True, "stored": where}
+            "acknowledged" if where is None else f"stored {where}",
+            {"acknowledged": True, "stored": where},
         )
         return True
+
+
+def _echo_refused(why: str) -> None:
+    echo_line(f"refused: {why}", word="refused:", fg="red", err=True)
 
 
 async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
@@ -127,7 +133,7 @@ async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
     identity = outcome.command.identity
     if outcome.refusal.number != AreaError.DUPLICATE.value:
         return describe_error(outcome.refusal)
-    if outcome.notifications:
+    if outcome.reports:
         stop = isinstance(outcome.command.request, Stop)
         done = "the rover was stopped again" if stop else "not executed again"
         return f"Duplicate: {identity} is a repeat and {done}; its last stage is printed above"
@@ -143,28 +149,24 @@ async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
     )
 
 
-def notification_line(notification: Notification) -> str:
-    """Return a notification as one line: on-board time, stage, reason, text and figures."""
-    name, _ = _stage_word(notification)
+def report_line(report: Report) -> str:
+    """Return a report as one line: on-board time, stage, reason, text and figures."""
+    name, _ = _stage_word(report)
     parts = []
-    if notification.step is not None:
-        parts.append(f"{notification.step}/{notification.stepCount}")
-    if notification.code is not None:
-        parts.append(f"{notification.code} {_reason(notification.code)}:")
-    parts.append(notification.text or "")
-    figures = _figures(notification)
-    if figures and not is_prediction(notification):
+    if report.step is not None:
+        parts.append(f"{report.step}/{report.step_count}")
+    if report.reason is not None:
+        parts.append(f"{report.reason.value} {report.reason.name}:")
+    parts.append(report.text)
+    figures = _figures(report)
+    if figures and report.stage is not None:
         parts.append(f"[{', '.join(figures)}]")
-    return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(parts)}"
+    return f"{clock(report.utc_s)}  {name:<9}  {' '.join(parts)}"
 
 
-def _figures(notification: Notification) -> list[str]:
-    """Return the figures of a notification, each with its prediction, if any."""
-    known = {
-        figure.name: figure.value.value
-        for figure in notification.parameters or ()
-        if figure.value is not None and isinstance(figure.value.value, float)
-    }
+def _figures(report: Report) -> list[str]:
+    """Return the figures of a report, each with its prediction, if any."""
+    known = {figure.name: figure.value for figure in report.figures}
     return [
         f"{name} {value:g} (predicted {known[PREDICTED + name]:g})"
         if PREDICTED + name in known
@@ -174,23 +176,13 @@ def _figures(notification: Notification) -> list[str]:
     ]
 
 
-def _stage_word(notification: Notification) -> tuple[str, str | None]:
+def _stage_word(report: Report) -> tuple[str, str | None]:
     """Return the label of a command's stage, and its colour if it has ended."""
-    stage = notification.stage
-    if lost_command(notification) is not None:
+    if lost_command(report) is not None:
         return "LOST", "red"
-    if is_prediction(notification):
+    if report.stage is None:
         return "PREDICTED", None
-    if stage is None:
-        return notification.severity.name, None
-    return stage.name, _COLOURS.get(stage)
+    return report.stage.name, _COLOURS.get(report.stage)
 
 
 _COLOURS: Final = {stage: "green" if stage is Stage.EXECUTED else "red" for stage in TERMINAL}
-
-
-def _reason(code: int) -> str:
-    try:
-        return Reason(code).name
-    except ValueError:
-        return "unknown here"

@@ -1,4 +1,4 @@
-"""`rover status`: mode, commands and parameters of a rover; `rover services`: its directory."""
+"""The commands `rover status` (mode, commands, parameters) and `rover services` (directory)."""
 
 import asyncio
 import sys
@@ -25,6 +25,7 @@ from adapters.mrs.cli.terminal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
+    MAP_HOUSEKEEPING,
     POSE_HOUSEKEEPING,
     ActiveFault,
     AreaError,
@@ -36,15 +37,14 @@ from adapters.mrs.spec import (
     FaultReaction,
     FaultStatus,
     ParameterDefinition,
-    ParameterValue,
-    PlanStatus,
-    PlanUpdate,
     ServiceDescriptor,
     find_service,
+    received_value,
 )
-from executive.safety import summary
-from executive.state import Uncertainty
-from executive.values.reports import printable
+from executive.faults import summary
+from executive.state import RECOVERY, Uncertainty
+from executive.values.geometry import Pose
+from executive.values.reports import PlanStatus, PlanUpdate, printable
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -53,10 +53,6 @@ T = TypeVar("T")
 
 REFRESH_S: Final = 0.5
 _RESUME: Final = "rover command resume"
-_CONFIRM: Final = (
-    "the pose is uncertain: correct it with rover command setPositionCompensation,"
-    " or confirm it with rover command confirmPose"
-)
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
 
@@ -103,14 +99,14 @@ class _StatusSnapshot:
     @property
     def values(self) -> dict[str, float | str | None]:
         """Figures of the parameters, None if unknown."""
-        return {value.name: _figure(value) for value in self.status.values}
+        return {each.name: each.value for each in map(received_value, self.status.values)}
 
     def as_json(self) -> dict[str, Any]:
         """Return the state as printed with --json."""
         values, faults = self.values, self.faults
         return {
             "asset": self.asset.asset,
-            "time": iso(self.status.timestamp),
+            "time": iso(self.status.timestamp / 1e9),
             "mode": self.status.mode,
             "activeCommandId": self.status.activeCommandId,
             "queuedCommands": self.status.queuedCommands,
@@ -134,9 +130,9 @@ class _StatusSnapshot:
         values, mode, faults = self.values, self.status.mode, self.faults
         lines = (
             *(_why(faults) if faults else ()),
-            _work(self.status),
+            _work_line(self.status),
             *_recovery_lines(mode, self.suspended, faults),
-            *((_CONFIRM,) if _uncertainty(values) else ()),
+            *((f"the pose is uncertain: {RECOVERY}",) if _uncertainty(values) else ()),
             *((authority_line(self.authority),) if self.authority else ()),
             _position_text(values, self.camera),
             _not_monitored(faults),
@@ -179,14 +175,14 @@ async def _snapshots(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
     asset, definitions = await client.get_asset(), await client.list_definition()
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
-        faults = await _served(client.get_faults(), None)
+        faults = await _answer_or(client.get_faults(), None)
         suspended = await _suspended_plans(client, status.mode)
-        authority = await _served(client.authority.status(), None)
+        authority = await _answer_or(client.authority.status(), None)
         yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
         await asyncio.sleep(REFRESH_S)
 
 
-async def _served(answer: Awaitable[T], instead: T) -> T:
+async def _answer_or(answer: Awaitable[T], instead: T) -> T:
     """Return an answer, or `instead` if the operation is not supported, as at an orbiter."""
     try:
         return await answer
@@ -198,11 +194,11 @@ async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpda
     """Return the suspended plans of a stopped rover; none if plans are not supported."""
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()
-    plans = await _served(client.get_plan_status(), ())
+    plans = await _answer_or(client.get_plan_status(), ())
     return tuple(plan for plan in plans if plan.status is PlanStatus.SUSPENDED)
 
 
-def _work(status: AssetStatus) -> str:
+def _work_line(status: AssetStatus) -> str:
     """Return the active command, the queue and the active plan in one line."""
     if status.activeCommandId is None and not status.queuedCommands:
         doing = "no command active, queue empty"
@@ -218,9 +214,18 @@ def _position_text(values: dict[str, float | str | None], camera: CameraState) -
     video = f"video {'on' if camera.videoOn else 'off'}"
     if not (isinstance(x, float) and isinstance(y, float) and isinstance(heading, float)):
         return f"position unknown, {video}"
-    pose = f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
+    pose = f"at {_pose_text(Pose(x, y, heading_rad=heading))}"
+    map_x, map_y, turned = (values.get(each.name) for each in MAP_HOUSEKEEPING)
+    if isinstance(map_x, float) and isinstance(map_y, float) and isinstance(turned, float):
+        origin = Pose(map_x, map_y, heading_rad=turned)
+        in_map = origin.inverse.compose(Pose(x, y, heading_rad=heading))
+        pose += f" in odom, {_pose_text(in_map)} in the map"
     uncertainty = _uncertainty(values)
     return f"{pose}, uncertain by {uncertainty}, {video}" if uncertainty else f"{pose}, {video}"
+
+
+def _pose_text(pose: Pose) -> str:
+    return f"x {pose.x_m:z.2f} m, y {pose.y_m:z.2f} m, heading {degrees(pose.heading_rad):z.1f}°"
 
 
 def _uncertainty(values: dict[str, float | str | None]) -> Uncertainty:
@@ -269,8 +274,8 @@ def _recovery_lines(
         where = "" if faults else "rover watch shows the reason; "
         lines.append(f"{where}to continue, once the cause is cleared: {_RESUME}")
     for plan in suspended:
-        lines.append(f"plan {plan.planId} is suspended: {plan.text}")
-        lines.append(f"to continue: rover plan resume {plan.planId}")
+        lines.append(f"plan {plan.plan_id} is suspended: {plan.text}")
+        lines.append(f"to continue: rover plan resume {plan.plan_id}")
     return tuple(lines)
 
 
@@ -302,23 +307,14 @@ async def _show_asset(to: RoverTarget, asset: str, as_json: bool) -> None:
             raise click.UsageError(text) from error
         units = {each.name: each.unit or "" for each in await client.list_definition()}
     if as_json:
-        found = {
-            each.name: {"value": _figure(each), "time": iso(each.timestamp)} for each in values
-        }
+        found = {each.name: {"value": each.value, "time": iso(each.utc_s)} for each in values}
         echo_json({"asset": asset, "parameters": found})
         return
     rows = (
-        (each.name, _shown(_figure(each)), units.get(each.name, ""), iso(each.timestamp))
+        (each.name, _shown(each.value), units.get(each.name, ""), iso(each.utc_s))
         for each in values
     )
     print_table(rows, "parameter", "value", "unit", "sampled, UTC")
-
-
-def _figure(value: ParameterValue) -> float | str | None:
-    if value.value is None:
-        return None
-    found = value.value.value
-    return found if isinstance(found, str) else float(found)
 
 
 def _shown(figure: float | str | None) -> str:

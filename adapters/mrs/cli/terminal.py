@@ -1,4 +1,4 @@
-"""Shared by all sub-commands: connecting, error messages, tables and JSON.
+"""Shared by the sub-commands that use the MRS: connection, error messages, tables, JSON.
 
 The client is imported at first use, so that `--help` is fast.
 """
@@ -19,6 +19,7 @@ import click
 from adapters.mal import CertificateError, MalError, NamedValue, TypedAttribute
 from adapters.mrs.cli.options import RoverTarget, to_option
 from adapters.mrs.transport import TransportMismatchError
+from executive.values.reasons import UnknownReason
 from executive.values.reports import printable
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def _plain(value: Any, name: str = "") -> Any:
             return None
         case Enum():
             return value.name
-        case TypedAttribute():
+        case TypedAttribute() | UnknownReason():
             return _plain(value.value)
         case (NamedValue(), *_):
             return {each.name: _plain(each.value) for each in value}
@@ -129,7 +130,7 @@ def _plain(value: Any, name: str = "") -> Any:
         case float():
             return value if isfinite(value) else None
         case int() if name in _TIMES:
-            return iso(value)
+            return iso(value / 1e9)
         case bytes():
             return value.hex()
         case _ if is_dataclass(value):
@@ -165,12 +166,12 @@ def utc(time_ns: int) -> str:
     return f"{datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S}"
 
 
-def iso(time_ns: int) -> str:
-    """Return a time of the MRS in ISO 8601, to the millisecond."""
-    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
+def iso(utc_s: float) -> str:
+    """Return a UTC time in ISO 8601, to the millisecond."""
+    return datetime.fromtimestamp(utc_s, UTC).isoformat(timespec="milliseconds")
 
 
-def clock(time_ns: int | None = None) -> str:
-    """Return the local time of day, now or at a time of the MRS, to the millisecond."""
-    time = datetime.now() if time_ns is None else datetime.fromtimestamp(time_ns / 1e9)
+def clock(utc_s: float | None = None) -> str:
+    """Return the local time of day, now or at a UTC time, to the millisecond."""
+    time = datetime.now() if utc_s is None else datetime.fromtimestamp(utc_s)
     return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"

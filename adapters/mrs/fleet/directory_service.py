@@ -1,4 +1,4 @@
-"""Service ServiceLayer: directory of the supported and the registered services."""
+"""`DirectoryService`, service ServiceLayer: directory of the own and the registered services."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -49,7 +49,7 @@ def descriptor_fault(descriptor: ServiceDescriptor) -> str | None:
         return f"operations: 1 to {MAX_OPERATIONS} numbers, none of them 0"
     if len(set(operations)) != len(operations):
         return "operations: each number once"
-    return _unknown(descriptor)
+    return _contradiction(descriptor)
 
 
 def _reachable(uri: str) -> bool:
@@ -59,7 +59,7 @@ def _reachable(uri: str) -> bool:
         return False
 
 
-def _unknown(descriptor: ServiceDescriptor) -> str | None:
+def _contradiction(descriptor: ServiceDescriptor) -> str | None:
     """Return the contradiction between a descriptor and the MRS specification, or None.
 
     A service of the MRS has its name there, optionally after a prefix with a dot; services of other

@@ -1,4 +1,4 @@
-"""Connection to the upstream service layer: registers, and publishes this asset's data."""
+"""`FleetLink` to the upstream service layer: registers there, and publishes this asset's data."""
 
 import asyncio
 import logging
@@ -59,12 +59,12 @@ class FleetPublisher:
         self._pending = asyncio.Event()
         self.idle = asyncio.Event()
 
-    def value(self, value: ParameterValue) -> None:
+    def publish_value(self, value: ParameterValue) -> None:
         """Publish a value with the next batch."""
         self._values[value.name] = value
         self._wake()
 
-    def notification(self, notification: Notification) -> None:
+    def publish_notification(self, notification: Notification) -> None:
         """Publish a notification once, after all earlier ones."""
         if notification.sequence > self._newest:
             self._newest = notification.sequence
@@ -122,9 +122,9 @@ class FleetPublisher:
         recent = tuple(each for each in self._recent if each.sequence >= sequence)
         if recent and recent[0].sequence == sequence:
             return recent
-        return await self._past(sequence, RECENT)
+        return await self._past_notifications(sequence, RECENT)
 
-    async def _past(self, since: int, maximum: int) -> tuple[Notification, ...]:
+    async def _past_notifications(self, since: int, maximum: int) -> tuple[Notification, ...]:
         return await self._gateway.query(
             lambda executive: past_notifications(executive, since, None, maximum)
         )
@@ -142,7 +142,7 @@ class FleetPublisher:
                 raise
             known = ()
         if known:
-            own = await self._past(known[-1].sequence, 1)
+            own = await self._past_notifications(known[-1].sequence, 1)
             if own and _is_same(own[0], known[-1]):
                 return known[-1].sequence + 1
         return max(self._first, self._next - PAGE)
@@ -263,7 +263,7 @@ class FleetLink:
         self._is_connected = is_connected
         severity = Severity.INFORMATIONAL if is_connected else Severity.WARNING
         reported = self._gateway.query(
-            lambda executive: executive.event(severity, text, kind=ReportKind.LINK)
+            lambda executive: executive.report_event(severity, text, kind=ReportKind.LINK)
         )
         reported.add_done_callback(lambda done: done.cancelled() or done.exception())
 
@@ -276,7 +276,7 @@ def _describe(fault: MalError | OSError) -> str:
 
 
 async def _lost(consumer: Consumer) -> None:
-    await consumer.lost()
+    await consumer.wait_lost()
     raise MalError(StandardError.DESTINATION_LOST)
 
 

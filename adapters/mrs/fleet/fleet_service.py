@@ -1,4 +1,4 @@
-"""Serves the data of all known assets, and joins another service layer.
+"""`FleetService` serves the data of all known assets, and joins another service layer.
 
 It queries each asset at its own address for its description, and caches the answer.
 """

@@ -1,4 +1,4 @@
-"""Receives the updates of other assets from the upstream service layer, with catch-up."""
+"""`FleetSubscriber` receives other assets' updates from the upstream layer, with catch-up."""
 
 import asyncio
 import logging
@@ -116,7 +116,7 @@ class FleetSubscriber:
                 raise
 
     def _on_value(self, update: UpdateHeader, value: ParameterValue) -> None:
-        other = self._of(update)
+        other = self._upstream_asset(update)
         if other is not None:
             self._store_value(other, value, update.domain or ())
 
@@ -127,7 +127,7 @@ class FleetSubscriber:
             self._held.append((update, notification))
 
     def _pass_on(self, update: UpdateHeader, notification: Notification) -> None:
-        other = self._of(update)
+        other = self._upstream_asset(update)
         if other is not None:
             self._store_notification(other, notification, update.domain or ())
 
@@ -149,7 +149,7 @@ class FleetSubscriber:
         if is_valid_notification(notification) and other.history.add(notification) and aloud:
             self._pass_on_notification(notification, other.asset, domain)
 
-    def _of(self, update: UpdateHeader) -> KnownAsset | None:
+    def _upstream_asset(self, update: UpdateHeader) -> KnownAsset | None:
         """Return the asset that published an update itself upstream; None for all others."""
         key = update.keyValues[0].value if update.keyValues else None
         if key is None or update.source != key.value:

@@ -1,4 +1,4 @@
-"""Stored data of other assets: addresses, last parameter values, notifications."""
+"""`KnownAssets`: addresses, last parameter values and notifications of the other assets."""
 
 from dataclasses import dataclass, field
 from typing import Final

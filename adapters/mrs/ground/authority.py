@@ -1,4 +1,4 @@
-"""Command authority of a session: requested, renewed during the session, claimed by commands."""
+"""`SessionAuthority`: requests the command authority for a client's session, and renews it."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -80,7 +80,7 @@ class SessionAuthority:
             self._renewing.cancel()
             self._renewing = None
 
-    async def lost(self) -> None:
+    async def wait_lost(self) -> None:
         """Wait until the authority is lost."""
         if self._renewing is not None:
             await asyncio.wait((self._renewing,))

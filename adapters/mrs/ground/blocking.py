@@ -1,4 +1,4 @@
-"""Blocking client for scripts and notebooks; its session runs on a thread."""
+"""`BlockingClient` for scripts and notebooks: an `MrsClient` with its session on a thread."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -6,7 +6,7 @@ from threading import Thread
 from typing import Any, TypeVar
 
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import CommandOutcome, OnNotification
+from adapters.mrs.ground.outcome import CommandOutcome, OnReport
 from adapters.mrs.transport import CLEAR, TransportSettings
 from executive.commands import Request
 
@@ -47,17 +47,15 @@ class BlockingClient:
         finally:
             self._end_thread()
 
-    def run(
-        self, request: Request, on_notification: OnNotification = lambda _: None
-    ) -> CommandOutcome:
+    def run(self, request: Request, on_report: OnReport = lambda _: None) -> CommandOutcome:
         """Send a command and wait until it ends.
 
         Args:
             request: the request to command.
-            on_notification: called with each notification of its life cycle on reception, on the
-                thread of the session.
+            on_report: called with each report of its life cycle on reception, on the thread of
+                the session.
         """
-        return self.call(lambda client: client.run(client.command(request), on_notification))
+        return self.call(lambda client: client.run(client.command(request), on_report))
 
     def call(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
         """Return the result of a client's method, e.g. `call(MrsClient.get_pose)`."""

@@ -1,25 +1,21 @@
-"""Client session of the MRS: commands with their outcome, and streams of the rover's updates."""
+"""`MrsClient`: commands with their outcome, queries, and streams of a rover's updates."""
 
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from adapters.mal import MalError
+from adapters.mrs import spec as wire
 from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.file_retrieval import FileNotification, FileRetrieval
-from adapters.mrs.ground.notification_stream import NotificationStream, Stream, Streams, Updates
-from adapters.mrs.ground.outcome import (
-    CommandOutcome,
-    CommandWatch,
-    OnNotification,
-    describe_storage,
-)
+from adapters.mrs.ground.outcome import CommandOutcome, CommandWatch, OnReport, describe_storage
 from adapters.mrs.ground.queries import LINK_LOST_ERRORS, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
 from adapters.mrs.ground.session import RoverSession, parse_address
-from adapters.mrs.ground.tree_stream import TreeUpdates
+from adapters.mrs.ground.streams import NotificationStream, Stream, Streams, TreeUpdates, Updates
 from adapters.mrs.spec import (
     LINK,
     AreaError,
@@ -27,15 +23,18 @@ from adapters.mrs.spec import (
     FileInfo,
     Notification,
     ParameterValue,
-    PlanUpdate,
+    ReceivedReport,
+    ReceivedValue,
     header_of,
     invocation,
+    plan_update_of,
+    received_value,
     supplements_of,
 )
 from adapters.mrs.transport import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.commands import Command, PreemptionPolicy, Request
-from executive.values.reports import Identity
+from executive.values.reports import Identity, PlanUpdate
 
 if TYPE_CHECKING:
     from trees import TreeSnapshot
@@ -103,9 +102,11 @@ class MrsClient(Queries):
         super().__init__(RoverSession(address, source, terms, *ends, timeout_s, patience_s, system))
         self._system, self._numbers = system, CommandIdGenerator(system)
         self._watches: list[CommandWatch] = []
-        self._notifications: Streams[Notification] = Streams()
+        self._notifications: Streams[ReceivedReport] = Streams()
         self._feed = NotificationStream(self._deliver, self._on_new_ledger)
-        self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
+        self._telemetry: Updates[ReceivedValue] = Updates(
+            "Monitoring", "monitorValue", received_value
+        )
         self._trees = TreeUpdates()
         self._file_events: Updates[FileNotification] = Updates(
             "FileManagement", "monitorFiles", FileNotification
@@ -176,7 +177,7 @@ class MrsClient(Queries):
         source: str | None = None,
         command_id: int | None = None,
         lifetime_s: float | None = None,
-        arrival: PreemptionPolicy = PreemptionPolicy.APPEND,
+        preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         authority: int | None = None,
     ) -> Command:
         """Return a new command, created now.
@@ -186,7 +187,7 @@ class MrsClient(Queries):
             source: its source; None for that of this session.
             command_id: its number; None for a new one.
             lifetime_s: maximum age at its start; None for no limit.
-            arrival: its preemption of active motion.
+            preemption: its effect on active motion.
             authority: the epoch that it claims; None for that of this session.
         """
         number = self._numbers.next_id() if command_id is None else command_id
@@ -196,24 +197,24 @@ class MrsClient(Queries):
             link=LINK,
             created_utc_s=self._system.utc_s(),
             lifetime_s=lifetime_s,
-            arrival=arrival,
+            preemption=preemption,
             authority=self.authority.epoch if authority is None else authority,
         )
 
     async def run(
         self,
         command: Command,
-        on_notification: OnNotification = lambda _: None,
+        on_report: OnReport = lambda _: None,
         on_stored: Callable[[str], None] | None = None,
     ) -> CommandOutcome:
         """Send a command and wait until it ends or is lost at a relay, across losses of the link.
 
         Args:
             command: a command, as returned by `command`.
-            on_notification: called with each notification of its life cycle on reception.
+            on_report: called with each report of its life cycle on reception.
             on_stored: called with a text on its storage, if it waits at an orbiter.
         """
-        watch = CommandWatch(command, on_notification)
+        watch = CommandWatch(command, on_report)
         self._watches.append(watch)
         try:
             (await self._session.consumer()).require("Notification", "monitorNotification")
@@ -221,9 +222,9 @@ class MrsClient(Queries):
             if on_stored is not None:
                 await self._report_if_stored(watch, on_stored)
             await watch.ended
-            return watch.outcome()
+            return watch.outcome
         except MalError as refusal:
-            return watch.outcome(refusal)
+            return replace(watch.outcome, refusal=refusal)
         finally:
             self._watches.remove(watch)
 
@@ -231,10 +232,10 @@ class MrsClient(Queries):
         self, watch: CommandWatch, on_stored: Callable[[str], None]
     ) -> None:
         await asyncio.wait((watch.ended,), timeout=STORED_AFTER_S)
-        if watch.has_notifications:
+        if watch.has_reports:
             return
         where = await describe_storage(self.get_value)
-        if where is not None and not watch.has_notifications:
+        if where is not None and not watch.has_reports:
             on_stored(where)
 
     async def submit(self, command: Command) -> None:
@@ -267,11 +268,11 @@ class MrsClient(Queries):
             " is the message longer than the rover accepts?"
         )
 
-    def notifications(self) -> Stream[Notification]:
-        """Return the rover's notifications from now on."""
+    def notifications(self) -> Stream[ReceivedReport]:
+        """Return the rover's reports from now on."""
         return self._notifications.open()
 
-    async def telemetry(self) -> Stream[ParameterValue]:
+    async def telemetry(self) -> Stream[ReceivedValue]:
         """Return parameter values from now on."""
         return await self._subscribe(self._telemetry)
 
@@ -387,17 +388,17 @@ class MrsClient(Queries):
         await self._plans.subscribe(consumer)
         (plans,) = await consumer.request("Plan", "getPlanStatus", ())
         for update in plans:
-            if self._last_of_plans.get(update.planId) != update:
+            if self._last_of_plans.get(update.planId) != plan_update_of(update):
                 self._plans.put(self._note_plan(update))
 
-    def _note_plan(self, update: PlanUpdate) -> PlanUpdate:
-        self._last_of_plans[update.planId] = update
+    def _note_plan(self, received: wire.PlanUpdate) -> PlanUpdate:
+        update = self._last_of_plans[received.planId] = plan_update_of(received)
         return update
 
-    def _deliver(self, notification: Notification) -> None:
+    def _deliver(self, received: ReceivedReport) -> None:
         for watch in self._watches:
-            watch.on_notification(notification)
-        self._notifications.put(notification)
+            watch.on_report(received)
+        self._notifications.put(received)
 
     def _on_new_ledger(self) -> None:
         fault = ConnectionError(

@@ -1,4 +1,4 @@
-"""Fetches a file from a rover across losses of the link, and verifies its checksum."""
+"""`FileRetrieval` fetches a file from a rover across losses of the link; verifies its checksum."""
 
 import asyncio
 from collections.abc import Callable
@@ -22,6 +22,15 @@ RETRYABLE_ERRORS: Final = {
     *LINK_LOST_ERRORS,
 }
 """Errors of a lost or stalled transfer, after which it is retried."""
+
+
+def checksum_of(path: Path) -> int:
+    """Return the CRC-32 of a local file."""
+    value = 0
+    with path.open("rb") as file:
+        while octets := file.read(READ_OCTETS):
+            value = crc32(octets, value)
+    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +122,7 @@ class FileRetrieval:
                 self._on_progress(part.tell(), size)
 
     def _check(self) -> None:
-        value = 0
-        with self._part.open("rb") as part:
-            while data := part.read(READ_OCTETS):
-                value = crc32(data, value)
+        value = checksum_of(self._part)
         if value != self._file.checksum:
             self._part.unlink()
             text = f"{self._file.path}: CRC-32 of the received file is {value:08x}, aboard it is "

@@ -1,18 +1,18 @@
-"""Outcome of a command from its notifications, and its storage at an orbiter."""
+"""`CommandOutcome` from a command's notifications, or from its storage or loss at an orbiter."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs.spec import Notification, ParameterValue, Stage, lost_command
+from adapters.mrs.spec import ReceivedReport, ReceivedValue, lost_command
 from executive.commands import Command
-from executive.values.reports import TERMINAL
+from executive.values.reports import Report, ReportKind, Stage
 
-OnNotification = Callable[[Notification], None]
+OnReport = Callable[[ReceivedReport], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,17 @@ class CommandOutcome:
     """The outcome of a command.
 
     Attributes:
-        notifications: its notifications, in the order of reception.
+        reports: the reports of its stages, in the order of reception.
         refusal: the error answer, if it was not accepted.
-        loss: the relay's notification of its loss: whether the rover received it is unknown.
+        loss: the relay's report of its loss: whether the rover received it is unknown.
         prediction: the rover's motion prediction; None without one.
     """
 
     command: Command
-    notifications: tuple[Notification, ...]
+    reports: tuple[Report, ...]
     refusal: MalError | None = None
-    loss: Notification | None = None
-    prediction: Notification | None = None
+    loss: Report | None = None
+    prediction: Report | None = None
 
     @property
     def executed(self) -> bool:
@@ -40,60 +40,47 @@ class CommandOutcome:
     @property
     def stage(self) -> Stage | None:
         """The last known stage, or None."""
-        return self.notifications[-1].stage if self.notifications else None
+        return self.reports[-1].stage if self.reports else None
 
 
 class CommandWatch:
-    """Collects the notifications of one command until it ends or is lost at a relay.
+    """Collects the reports of one command until it ends or is lost at a relay.
 
     Attributes:
-        command, command_id: the command and its number.
-        notifications: the received notifications.
-        loss: the relay's notification of its loss, or None.
-        prediction: the rover's motion prediction, or None.
-        ended: completes at the last expected notification.
+        outcome: its outcome by the received reports.
+        ended: completes at the last expected report.
     """
 
-    def __init__(self, command: Command, on_notification: OnNotification) -> None:
-        self.command_id = command.identity.command_id
-        self.command = command
-        self._identity = command.identity
-        self._on_notification = on_notification
-        self.notifications: list[Notification] = []
-        self.loss: Notification | None = None
-        self.prediction: Notification | None = None
+    def __init__(self, command: Command, on_report: OnReport) -> None:
+        self._on_report = on_report
+        self.outcome = CommandOutcome(command, ())
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     @property
-    def has_notifications(self) -> bool:
-        """Whether a notification was received, or the watch has ended."""
-        return bool(self.notifications) or self.ended.done()
+    def has_reports(self) -> bool:
+        """Whether a report was received, or the watch has ended."""
+        return bool(self.outcome.reports) or self.ended.done()
 
-    def outcome(self, refusal: MalError | None = None) -> CommandOutcome:
-        """Return the outcome from the received notifications and the error answer, if any."""
-        return CommandOutcome(
-            self.command, tuple(self.notifications), refusal, self.loss, self.prediction
-        )
-
-    def on_notification(self, notification: Notification) -> None:
-        """Process a notification of this command; an exception of the callback ends the watch."""
+    def on_report(self, received: ReceivedReport) -> None:
+        """Process a report of this command; an exception of the callback ends the watch."""
+        report, known = received.report, self.outcome
         if self.ended.done():
             return
-        if lost_command(notification) == self._identity:
-            self.loss = notification
-        elif not self._is_new(notification):
+        if lost_command(report) == known.command.identity:
+            self.outcome = replace(known, loss=report)
+        elif not self._is_new(report):
             return
-        elif notification.stage is None:
-            self.prediction = notification
+        elif report.stage is None:
+            self.outcome = replace(known, prediction=report)
         else:
-            self.notifications.append(notification)
+            self.outcome = replace(known, reports=(*known.reports, report))
         try:
-            self._on_notification(notification)
+            self._on_report(received)
         except Exception as fault:
             self.fail(fault)
         if self.ended.done():
             return
-        if self.loss is not None or notification.stage in TERMINAL:
+        if self.outcome.loss is not None or (report.stage is not None and report.stage.terminal):
             self.ended.set_result(None)
 
     def fail(self, fault: Exception) -> None:
@@ -102,26 +89,30 @@ class CommandWatch:
             self.ended.set_exception(fault)
             self.ended.exception()  # marks it as retrieved; waiting tasks still receive it
 
-    def _is_new(self, notification: Notification) -> bool:
-        own = (self._identity.source, self._identity.command_id)
-        received = (*self.notifications, *([] if self.prediction is None else [self.prediction]))
-        return (notification.source, notification.commandId) == own and all(
-            known.sequence != notification.sequence for known in received
+    def _is_new(self, report: Report) -> bool:
+        known = self.outcome
+        return (
+            report.identity == known.command.identity
+            and report.kind is not ReportKind.LINK
+            and all(
+                each is None or each.sequence != report.sequence
+                for each in (*known.reports, known.prediction)
+            )
         )
 
 
 DTN_QUEUED: Final = "DTN_QUEUED"
-DTN_OLDEST: Final = "DTN_OLDEST"
+DTN_OLDEST_AGE: Final = "DTN_OLDEST_AGE"
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 """Parameter of every relay: time until the next contact in s, 0 during one."""
-LAST_RECEIVED: Final = "DTN_LAST_HEARD"
+LAST_RECEIVED: Final = "DTN_LAST_RECEIVED"
 """Parameter: time since the last contact with the rover, in s."""
 OVERRIDE: Final = "DTN_OVERRIDE"
 """Parameter: operator's override of the contact: 1 up, -1 down, 0 as planned."""
 
 
 async def describe_storage(
-    get_value: Callable[..., Awaitable[Sequence[ParameterValue]]],
+    get_value: Callable[..., Awaitable[Sequence[ReceivedValue]]],
 ) -> str | None:
     """Return the storage of an accepted command without report; None without a relay.
 
@@ -135,9 +126,9 @@ async def describe_storage(
         values = await get_value(NEXT_CONTACT, LAST_RECEIVED, OVERRIDE)
     except MalError:
         return None
-    left, age, override = (None if each.value is None else each.value.value for each in values)
-    when = describe_next_contact(inf if left is None else float(left), values[0].timestamp / 1e9)
-    if override is not None and override < 0:
+    left, age, override = (each.value for each in values)
+    when = describe_next_contact(left if isinstance(left, float) else inf, values[0].utc_s)
+    if isinstance(override, float) and override < 0:
         when = "contact disabled by the operator until CONTACT PLAN"
     elif age is None:
         when += "; no contact with the rover yet"

@@ -1,9 +1,10 @@
-"""Queries of a client to a rover."""
+"""`Queries` of a client to a rover, repeated if the link was lost before the answer."""
 
 from typing import Any, Final, TypeVar
 
 from adapters.explanation import UnknownCommandError
 from adapters.mal import MalError, NamedValue, StandardError
+from adapters.mrs import spec as wire
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
     AssetInfo,
@@ -15,18 +16,23 @@ from adapters.mrs.spec import (
     Notification,
     ParameterDefinition,
     ParameterValue,
-    PlanUpdate,
     Pose,
     Preview,
+    ReceivedReport,
+    ReceivedValue,
     ServiceDescriptor,
     Speeds,
-    cursor_of,
+    frame_supplements,
     history_of,
+    plan_update_of,
     preview_request,
+    received_report,
+    received_value,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
 from executive.history import RunHistory
+from executive.values.reports import PlanUpdate
 
 T = TypeVar("T")
 
@@ -54,25 +60,26 @@ class Queries:
 
     async def get_notifications(
         self, since: int | None = None, command_id: int | None = None, max_count: int = 0
-    ) -> tuple[Notification, ...]:
-        """Return recorded notifications from a cursor on; `max_count` 0 for a full page."""
+    ) -> tuple[ReceivedReport, ...]:
+        """Return recorded reports from a cursor on; `max_count` 0 for a full page."""
         wanted = (since, command_id, max_count)
-        return await self._list(Notification, "Notification", "getNotifications", *wanted)
+        page = await self._list(Notification, "Notification", "getNotifications", *wanted)
+        return tuple(map(received_report, page))
 
     async def get_all_notifications(
         self, since: int | None = None, command_id: int | None = None
-    ) -> list[Notification]:
-        """Return all recorded notifications from a cursor on, page by page."""
-        found: list[Notification] = []
+    ) -> list[ReceivedReport]:
+        """Return all recorded reports from a cursor on, page by page."""
+        found: list[ReceivedReport] = []
         while page := await self.get_notifications(since, command_id):
             found += page
-            since = cursor_of(page[-1]) + 1
+            since = page[-1].cursor + 1
         return found
 
-    async def get_last_notification(self) -> Notification | None:
-        """Return the last recorded notification, or None."""
+    async def get_last_notification(self) -> ReceivedReport | None:
+        """Return the last recorded report, or None."""
         last: Notification | None = await self._query("Notification", "getLastNotification")
-        return last
+        return None if last is None else received_report(last)
 
     async def get_history(
         self, command: str | None = None, *, everything: bool = False
@@ -92,9 +99,10 @@ class Queries:
         wanted = (source or None, None if command is None else int(number), everything)
         return history_of(await self._one(History, "Notification", "getHistory", *wanted))
 
-    async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
+    async def get_value(self, *names: str) -> tuple[ReceivedValue, ...]:
         """Return present parameter values; all without names."""
-        return await self._list(ParameterValue, "Monitoring", "getValue", names)
+        values = await self._list(ParameterValue, "Monitoring", "getValue", names)
+        return tuple(map(received_value, values))
 
     async def list_definition(self) -> tuple[ParameterDefinition, ...]:
         """Return the definitions of the parameters."""
@@ -112,7 +120,9 @@ class Queries:
         """Return the prediction of a motion command, without sending it."""
         wanted = preview_request(motion)
         parts = (wanted.operation, wanted.waypoints, wanted.figures, wanted.controller)
-        return await self._one(Preview, "MotionControl", "preview", *parts)
+        options = {"supplements": frame_supplements(motion)}
+        preview: Preview = await self._query("MotionControl", "preview", *parts, **options)
+        return preview
 
     async def preview_plan(self, plan: PlanDefinition) -> Preview:
         """Return the prediction of a plan, without submitting it."""
@@ -140,7 +150,8 @@ class Queries:
 
     async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
         """Return the status of plans; all without ids."""
-        return await self._list(PlanUpdate, "Plan", "getPlanStatus", plan_ids)
+        plans = await self._list(wire.PlanUpdate, "Plan", "getPlanStatus", plan_ids)
+        return tuple(map(plan_update_of, plans))
 
     async def list_files(self, folder: str | None = None) -> tuple[FileInfo, ...]:
         """Return the files of a folder and its subfolders, None for all.
@@ -161,16 +172,18 @@ class Queries:
         """Return this rover and the assets known to it; OFFLINE if one does not answer."""
         return await self._list(AssetInfo, "MonitoringClient", "listAssets")
 
-    async def get_asset_value(self, asset: str, *names: str) -> tuple[ParameterValue, ...]:
+    async def get_asset_value(self, asset: str, *names: str) -> tuple[ReceivedValue, ...]:
         """Return the last values that this rover received of another asset; all without names."""
-        return await self._list(ParameterValue, "MonitoringClient", "getValue", asset, names)
+        values = await self._list(ParameterValue, "MonitoringClient", "getValue", asset, names)
+        return tuple(map(received_value, values))
 
     async def get_asset_notifications(
         self, asset: str, since: int | None = None, max_count: int = 0
-    ) -> tuple[Notification, ...]:
-        """Return the notifications that this rover received of another asset, oldest first."""
+    ) -> tuple[ReceivedReport, ...]:
+        """Return the reports that this rover received of another asset, oldest first."""
         wanted = (asset, since, max_count)
-        return await self._list(Notification, "NotificationClient", "getNotifications", *wanted)
+        page = await self._list(Notification, "NotificationClient", "getNotifications", *wanted)
+        return tuple(map(received_report, page))
 
     async def get_services(self) -> tuple[ServiceDescriptor, ...]:
         """Return the services with their supported operations."""
@@ -190,11 +203,11 @@ class Queries:
         answer: tuple[T, ...] = await self._query(service, operation, *arguments)
         return answer
 
-    async def _query(self, service: str, operation: str, *arguments: Any) -> Any:
+    async def _query(self, service: str, operation: str, *arguments: Any, **options: Any) -> Any:
         while True:
             consumer = await self._session.consumer()
             try:
-                (answer,) = await consumer.request(service, operation, *arguments)
+                (answer,) = await consumer.request(service, operation, *arguments, **options)
                 return answer
             except MalError as error:
                 if error.number not in LINK_LOST_ERRORS:

@@ -1,4 +1,4 @@
-"""One consumer for all services of a rover, each at its address in the rover's directory."""
+"""`RoverConsumer`: a client of all services of a rover, each at its address in the directory."""
 
 import asyncio
 import ssl
@@ -183,19 +183,22 @@ class RoverConsumer:
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:
         """Send a SUBMIT, and return when it is acknowledged."""
-        provider = await self._provider(service, operation)
+        provider = await self._consumer_of(service, operation)
         await provider.submit(service, operation, *parts, supplements=supplements)
 
-    async def request(self, service: str, operation: str, *parts: Any) -> tuple[Any, ...]:
+    async def request(
+        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+    ) -> tuple[Any, ...]:
         """Send a REQUEST, and return the parts of the response."""
-        return await (await self._provider(service, operation)).request(service, operation, *parts)
+        provider = await self._consumer_of(service, operation)
+        return await provider.request(service, operation, *parts, supplements=supplements)
 
     @asynccontextmanager
     async def progress(
         self, service: str, operation: str, *parts: Any
     ) -> AsyncIterator[ProgressStream]:
         """Start a PROGRESS; the context is entered at its acknowledgement."""
-        provider = await self._provider(service, operation)
+        provider = await self._consumer_of(service, operation)
         async with provider.progress(service, operation, *parts) as progress:
             yield progress
 
@@ -208,7 +211,7 @@ class RoverConsumer:
         broker = self._directory if location is None else await self._at(location, service)
         await broker.subscribe(service, operation, subscription, on_update)
 
-    async def lost(self) -> None:
+    async def wait_lost(self) -> None:
         """Wait until any of the connections is closed, by either end."""
         await self._lost.wait()
 
@@ -220,7 +223,7 @@ class RoverConsumer:
         consumers = (self._directory, *self._opened.values())
         await asyncio.gather(*(consumer.close() for consumer in consumers))
 
-    async def _provider(self, service: str, operation: str) -> Consumer:
+    async def _consumer_of(self, service: str, operation: str) -> Consumer:
         self.require(service, operation)
         location = self._locations.providers.get(service)
         return self._directory if location is None else await self._at(location, service)
@@ -238,5 +241,5 @@ class RoverConsumer:
             return self._opened[location]
 
     async def _watch(self, consumer: Consumer) -> None:
-        await consumer.lost()
+        await consumer.wait_lost()
         self._lost.set()

@@ -1,4 +1,4 @@
-"""A session with one rover that reconnects after losses of the link."""
+"""`RoverSession`: the connections to one rover, restored after losses of the link."""
 
 import asyncio
 import logging
@@ -125,7 +125,7 @@ class RoverSession:
 
     async def _reconnect_loop(self, consumer: RoverConsumer) -> None:
         while True:
-            await consumer.lost()
+            await consumer.wait_lost()
             self._settled.clear()
             await consumer.close()
             _LOG.warning("connection with %s lost", self.uri)
@@ -180,7 +180,7 @@ class RoverSession:
             return UnknownHostError(f"unknown host {self.uri.host}")
         if self._terms.certificates is None or isinstance(cause, ConnectionRefusedError):
             return ConnectionError(f"no answer at {self.uri}")
-        return TransportMismatchError(f"no TLS answer at {self.uri}: the rover may use clear text")
+        return TransportMismatchError(f"no TLS answer at {self.uri}: perhaps it uses clear text")
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:

@@ -1,10 +1,16 @@
-"""Shared by both ends of the MRS: specification, types, errors, and core values on the wire.
+"""Shared by both ends of the MRS: specification, wire types, errors, conversion of core values.
 
 It opens no connection. `tree_updates` needs `trees`, so it is imported only where it is used.
 """
 
+from adapters.mrs.spec.core_values import ReceivedReport as ReceivedReport
+from adapters.mrs.spec.core_values import ReceivedValue as ReceivedValue
+from adapters.mrs.spec.core_values import forwarded_command as forwarded_command
+from adapters.mrs.spec.core_values import lost_command as lost_command
 from adapters.mrs.spec.core_values import mode_of as mode_of
 from adapters.mrs.spec.core_values import plan_update_of as plan_update_of
+from adapters.mrs.spec.core_values import received_report as received_report
+from adapters.mrs.spec.core_values import received_value as received_value
 from adapters.mrs.spec.core_values import report_of as report_of
 from adapters.mrs.spec.core_values import rover_values_of as rover_values_of
 from adapters.mrs.spec.core_values import utc_s_of as utc_s_of
@@ -23,12 +29,15 @@ from adapters.mrs.spec.housekeeping import CONSOLE as CONSOLE
 from adapters.mrs.spec.housekeeping import CONSOLE_HOUSEKEEPING as CONSOLE_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import EXECUTIVE as EXECUTIVE
 from adapters.mrs.spec.housekeeping import EXECUTIVE_HOUSEKEEPING as EXECUTIVE_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import MAP_HOUSEKEEPING as MAP_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import ORBITER as ORBITER
 from adapters.mrs.spec.housekeeping import ORBITER_HOUSEKEEPING as ORBITER_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import POSE_HOUSEKEEPING as POSE_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import HousekeepingParameter as HousekeepingParameter
+from adapters.mrs.spec.housekeeping import camera_state as camera_state
 from adapters.mrs.spec.housekeeping import housekeeping_limits as housekeeping_limits
 from adapters.mrs.spec.housekeeping import housekeeping_values as housekeeping_values
+from adapters.mrs.spec.housekeeping import map_figures as map_figures
 from adapters.mrs.spec.housekeeping import reported_uncertainty as reported_uncertainty
 from adapters.mrs.spec.housekeeping import uncertainty_figures as uncertainty_figures
 from adapters.mrs.spec.housekeeping import usage_figures as usage_figures
@@ -41,19 +50,17 @@ from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH as MAX_TEXT_LENGTH
 from adapters.mrs.spec.mapping import NUMBER_TYPES as NUMBER_TYPES
 from adapters.mrs.spec.mapping import REQUESTS as REQUESTS
 from adapters.mrs.spec.mapping import command_of as command_of
-from adapters.mrs.spec.mapping import cursor_of as cursor_of
 from adapters.mrs.spec.mapping import definition_of as definition_of
 from adapters.mrs.spec.mapping import figure_value as figure_value
 from adapters.mrs.spec.mapping import figure_values as figure_values
 from adapters.mrs.spec.mapping import figures as figures
-from adapters.mrs.spec.mapping import forwarded_command as forwarded_command
+from adapters.mrs.spec.mapping import frame_supplements as frame_supplements
+from adapters.mrs.spec.mapping import framed as framed
 from adapters.mrs.spec.mapping import header_of as header_of
 from adapters.mrs.spec.mapping import invocation as invocation
-from adapters.mrs.spec.mapping import is_prediction as is_prediction
 from adapters.mrs.spec.mapping import is_valid_name as is_valid_name
 from adapters.mrs.spec.mapping import is_valid_notification as is_valid_notification
 from adapters.mrs.spec.mapping import is_valid_value as is_valid_value
-from adapters.mrs.spec.mapping import lost_command as lost_command
 from adapters.mrs.spec.mapping import notification_keys as notification_keys
 from adapters.mrs.spec.mapping import notification_of as notification_of
 from adapters.mrs.spec.mapping import parameter_value as parameter_value
@@ -90,7 +97,6 @@ from adapters.mrs.spec.types import NotificationKind as NotificationKind
 from adapters.mrs.spec.types import ParameterDefinition as ParameterDefinition
 from adapters.mrs.spec.types import ParameterValue as ParameterValue
 from adapters.mrs.spec.types import PlanDefinition as PlanDefinition
-from adapters.mrs.spec.types import PlanStatus as PlanStatus
 from adapters.mrs.spec.types import PlanUpdate as PlanUpdate
 from adapters.mrs.spec.types import Pose as Pose
 from adapters.mrs.spec.types import Preview as Preview

@@ -1,4 +1,4 @@
-"""Errors of the MRS area: encodes refusals of the core, and formats errors for display."""
+"""Errors of the MRS: makes them from refusals of the core, and formats them for display."""
 
 from collections.abc import Mapping, Sized
 from enum import Enum, unique

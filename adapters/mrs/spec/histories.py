@@ -24,7 +24,7 @@ def wire_history(history: RunHistory) -> types.History:
     return types.History(
         until=to_ns(history.until_utc_s),
         reports=tuple(map(_wire_report, history.reports)),
-        asked=tuple(map(_wire_received_command, history.received)),
+        commands=tuple(map(_wire_received_command, history.received)),
         declined=tuple(
             types.DeclinedCommand(
                 source=each.identity.source,
@@ -36,13 +36,16 @@ def wire_history(history: RunHistory) -> types.History:
             )
             for each in history.declined
         ),
-        situations=tuple(
-            types.Situation(
+        states=tuple(
+            types.ExecutiveState(
                 timestamp=to_ns(each.utc_s),
                 mode=types.AssetMode(each.mode.value),
                 activeSource=each.active.source if each.active else None,
                 activeCommandId=each.active.command_id if each.active else None,
                 why=each.why[:MAX_TEXT_LENGTH],
+                fault=each.fault,
+                causeSource=each.cause.source if each.cause else None,
+                causeCommandId=each.cause.command_id if each.cause else None,
             )
             for each in history.situations
         ),
@@ -76,7 +79,7 @@ def history_of(history: types.History) -> RunHistory:
     return RunHistory(
         until_utc_s=utc_s_of(history.until),
         reports=tuple(map(_report_of, history.reports)),
-        received=tuple(map(_received_of, history.asked)),
+        received=tuple(map(_received_of, history.commands)),
         declined=tuple(
             RejectedSubmission(
                 Identity(each.source, each.commandId),
@@ -92,8 +95,10 @@ def history_of(history: types.History) -> RunHistory:
                 Mode(each.mode.value),
                 identity_of(each.activeSource, each.activeCommandId),
                 each.why,
+                each.fault,
+                identity_of(each.causeSource, each.causeCommandId),
             )
-            for each in history.situations
+            for each in history.states
             if each.mode is not types.AssetMode.OFFLINE
         ),
         leaves=tuple(
@@ -133,22 +138,22 @@ def _report_of(past: types.PastReport) -> Report:
     )
 
 
-def _wire_received_command(received: ReceivedCommand) -> types.AskedCommand:
+def _wire_received_command(received: ReceivedCommand) -> types.ReceivedCommand:
     created_s = received.created_utc_s
-    return types.AskedCommand(
+    return types.ReceivedCommand(
         source=received.identity.source,
         commandId=received.identity.command_id,
         text=received.text,
         name=received.name,
         link=received.link,
         timestamp=to_ns(received.utc_s),
-        replaces=received.arrival is PreemptionPolicy.REPLACE,
+        replaces=received.preemption is PreemptionPolicy.REPLACE,
         creationTime=None if created_s is None else to_ns(created_s),
         lifetime=received.lifetime_s,
     )
 
 
-def _received_of(received: types.AskedCommand) -> ReceivedCommand:
+def _received_of(received: types.ReceivedCommand) -> ReceivedCommand:
     created_ns = received.creationTime
     return ReceivedCommand(
         Identity(received.source, received.commandId),

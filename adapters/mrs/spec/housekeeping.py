@@ -1,4 +1,4 @@
-"""Housekeeping parameters of the processes between operator and rover."""
+"""Housekeeping parameters on the wire, for executive, orbiter and console, with their limits."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,13 +6,15 @@ from operator import attrgetter
 from typing import Final
 
 from adapters.mal import AttributeType
-from adapters.mrs.spec.mapping import figure_value
-from adapters.mrs.spec.types import ParameterDefinition, ParameterValue
+from adapters.mrs.spec.mapping import AssetView, figure_value, figures
+from adapters.mrs.spec.types import CameraState, ParameterDefinition, ParameterValue
 from adapters.process import ResourceUsage
 from executive.commands import Limit
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, Uncertainty
-from executive.values.reasons import Figure
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
+from executive.values.reasons import Figure, Refusal
 from executive.values.reports import Report, ReportKind
 
 MIN_FREE_OCTETS: Final = 100_000_000
@@ -83,6 +85,13 @@ POSE_HOUSEKEEPING: Final = (
 )
 """Parameters of the executive for the uncertainty of the pose."""
 
+MAP_HOUSEKEEPING: Final = (
+    HousekeepingParameter("EXEC_MAP_X", "Origin of the map X, in the frame of the position", "m"),
+    HousekeepingParameter("EXEC_MAP_Y", "Origin of the map Y, in the frame of the position", "m"),
+    HousekeepingParameter("EXEC_MAP_HEADING", "Heading of the map, in the same frame", "rad"),
+)
+"""Parameters of the executive for the map; no values without a recent transform of it."""
+
 EXECUTIVE: Final = "EXEC"
 EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter(
@@ -95,11 +104,12 @@ EXECUTIVE_HOUSEKEEPING: Final = (
         high="safety.watchdog_s",
     ),
     HousekeepingParameter("EXEC_OVERRUNS", "Late ticks since the start"),
-    HousekeepingParameter("EXEC_WAITING", "Commands and queries queued for the core"),
+    HousekeepingParameter("EXEC_QUEUED", "Commands and queries queued for the core"),
     HousekeepingParameter("EXEC_GOALS", "Accepted commands, queued or active"),
     HousekeepingParameter("EXEC_LEDGER", "Size of the ledger on the disk", "B"),
     HousekeepingParameter("EXEC_REPORTS", "Sequence number of the last report"),
     *POSE_HOUSEKEEPING,
+    *MAP_HOUSEKEEPING,
     *_of_process(EXECUTIVE, "rover-executive"),
 )
 """Parameters of the executive."""
@@ -110,6 +120,14 @@ def uncertainty_figures(figures: Sequence[Figure]) -> dict[str, float]:
     values = {each.name: each.value for each in figures}
     named = zip(Uncertainty().figures, POSE_HOUSEKEEPING, strict=True)
     return {each.name: values[figure.name] for figure, each in named if figure.name in values}
+
+
+def map_figures(origin: Pose | Refusal) -> dict[str, float]:
+    """Return the origin of the map, by parameter name; empty if it is unknown."""
+    if isinstance(origin, Refusal):
+        return {}
+    figures = origin.x_m, origin.y_m, origin.heading_rad
+    return {each.name: figure for each, figure in zip(MAP_HOUSEKEEPING, figures, strict=True)}
 
 
 def reported_uncertainty(report: Report) -> dict[str, float]:
@@ -123,7 +141,7 @@ def reported_uncertainty(report: Report) -> dict[str, float]:
 
 NXT_HOUSEKEEPING: Final = (
     HousekeepingParameter("NXT_CONNECTED", "Connection of MOCUP's brick: 1 or 0", None, 1),
-    HousekeepingParameter("NXT_WAITING", "Commands of the relay queued for the brick"),
+    HousekeepingParameter("NXT_QUEUED", "Commands of the relay queued for the brick"),
     HousekeepingParameter("NXT_COMMANDS", "Commands received by rover-nxt since its start"),
     HousekeepingParameter("NXT_REPEATS", "Repeated commands since its start"),
     HousekeepingParameter("NXT_REFUSED", "Rejected messages since its start"),
@@ -142,7 +160,7 @@ CONSOLE: Final = "CONSOLE"
 CONSOLE_HOUSEKEEPING: Final = (
     HousekeepingParameter("CONSOLE_PAGES", "Open pages"),
     HousekeepingParameter("CONSOLE_DROPPED", "Values dropped for slow pages since the start"),
-    HousekeepingParameter("CONSOLE_WAITING", "Messages queued for the archive"),
+    HousekeepingParameter("CONSOLE_QUEUED", "Messages queued for the archive"),
     HousekeepingParameter("CONSOLE_LOST", "Messages lost by the archive since the start", high=0),
     HousekeepingParameter("CONSOLE_SAMPLES", "Values written to the archive per second", "1/s"),
     *_of_process(CONSOLE, "rover-console"),
@@ -181,3 +199,14 @@ def housekeeping_limits(
         each.name: (figure(each.low), figure(each.high))
         for each in (*ABOARD_HOUSEKEEPING, *ORBITER_HOUSEKEEPING, *CONSOLE_HOUSEKEEPING)
     }
+
+
+def camera_state(asset: AssetView, video_on: bool) -> CameraState:
+    """Return the angles of the camera, NaN if unknown, and whether its video is forwarded."""
+    figure = figures(asset)
+    return CameraState(
+        pan=figure[Parameter.CAM_PAN],
+        tilt=figure[Parameter.CAM_TILT],
+        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
+        videoOn=video_on,
+    )

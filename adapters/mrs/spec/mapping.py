@@ -1,4 +1,4 @@
-"""Converts values of the core to the wire and back: commands, plans, state, reports.
+"""Converts values of the core to MRS types and back: commands, plans, state, reports.
 
 Requests are encoded by their declarations and the XML. An operation that the XML lacks, or whose
 parts differ from the arguments of the request, is an error on import. An unknown figure is NaN, or
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite, nan
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from adapters.mal import (
     AttributeType,
@@ -26,7 +26,6 @@ from adapters.mrs.spec.types import (
     CommandHeader,
     Notification,
     NotificationKind,
-    Severity,
     Validity,
 )
 from executive.commands import (
@@ -34,6 +33,8 @@ from executive.commands import (
     Argument,
     Command,
     CommandDeclaration,
+    FollowPath,
+    MoveTo,
     PlanArgument,
     PlanDefinition,
     PreemptionPolicy,
@@ -42,9 +43,12 @@ from executive.commands import (
     all_declarations,
     arguments_of,
 )
+from executive.settings import TargetFrame
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure
 from executive.values.reports import Identity, PlanUpdate, Report, ReportKind
+
+R = TypeVar("R", bound=Request)
 
 FRAME: Final = "odom"
 
@@ -229,12 +233,11 @@ def notification_of(report: Report, cursor: int | None = None) -> Notification:
         text=report.text,
         parameters=(*named, *figure_values(report.figures)) or None,
         cursor=cursor or report.sequence or None,
+        fault=report.fault,
+        causeSource=report.cause.source if report.cause else None,
+        causeCommandId=report.cause.command_id if report.cause else None,
+        publishers=report.publishers,
     )
-
-
-def cursor_of(notification: Notification | None) -> int:
-    """Return the cursor of a notification; 0 if it is not recorded."""
-    return 0 if notification is None else notification.cursor or 0
 
 
 def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
@@ -247,32 +250,15 @@ def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
     )
 
 
-def lost_command(notification: Notification) -> Identity | None:
-    """Return the command that a relay reports as lost; None for any other notification.
-
-    This is no stage of its life cycle, which the rover reports: it may not have reached the rover.
-    """
-    return _command_of_link(notification, Severity.ALARM)
-
-
-def forwarded_command(notification: Notification) -> Identity | None:
-    """Return the command that a relay reports as forwarded; None for any other notification."""
-    return _command_of_link(notification, Severity.INFORMATIONAL)
-
-
-def _command_of_link(notification: Notification, severity: Severity) -> Identity | None:
-    if (notification.kind, notification.severity) != (NotificationKind.LINK, severity):
+def command_of_link(notification: Notification) -> Identity | None:
+    """Return the command that a LINK notification names; None for any other notification."""
+    if notification.kind is not NotificationKind.LINK:
         return None
     values = {each.name: each.value.value for each in notification.parameters or () if each.value}
     source, number = values.get(_SOURCE), values.get(_NUMBER)
     if not isinstance(source, str) or not isinstance(number, int):
         return None
     return Identity(source, number)
-
-
-def is_prediction(notification: Notification) -> bool:
-    """Whether it is the motion prediction of a command, which is no stage of its life cycle."""
-    return notification.kind is NotificationKind.EVENT and notification.commandId is not None
 
 
 def _name_of(identity: Identity | None) -> tuple[NamedValue, ...]:
@@ -389,7 +375,8 @@ def carrier_of(declaration: CommandDeclaration) -> RequestMapping:
     where = f"{declaration.service}.{declaration.operation}"
     operation = mrs_specification().operation(declaration.service, declaration.operation)
     parts = operation.parts[InteractionStage.SUBMIT][1:]
-    kind, arguments = declaration.kind, declaration.arguments
+    kind = declaration.kind
+    arguments = [each for each in declaration.arguments if each.kind is not TargetFrame]
     if declaration.part is not None:
         return _in_one_part(where, declaration, parts)
     _require(where, arguments, parts)
@@ -487,8 +474,10 @@ REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
 """Constructors of requests from the parts after the command header, by service and operation."""
 
 LINK: Final = DIRECT_LINK
-ARRIVAL: Final = "arrival"
-"""Supplement for the preemption of the active motion: append or replace."""
+PREEMPTION: Final = "preemption"
+"""Supplement of a motion command: append queues it, replace first cancels all other motions."""
+TARGET_FRAME: Final = "frame"
+"""Supplement for the frame of the waypoints: odom or map."""
 AUTHORITY: Final = "authority"
 """Supplement for the epoch of the authority."""
 
@@ -504,8 +493,8 @@ def command_of(
     `peer` is the name of the client's certificate; None in clear text.
 
     Raises:
-        MalError: Invalid, the supplement `arrival` is neither append nor replace, `authority` is
-            no Long, or the source is too long.
+        MalError: Invalid, the supplement `preemption` is neither append nor replace, `authority` is
+            no Long, `frame` neither odom nor map, or the source is too long.
     """
     if isinstance(request, Stop):
         supplements = ()
@@ -514,14 +503,14 @@ def command_of(
     created_ns = header.creationTime
     return Command(
         identity=Identity(header.source, header.commandId),
-        request=request,
+        request=framed(request, supplements),
         link=LINK,
         created_utc_s=None if created_ns is None else created_ns / NS_PER_S,
         lifetime_s=header.lifetime,
         counter=header.counter,
         report_started=header.reportStarted,
         report_progress=header.reportProgress,
-        arrival=_arrival(supplements) if supplements else PreemptionPolicy.APPEND,
+        preemption=_preemption(supplements) if supplements else PreemptionPolicy.APPEND,
         authority=_authority(supplements) if supplements else None,
         peer=peer,
     )
@@ -544,11 +533,24 @@ def header_of(command: Command) -> CommandHeader:
 def supplements_of(command: Command) -> tuple[NamedValue, ...]:
     """Return the message supplements of a command; none for the defaults."""
     found = []
-    if command.arrival is not PreemptionPolicy.APPEND:
-        found.append((ARRIVAL, TypedAttribute(AttributeType.IDENTIFIER, command.arrival.value)))
+    if command.preemption is not PreemptionPolicy.APPEND:
+        found.append(
+            (PREEMPTION, TypedAttribute(AttributeType.IDENTIFIER, command.preemption.value))
+        )
     if command.authority is not None:
         found.append((AUTHORITY, TypedAttribute(AttributeType.LONG, command.authority)))
-    return tuple(NamedValue(name=name, value=value) for name, value in found)
+    return (
+        *(NamedValue(name=name, value=value) for name, value in found),
+        *frame_supplements(command.request),
+    )
+
+
+def frame_supplements(request: Request) -> tuple[NamedValue, ...]:
+    """Return the supplement of the frame of a request's waypoints, if it names one."""
+    if not isinstance(request, MoveTo | FollowPath) or request.frame is None:
+        return ()
+    value = TypedAttribute(AttributeType.IDENTIFIER, request.frame.value)
+    return (NamedValue(name=TARGET_FRAME, value=value),)
 
 
 def _supplement(name: str, supplements: tuple[NamedValue, ...]) -> list[TypedAttribute | None]:
@@ -565,15 +567,34 @@ def _authority(supplements: tuple[NamedValue, ...]) -> int | None:
             raise with_text(AreaError.INVALID, f"supplement {AUTHORITY}: one Long, the epoch")
 
 
-def _arrival(supplements: tuple[NamedValue, ...]) -> PreemptionPolicy:
-    match _supplement(ARRIVAL, supplements):
+def _preemption(supplements: tuple[NamedValue, ...]) -> PreemptionPolicy:
+    match _supplement(PREEMPTION, supplements):
         case []:
             return PreemptionPolicy.APPEND
-        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _ARRIVALS:
+        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _POLICIES:
             return PreemptionPolicy(text)
         case _:
-            text = f"supplement {ARRIVAL}: one Identifier, {' or '.join(sorted(_ARRIVALS))}"
+            text = f"supplement {PREEMPTION}: one Identifier, {' or '.join(sorted(_POLICIES))}"
             raise with_text(AreaError.INVALID, text)
 
 
-_ARRIVALS: Final = {arrival.value for arrival in PreemptionPolicy}
+def framed(request: R, supplements: tuple[NamedValue, ...]) -> R:
+    """Return a request with the frame of its waypoints that the supplements name.
+
+    Raises:
+        MalError: Invalid, the supplement is neither odom nor map.
+    """
+    if not isinstance(request, MoveTo | FollowPath):
+        return request
+    match _supplement(TARGET_FRAME, supplements):
+        case []:
+            return request
+        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _FRAMES:
+            return replace(request, frame=TargetFrame(text))
+        case _:
+            text = f"supplement {TARGET_FRAME}: one Identifier, {' or '.join(sorted(_FRAMES))}"
+            raise with_text(AreaError.INVALID, text)
+
+
+_FRAMES: Final = {frame.value for frame in TargetFrame}
+_POLICIES: Final = {policy.value for policy in PreemptionPolicy}

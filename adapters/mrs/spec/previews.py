@@ -82,8 +82,8 @@ def wire_preview(preview: "Preview") -> types.Preview:
             )
             for each in preview.path
         ),
-        endWithin=preview.within_m,
-        headingWithin=preview.within_rad,
+        endUncertainty=preview.within_m,
+        headingUncertainty=preview.within_rad,
         energy=preview.energy_j,
         clearance=None if clearance is None else clearance.least_m,
         nearest=None if clearance is None else clearance.obstacle,

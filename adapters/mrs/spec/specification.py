@@ -1,4 +1,4 @@
-"""The MRS as an MO specification; it drives provider and client."""
+"""`mrs_specification` loads mrs.xml, which drives the provider and the client."""
 
 from functools import cache
 from pathlib import Path

@@ -9,7 +9,7 @@ from typing import Final
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH, NS_PER_S, to_ns
 from executive.values.reports import Identity
-from trees import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
+from trees import FaultSnapshot, NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
 
 SEPARATOR: Final = "/"
 
@@ -68,7 +68,7 @@ def snapshot_of_update(update: types.TreeUpdate, whole: TreeSnapshot | None) -> 
         mode=update.mode.name,
         why=update.why,
         nodes=nodes,
-        faults=update.faults,
+        faults=tuple(FaultSnapshot(each.name, each.severity, each.text) for each in update.faults),
         unmonitored=unmonitored,
         active=None if number is None else Identity(update.activeSource or "", number),
     )
@@ -91,7 +91,12 @@ def _update(
         activeSource=None if active is None else active.source,
         activeCommandId=None if active is None else active.command_id,
         why=snapshot.why[:MAX_TEXT_LENGTH],
-        faults=snapshot.faults,
+        faults=tuple(
+            types.TreeFault(
+                name=each.name, severity=each.severity, text=each.text[:MAX_TEXT_LENGTH]
+            )
+            for each in snapshot.faults
+        ),
         unmonitored=unmonitored,
         nodes=nodes,
         changes=changes,

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-import executive.safety
+import executive.faults
 import executive.values.reports
 from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
@@ -16,7 +16,7 @@ Severity = executive.values.reports.Severity
 NotificationKind = executive.values.reports.ReportKind
 PlanStatus = executive.values.reports.PlanStatus
 FileEventType = executive.values.reports.FileEventKind
-Unmonitored = executive.safety.Unmonitored
+Unmonitored = executive.faults.Unmonitored
 
 
 class Validity(Enum):
@@ -34,10 +34,10 @@ class AssetMode(Enum):
     """Mode of the asset.
 
     Attributes:
-        TELEOP: Open velocity command active.
-        PLAN: Plan active.
-        STOPPED: Latched by stop until resume.
-        SAFE: Fault reaction active.
+        TELEOP: A velocity command (drive) is active.
+        PLAN: A plan is active.
+        STOPPED: The asset is stationary until resume.
+        SAFE: A fault reaction holds the asset stationary until resume.
     """
 
     IDLE = 1
@@ -54,11 +54,11 @@ class FaultReaction(Enum):
     """Reaction of an asset to a fault.
 
     Attributes:
-        WARN: Continues, with an event.
-        SLOW_DOWN: Continues at lower speeds.
-        PAUSE: Stationary; motion waits.
-        STOP: Stationary; motion FAILED.
-        SAFE: Stationary in mode SAFE; motion FAILED.
+        WARN: The asset continues, and sends an event.
+        SLOW_DOWN: The asset continues at lower speeds.
+        PAUSE: The asset is stationary, and its motion waits.
+        STOP: The asset is stationary, and its motion has FAILED.
+        SAFE: The asset is stationary in mode SAFE, and its motion has FAILED.
     """
 
     WARN = 1
@@ -72,8 +72,8 @@ class Controller(Enum):
     """Controller of a motion to a target.
 
     Attributes:
-        TURN_DRIVE: Turns on the spot and straight lines.
-        MPC: Time-optimal curves by model predictive control. Not offered by every asset.
+        TURN_DRIVE: Drives by turns on the spot and straight lines.
+        MPC: Drives along time-optimal curves by model predictive control. Not every asset has it.
     """
 
     TURN_DRIVE = 1
@@ -122,10 +122,10 @@ class CommandHeader:
     """Identity and handling of a command; the first part of every command.
 
     Attributes:
-        commandId: Unique for its source forever, never 0 (MOPS field moeinputsid). Repeated in
-            every notification of the command.
-        source: Commanding entity, e.g. MOE-1: at most 256 printable characters.
-        counter: MOPS field moeinputscounter, display only.
+        commandId: Number of the command. It is never 0, and the source never uses it again (MOPS
+            field moeinputsid). Every notification of the command repeats it.
+        source: Name of the sender, e.g. MOE-1: at most 256 printable characters.
+        counter: MOPS field moeinputscounter, used for display only.
         lifetime: Seconds from creationTime after which the command must not start. NULL: no expiry.
             (s)
         creationTime: Time of creation at the source. NULL: the lifetime counts from reception. (ns
@@ -148,23 +148,30 @@ class Notification:
     """A report of an asset.
 
     Attributes:
-        kind: Its subject.
+        kind: Subject of the notification.
         severity: Its severity for the operator.
         timestamp: On-board time of the event. (ns since 1970 UTC)
-        sequence: Per asset, incremented by one with each report. 0 at an orbiter: not numbered.
-        commandId: The command. NULL unless kind is COMMAND, or the event is a motion prediction of
-            a command: kind EVENT, stage NULL.
+        sequence: Number of the report. The asset increments it by one with each report. 0 at an
+            orbiter: the report has no number.
+        commandId: Number of the command. NULL unless kind is COMMAND, or the notification is an
+            event that predicts the motion of a command (kind EVENT, stage NULL).
         source: Source of that command.
         stage: Stage that the command reached. NULL unless kind is COMMAND.
-        step: PROGRESS: present step.
-        stepCount: PROGRESS: number of steps.
-        code: Number of the reason: of REJECTED, FAILED and CANCELLED, and of some events (PUS-C
-            failure notice code).
+        step: In PROGRESS: number of the present step.
+        stepCount: In PROGRESS: number of all steps.
+        code: Number of the reason of a REJECTED, FAILED or CANCELLED, or of an event that has a
+            reason (PUS-C failure notice code).
         text: For the operator.
-        parameters: Failure data or results. A name that begins with 'predicted ' is the predicted
-            value of the name after it.
-        cursor: Position in the record of this provider, for getNotifications. Aboard equal to the
-            sequence. NULL: not recorded.
+        parameters: Failure data or results. A parameter whose name is 'predicted ' and another name
+            is the predicted value of the parameter with that name.
+        cursor: Position of the notification in the record of this provider, for getNotifications.
+            Aboard it equals the sequence. NULL: the notification is not recorded.
+        fault: Name, in the asset's fault table, of the fault that began, cleared, made the pose
+            uncertain or ended the command. NULL: none.
+        causeSource: Source of the other command that ended the command. NULL: none.
+        causeCommandId: Number of the other command that ended the command. NULL: none.
+        publishers: In an event that reports a change of the other publishers of velocities: the
+            names of all these publishers. NULL in other notifications.
     """
 
     kind: NotificationKind
@@ -180,6 +187,10 @@ class Notification:
     text: str | None = None
     parameters: tuple[NamedValue, ...] | None = None
     cursor: int | None = None
+    fault: str | None = None
+    causeSource: str | None = None
+    causeCommandId: int | None = None
+    publishers: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +202,7 @@ class ParameterDefinition:
         description: Its meaning.
         type: Type of its values.
         unit: Unit of its values, UCUM-like (m, rad, m/s, rad/s, V). NULL: a number without unit.
-        writable: TRUE: can be set by a command.
+        writable: TRUE: a command can set the parameter.
     """
 
     name: str
@@ -209,7 +220,7 @@ class ParameterValue:
         name: Its name.
         timestamp: Sampling time. (ns since 1970 UTC)
         validity: Whether the value can be used.
-        value: Its value. NULL when not valid.
+        value: Its value. NULL when the value is not valid.
     """
 
     name: str
@@ -298,7 +309,7 @@ class CameraState:
 class PictureSettings:
     """Settings of a picture.
 
-    NULL: the camera's default.
+    The camera's default is used for a setting that is NULL.
 
     Attributes:
         width: pixel.
@@ -318,12 +329,13 @@ class FileInfo:
     """Attributes of a file of the asset.
 
     Attributes:
-        path: Relative to the monitored folder, separated by slashes.
+        path: Path relative to the monitored folder, with slashes between its parts.
         size: octet.
         modified: Time of the last change. (ns since 1970 UTC)
         mimeType: Its media type.
         checksum: CRC-32 (IEEE 802.3) of the content. NULL: not computed yet.
-        metaData: Other attributes, e.g. commandId, POS_X, CAM_PAN at capture.
+        metaData: Other attributes, e.g. commandId, and POS_X and CAM_PAN at the time of the
+            picture.
     """
 
     path: str
@@ -371,7 +383,7 @@ class PlanDefinition:
         name: Its title for the operator.
         format: Format of the content, e.g. BTCPP4, SCXML, MOPS.
         content: The plan, at most 256 KiB (262,144 octets).
-        arguments: Blackboard input, at most 256.
+        arguments: Arguments of the plan, at most 256.
     """
 
     planId: str
@@ -390,8 +402,8 @@ class PlanUpdate:
         status: Its stage of the life cycle.
         timestamp: On-board time of the event. (ns since 1970 UTC)
         node: Path of the active node.
-        done: Finished leaf actions.
-        total: Known leaf actions.
+        done: Number of leaves that have ended at least once.
+        total: Number of leaves of the plan.
         text: For the operator.
     """
 
@@ -432,7 +444,7 @@ class ServiceDescriptor:
         service: Area, service and area version.
         providerURI: URI of its provider: maltcp://host:port/name, at most 256 characters.
         brokerURI: URI of its broker. NULL: no PUBSUB operation.
-        operations: Numbers of the supported operations: 1 to 256, each once.
+        operations: Numbers of the supported operations: 1 to 256 numbers, each listed once.
     """
 
     name: str
@@ -448,10 +460,10 @@ class AssetStatus:
 
     Attributes:
         timestamp: On-board time. (ns since 1970 UTC)
-        mode: Its subject.
-        activeCommandId: The active command.
+        mode: Its mode.
+        activeCommandId: Number of the active command.
         queuedCommands: Queued commands.
-        activePlan: The active plan.
+        activePlan: Id of the active plan.
         values: All parameters.
     """
 
@@ -470,20 +482,20 @@ class AuthorityStatus:
     Attributes:
         holder: Holder of the authority. NULL: none.
         epoch: Number of the last grant, incremented by each grant. 0: no grant yet.
-        leaseLeft: Time until the lease expires without a message of the holder. 0: no holder. (s)
-        lease: Maximum time without a message of the holder. Each of its commands and requests
-            renews it. (s)
-        askedBy: Last requester since the grant.
+        leaseLeft: Time until the lease expires if the holder sends no message. 0: no holder. (s)
+        lease: Duration of the lease. Each command and each request of the holder renews the lease.
+            (s)
+        requestedBy: Last source that requested the authority since the grant. NULL: none.
         needed: TRUE: commands need the authority.
-        caller: Source name of the caller's certificate, the only one for its commands. NULL: clear
-            text, any name is accepted.
+        caller: Name in the caller's certificate, the only source that its commands may have. NULL:
+            the connection is in clear text, and any source is accepted.
     """
 
     holder: str | None = None
     epoch: int
     leaseLeft: float
     lease: float
-    askedBy: str | None = None
+    requestedBy: str | None = None
     needed: bool
     caller: str | None = None
 
@@ -497,8 +509,8 @@ class ActiveFault:
         began: On-board time of its start. (ns since 1970 UTC)
         severity: Its severity for the operator.
         reaction: Reaction of the asset.
-        onResume: TRUE: cleared by a resume after its cause has ended. FALSE: cleared with its
-            cause.
+        onResume: TRUE: a resume clears the fault after its cause has ended. FALSE: the fault clears
+            as soon as its cause ends.
         code: Number of its reason, as in notifications.
         text: Its evidence at the start, for the operator: at most 4096 characters.
         parameters: The figures of the evidence.
@@ -522,7 +534,8 @@ class FaultStatus:
         timestamp: On-board time. (ns since 1970 UTC)
         why: Reason for standstill or motion: one line for the operator, at most 4096 characters.
         active: The active faults, oldest first: each name once.
-        unmonitored: Checks that do not run, for lack of a sensor or by the asset's settings.
+        unmonitored: Checks that do not run, because a sensor is missing or the asset's settings
+            omit them.
     """
 
     timestamp: int
@@ -536,7 +549,7 @@ class PreviewPose:
     """Predicted pose at one time.
 
     Attributes:
-        time: From the start of the prediction. (s)
+        time: Time from the start of the prediction. (s)
         x: m.
         y: m.
         heading: rad, in ]-pi, pi].
@@ -553,15 +566,15 @@ class Preview:
     """Prediction of a motion or plan.
 
     Attributes:
-        duration: From its start to the standstill at its end. (s)
-        length: m, of the path of base_link.
+        duration: Time from the start of the motion to the standstill at its end. (s)
+        length: m. Length of the path of base_link.
         frame: Frame of reference of the path.
-        path: At equal time steps, at most 200; the last is the end.
-        endWithin: m. Maximum distance from the end of the path, 2 sigma.
-        headingWithin: rad. Maximum deviation of the heading at the end, 2 sigma.
+        path: Poses at equal time steps, at most 200. The last pose is the end of the motion.
+        endUncertainty: m. Maximum distance from the end of the path, 2 sigma.
+        headingUncertainty: rad. Maximum deviation of the heading at the end, 2 sigma.
         energy: J, of the battery. NULL: unknown for this asset.
-        clearance: m. Minimum distance of the turning circle to zones and known rocks. NULL: none
-            known.
+        clearance: m. Minimum distance from the disc swept by the turning footprint to zones and
+            known rocks. NULL: none known.
         nearest: The zone or rock at that distance, for the operator.
     """
 
@@ -569,8 +582,8 @@ class Preview:
     length: float
     frame: str
     path: tuple[PreviewPose, ...]
-    endWithin: float
-    headingWithin: float
+    endUncertainty: float
+    headingUncertainty: float
     energy: float | None = None
     clearance: float | None = None
     nearest: str | None = None
@@ -581,14 +594,14 @@ class TreeUpdate:
     """The behaviour tree at one tick.
 
     Attributes:
-        whole: Number of this full tree, or of the full tree that it differs from.
+        whole: Number of the full tree: of this one, or of the one to which the differences refer.
         timestamp: On-board time. (ns since 1970 UTC)
         tick: Number of the tick.
         mode: Mode of the asset.
         activeSource: Source of the active command. NULL: none.
-        activeCommandId: The active command. NULL: none.
+        activeCommandId: Number of the active command. NULL: none.
         why: Reason for standstill or motion: one line.
-        faults: The active faults, one line each.
+        faults: The active faults.
         unmonitored: Checks that do not run. NULL: as in the full tree.
         nodes: All nodes, depth first. NULL: as in the full tree, except for the changes.
         changes: The nodes that differ from the full tree. NULL in a full tree.
@@ -601,7 +614,7 @@ class TreeUpdate:
     activeSource: str | None = None
     activeCommandId: int | None = None
     why: str
-    faults: tuple[str, ...]
+    faults: tuple[TreeFault, ...]
     unmonitored: str | None = None
     nodes: tuple[TreeNode, ...] | None = None
     changes: tuple[NodeChange, ...] | None = None
@@ -615,8 +628,8 @@ class TreeNode:
         name: Its name.
         path: Names from the root, joined by slashes. NULL: the path of its parent, a slash, and its
             name.
-        depth: Levels below the root. Its parent is the last node before it with a depth one
-            smaller.
+        depth: Levels below the root. The parent of a node is the last node before it whose depth is
+            smaller by one.
         kind: Type of the node.
         status: Result of the last tick.
         message: Its message. NULL: none.
@@ -647,24 +660,24 @@ class NodeChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class History:
-    """Recorded history of a period, to explain it.
+    """Recorded history of a period, which explains commands and modes.
 
     Attributes:
-        until: On-board time of its end: now. (ns since 1970 UTC)
-        reports: By sequence number.
-        asked: Commands, in the order of reception.
-        declined: Commands without a life cycle of their own.
-        situations: Modes of the asset, in the order of time.
+        until: On-board time of the end of the period, which is the present. (ns since 1970 UTC)
+        reports: Reports, in the order of their sequence numbers.
+        commands: Commands, in the order of reception.
+        declined: Commands that were refused without a life cycle of their own.
+        states: Modes of the asset, in the order of time.
         leaves: Runs of leaves of the behaviour tree.
-        fastest: The maximum speeds.
-        slowing: Reasons of the faults with reaction SLOW_DOWN.
+        fastest: Maximum commanded speed of each command.
+        slowing: Numbers of the reasons of the faults with the reaction SLOW_DOWN.
     """
 
     until: int
     reports: tuple[PastReport, ...]
-    asked: tuple[AskedCommand, ...]
+    commands: tuple[ReceivedCommand, ...]
     declined: tuple[DeclinedCommand, ...]
-    situations: tuple[Situation, ...]
+    states: tuple[ExecutiveState, ...]
     leaves: tuple[LeafRun, ...]
     fastest: tuple[FastestTravel, ...]
     slowing: tuple[int, ...]
@@ -676,8 +689,9 @@ class PastReport:
 
     Attributes:
         notification: The notification, without parameters.
-        source: Source of its command, for any kind. NULL: no command.
-        commandId: Its command. NULL: no command.
+        source: Source of its command, also in a notification of another kind than COMMAND. NULL: no
+            command.
+        commandId: Number of its command. NULL: no command.
         link: Link of its command. NULL: no command.
         figures: Its figures.
     """
@@ -705,7 +719,7 @@ class FigureWithUnit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedCommand:
+class ReceivedCommand:
     """A command as received.
 
     Attributes:
@@ -715,7 +729,7 @@ class AskedCommand:
         name: Name of the request.
         link: Link of the command.
         timestamp: On-board time of reception. (ns since 1970 UTC)
-        replaces: TRUE: replaces the active motion.
+        replaces: TRUE: the command replaces the active and queued motions.
         creationTime: Time of creation at the source. (ns since 1970 UTC)
         lifetime: Maximum age at its start, set by the source. (s)
     """
@@ -753,15 +767,18 @@ class DeclinedCommand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
-    """Mode of the asset from a time on.
+class ExecutiveState:
+    """Mode of the asset, and the time from which it held.
 
     Attributes:
         timestamp: On-board time. (ns since 1970 UTC)
         mode: Its mode.
         activeSource: Source of the active command. NULL: none.
-        activeCommandId: The active command. NULL: none.
+        activeCommandId: Number of the active command. NULL: none.
         why: Reason for standstill or motion: one line.
+        fault: Name of the fault that holds the rover. NULL: none.
+        causeSource: Source of the stop that holds the rover. NULL: none.
+        causeCommandId: Number of the stop that holds the rover. NULL: none.
     """
 
     timestamp: int
@@ -769,6 +786,9 @@ class Situation:
     activeSource: str | None = None
     activeCommandId: int | None = None
     why: str
+    fault: str | None = None
+    causeSource: str | None = None
+    causeCommandId: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -776,7 +796,7 @@ class LeafRun:
     """A run of a leaf of the behaviour tree.
 
     Attributes:
-        path: Names from the root, joined by slashes.
+        path: Names of the nodes from the root to the leaf, joined by slashes.
         began: On-board time. (ns since 1970 UTC)
         ended: On-board time. NULL: still running. (ns since 1970 UTC)
         message: Its last message. NULL: none.
@@ -803,3 +823,18 @@ class FastestTravel:
     commandId: int
     speed: float
     allowed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TreeFault:
+    """A fault that is active.
+
+    Attributes:
+        name: Its name in the asset's fault table.
+        severity: Its severity for the operator.
+        text: Its evidence at the start, for the operator: at most 4096 characters.
+    """
+
+    name: str
+    severity: Severity
+    text: str

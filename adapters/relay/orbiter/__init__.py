@@ -1,4 +1,4 @@
-"""`rover-mops`, the process at the orbiter: MRS to the ground, MOPS over bundles to the rovers."""
+"""The process `rover-mops`, at the orbiter: MRS to the ground, MOPS over bundles to the rovers."""
 
 from adapters.relay.orbiter.settings import OrbiterSettings as OrbiterSettings
 from adapters.relay.orbiter.settings import RelayedRoverSettings as RelayedRoverSettings

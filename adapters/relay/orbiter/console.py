@@ -1,4 +1,4 @@
-"""`rover mops`: reads commands, and prints life cycles and telemetry, line by line."""
+"""`Console` of `rover mops`: reads commands, prints life cycles and telemetry, line by line."""
 
 import asyncio
 import shlex
@@ -7,18 +7,12 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from adapters.mal import TypedAttribute
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import (
-    DEFINED,
-    Notification,
-    ParameterValue,
-    describe_error,
-    forwarded_command,
-)
+from adapters.mrs.spec import DEFINED, ReceivedValue, describe_error, forwarded_command
 from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
+from executive.values.reports import Report
 
 MISSING_VALUE: Final = "-"
 
@@ -42,7 +36,7 @@ class Console:
         self._client = client
         self._dictionary = dictionary
         self._print = print_line
-        self._gathered: dict[str, dict[str, ParameterValue]] = {
+        self._gathered: dict[str, dict[str, ReceivedValue]] = {
             "TELEMETRY": {},
             "DTN": {},
             "HEALTH": {},
@@ -55,22 +49,22 @@ class Console:
             lines: the input.
             telemetry: whether parameters are printed as they arrive.
         """
-        listeners = [asyncio.create_task(self._notifications())]
+        listeners = [asyncio.create_task(self._print_reports())]
         if telemetry:
-            listeners.append(asyncio.create_task(self._telemetry()))
+            listeners.append(asyncio.create_task(self._receive_telemetry()))
         running: set[asyncio.Task[None]] = set()
         try:
             async for text in lines:
                 if text.split() == ["quit"]:
                     return
-                await self._take(text, running)
+                await self._execute(text, running)
             if running:
                 await asyncio.gather(*running)
         finally:
             for task in (*listeners, *running):
                 task.cancel()
 
-    async def _take(self, text: str, running: set[asyncio.Task[None]]) -> None:
+    async def _execute(self, text: str, running: set[asyncio.Task[None]]) -> None:
         try:
             arguments = shlex.split(text, comments=True)
             if not arguments:
@@ -108,15 +102,15 @@ class Console:
             why = describe_error(outcome.refusal)
             self._print(line(time.time(), "REFUSED", str(command.identity), why))
 
-    async def _notifications(self) -> None:
-        async for notification in self._client.notifications():
-            self._print(notification_line(notification))
+    async def _print_reports(self) -> None:
+        async for received in self._client.notifications():
+            self._print(report_line(received.report))
 
-    async def _telemetry(self) -> None:
+    async def _receive_telemetry(self) -> None:
         async for value in await self._client.telemetry():
             self._gather(value)
 
-    def _gather(self, value: ParameterValue) -> None:
+    def _gather(self, value: ReceivedValue) -> None:
         """Print a group of parameters when its last one has arrived."""
         kind = _KINDS.get(value.name, "HEALTH")
         gathered = self._gathered[kind]
@@ -149,30 +143,28 @@ def line(utc_s: float, kind: str, *parts: str) -> str:
     return "".join(each if each.isprintable() else "?" for each in whole)
 
 
-def notification_line(notification: Notification) -> str:
-    """Return the line of a notification; its type is the command's stage, or FORWARDED."""
-    utc_s, text = notification.timestamp / 1e9, notification.text or ""
-    if (left := forwarded_command(notification)) is not None:
-        return line(utc_s, "FORWARDED", str(left))
-    if notification.stage is None:
-        severity = notification.severity.name
-        return line(utc_s, notification.kind.name, severity, text)
-    command = f"{notification.source}:{notification.commandId}"
-    steps = "" if notification.step is None else f"{notification.step}/{notification.stepCount}"
-    code = "" if notification.code is None else f"reason {notification.code}:"
-    return line(utc_s, notification.stage.name, command, steps, code, text)
+def report_line(report: Report) -> str:
+    """Return the line of a report; its type is the command's stage, or FORWARDED."""
+    if (left := forwarded_command(report)) is not None:
+        return line(report.utc_s, "FORWARDED", str(left))
+    if report.stage is None:
+        return line(report.utc_s, report.kind.name, report.severity.name, report.text)
+    steps = "" if report.step is None else f"{report.step}/{report.step_count}"
+    code = "" if report.reason is None else f"reason {report.reason.value}:"
+    identity = str(report.identity)
+    return line(report.utc_s, report.stage.name, identity, steps, code, report.text)
 
 
-def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
+def values_line(kind: str, values: Sequence[ReceivedValue]) -> str:
     """Return the line of parameters, with `-` for unknown values."""
     figures = (f"{value.name}={_written(value.value)}" for value in values)
-    return line(max(value.timestamp for value in values) / 1e9, kind, *figures)
+    return line(max(value.utc_s for value in values), kind, *figures)
 
 
-def _written(value: TypedAttribute | None) -> str:
+def _written(value: float | str | None) -> str:
     if value is None:
         return "-"
-    return repr(value.value) if isinstance(value.value, str) else format(value.value, "z.3f")
+    return repr(value) if isinstance(value, str) else format(value, "z.3f")
 
 
 def help_lines(dictionary: Dictionary) -> list[str]:

@@ -1,4 +1,4 @@
-"""Reports created by the orbiter itself: implied stages, departures and losses.
+"""Reports that the orbiter itself makes: implied stages, departures and losses of commands.
 
 A brick reports only the ends of commands (thesis 6.1); the earlier stages are implied. A loss is
 reported for a command whose end may never be reported. Losses and departures from the orbiter are

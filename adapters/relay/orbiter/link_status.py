@@ -1,4 +1,4 @@
-"""State of the link to a rover: its parameters, and notifications of changes."""
+"""`RelayLinkStatus` of the link to a rover: its parameters, and notifications of its changes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from adapters.bundle import Contact, ContactOverride, ContactPlan, NeighbourHeal
 from adapters.mal import AttributeType, TypedAttribute
 from adapters.mops import LinkHealth
 from adapters.mrs.ground import (
-    DTN_OLDEST,
+    DTN_OLDEST_AGE,
     DTN_QUEUED,
     LAST_RECEIVED,
     NEXT_CONTACT,
@@ -42,11 +42,11 @@ _OVERRIDES: Final = {
 }
 _HERE: Final = (
     (DTN_QUEUED, "Bundles queued at the orbiter", None),
-    (DTN_OLDEST, "Waiting time of the oldest command there", "s"),
+    (DTN_OLDEST_AGE, "Maximum waiting time of the commands there", "s"),
     (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
     (LAST_RECEIVED, "Time since the last reception from the rover", "s"),
     (OVERRIDE, "Contact override of the operator: 1 up, -1 down, 0 as planned", None),
-    ("DTN_ROOM", "Free space of the orbiter's store in octets", "B"),
+    ("DTN_FREE_OCTETS", "Free space of the orbiter's store in octets", "B"),
     ("DTN_QUEUED_OCTETS", "Octets of the bundles queued at the orbiter", "B"),
     ("DTN_SENT", "Transmissions of bundles to the rover since the orbiter's start", None),
     ("DTN_ACKNOWLEDGED", "Bundles acknowledged by the rover's end since then", None),
@@ -61,11 +61,11 @@ _PLANNED: Final = (
 )
 _ABOARD: Final = (
     ("DTN_ABOARD_QUEUED", "Bundles queued at the rover, by its last report", None),
-    ("DTN_ABOARD_UNREAD", "Commands not yet delivered there, by its last report", None),
+    ("DTN_ABOARD_UNDELIVERED", "Commands not yet delivered there, by its last report", None),
     ("DTN_ABOARD_REFUSED", "Messages that its end of the link refused until then", None),
     ("DTN_ABOARD_NEXT_CONTACT", "Time from then until the next contact of its plan", "s"),
-    ("DTN_ABOARD_LAST_HEARD", "Time until then since its last reception from the orbiter", "s"),
-    ("DTN_ABOARD_OLDEST", "Waiting time of the oldest bundle there then", "s"),
+    ("DTN_ABOARD_LAST_RECEIVED", "Time until then since its last reception from the orbiter", "s"),
+    ("DTN_ABOARD_OLDEST_AGE", "Maximum waiting time of the bundles there then", "s"),
     ("DTN_ABOARD_CONTACT", "Whether it could send to the orbiter then: 1 or 0", None),
     ("DTN_ABOARD_QUEUED_OCTETS", "Octets of the bundles queued there then", "B"),
     ("DTN_ABOARD_SENT", "Transmissions of bundles until then since its start", None),
@@ -145,7 +145,7 @@ def list_contacts(
             return None
         recent = (
             contact
-            for contact in plan.between(sender, receiver)
+            for contact in plan.contacts_between(sender, receiver)
             if contact.end_utc_s > utc_s - _CONTACT_HISTORY_S
         )
         return tuple(sorted(recent, key=lambda each: each.begin_utc_s)[:_MAX_CONTACTS])
@@ -170,7 +170,7 @@ class RelayLinkStatus:
 
     Attributes:
         queued: bundles queued for it.
-        max_age_s: waiting time of the oldest command.
+        max_age_s: maximum waiting time of its commands.
         contact: whether sending is possible now.
         override: the operator's override of the contact plan.
         next_contact_s: time until the next contact, 0 during one.
@@ -211,14 +211,14 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     """Return the last health report of the rover's end of the link, as MRS parameters."""
     if health is None:
         return _values(_ABOARD, (inf,) * len(_ABOARD), 0.0)
-    next_utc_s, received_s = health.next_contact_utc_s, health.last_heard_s
+    next_utc_s, received_s = health.next_contact_utc_s, health.last_received_s
     figures = (
         float(health.queued),
-        float(health.unread),
+        float(health.undelivered),
         float(health.refused),
         inf if next_utc_s is None else next_utc_s - health.utc_s,
         inf if received_s is None else received_s,
-        health.oldest_s,
+        health.oldest_age_s,
         inf if health.contact is None else float(health.contact),
         inf if health.queued_octets is None else float(health.queued_octets),
         *_figures(health),
@@ -228,16 +228,8 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
 
 def _figures(traffic: Traffic | LinkHealth) -> tuple[float, ...]:
     """Return the traffic counters of a link, in the order of its parameters."""
-    figures = (
-        *(
-            traffic.sent,
-            traffic.acknowledged,
-            traffic.retransmitted,
-            traffic.expired,
-            traffic.received,
-        ),
-        traffic.round_trip_s,
-    )
+    counted = traffic.sent, traffic.acknowledged, traffic.retransmitted, traffic.expired
+    figures = (*counted, traffic.received, traffic.round_trip_s)
     return tuple(inf if figure is None else float(figure) for figure in figures)
 
 
@@ -268,14 +260,14 @@ class LinkMonitor:
     """Notifies when a contact begins or ends, and when a command has waited too long.
 
     Args:
-        old_after_s: a command that waits for longer counts as old.
+        queue_warning_s: a command that waits for longer counts as old.
         notify: called with each change.
     """
 
     def __init__(
-        self, old_after_s: float, notify: Callable[[Severity, str, tuple[Figure, ...]], None]
+        self, queue_warning_s: float, notify: Callable[[Severity, str, tuple[Figure, ...]], None]
     ) -> None:
-        self._old_after_s = old_after_s
+        self._queue_warning_s = queue_warning_s
         self._notify = notify
         self._last: tuple[bool, ContactOverride] | None = None
         self._old = False
@@ -285,7 +277,7 @@ class LinkMonitor:
         if (seen := (status.contact, status.override)) != self._last:
             self._last = seen
             self._notify_with_figures(Severity.INFORMATIONAL, _contact(status, utc_s), status)
-        old = status.max_age_s > self._old_after_s
+        old = status.max_age_s > self._queue_warning_s
         if old and not self._old:
             until = describe_next_contact(status.next_contact_s, utc_s)
             text = f"a command has waited for {status.max_age_s:.0f} s; {until}"

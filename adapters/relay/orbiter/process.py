@@ -1,4 +1,4 @@
-"""`rover-mops`: process at the orbiter that serves the MRS for the rovers behind it."""
+"""The process `rover-mops`: its command line. `relay` serves the MRS for the rovers."""
 
 import asyncio
 from pathlib import Path

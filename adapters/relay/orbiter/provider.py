@@ -1,4 +1,4 @@
-"""MRS provider of one rover behind the relay, with the operations that work over bundles."""
+"""`RoverProvider`: MRS of one rover at the orbiter, with the operations that work over bundles."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ from adapters.mrs.spec import (
     ORBITER,
     ORBITER_HOUSEKEEPING,
     AreaError,
-    figures,
+    camera_state,
     find_or_raise,
     housekeeping_values,
     notification_keys,
@@ -42,7 +42,7 @@ from adapters.relay.orbiter.rover import RelayedRover
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
-from executive.values.parameters import Parameter, ParameterValue
+from executive.values.parameters import ParameterValue
 from executive.values.reports import Report, ReportKind, Severity, Stage
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class RoverProvider:
         order: overrides the contact plan for the rover, and returns the resulting state as text;
             raises BundleError.
         usage: returns the resource usage of the orbiter's process.
-        silent_after_s: time without reception after which the rover is OFFLINE.
+        link_timeout_s: time without reception after which the rover is OFFLINE.
         terms: encoding and certificates agreed on with the ground.
         system: the clock, and the sockets.
     """
@@ -85,14 +85,14 @@ class RoverProvider:
         link_status: Callable[[], RelayLinkStatus],
         order: Callable[[ContactOverride], str],
         usage: Callable[[], ResourceUsage],
-        silent_after_s: float,
+        link_timeout_s: float,
         terms: TransportSettings,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._rover, self._link_status, self._order = rover, link_status, order
         self._usage = usage
         self._utc_s = system.utc_s
-        self._silent_after_s = silent_after_s
+        self._link_timeout_s = link_timeout_s
         self._names_are_authenticated = True
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding, system=system)
@@ -106,7 +106,7 @@ class RoverProvider:
         offer.serve("Monitoring", "listDefinition", lambda _: ((*DEFINED, *ORBITER_PARAMETERS),))
         offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
         offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
-        offer.serve("Camera", "getState", lambda _: (self._camera(),))
+        offer.serve("Camera", "getState", lambda _: (camera_state(rover, video_on=False),))
         offer.serve("Status", "getStatus", lambda _: (self._status(),))
         offer.serve("ServiceLayer", "getServices", lambda call: (self._offer.descriptors(call),))
         offer.serve("ServiceLayer", "getService", self._service)
@@ -156,12 +156,12 @@ class RoverProvider:
                 raise with_text(AreaError.NOT_SUPPORTED, text)
         await self._rover.submit(command)
 
-    def report(self, report: Report, cursor: int | None) -> None:
+    def on_report(self, report: Report, cursor: int | None) -> None:
         """Broadcast a report."""
         notification = notification_of(report, cursor)
         self._publish(notification, keys=notification_keys(self._settings.asset, notification))
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def on_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast the rover's values."""
         self._broadcast(tuple(map(parameter_value, values)))
 
@@ -231,11 +231,8 @@ class RoverProvider:
         return (None if last is None else notification_of(last.report, last.cursor),)
 
     def _present(self, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
-        for name in names:
-            if name not in _NAMES:
-                raise with_text(AreaError.NOT_FOUND, name)
         known = {value.name: value for value in self._all_values()}
-        return tuple(known[name] for name in names or _NAMES)
+        return tuple(find_or_raise(known, name) for name in names or _NAMES)
 
     def _all_values(self) -> tuple[wire.ParameterValue, ...]:
         own = tuple(map(parameter_value, self._rover.parameters()))
@@ -252,15 +249,6 @@ class RoverProvider:
             *housekeeping_values(ABOARD_HOUSEKEEPING, reported.figures, reported.utc_s),
         )
 
-    def _camera(self) -> wire.CameraState:
-        figure = figures(self._rover)
-        return wire.CameraState(
-            pan=figure[Parameter.CAM_PAN],
-            tilt=figure[Parameter.CAM_TILT],
-            rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
-            videoOn=False,
-        )
-
     def _status(self) -> wire.AssetStatus:
         record, own = self._rover.record, self._rover.parameters()
         return wire.AssetStatus(
@@ -274,7 +262,7 @@ class RoverProvider:
 
     def _mode(self) -> wire.AssetMode:
         record = self._rover.record
-        if self._link_status().last_received_s > self._silent_after_s:
+        if self._link_status().last_received_s > self._link_timeout_s:
             return wire.AssetMode.OFFLINE
         mode = self._rover.mode()
         if mode is not None:

@@ -1,4 +1,4 @@
-"""Durable record of a rover at the orbiter; with `report_ledger`, all its SQL.
+"""`RoverRecord`: a rover's commands, reports and telemetry at the orbiter, stored durably.
 
 Its tables are in the ledger's file and are written in its commits. Every method raises
 `LedgerError` if the file cannot be read or written.
@@ -18,19 +18,23 @@ from executive.commands import Command, Stop
 from executive.values.reports import Identity, Report, Stage
 
 _SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS underway (
+CREATE TABLE IF NOT EXISTS outbox (
     bundle TEXT PRIMARY KEY, source TEXT NOT NULL, command_id INTEGER NOT NULL,
     utc_s REAL NOT NULL
 ) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS asked (
+CREATE TABLE IF NOT EXISTS uplinked (
     source TEXT NOT NULL, command_id INTEGER NOT NULL, message BLOB,
-    until_utc_s REAL NOT NULL, asked_utc_s REAL NOT NULL, ended INTEGER NOT NULL,
+    until_utc_s REAL NOT NULL, sent_utc_s REAL NOT NULL, ended INTEGER NOT NULL,
     PRIMARY KEY (source, command_id)
 ) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS asked_open ON asked (asked_utc_s) WHERE NOT ended;
-CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
-CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS uplinked_open ON uplinked (sent_utc_s) WHERE NOT ended;
+CREATE TABLE IF NOT EXISTS ledgers (
+    name TEXT PRIMARY KEY, position INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS pruned (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS received_units (
+    unit TEXT PRIMARY KEY, number INTEGER NOT NULL
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS telemetry (
     one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
 );
@@ -39,13 +43,13 @@ CREATE TABLE IF NOT EXISTS authorities (
 );
 """
 MAX_AUTHORITIES: Final = 100
-"""Maximum number of sources with a recorded authority; the oldest are deleted."""
+"""Maximum number of sources with a recorded authority; older ones are deleted."""
 _ENDED: Final = 1
 _WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
 _WAITING: Final = (Stage.RECEIVED.value, Stage.ACCEPTED.value)
-_OPEN: Final = " FROM asked a LEFT JOIN stages s USING (source, command_id) WHERE NOT a.ended"
+_OPEN: Final = " FROM uplinked a LEFT JOIN stages s USING (source, command_id) WHERE NOT a.ended"
 _WAITS: Final = (
-    " EXISTS (SELECT 1 FROM underway u WHERE u.source = a.source AND u.command_id = a.command_id)"
+    " EXISTS (SELECT 1 FROM outbox u WHERE u.source = a.source AND u.command_id = a.command_id)"
 )
 
 
@@ -76,10 +80,10 @@ class Outstanding:
         key = _key(command.identity)
         self._ledger.record(command)
         self._ledger.write(
-            "INSERT OR REPLACE INTO underway VALUES (?, ?, ?, ?)", (str(bundle), *key, utc_s)
+            "INSERT OR REPLACE INTO outbox VALUES (?, ?, ?, ?)", (str(bundle), *key, utc_s)
         )
         self._ledger.write(
-            "INSERT OR REPLACE INTO asked VALUES (?, ?, ?, ?, ?, 0)",
+            "INSERT OR REPLACE INTO uplinked VALUES (?, ?, ?, ?, ?, 0)",
             (*key, message, until_utc_s, utc_s),
         )
         self._ledger.commit()
@@ -88,18 +92,18 @@ class Outstanding:
         """Add a command executed here, with the next commit, for its lifetime."""
         self._ledger.record(command)
         self._ledger.write(
-            "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
+            "INSERT OR REPLACE INTO uplinked VALUES (?, ?, NULL, ?, ?, ?)",
             (*_key(command.identity), until_utc_s, utc_s, _ENDED),
         )
 
     def in_outbox(self, bundle: BundleId) -> bool:
         """Return whether a bundle is recorded that has not left the outbox."""
-        return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
+        return bool(self._ledger.rows("SELECT 1 FROM outbox WHERE bundle = ?", (str(bundle),)))
 
     def note_retransmission(self, identity: Identity, utc_s: float) -> None:
         """Record the retransmission of a command."""
         self._ledger.write(
-            "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
+            "UPDATE uplinked SET sent_utc_s = ? WHERE source = ? AND command_id = ?",
             (utc_s, *_key(identity)),
         )
         self._ledger.commit()
@@ -116,7 +120,7 @@ class Outstanding:
         """
         self._ledger.commit()  # uncommitted rows must be written before they are read
         key = (str(bundle),)
-        rows = self._ledger.rows("SELECT source, command_id FROM underway WHERE bundle = ?", key)
+        rows = self._ledger.rows("SELECT source, command_id FROM outbox WHERE bundle = ?", key)
         if not rows:
             return None
         identity = Identity(*rows[0])
@@ -124,32 +128,32 @@ class Outstanding:
             self._lose(identity, loss, utc_s)
         elif loss is not None:
             self.end(identity)
-        self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
+        self._ledger.write("DELETE FROM outbox WHERE bundle = ?", key)
         self.note_retransmission(identity, utc_s)
         return identity
 
     def cancel_retransmissions(self) -> None:
         """Cancel all retransmissions: a stop ends all commands sent before it."""
-        self._ledger.write("UPDATE asked SET message = NULL WHERE message IS NOT NULL", ())
+        self._ledger.write("UPDATE uplinked SET message = NULL WHERE message IS NOT NULL", ())
         self._ledger.commit()
 
     def outbox_empty(self, utc_s: float) -> None:
         """Record that the outbox is empty."""
         if self.earliest_utc_s() is None:
             return
-        self._ledger.write(f"UPDATE asked AS a SET asked_utc_s = ? WHERE {_WAITS}", (utc_s,))
-        self._ledger.write("DELETE FROM underway", ())
+        self._ledger.write(f"UPDATE uplinked AS a SET sent_utc_s = ? WHERE {_WAITS}", (utc_s,))
+        self._ledger.write("DELETE FROM outbox", ())
         self._ledger.commit()
 
     def earliest_utc_s(self) -> float | None:
-        """Return the time since when the oldest command has been in the outbox, or None."""
-        ((earliest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
+        """Return the time of the first command that is still in the outbox, or None."""
+        ((earliest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM outbox")
         return None if earliest_utc_s is None else float(earliest_utc_s)
 
     def end(self, identity: Identity) -> None:
         """Expect no further reports on a command, from the next commit on."""
         self._ledger.write(
-            "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
+            "UPDATE uplinked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
             (_ENDED, *_key(identity)),
         )
 
@@ -163,7 +167,7 @@ class Outstanding:
         )
         for key in rows:
             self._lose(Identity(*key), Loss.LEDGER_REPLACED, utc_s)
-        self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
+        self._ledger.write(f"UPDATE uplinked AS a SET message = NULL WHERE NOT {_WAITS}", ())
 
     def end_unreported(self, until_utc_s: float, utc_s: float) -> None:
         """Report commands without any report in their lifetime as lost, and expect none.
@@ -188,7 +192,7 @@ class Outstanding:
     def unanswered(
         self, requested_before_utc_s: float, utc_s: float, begun: bool, maximum: int
     ) -> Sequence[OutstandingCommand]:
-        """Return commands to retransmit, those with the longest wait first.
+        """Return commands to retransmit, in descending order of their wait.
 
         Stops are excluded: a stop would end commands started since.
 
@@ -201,10 +205,10 @@ class Outstanding:
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id, a.message, a.until_utc_s{_OPEN}"
-            " AND a.message IS NOT NULL AND a.asked_utc_s NOT BETWEEN ? AND ? AND a.until_utc_s > ?"
+            " AND a.message IS NOT NULL AND a.sent_utc_s NOT BETWEEN ? AND ? AND a.until_utc_s > ?"
             " AND (? OR s.stage IS NULL)"
             f" AND NOT {_WAITS} AND NOT EXISTS (SELECT 1 FROM commands c WHERE c.source = a.source"
-            " AND c.command_id = a.command_id AND c.name = ?) ORDER BY a.asked_utc_s LIMIT ?",
+            " AND c.command_id = a.command_id AND c.name = ?) ORDER BY a.sent_utc_s LIMIT ?",
             (requested_before_utc_s, utc_s, utc_s, begun, Stop.__name__, maximum),
         )
         return [
@@ -240,7 +244,7 @@ class Ledgers:
 
     def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
-        rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
+        rows = ledger.rows("SELECT name, position FROM ledgers ORDER BY position")
         self._indexes = {str(name): int(index) for name, index in rows}
 
     def new(self, name: str) -> bool:
@@ -274,7 +278,7 @@ _COMMANDS: Final = (
     "DELETE FROM commands AS c WHERE"
     " coalesce((SELECT max(cursor) FROM reports r JOIN recorded ON number = sequence"
     f"  WHERE {_OF_COMMAND.format('r')}), 0) <= ?"
-    f" AND NOT EXISTS (SELECT 1 FROM asked a WHERE {_OF_COMMAND.format('a')}"
+    f" AND NOT EXISTS (SELECT 1 FROM uplinked a WHERE {_OF_COMMAND.format('a')}"
     "  AND (a.until_utc_s > ? OR NOT a.ended AND EXISTS"
     f"   (SELECT 1 FROM stages s WHERE {_OF_COMMAND.format('s')})))"
     " AND NOT (c.source = ? AND c.command_id = ?)"
@@ -287,12 +291,12 @@ _LEFTOVERS: Final = (
     *(
         f"DELETE FROM {table} AS t"
         f" WHERE NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('t')})"
-        for table in ("stages", "asked")
+        for table in ("stages", "uplinked")
     ),
     *(
         f"DELETE FROM {table} AS t"
         " WHERE NOT EXISTS (SELECT 1 FROM reports r WHERE r.sequence = t.number)"
-        for table in ("heard", "recorded")
+        for table in ("received_units", "recorded")
     ),
 )
 
@@ -302,7 +306,7 @@ _SLACK: Final = 20
 
 
 class RecordRetention:
-    """Prunes the oldest reports above a maximum number, and commands without reports.
+    """Prunes the reports above a maximum number, and commands without reports.
 
     Open commands are retained, and those that may be repeated: a command is known for its whole
     lifetime. So the maximum may be exceeded for a time. An active stop is retained, too.
@@ -316,7 +320,7 @@ class RecordRetention:
         self, ledger: ReportLedger, maximum: int, stopped_by: Callable[[], Identity | None]
     ) -> None:
         self._ledger, self._max_reports, self._stopped_by = ledger, maximum, stopped_by
-        rows = ledger.rows("SELECT sequence FROM forgotten")
+        rows = ledger.rows("SELECT sequence FROM pruned")
         self._border = int(rows[0][0]) if rows else 0
         self._pruned_to = 0
 
@@ -342,7 +346,7 @@ class RecordRetention:
         for statement in _LEFTOVERS:
             self._ledger.write(statement, ())
         border = max(self._border, number)
-        self._ledger.write("INSERT OR REPLACE INTO forgotten VALUES (0, ?)", (border,))
+        self._ledger.write("INSERT OR REPLACE INTO pruned VALUES (0, ?)", (border,))
         self._ledger.commit()
         self._border, self._pruned_to = border, cursor
 
@@ -446,7 +450,7 @@ class RoverRecord:
         return self._history.was_pruned(number) and not known
 
     def _is_known(self, unit: str) -> bool:
-        return bool(self.ledger.rows("SELECT 1 FROM heard WHERE unit = ?", (unit,)))
+        return bool(self.ledger.rows("SELECT 1 FROM received_units WHERE unit = ?", (unit,)))
 
     def _is_repeated(self, report: Report) -> bool:
         identity = report.identity
@@ -475,7 +479,7 @@ class RoverRecord:
         self.ledger.append_report(report)
         if not self._numbered or report.sequence == UNNUMBERED:
             newest = "SELECT ?, number FROM recorded ORDER BY cursor DESC LIMIT 1"
-            self.ledger.write(f"INSERT INTO heard {newest}", (unit,))
+            self.ledger.write(f"INSERT INTO received_units {newest}", (unit,))
         self.ledger.commit()
 
     def _is_new(self, report: Report, identity: Identity) -> bool:

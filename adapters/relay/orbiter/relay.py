@@ -1,4 +1,4 @@
-"""The orbiter's bundle agent with the rovers behind it, and `rover-mops` from start to signal."""
+"""`serve`, the body of `rover-mops`: an `OrbiterRelay` (bundle agent and rovers) until a signal."""
 
 import asyncio
 import logging
@@ -102,13 +102,13 @@ class OrbiterRelay:
                 dictionary,
                 RoverRecord(
                     folder / f"{each.asset}.sqlite",
-                    each.numbered,
-                    settings.history_reports,
+                    each.numbers_reports,
+                    settings.retained_reports,
                     system,
                 ),
                 system.utc_s,
                 settings.lifetime_s,
-                settings.ask_again_s or GRACE_S,
+                settings.retransmit_after_s or GRACE_S,
             )
             for each in settings.rovers
         }
@@ -116,7 +116,7 @@ class OrbiterRelay:
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
-            node: LinkMonitor(settings.old_after_s, rover.notify)
+            node: LinkMonitor(settings.queue_warning_s, rover.notify)
             for node, rover in self.rovers.items()
         }
 
@@ -155,7 +155,7 @@ class OrbiterRelay:
         """Return the state of the link to a rover."""
         health = self.agent.health()
         return self._measure(
-            next(each for each in health.neighbours if each.node == node), health.room_octets
+            next(each for each in health.neighbours if each.node == node), health.free_octets
         )
 
     def override_contact(self, node: Eid, override: ContactOverride) -> str:
@@ -195,18 +195,18 @@ class OrbiterRelay:
         for neighbour in health.neighbours:
             if not neighbour.queued:
                 self.rovers[neighbour.node].record.outstanding.outbox_empty(self._utc_s())
-            status = self._measure(neighbour, health.room_octets)
+            status = self._measure(neighbour, health.free_octets)
             self._monitors[neighbour.node].update(status, self._utc_s())
 
     async def retransmit_unanswered(self) -> None:
         """Retransmit unanswered commands to all rovers with contact in both directions."""
         settings = self._settings
-        if settings.ask_again_s is None:
+        if settings.retransmit_after_s is None:
             return
         for each in self.agent.health().neighbours:
             silent_s = inf if each.last_received_s is None else each.last_received_s
-            if each.contact and silent_s <= settings.silent_after_s and not each.queued:
-                await self.rovers[each.node].retransmit_unanswered(settings.ask_again_s)
+            if each.contact and silent_s <= settings.link_timeout_s and not each.queued:
+                await self.rovers[each.node].retransmit_unanswered(settings.retransmit_after_s)
 
     def prune(self) -> None:
         """Prune the records."""
@@ -347,7 +347,7 @@ async def run(
                     partial(relay.link_status, node),
                     partial(relay.override_contact, node),
                     relay.usage.measure,
-                    settings.silent_after_s,
+                    settings.link_timeout_s,
                     terms,
                     system,
                 )
@@ -377,10 +377,10 @@ async def _run_until(
 ) -> None:
     work = [
         relay.receive(),
-        _every(POLL_S, relay.poll),
-        _every(POLL_S, relay.retransmit_unanswered),
-        _every(PRUNE_S, relay.prune),
-        *(_every(health_interval_s, provider.publish_health) for provider in providers),
+        _run_periodically(POLL_S, relay.poll),
+        _run_periodically(POLL_S, relay.retransmit_unanswered),
+        _run_periodically(PRUNE_S, relay.prune),
+        *(_run_periodically(health_interval_s, provider.publish_health) for provider in providers),
     ]
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(each) for each in work]
@@ -389,7 +389,7 @@ async def _run_until(
             task.cancel()
 
 
-async def _every(interval_s: float, act: Callable[[], Awaitable[None] | None]) -> None:
+async def _run_periodically(interval_s: float, act: Callable[[], Awaitable[None] | None]) -> None:
     while True:
         try:
             work = act()

@@ -1,4 +1,4 @@
-"""Reports of a rover by their numbers, and in the orbiter's order of recording.
+"""`ReportLedger` at the orbiter: a rover's reports by number, and in the order of recording.
 
 Bundles overtake each other, and a refusal by the rover's end of the link has no number. So a client
 cannot catch up by the rover's numbers. It uses the cursor, which increases with each recorded
@@ -14,6 +14,8 @@ from adapters.mops import UNNUMBERED
 from executive.record import Connect, Ledger
 from executive.values.reports import Identity, Report
 
+_VERSION: Final = 1
+"""Version of the tables of the orbiter; increase it with each change."""
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS recorded (
     cursor INTEGER PRIMARY KEY, number INTEGER NOT NULL UNIQUE
@@ -47,7 +49,7 @@ class ReportLedger(Ledger):
     """
 
     def __init__(self, path: Path, schema: str, connect: Connect) -> None:
-        super().__init__(path, connect=connect)
+        super().__init__(path, connect=connect, version=_VERSION)
         self.make_tables(schema + _SCHEMA)
         ((lowest,),) = self.rows("SELECT min(sequence) FROM reports")
         ((cursor,),) = self.rows("SELECT max(cursor) FROM recorded")

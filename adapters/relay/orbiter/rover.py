@@ -1,4 +1,4 @@
-"""One rover behind the relay: uplink of commands, downlink of reports and telemetry."""
+"""`RelayedRover`, one rover at the orbiter: uplinks its commands, records reports and telemetry."""
 
 import asyncio
 import logging
@@ -204,7 +204,7 @@ class RelayedRover:
     def carried_out(self, command: Command, report: Report) -> None:
         """Record and report a command that was executed here; raise LedgerError on failure."""
         self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
-        self._take(report, str(command.identity), "")
+        self._add_report(report, str(command.identity), "")
 
     def on_status(self, bundle: BundleId, fate: DeliveryStatus) -> None:
         """Record the delivery status of a bundle, which may belong to another rover."""
@@ -226,7 +226,7 @@ class RelayedRover:
             StoreError: the store is full or cannot be written.
             LedgerError: the retransmission cannot be recorded.
         """
-        now_s, begun = self._utc_s(), not self.settings.numbered
+        now_s, begun = self._utc_s(), not self.settings.numbers_reports
         outstanding = self.record.outstanding
         for each in outstanding.unanswered(now_s - retry_s, now_s, begun, RETRANSMIT_BATCH):
             left_s = each.until_utc_s - now_s
@@ -288,17 +288,17 @@ class RelayedRover:
             mode_of(message, spelling.telemetry)
             self.record.add_telemetry(encode(message), made_utc_s)
             if self.listener is not None:
-                self.listener.telemetry(values)
+                self.listener.on_telemetry(values)
             return
         report = report_of(message, self._dictionary, made_utc_s)
         ledger = ledger_of(message, self._dictionary)
         if self.record.ledgers.new(ledger):
             self._start_new_ledger(ledger)
-        self._take(report, unit, ledger)
+        self._add_report(report, unit, ledger)
 
-    def _take(self, report: Report, unit: str, ledger: str) -> None:
+    def _add_report(self, report: Report, unit: str, ledger: str) -> None:
         reports: Sequence[Report] = (report,)
-        if not self.settings.numbered:
+        if not self.settings.numbers_reports:
             last = (
                 None if report.identity is None else self.record.ledger.last_report(report.identity)
             )
@@ -320,11 +320,13 @@ class RelayedRover:
 
     def _expire_unreported(self, aboard: LinkHealth) -> None:
         """Expire commands without a report, once the rover's downlink queue holds nothing older."""
-        if aboard.unread:
+        if aboard.undelivered:
             return
         now_s = self._utc_s()
         made_utc_s = min(aboard.utc_s, now_s)  # the rover's clock may be ahead
-        self.record.outstanding.end_unreported(made_utc_s - aboard.oldest_s - self._grace_s, now_s)
+        self.record.outstanding.end_unreported(
+            made_utc_s - aboard.oldest_age_s - self._grace_s, now_s
+        )
         self._publish()
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
@@ -345,11 +347,11 @@ class RelayedRover:
         if report.kind is ReportKind.LINK and report.identity is not None:
             _LOG.info("%s: %s", self.settings.asset, report.text)
         if self.listener is not None:
-            self.listener.report(report, cursor)
+            self.listener.on_report(report, cursor)
 
     def _spelled(self, command: Command) -> bytes:
         """Return a command as octets; raise MalError if it cannot be uplinked."""
-        if command.arrival is not PreemptionPolicy.APPEND:
+        if command.preemption is not PreemptionPolicy.APPEND:
             raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay are only queued")
         try:
             message = self._dictionary.command(
@@ -410,10 +412,10 @@ def _as_internal() -> Iterator[None]:
 class RoverListener(Protocol):
     """Receives reports and telemetry of a rover."""
 
-    def report(self, report: Report, cursor: int | None) -> None:
+    def on_report(self, report: Report, cursor: int | None) -> None:
         """Process a report, with its cursor if it was recorded."""
         ...
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def on_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Process parameter values."""
         ...

@@ -1,4 +1,4 @@
-"""Settings of the orbiter: its node, its listen addresses, and the rovers behind it."""
+"""`OrbiterSettings` of `rover-mops`: its node, its listen addresses, the rovers behind it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class RelayedRoverSettings(Peer):
         asset: its name; in capitals it is the name in MOPS messages.
         domain: its MAL domain.
         port: TCP port of its MRS; 0 selects a free port.
-        numbered: whether it numbers its reports, as executives do and bricks do not.
+        numbers_reports: whether it numbers its reports, as executives do and bricks do not.
         operations: MRS operations whose commands it supports, by service and name; None for all.
     """
 
@@ -30,7 +30,7 @@ class RelayedRoverSettings(Peer):
     description: str
     domain: tuple[str, ...]
     port: int
-    numbered: bool = True
+    numbers_reports: bool = True
     operations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -59,27 +59,33 @@ class OrbiterSettings(AgentSettings):
 
     Attributes:
         lifetime_s: lifetime of commands that have none.
-        silent_after_s: time without reception after which a rover is OFFLINE.
-        old_after_s: waiting time after which a command is notified as old.
-        ask_again_s: time without a further report after which a command in flight is
+        link_timeout_s: time without reception after which a rover is OFFLINE.
+        queue_warning_s: waiting time after which a command is notified as old.
+        retransmit_after_s: time without a further report after which a command in flight is
             retransmitted; None for never. Must exceed the round-trip time.
-        history_reports: maximum number of stored reports of each rover.
+        retained_reports: maximum number of stored reports of each rover.
         health_interval_s: period of the relay's health parameters.
     """
 
     rovers: tuple[RelayedRoverSettings, ...]
     lifetime_s: float = DAY_S
-    silent_after_s: float = 60.0
-    old_after_s: float = 600.0
-    ask_again_s: float | None = 120.0
-    history_reports: int = 100_000
+    link_timeout_s: float = 60.0
+    queue_warning_s: float = 600.0
+    retransmit_after_s: float | None = 120.0
+    retained_reports: int = 100_000
     health_interval_s: float = 5.0
 
     def __post_init__(self) -> None:
         """Raise ValueError if the EID or a value is invalid."""
         AgentSettings.__post_init__(self)
-        times = ("lifetime_s", "silent_after_s", "old_after_s", "ask_again_s", "health_interval_s")
-        require_above_zero(self, *times, "history_reports")
+        times = (
+            "lifetime_s",
+            "link_timeout_s",
+            "queue_warning_s",
+            "retransmit_after_s",
+            "health_interval_s",
+        )
+        require_above_zero(self, *times, "retained_reports")
 
     def node(self) -> NodeSettings:
         """Return the settings of the bundle agent.

@@ -1,4 +1,4 @@
-"""Bridge of `rover-relay` between bundles and MOPS strings, on a thread and loop of its own."""
+"""`BundleBridge` of `rover-relay` between bundles and MOPS strings, on a thread of its own."""
 
 import asyncio
 import logging
@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import islice
 from math import isfinite
@@ -169,7 +169,7 @@ class BundleBridge:
         """Queue messages for the ground; callable from any thread."""
         self._post(self._on_notification, text)
 
-    def confirmed(self, mark: int) -> None:
+    def on_confirmed(self, mark: int) -> None:
         """Mark a string of commands as confirmed; callable from any thread."""
         self._post(self._on_confirmed, mark)
 
@@ -232,7 +232,7 @@ class BundleBridge:
                 commands = [each for delivery in deliveries for each in self._read(delivery)]
                 stops = [each for each in commands if self._dictionary.is_stop(each.message)]
                 if stops:
-                    self._last_stop.take(max(each.creation for each in stops))
+                    self._last_stop.add_stop(max(each.creation for each in stops))
                     await self._hand_over(stops, stops=True)
                     self._last_stop.save()
                 others = [each for each in commands if not self._dictionary.is_stop(each.message)]
@@ -353,23 +353,18 @@ class BundleBridge:
     def _measure(self) -> LinkHealth:
         health = self.agent_health = self._agent.health()
         (orbiter,) = health.neighbours
-        next_utc_s, traffic = orbiter.next_contact_utc_s, orbiter.traffic
+        next_utc_s = orbiter.next_contact_utc_s
         return LinkHealth(
             utc_s=self._system.utc_s(),
             queued=health.queued,
-            oldest_s=health.oldest_s,
+            oldest_age_s=health.oldest_age_s,
             next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
-            last_heard_s=orbiter.last_received_s,
-            unread=health.unread,
+            last_received_s=orbiter.last_received_s,
+            undelivered=health.undelivered,
             refused=self.refused + health.malformed + health.refused,
             contact=orbiter.contact,
             queued_octets=self._agent.queued_octets(orbiter.node),
-            sent=traffic.sent,
-            acknowledged=traffic.acknowledged,
-            retransmitted=traffic.retransmitted,
-            expired=traffic.expired,
-            received=traffic.received,
-            round_trip_s=traffic.round_trip_s,
+            **asdict(orbiter.traffic),
         )
 
 
@@ -389,7 +384,7 @@ class LastStop:
             time_ms, sequence, index, self._arrived_ms = map(int, path.read_text("ascii").split())
             self._made = (time_ms, sequence, index)
 
-    def take(self, made: CreationTime) -> None:
+    def add_stop(self, made: CreationTime) -> None:
         """Record a stop that has arrived."""
         if made > self._made:
             self._made, self._arrived_ms = made, self._now_ms

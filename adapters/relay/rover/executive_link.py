@@ -1,4 +1,4 @@
-"""The executive's end of the relay link: MOPS strings on ROS topics to and from `rover-relay`."""
+"""`ExecutiveRelayLink`: commands and reports as MOPS strings, to and from `rover-relay`."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -29,18 +29,18 @@ from adapters.mrs.spec import reported_uncertainty
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Mode, Stop
 from executive.commands.intake import check_identity
-from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
+from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
 from executive.record import Ledger, LedgerError, RelayRecord, digest
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Stage
 
 POLL_S: Final = 0.2
-"""Period of `look`."""
+"""Period of `poll`."""
 HOUSEKEEPING_S: Final = 30.0
 """Minimum interval between housekeeping messages: the link has a low data rate."""
 RETRANSMIT_POLLS: Final = 5
-"""Unconfirmed reports are republished after this number of calls of `look`."""
+"""Unconfirmed reports are republished after this number of calls of `poll`."""
 WINDOW: Final = 4
 """Maximum unconfirmed strings of reports; later reports wait and share a string."""
 PAGE: Final = 50
@@ -126,7 +126,7 @@ class ExecutiveRelayLink:
         """Submit commands to an executive's inbox from now on, and report its mode."""
         self._submit, self._mode = submit, mode
 
-    def report(self, reports: Sequence[Report]) -> None:
+    def send_reports(self, reports: Sequence[Report]) -> None:
         """Publish reports; defer them without a subscriber, or with too many unconfirmed."""
         if any(map(reported_uncertainty, reports)):
             self._house_s = -inf
@@ -138,7 +138,7 @@ class ExecutiveRelayLink:
             if in_turn and self._may_publish:
                 self._publish_reports(new[first : first + PAGE])
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Publish all parameters, including unchanged ones, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
         if self._listeners:
@@ -146,7 +146,7 @@ class ExecutiveRelayLink:
             mode = self._mode()
             self._publish_message(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
 
-    def housekeeping(self, figures: Mapping[str, float | None]) -> None:
+    def publish_housekeeping(self, figures: Mapping[str, float | None]) -> None:
         """Publish the health figures of the executive, at most every `HOUSEKEEPING_S`."""
         now_s = self._system.now_s()
         if self._listeners and now_s >= self._house_s:
@@ -156,10 +156,10 @@ class ExecutiveRelayLink:
                 housekeeping_message(message, self._dictionary.spelling.housekeeping, self._asset)
             )
 
-    def file(self, event: FileEvent) -> None:
+    def send_file_event(self, event: FileEvent) -> None:
         """Ignored: files use the direct link."""
 
-    def plan(self, update: PlanUpdate) -> None:
+    def send_plan_update(self, update: PlanUpdate) -> None:
         """Ignored: the commands of a plan have reports of their own."""
 
     @property
@@ -282,7 +282,7 @@ class ExecutiveRelayLink:
 
         def reply(result: SubmitResult) -> None:
             match result:
-                case Refused(refusal) if refusal.reason is Reason.LEDGER_FAILED:
+                case Rejected(refusal) if refusal.reason is Reason.LEDGER_FAILED:
                     pass  # unconfirmed, it is received again, until its end can be recorded
                 case _:
                     answer(self._answer(message, result))
@@ -320,11 +320,11 @@ class ExecutiveRelayLink:
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
         """Return the answer to a command; None if reports not yet confirmed are the answer."""
         match admission:
-            case Admitted():
+            case Accepted():
                 return None
-            case Repeated(last):
+            case Duplicate(last):
                 return self._message(last)
-            case Refused(refusal):
+            case Rejected(refusal):
                 if self._reported(message, refusal):
                     return None
                 return refusal_of(message, self._asset, refusal.text, refusal.reason)

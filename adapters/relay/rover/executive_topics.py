@@ -1,4 +1,4 @@
-"""ROS topics of the executive's end of the relay link."""
+"""`ExecutiveRelayTopics`: ROS topics from and to `rover-relay`, at the executive."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -14,11 +14,11 @@ from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 class SubscriptionHost(Protocol):
     """Host of subscriptions that contains exceptions of callbacks: `adapters.ros.node`."""
 
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe to a topic."""
         ...
 
-    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe_apart(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe to a topic, with the callback on a thread of its own."""
         ...
 
@@ -40,15 +40,15 @@ class ExecutiveRelayTopics:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._stops, self._commands = (
-            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
+            declare_topic(node, key, "MOPS of the relay", String)
             for key in ("relay_stop", "relay_command")
         )
-        reports = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
+        reports = declare_topic(node, "relay_notification", "MOPS to the relay", String)
         self._confirmation_topic = declare_topic(
-            node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
+            node, "relay_notification_ack", "fingerprint of a stored string of reports", UInt64
         )
         taken = declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
+            node, "relay_command_ack", "fingerprint of a confirmed string of commands", UInt64
         )
         self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
         self._reports = node.create_publisher(String, reports.name, reports.qos)
@@ -62,12 +62,12 @@ class ExecutiveRelayTopics:
             except MopsError as error:
                 raise MessageError(f"relay: {error}") from error
 
-        def on_kept(mark: UInt64) -> None:
+        def on_ack(mark: UInt64) -> None:
             link.on_confirmed(mark.data)
 
-        served.subscribe_apart(String, self._stops, on_command)
-        served.subscribe(String, self._commands, on_command)
-        served.subscribe(UInt64, self._confirmation_topic, on_kept)
+        served.subscribe_apart(self._stops, on_command)
+        served.subscribe(self._commands, on_command)
+        served.subscribe(self._confirmation_topic, on_ack)
         steady_timer(self._node, POLL_S, served.contained(link.poll))
 
     def publish(self, text: str) -> None:

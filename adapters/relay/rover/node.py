@@ -1,4 +1,4 @@
-"""ROS node of `rover-relay`: topics, diagnostics, and the process from start to signal."""
+"""`serve`, the body of `rover-relay`: a ROS node with topics and diagnostics, until a signal."""
 
 import logging
 import signal
@@ -55,16 +55,16 @@ class RelayNode:
             ParameterError: a parameter is missing or invalid.
         """
         self._node, self._asset = node, asset
-        command = declare_topic(node, "relay_command", "std_msgs/String, MOPS to the rover")
-        stop = declare_topic(node, "relay_stop", "std_msgs/String, MOPS of stops to the rover")
+        command = declare_topic(node, "relay_command", "MOPS to the rover", String)
+        stop = declare_topic(node, "relay_stop", "MOPS of stops to the rover", String)
         self._taken = declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
+            node, "relay_command_ack", "fingerprint of a confirmed string of commands", UInt64
         )
         self._notification_topic = declare_topic(
-            node, "relay_notification", "std_msgs/String, MOPS of the rover"
+            node, "relay_notification", "MOPS of the rover", String
         )
         ack = declare_optional_topic(
-            node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
+            node, "relay_notification_ack", "fingerprint of a stored string of reports", UInt64
         )
         publish_heartbeat(node, command)
         self._publishers = {
@@ -82,7 +82,7 @@ class RelayNode:
             bridge.notify(text.data)
 
         def on_taken(mark: UInt64) -> None:
-            bridge.confirmed(mark.data)
+            bridge.on_confirmed(mark.data)
 
         self._node.create_subscription(
             String, self._notification_topic.name, on_notification, self._notification_topic.qos
@@ -134,7 +134,7 @@ def diagnose(
         level, text = DiagnosticStatus.WARN, "messages were refused"
     else:
         level, text = DiagnosticStatus.OK, f"{health.queued} bundles wait to be sent"
-    figures = {"expired": agent.expired, "room_octets": agent.room_octets}
+    figures = {"expired": agent.expired, "free_octets": agent.free_octets}
     return level, text, asdict(health) | figures
 
 

@@ -1,4 +1,4 @@
-"""`rover-relay`: the onboard process that carries MOPS strings between ROS topics and bundles."""
+"""The process `rover-relay`, on the rover: its command line. `node` carries MOPS strings."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ def main(
     from adapters.relay.rover.node import serve
     from adapters.relay.rover.settings import load_relay
 
-    topics = ros_params or _topics(asset)
+    topics = ros_params or _topics_file(asset)
     settings, path = load_relay(asset, config)
     if not topics.is_file():
         raise click.UsageError(
@@ -68,7 +68,7 @@ def main(
     serve(asset, settings, path, topics, data or default_folder(asset), ros_arguments)
 
 
-def _topics(asset: str) -> Path:
+def _topics_file(asset: str) -> Path:
     """Return the file with the topics: that of the brick if the rover has one, else of ROS."""
     from executive.settings import config_folder
 

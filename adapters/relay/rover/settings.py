@@ -1,4 +1,4 @@
-"""Settings of the rover end of the relay: its endpoint, the orbiter, and the link between them."""
+"""`RelaySettings` of `rover-relay`: its endpoint, the orbiter, and the link between them."""
 
 from dataclasses import dataclass
 from pathlib import Path

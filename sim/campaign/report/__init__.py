@@ -2,7 +2,6 @@
 
     Campaign, Runs, Verdict ──> page ──> report.html (page.html: a template, everything escaped)
                              │   ├─> charts: shares with intervals, distributions ──> sim.drawing
-                             │   └─> failures: groups; selected runs   ──> sim.scenario, worst/
                              │   └─> failures: groups; selected runs ──> sim.scenario, worst/
 
 The data set has figures, no pictures: the displayed runs are copied from `failed/` or

@@ -1,4 +1,4 @@
-"""Charts of the report: shares with their intervals, and distributions."""
+"""Charts for the report of a campaign: success shares with intervals, and distributions."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from pandas import Series
 
 from sim.campaign.model import Interval
 from sim.campaign.verdict import clopper_pearson
-from sim.drawing import DONE, FAINT, GRID, INK, MOTION, POINT, WRONG, line, mark, sheet
+from sim.drawing import DONE, FAINT, GRID, INK, MOTION, POINT, WRONG, line, mark, styled_figure
 
 WIDTH_PX: Final = 460
 MAX_VALUES: Final = 12
@@ -56,13 +56,13 @@ class Share:
         return clopper_pearson(self.passed, self.runs)
 
 
-def by_value(values: Series, holds: Series) -> list[Share]:
+def by_value(values: Series, passed: Series) -> list[Share]:
     """Return the share of each value in ascending order; runs without a value are left out."""
-    counted = _counted(values.dropna().astype(str), holds)
+    counted = _successes_by_group(values.dropna().astype(str), passed)
     return sorted(starmap(Share, counted), key=lambda each: (each.share, each.name))
 
 
-def by_number(values: Series, holds: Series) -> list[Share]:
+def by_number(values: Series, passed: Series) -> list[Share]:
     """Return the share of each number, or in bins with equal numbers of runs; NA is left out."""
     numbers = values.dropna().astype(float)
     distinct = np.unique(numbers)
@@ -75,17 +75,17 @@ def by_number(values: Series, holds: Series) -> list[Share]:
         bins = list(pairwise(edges.tolist()))
         bin_of = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(bins) - 1)
     shares = []
-    for index, succeeded, runs in _counted(Series(bin_of, numbers.index), holds):
+    for index, succeeded, runs in _successes_by_group(Series(bin_of, numbers.index), passed):
         low, high = bins[index]
         name = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
         shares.append(Share(name, succeeded, runs, low, high))
     return shares
 
 
-def _counted(groups: Series, holds: Series) -> Iterator[tuple[Any, int, int]]:
+def _successes_by_group(groups: Series, passed: Series) -> Iterator[tuple[Any, int, int]]:
     """Yield each group in order, with its number of successful runs and of all runs."""
-    for group, held in holds[groups.index].groupby(groups):
-        yield group, int(held.sum()), len(held)
+    for group, each in passed[groups.index].groupby(groups):
+        yield group, int(each.sum()), len(each)
 
 
 def draw_against_number(name: str, shares: Sequence[Share], wanted: float | None) -> Figure:
@@ -144,19 +144,19 @@ def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
 
 
 def draw_distribution(
-    name: str, held: Sequence[float], failed: Sequence[float], bounds: Sequence[float]
+    name: str, passed: Sequence[float], failed: Sequence[float], bounds: Sequence[float]
 ) -> Figure:
     """Return the histogram of a figure, in successful and in failed runs.
 
     Args:
         name: name of the figure, with its unit.
-        held: the values in successful runs.
+        passed: the values in successful runs.
         failed: the values in failed runs; together they have at least two different ones.
         bounds: bounds of its quantiles; distant ones are left out.
     """
     with _chart(_HEIGHT) as (figure, axes):
-        edges = np.histogram_bin_edges([*held, *failed], bins=30)
-        axes.hist([held, failed], edges.tolist(), stacked=True, color=[DONE, WRONG], zorder=2)
+        edges = np.histogram_bin_edges([*passed, *failed], bins=30)
+        axes.hist([passed, failed], edges.tolist(), stacked=True, color=[DONE, WRONG], zorder=2)
         for bound in bounds_near(edges[0], edges[-1], bounds):
             axes.axvline(bound, color=INK, linewidth=POINT, linestyle=(0, (4, 4)), zorder=4)
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
@@ -174,7 +174,7 @@ def _chart(
     height: float, left: float = _LEFT, right: float = _RIGHT
 ) -> Iterator[tuple[Figure, Axes]]:
     """Yield a sheet of the report's width, and its axes."""
-    with sheet(WIDTH_PX, height, "") as figure:
+    with styled_figure(WIDTH_PX, height, "") as figure:
         across, upright = WIDTH_PX - left - right, height - _TOP - _BOTTOM
         box = (left / WIDTH_PX, _BOTTOM / height, across / WIDTH_PX, upright / height)
         axes = figure.add_axes(box)

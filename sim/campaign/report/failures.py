@@ -1,4 +1,4 @@
-"""Groups of equal failures, and the repetition of selected runs of a campaign."""
+"""Groups the failed runs of a campaign by equal failure, and repeats the runs that are shown."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -64,8 +64,8 @@ class WorstRun:
 
 def failure_groups(runs: RunTable) -> list[FailureGroup]:
     """Return the groups of failed runs, in descending order of size."""
-    all_runs = runs.frame("holds", "scenario", "failed_findings", "reasons")
-    failed = all_runs[~all_runs["holds"]].astype(object)
+    all_runs = runs.frame("passed", "scenario", "failed_findings", "reasons")
+    failed = all_runs[~all_runs["passed"]].astype(object)
     first = failed["failed_findings"].map(_expected)
     named = failed["reasons"].map(lambda names: ", ".join(dict.fromkeys(names)))
     groups = failed.index.to_series().groupby([failed["scenario"], first, named], sort=False)
@@ -78,7 +78,7 @@ def failure_groups(runs: RunTable) -> list[FailureGroup]:
 
 
 def _expected(failed_findings: Sequence[str]) -> str:
-    return next(iter(failed_findings), "").partition(", seen ")[0]
+    return next(iter(failed_findings), "").partition(", observed ")[0]
 
 
 def select_runs(

@@ -1,7 +1,7 @@
-"""A campaign as JUnit XML: a case for each scenario and criterion, and for failed runs.
+"""`junit.xml` of a campaign: a case for each scenario and criterion, and for failed runs.
 
-The file has a failure if and only if the campaign does not hold: a failed part of a campaign that
-holds is skipped, with its message.
+The file has a failure if and only if the campaign failed: a failed part of a campaign that
+passed is skipped, with its message.
 """
 
 from collections.abc import Iterator
@@ -29,8 +29,10 @@ def write_campaign_junit(
     Raises:
         SettingsError: the data set cannot be read.
     """
-    trouble = CaseStatus.SKIPPED if verdict.holds else CaseStatus.FAILURE
-    suites = [JunitSuite("all runs", [_case(each, each.hold, trouble) for each in verdict.judged])]
+    trouble = CaseStatus.SKIPPED if verdict.passed else CaseStatus.FAILURE
+    suites = [
+        JunitSuite("all runs", [_case(each, each.criterion, trouble) for each in verdict.judged])
+    ]
     suites += [_suite(campaign, each, runs, verdict, trouble) for each in campaign.scenarios]
     path = folder / NAME
     with path.open("wb") as file:
@@ -51,22 +53,24 @@ def _suite(
     if not took_s:
         return JunitSuite(scenario, [])
     here = tuple(
-        replace(each, where=RunFilter((term, *each.where.terms))) for each in campaign.hold
+        replace(each, where=RunFilter((term, *each.where.terms))) for each in campaign.criteria
     )
-    judged = judge(replace(campaign, hold=here), runs).judged
+    judged = judge(replace(campaign, criteria=here), runs).judged
     cases = []
     for each, overall in zip(judged, verdict.judged, strict=True):
         undecided = (
             each.judgement is CriterionStatus.UNDECIDED and each.judgement != overall.judgement
         )
         if each.judgement is not CriterionStatus.EMPTY:
-            cases.append(_case(each, overall.hold, CaseStatus.SKIPPED if undecided else trouble))
+            cases.append(
+                _case(each, overall.criterion, CaseStatus.SKIPPED if undecided else trouble)
+            )
     return JunitSuite(scenario, [*cases, *_failed(runs, RunFilter((term,)), trouble)], took_s)
 
 
 def _case(judged: CriterionResult, name: str, trouble: CaseStatus) -> JunitCase:
-    holds = judged.judgement is CriterionStatus.HOLDS
-    return JunitCase(name, f"{judged.judgement.value}: {judged.text}", None if holds else trouble)
+    passed = judged.judgement is CriterionStatus.PASSED
+    return JunitCase(name, f"{judged.judgement.value}: {judged.text}", None if passed else trouble)
 
 
 def _failed(runs: RunTable, here: RunFilter, trouble: CaseStatus) -> Iterator[JunitCase]:
@@ -76,4 +80,4 @@ def _failed(runs: RunTable, here: RunFilter, trouble: CaseStatus) -> Iterator[Ju
         yield JunitCase(f"run {run.run}", f"{findings}; repeat it by: {run.command}", trouble)
     more = sum(1 for _ in failed)
     if more:
-        yield JunitCase(f"{more} more runs", "do not hold; all are in the data set", trouble)
+        yield JunitCase(f"{more} more runs", "failed; all are in the data set", trouble)

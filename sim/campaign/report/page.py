@@ -1,4 +1,4 @@
-"""The report of a campaign: one self-contained HTML page, without network access."""
+"""`write_report`: the report of a campaign, one self-contained HTML page without network access."""
 
 import json
 import shutil
@@ -52,7 +52,7 @@ class CriterionRow:
     """A criterion, formatted for display."""
 
     judged: CriterionResult
-    seen: str
+    observed: str
     share: str
 
 
@@ -96,12 +96,12 @@ def write_report(
         lstrip_blocks=True,
     )
     environment.filters |= {"percent": _percent, "picture": _picture}
-    environment.filters |= {"varied": _varied, "reports": _reports}
+    environment.filters |= {"varied": _drawn_values, "reports": _reports}
     page = environment.get_template("page.html").render(
         campaign=campaign,
         verdict=verdict,
         judgement=judgement_of(verdict),
-        holds=tuple(map(_hold_row, campaign.hold, verdict.judged)),
+        criteria=tuple(map(_criterion_row, campaign.criteria, verdict.judged)),
         false_executed=_false_executed(runs),
         against=tuple(_against(campaign, runs)),
         distributions=tuple(_distributions(campaign, runs)),
@@ -118,22 +118,22 @@ def write_report(
 
 def judgement_of(verdict: CampaignVerdict) -> CriterionStatus:
     """Return the judgement on a whole campaign: the worst of its criteria."""
-    order = (CriterionStatus.EMPTY, CriterionStatus.FAILS, CriterionStatus.UNDECIDED)
+    order = (CriterionStatus.EMPTY, CriterionStatus.FAILED, CriterionStatus.UNDECIDED)
     found = {each.judgement for each in verdict.judged}
-    return next((worst for worst in order if worst in found), CriterionStatus.HOLDS)
+    return next((worst for worst in order if worst in found), CriterionStatus.PASSED)
 
 
-def _hold_row(hold: Criterion, judged: CriterionResult) -> CriterionRow:
+def _criterion_row(criterion: Criterion, judged: CriterionResult) -> CriterionRow:
     """Return the row of a criterion on the page."""
     if judged.judgement is CriterionStatus.EMPTY:
         return CriterionRow(judged, judged.text, "")
-    seen = f"none in {judged.missing} runs" if judged.figure is None else f"{judged.figure:.4g}"
-    if isinstance(hold, Success):
-        seen = _percent(judged.share)
+    observed = f"none in {judged.missing} runs" if judged.figure is None else f"{judged.figure:.4g}"
+    if isinstance(criterion, Success):
+        observed = _percent(judged.share)
     low, high = _percent(judged.low), _percent(judged.high)
     confidence = _percent(judged.confidence)
     share = f"{_percent(judged.share)}; the true share is at least {low}, at most {high}"
-    return CriterionRow(judged, seen, f"{share}, each with {confidence} confidence")
+    return CriterionRow(judged, observed, f"{share}, each with {confidence} confidence")
 
 
 def _percent(share: float) -> str:
@@ -159,12 +159,14 @@ def _against(campaign: Campaign, runs: RunTable) -> Iterator[Chart]:
 
     A parameter has a chart for each fault that has it, as its meaning differs.
     """
-    everywhere = (h.success for h in campaign.hold if isinstance(h, Success) and not h.where.terms)
+    everywhere = (
+        h.success for h in campaign.criteria if isinstance(h, Success) and not h.where.terms
+    )
     wanted = max(everywhere, default=None)
     varied = quantities(campaign)
     if len(campaign.scenarios) > 1:
         varied = (VariedQuantity("scenario", ValueKind.TEXT), *varied)
-    all_runs = runs.frame("holds", *(each.name for each in varied))
+    all_runs = runs.frame("passed", *(each.name for each in varied))
     for quantity in varied:
         name, values = quantity.name, all_runs[quantity.name]
         if name == "seed":
@@ -174,13 +176,13 @@ def _against(campaign: Campaign, runs: RunTable) -> Iterator[Chart]:
             faults = sorted(all_runs[INJECT][values.notna()].unique())
         for fault in faults:
             own = values.where(all_runs[INJECT] == fault)
-            yield _chart(f"{name} of {fault}", quantity.kind, own, all_runs["holds"], wanted)
+            yield _chart(f"{name} of {fault}", quantity.kind, own, all_runs["passed"], wanted)
         if not faults:
-            yield _chart(name, quantity.kind, values, all_runs["holds"], wanted)
+            yield _chart(name, quantity.kind, values, all_runs["passed"], wanted)
 
 
 def _chart(
-    name: str, kind: ValueKind, values: Series, holds: Series, wanted: float | None
+    name: str, kind: ValueKind, values: Series, passed: Series, wanted: float | None
 ) -> Chart:
     """Return success over a quantity, in the runs that have a value of it."""
     having = values.count()
@@ -188,23 +190,23 @@ def _chart(
         return Chart(name, "No run has a value of it.")
     text = f"{having} of {len(values)} runs have it. " if having < len(values) else ""
     if kind is not ValueKind.TEXT:
-        drawn = draw_against_number(name, by_number(values, holds), wanted)
+        drawn = draw_against_number(name, by_number(values, passed), wanted)
         return Chart(name, text, Markup(as_svg(drawn)))
-    shares = by_value(values, holds)
+    shares = by_value(values, passed)
     left = len(shares) - MAX_ROWS
-    text += f"The {left} values with the highest success are left out." if left > 0 else ""
+    text += f"The {left} values with higher success rates are left out." if left > 0 else ""
     return Chart(name, text, Markup(as_svg(draw_shares(shares[:MAX_ROWS], wanted))))
 
 
 def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]:
     """Yield the distribution of each figure that has a unit or is used by a quantile."""
     varied = {each.name for each in quantities(campaign)}
-    judged = {hold.of for hold in campaign.hold if isinstance(hold, Quantile)}
+    judged = {each.of for each in campaign.criteria if isinstance(each, Quantile)}
     for key, number in keys_of(campaign).items():
         name = _title(key)
         if not number or key in varied or ("," not in name and key not in judged):
             continue
-        all_runs = runs.frame("holds", key)
+        all_runs = runs.frame("passed", key)
         known = all_runs.dropna()
         missing = len(all_runs) - len(known)
         if known.empty:
@@ -215,9 +217,9 @@ def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]
         if np.ptp(seen) <= RELATIVE_TOLERANCE * np.abs(seen).max():
             chart = Chart(name, f"It is {seen[0]:.4g} in each run that has it.")
         else:
-            bounds = [h.bound for h in campaign.hold if isinstance(h, Quantile) and h.of == key]
-            held = known["holds"].to_numpy(bool)
-            figure = draw_distribution(name, seen[held], seen[~held], bounds)
+            bounds = [h.bound for h in campaign.criteria if isinstance(h, Quantile) and h.of == key]
+            passed = known["passed"].to_numpy(bool)
+            figure = draw_distribution(name, seen[passed], seen[~passed], bounds)
             near = bounds_near(seen.min(), seen.max(), bounds)
             beyond = ", ".join(f"{bound:g}" for bound in bounds if bound not in near)
             text = f"Beyond the chart: the bound {beyond}." if beyond else ""
@@ -234,7 +236,7 @@ def _title(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _varied(run: CampaignRun) -> str:
+def _drawn_values(run: CampaignRun) -> str:
     return ", ".join(
         f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in run.varied.items()

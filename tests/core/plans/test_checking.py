@@ -12,7 +12,7 @@ from executive.commands import (
     SubmitPlan,
     Waypoint,
 )
-from executive.commands.lifecycle import Admitted
+from executive.commands.lifecycle import Accepted
 from executive.plans import LEAVES, check_plan, steps
 from executive.settings import load_settings
 from executive.values.reasons import Reason, Refusal
@@ -90,7 +90,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("body", "reason", "line", "text"), FAULTS)
-def test_a_fault_is_told_with_its_line(body: str, reason: Reason, line: int, text: str) -> None:
+def test_a_fault_is_reported_with_its_line(body: str, reason: Reason, line: int, text: str) -> None:
     found = refusal(plan(body))
     assert (found.reason, found.argument) == (reason, 1)
     assert found.text.startswith(f"line {line}: ")
@@ -122,11 +122,11 @@ def test_a_text_that_is_no_plan_is_refused(content: bytes, reason: Reason) -> No
     assert refusal(replace(plan(GO), content=content)).reason is reason
 
 
-def test_a_rover_refuses_what_is_no_plan(bench: Bench) -> None:
+def test_a_rover_refuses_an_invalid_plan(bench: Bench) -> None:
     bodies = [(plan(body), reason) for body, reason, *_ in FAULTS]
     texts = [(replace(plan(GO), content=content), reason) for content, reason in NO_PLANS]
     others = [
-        (plan(GO, "a b"), Reason.BAD_IDENTITY),
+        (plan(GO, "a b"), Reason.BAD_IDENTIFIER),
         (replace(plan(GO), format="SCXML"), Reason.PLAN_FORMAT),
         (plan(GO, far="1"), Reason.PLAN_BAD_ARGUMENT),
     ]
@@ -134,8 +134,8 @@ def test_a_rover_refuses_what_is_no_plan(bench: Bench) -> None:
         assert bench.refusal(SubmitPlan(definition), number).reason is reason
 
 
-def spaced(places: str, length: int) -> str:
-    return f'<followPath waypoints="{places:{length}}" deadline_s="9"/>'
+def spaced(spaces: str, length: int) -> str:
+    return f'<followPath waypoints="{spaces:{length}}" deadline_s="9"/>'
 
 
 def sized(octets: int) -> bytes:
@@ -190,18 +190,18 @@ def limited(msec: int) -> str:
 def test_a_rover_takes_a_plan_up_to_each_bound(
     bench: Bench, within: bytes, beyond: bytes, text: str
 ) -> None:
-    assert isinstance(bench.submit(SubmitPlan(replace(plan(""), content=within)), 1), Admitted)
+    assert isinstance(bench.submit(SubmitPlan(replace(plan(""), content=within)), 1), Accepted)
     other = replace(plan("", "other"), content=beyond)
     assert text in bench.refusal(SubmitPlan(other), 2).text
 
 
 def test_a_wrong_name_of_a_tree_is_held_against_the_first_of_many_alone(bench: Bench) -> None:
     trees = [f"x{number:03}" for number in range(220)]
-    for number, (place, said) in enumerate(((100, True), (210, False)), 1):
-        names = [*trees[:place], "Landing", *trees[place:]]
+    for number, (offset, message) in enumerate(((100, True), (210, False)), 1):
+        names = [*trees[:offset], "Landing", *trees[offset:]]
         others = "".join(f'<BehaviorTree ID="{name}">{GO}</BehaviorTree>' for name in names)
-        asked = SubmitPlan(plan('<SubTree ID="Landng"/>', others=others))
-        assert ("did you mean Landing?" in bench.refusal(asked, number).text) is said
+        requested = SubmitPlan(plan('<SubTree ID="Landng"/>', others=others))
+        assert ("did you mean Landing?" in bench.refusal(requested, number).text) is message
 
 
 def test_subtrees_cannot_grow_without_end() -> None:
@@ -221,18 +221,18 @@ def test_an_argument_that_nothing_reads_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("places", "fault"), [(150_000, "characters"), (201, "201 waypoints, 200 at most")]
+    ("spaces", "fault"), [(150_000, "characters"), (201, "201 waypoints, 200 at most")]
 )
-def test_no_argument_makes_a_plan_large(places: int, fault: str) -> None:
+def test_no_argument_makes_a_plan_large(spaces: int, fault: str) -> None:
     leaf = '<followPath waypoints="{p}" deadline_s="9"/>'
-    found = refusal(plan(f"<Sequence>{leaf * 400}</Sequence>", p="0,0;" * places))
+    found = refusal(plan(f"<Sequence>{leaf * 400}</Sequence>", p="0,0;" * spaces))
     assert found.reason is Reason.PLAN_BAD_ARGUMENT
     assert fault in found.text
 
 
 @pytest.mark.parametrize("plan_id", ["", "a b", "a/b", "x" * 65, "é"])
 def test_a_plan_needs_an_id_that_can_name_it(plan_id: str) -> None:
-    assert refusal(plan(GO, plan_id)).reason is Reason.BAD_IDENTITY
+    assert refusal(plan(GO, plan_id)).reason is Reason.BAD_IDENTIFIER
 
 
 def test_another_format_is_refused() -> None:
@@ -256,13 +256,13 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
     <Action ID="setCameraAngles"><input_port name="pan" type="double"/></Action>
   </TreeNodesModel>
 </root>"""
-    asked = replace(
+    requested = replace(
         plan("", pan="0.5", wait="9000"),
         content=groot.replace('format="4"', 'format="4" main_tree_to_execute="Look"').encode(),
     )
-    root = check_plan(asked, SETTINGS)
+    root = check_plan(requested, SETTINGS)
     assert not isinstance(root, Refusal), root
-    assert [step.place.path for step in steps(root)] == [
+    assert [step.location.path for step in steps(root)] == [
         "plan:survey/all/left",
         "plan:survey/all/Shoot/Timeout/takePicture",
     ]
@@ -323,7 +323,7 @@ def test_a_default_of_a_model_may_be_an_argument() -> None:
     assert "{x}" in refusal(of_groot(trees)).text
 
 
-def test_with_autoremap_what_is_given_above_counts_and_no_default() -> None:
+def test_with_autoremap_outer_arguments_count_and_no_default() -> None:
     trees = MAIN.replace('d="0.5"', '_autoremap="1"') + LEG + DEFAULTS
     given = replace(of_groot(trees), arguments=(PlanArgument("d", "0.25"),))
     assert distances(given) == [0.25]
@@ -333,7 +333,7 @@ def test_with_autoremap_what_is_given_above_counts_and_no_default() -> None:
 MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _later="x"'
 
 
-def test_what_an_editor_notes_is_no_script() -> None:
+def test_editor_notes_are_no_script() -> None:
     leg = LEG.replace('distance="{d}"', f'distance="{{d}}" {MARKS}')
     trees = MAIN.replace('d="0.5"', f'd="0.5" {MARKS}').replace("<Sequence", f"<Sequence {MARKS}")
     assert distances(of_groot(trees + leg)) == [0.5]
@@ -367,7 +367,7 @@ def test_a_text_is_read_as_it_declares_or_as_utf_8(prolog: str, encoding: str) -
     content = of_groot(NAMED, prolog=prolog).content.decode().encode(encoding)
     root = check_plan(replace(plan(""), content=content), SETTINGS)
     assert not isinstance(root, Refusal), root
-    assert [step.place.path for step in steps(root)] == ["plan:survey/Sequence/Gelände"]
+    assert [step.location.path for step in steps(root)] == ["plan:survey/Sequence/Gelände"]
 
 
 @pytest.mark.parametrize("declared", ["", "utf-8", "none", "utf-7", "zlib_codec", "shift_jis"])
@@ -381,11 +381,11 @@ def test_a_text_that_is_not_as_it_declares_is_no_xml(declared: str) -> None:
 def test_siblings_of_one_name_have_paths_of_their_own() -> None:
     root = check_plan(plan(f"<Sequence>{GO}{GO}</Sequence>"), SETTINGS)
     assert not isinstance(root, Refusal)
-    assert len({step.place.path for step in steps(root)}) == 2
+    assert len({step.location.path for step in steps(root)}) == 2
 
 
 @given(st.binary(max_size=400))
-def test_whatever_comes_is_refused_or_taken(content: bytes) -> None:
+def test_every_input_is_refused_or_accepted(content: bytes) -> None:
     assert isinstance(check_plan(replace(plan(GO), content=content), SETTINGS), Refusal)
 
 
@@ -410,6 +410,6 @@ def test_a_mutated_plan_is_refused_or_taken(data: st.DataObject) -> None:
                 octets[at:at] = octets[at : at + data.draw(st.integers(1, 60))]
         if not octets:
             break
-    asked = replace(plan(GO, y="2"), content=bytes(octets))
-    found = check_plan(asked, SETTINGS)
+    requested = replace(plan(GO, y="2"), content=bytes(octets))
+    found = check_plan(requested, SETTINGS)
     assert not isinstance(found, Refusal) or found.text

@@ -50,7 +50,7 @@ SOMETIMES = {'{"angle_rad": 0.4}', '{"distance_m": 0.32}', '{"pan_rad": 2.1, "ti
 
 
 def suspend(bench: PlanBench) -> None:
-    bench.ask(SuspendPlan("survey"))
+    bench.request(SuspendPlan("survey"))
 
 
 def stop(bench: PlanBench) -> None:
@@ -87,15 +87,15 @@ def executed(bench: PlanBench) -> Counter[str]:
     rows = bench.ledger.rows(
         "SELECT command_id, request FROM commands WHERE source = 'plan:survey'"
     )
-    asked = dict(rows)
+    requested = dict(rows)
     done = (number for number, stages in bench.commanded() if stages[-1] is Stage.EXECUTED)
-    return Counter(asked[number] for number in done)
+    return Counter(requested[number] for number in done)
 
 
-def look(bench: PlanBench) -> None:
+def poll(bench: PlanBench) -> None:
     """Check what holds at any time."""
     allowed = {(edge.source, edge.target) for edge in PLAN_EDGES}
-    for before, after in pairwise(update.status for update in bench.heard.plans):
+    for before, after in pairwise(update.status for update in bench.received.plans):
         assert before is after or (before, after) in allowed
     for _, stages in bench.commanded():
         assert sum(stage.terminal for stage in stages) <= 1
@@ -114,7 +114,7 @@ BREAKS = st.tuples(
 @example([(0, crash, 0), (0, jump, 0)])
 @example([(1, suspend, 0), (0, crash, 50)])
 @settings(max_examples=20, deadline=None)
-def test_a_plan_goes_on_where_it_was(
+def test_a_plan_continues_at_its_interruption(
     breaks: list[tuple[int, Callable[[PlanBench], None], int]],
 ) -> None:
     with TemporaryDirectory() as folder, PlanBench(Path(folder)) as bench:
@@ -124,7 +124,7 @@ def test_a_plan_goes_on_where_it_was(
             for _ in range(steps):
                 bench.step()
             interrupt(bench)
-            look(bench)
+            poll(bench)
             if bench.status().status in FINAL_STATUSES:
                 break
             assert bench.status().status is PlanStatus.SUSPENDED
@@ -135,9 +135,9 @@ def test_a_plan_goes_on_where_it_was(
             assert all(stages[-1].terminal for _, stages in bench.commanded())
             bench.numbered(Resume())
             locate(bench)
-            bench.ask(ResumePlan("survey"))
+            bench.request(ResumePlan("survey"))
         assert bench.until(*FINAL_STATUSES) is PlanStatus.COMPLETED, bench.status()
-        look(bench)
+        poll(bench)
         assert executed(bench) & ALWAYS == ALWAYS
         assert all(stages[-1].terminal for _, stages in bench.commanded())
         assert bench.ledger.rows("SELECT * FROM plan_steps") == []
@@ -172,31 +172,31 @@ def written(tree: Tree) -> str:
     return f"<{kind}{EXTRA.get(kind, '')}>{''.join(map(written, children))}</{kind}>"
 
 
-def expected(tree: Tree, asked: list[bool]) -> bool:
+def expected(tree: Tree, requested: list[bool]) -> bool:
     """Run a random tree in the head: whether it succeeds, and how each command ends."""
     if isinstance(tree, str):
-        asked.append(tree == "good")
-        return asked[-1]
+        requested.append(tree == "good")
+        return requested[-1]
     kind, children = tree
     match kind:
         case "Sequence":
-            return all(expected(child, asked) for child in children)
+            return all(expected(child, requested) for child in children)
         case "Fallback":
-            return any(expected(child, asked) for child in children)
+            return any(expected(child, requested) for child in children)
         case "Inverter":
-            return not expected(children[0], asked)
+            return not expected(children[0], requested)
         case "Repeat":
-            return expected(children[0], asked) and expected(children[0], asked)
+            return expected(children[0], requested) and expected(children[0], requested)
         case _:
-            return expected(children[0], asked) or expected(children[0], asked)
+            return expected(children[0], requested) or expected(children[0], requested)
 
 
 @pytest.mark.at_length
 @given(TREES, st.lists(st.integers(0, 40), max_size=3), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool) -> None:
-    asked: list[bool] = []
-    succeeds = expected(tree, asked)
+    requested: list[bool] = []
+    succeeds = expected(tree, requested)
     with TemporaryDirectory() as folder, PlanBench(Path(folder)) as bench:
         bench.go(plan(written(tree)))
         for steps in breaks:
@@ -205,13 +205,13 @@ def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool
             if crashes:
                 bench.crash()
             else:
-                bench.ask(SuspendPlan("survey"))
+                bench.request(SuspendPlan("survey"))
             bench.step()
-            bench.ask(ResumePlan("survey"))
+            bench.request(ResumePlan("survey"))
         end = bench.until(*FINAL_STATUSES)
         assert end is (PlanStatus.COMPLETED if succeeds else PlanStatus.FAILED)
         assert [stages[-1] for _, stages in bench.commanded()] == [
-            Stage.EXECUTED if good else Stage.REJECTED for good in asked
+            Stage.EXECUTED if good else Stage.REJECTED for good in requested
         ]
-        bench.ask(AbortPlan("survey"))
+        bench.request(AbortPlan("survey"))
         assert bench.status().status is end

@@ -62,7 +62,7 @@ class Desk:
         self.notes: dict[BrickLink, deque[Message]] = {link: deque() for link in BrickLink}
         self.found = dict.fromkeys(BrickLink, False)
         self.relay_sent: dict[int, Message] = {}
-        self.relay_heard: defaultdict[int, list[Message]] = defaultdict(list)
+        self.relay_received: defaultdict[int, list[Message]] = defaultdict(list)
         self.record = BrickRecord()
         self.start_nxt()
 
@@ -84,7 +84,7 @@ class Desk:
             self.notes[link].append(message)
         self.fuse()
 
-    def telemetry(self, message: Message) -> None:
+    def publish_telemetry(self, message: Message) -> None:
         raise AssertionError(message)
 
     def start_nxt(self) -> None:
@@ -93,9 +93,9 @@ class Desk:
         for _ in range((len(self.usb) + 1) // 2):
             self.usb_in()
         self.usb.clear()
-        self.brick.said.clear()
+        self.brick.output.clear()
         self.executive.out.clear()
-        self.executive.hears = False
+        self.executive.receives = False
         self.found = dict.fromkeys(BrickLink, False)
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
@@ -122,8 +122,8 @@ class Desk:
 
     def discover(self) -> None:
         """ROS finds who hears whom."""
-        if not self.executive.hears:
-            self.executive.hears = True
+        if not self.executive.receives:
+            self.executive.receives = True
             self.executive.again()
         for link in BrickLink:
             if not self.found[link]:
@@ -137,7 +137,7 @@ class Desk:
             self.killed(self.router.on_connected, 1)
         else:
             self.usb.clear()
-            self.brick.said.clear()
+            self.brick.output.clear()
             self.brick.task = None
             self.killed(self._lose_brick)
 
@@ -145,7 +145,7 @@ class Desk:
         """Pass one message of the executive on."""
         if self.executive.out:
             message = self.executive.out.popleft()
-            if self.executive.hears:
+            if self.executive.receives:
                 self._to_router(BrickLink.DIRECT, message)
 
     def relay(self, number: int, counter: int | None) -> None:
@@ -156,31 +156,31 @@ class Desk:
         self.relay_sent[number] = copy
         self._to_router(BrickLink.RELAY, copy)
 
-    def ask_again(self) -> None:
+    def retransmit(self) -> None:
         """Do what the orbiter does about commands on which nothing was said."""
         for number, copy in self.relay_sent.items():
-            if not self.relay_heard[number]:
+            if not self.relay_received[number]:
                 self._to_router(BrickLink.RELAY, copy)
 
     def deliver(self, link: BrickLink) -> None:
         if self.notes[link]:
             message = self.notes[link].popleft()
             if link is BrickLink.DIRECT:
-                self.executive.hear(message)
+                self.executive.receive(message)
             elif message.moe_inputs_id is not None and message.dest == "MOE":
-                self.relay_heard[message.moe_inputs_id].append(message)
+                self.relay_received[message.moe_inputs_id].append(message)
 
     def usb_in(self) -> None:
         """Pass one message on to the brick."""
         if self.usb:
-            self.brick.hear(self.usb.popleft())
+            self.brick.receive(self.usb.popleft())
 
     def usb_out(self) -> None:
         """Pass one message of the brick on."""
-        if self.brick.said:
-            said = self.brick.said.popleft()
+        if self.brick.output:
+            text = self.brick.output.popleft()
             if self.plugged:
-                self.killed(self.router.on_octets, encode(said))
+                self.killed(self.router.on_octets, encode(text))
 
     def settle(self) -> None:
         """Let everything come to its end, with nobody killed any more."""
@@ -192,7 +192,7 @@ class Desk:
             self.clock.advance(RETRANSMIT_S)
             self.executive.tick()
             self.router.poll()
-            while self.executive.out or any(self.notes.values()) or self.usb or self.brick.said:
+            while self.executive.out or any(self.notes.values()) or self.usb or self.brick.output:
                 self.direct()
                 self.usb_in()
                 self.usb_out()
@@ -208,7 +208,7 @@ class Desk:
         stops = message.code == STOP and not message.received and not message.outputs
         waiting = len(self.usb)
         try:
-            self.router.command(link, str(message))
+            self.router.process(link, str(message))
         except Killed:
             self.start_nxt()
         else:
@@ -218,8 +218,8 @@ class Desk:
 
     def _check_turn(self, message: Message) -> None:
         """The relay's commands are sent when the brick has nothing else to do."""
-        asked = self.record.find(message)
-        if message.code != STOP and asked is not None and asked.links == (BrickLink.RELAY,):
+        requested = self.record.find(message)
+        if message.code != STOP and requested is not None and requested.links == (BrickLink.RELAY,):
             assert [each.command for each in self.record.unanswered()] == [message]
 
     def check_once(self) -> None:
@@ -236,7 +236,7 @@ class Desk:
     def outcomes(self, number: int) -> set[str]:
         """What the relay heard at the end of what was taken in."""
         return {
-            said.outputs[0]
-            for said in self.relay_heard[number]
-            if is_last(said) and said.outputs[0] != "REJECTED"
+            text.outputs[0]
+            for text in self.relay_received[number]
+            if is_last(text) and text.outputs[0] != "REJECTED"
         }

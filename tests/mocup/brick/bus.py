@@ -30,7 +30,7 @@ class Bus(SocketBackend):
         refuses: errno of every claim; 0 claims.
         packets: what reads find, in order: octets, or the errno of a fault; afterwards they wait.
         faults: errnos of the next writes, 0 for one that succeeds.
-        most_taken: octets that a write takes at most.
+        max_accepted: octets that a write takes at most.
         written: what the brick took, packet by packet.
         claims, released, opened, closed, cleared: what was done to it.
     """
@@ -41,7 +41,7 @@ class Bus(SocketBackend):
         self.refuses = 0
         self.packets: deque[bytes | int] = deque()
         self.faults: deque[int] = deque()
-        self.most_taken = 64
+        self.max_accepted = 64
         self.written: list[bytes] = []
         self.claims = 0
         self.released = 0
@@ -50,7 +50,7 @@ class Bus(SocketBackend):
         self.cleared: list[int] = []
         self._changed = Condition()
 
-    def says(self, *packets: bytes | int) -> None:
+    def sends(self, *packets: bytes | int) -> None:
         with self._changed:
             self.packets += packets
             self._changed.notify_all()
@@ -97,7 +97,7 @@ class Bus(SocketBackend):
                 raise fault(errno.ENODEV)
             if self.faults and (number := self.faults.popleft()):
                 raise fault(number)
-            taken = data.tobytes()[: self.most_taken]
+            taken = data.tobytes()[: self.max_accepted]
             self.written.append(taken)
             return len(taken)
 

@@ -7,8 +7,8 @@ from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
 from adapters.mops import Message, RelayAuthority, load_dictionary, messages_in
 from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
 from executive.values.clock import ManualClock
-from executive.values.facts import CommandEnded, MotionEnded, Stopped
-from executive.values.ports import Advance, TurnBy, WholeMotion
+from executive.values.facts import ExternalCommandEnded, ExternalStop, MotionEnded
+from executive.values.ports import DelegatedMotion, DriveBy, TurnBy
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 DICTIONARY = load_dictionary()
@@ -24,8 +24,8 @@ def request(number: int) -> Request:
     return MoveTo(Waypoint(1.0 * number, 2.0)) if number % 2 else MoveForward(0.5 * number)
 
 
-def motions(number: int) -> list[TurnBy | Advance]:
-    whole = Advance(0.5 * number, 0.2)
+def motions(number: int) -> list[TurnBy | DriveBy]:
+    whole = DriveBy(0.5 * number, 0.2)
     return [TurnBy(0.1 * number, 1.0), whole] if number % 2 else [whole]
 
 
@@ -35,28 +35,28 @@ class Brick:
     def __init__(self) -> None:
         self.task: Message | None = None
         self.begun: list[Message] = []
-        self.said: deque[Message] = deque()
+        self.output: deque[Message] = deque()
 
-    def hear(self, message: Message) -> None:
+    def receive(self, message: Message) -> None:
         if message.code == STOP:
             self.end("CANCELLED")
-            self._say(message, "EXECUTED")
+            self._send(message, "EXECUTED")
         elif self.task is not None:
-            self._say(message, "REJECTED")
+            self._send(message, "REJECTED")
         else:
             self.task = message
             self.begun.append(message)
-            self._say(message, "STARTED")
+            self._send(message, "STARTED")
 
     def end(self, stage: str = "EXECUTED") -> None:
         task, self.task = self.task, None
         if task is not None:
-            self._say(task, stage)
+            self._send(task, stage)
 
-    def _say(self, to: Message, stage: str) -> None:
+    def _send(self, to: Message, stage: str) -> None:
         received, executed = stage != "REJECTED", stage == "EXECUTED"
-        said = replace(to, source=to.dest, dest=to.source, inputs=(), outputs=(stage, "", ""))
-        self.said.append(replace(said, received=received, executed=executed))
+        text = replace(to, source=to.dest, dest=to.source, inputs=(), outputs=(stage, "", ""))
+        self.output.append(replace(text, received=received, executed=executed))
 
 
 class Executive:
@@ -67,7 +67,7 @@ class Executive:
         self.ledger: list[Report] = []
         self.last: dict[int, Report] = {}
         self.out: deque[Message] = deque()
-        self.hears = False
+        self.receives = False
         self._motion_number = 0
         self.start()
 
@@ -75,10 +75,10 @@ class Executive:
         """Begin a process: what another left unfinished was interrupted."""
         self.clock.advance(0.001)
         self.out.clear()
-        self.hears = False
+        self.receives = False
         self.waiting: deque[int] = deque()
         self.active: int | None = None
-        self.left: deque[TurnBy | Advance] = deque()
+        self.left: deque[TurnBy | DriveBy] = deque()
         self.plugin = MocupRover(
             DICTIONARY, self.clock, self.out.append, self._observe, "EXEC", "MOCUP"
         )
@@ -97,9 +97,9 @@ class Executive:
 
     def submit(self, number: int, dies: bool = False) -> None:
         if number in self.last:
-            self.claims.report((self.last[number],))
+            self.claims.send_reports((self.last[number],))
             return
-        self.reach(number, Stage.ACCEPTED, told=not dies)
+        self.reach(number, Stage.ACCEPTED, reported=not dies)
         self.waiting.append(number)
         if dies:
             self.start()
@@ -122,31 +122,33 @@ class Executive:
             self.active = self.waiting.popleft()
             self.reach(self.active, Stage.STARTED)
             self.left = deque(motions(self.active))
-            self._go_on()
+            self._continue()
 
-    def hear(self, message: Message) -> None:
+    def receive(self, message: Message) -> None:
         self.plugin.on_reply(message)
 
     def again(self) -> None:
         self.claims.resend(self.ledger)
 
-    def reach(self, number: int, stage: Stage, text: str = "", told: bool = True) -> None:
+    def reach(self, number: int, stage: Stage, text: str = "", reported: bool = True) -> None:
         identity = Identity("MOE", number)
         kind, severity = ReportKind.COMMAND, Severity.INFORMATIONAL
         report = Report(len(self.ledger) + 1, 0.0, kind, severity, text, identity, stage)
         self.ledger.append(report)
         self.last[number] = report
-        if told:
-            self.claims.report((report,))
+        if reported:
+            self.claims.send_reports((report,))
 
-    def _go_on(self) -> None:
+    def _continue(self) -> None:
         assert self.active is not None
         if not self.left:
             self._end(True, "")
             return
         self._motion_number += 1
         identity = Identity("MOE", self.active)
-        self.plugin.execute_motion(WholeMotion(self._motion_number, self.left.popleft(), identity))
+        self.plugin.execute_motion(
+            DelegatedMotion(self._motion_number, self.left.popleft(), identity)
+        )
 
     def _end(self, executed: bool, text: str) -> None:
         assert self.active is not None
@@ -154,15 +156,17 @@ class Executive:
         self.active = None
 
     def _observe(self, fact: MocupFact) -> None:
-        if isinstance(fact, Stopped):
+        if isinstance(fact, ExternalStop):
             self._cancel()
         if self.active is None:
             return
         match fact:
             case MotionEnded(number, executed, text) if number == self._motion_number:
                 if executed:
-                    self._go_on()
+                    self._continue()
                 else:
                     self._end(False, text)
-            case CommandEnded(identity, executed, text) if identity.command_id == self.active:
+            case ExternalCommandEnded(identity, executed, text) if (
+                identity.command_id == self.active
+            ):
                 self._end(executed, text)

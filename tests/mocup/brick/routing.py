@@ -38,7 +38,7 @@ class Ports:
         encode(message)
         self.notified.append((link, message))
 
-    def telemetry(self, message: Message) -> None:
+    def publish_telemetry(self, message: Message) -> None:
         self.measured.append(message)
 
 
@@ -47,7 +47,7 @@ class Bench:
         self.clock = ManualClock()
         self.authority = RelayAuthority(False)
         self.ports = Ports()
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.start(BrickRecord())
 
     def start(self, record: BrickRecord) -> None:
@@ -55,7 +55,7 @@ class Bench:
             DICTIONARY,
             "MOCUP",
             self.ports,
-            self.told.append,
+            self.reported.append,
             record,
             self.authority,
             self.clock,
@@ -68,13 +68,13 @@ class Bench:
         self.router.record.rows(f"PRAGMA query_only = {'ON' if full else 'OFF'}")
 
     def command(self, link: BrickLink, *messages: Message) -> bool:
-        return self.router.command(link, "".join(str(message) for message in messages))
+        return self.router.process(link, "".join(str(message) for message in messages))
 
     def halted(self) -> Message:
         """Return the stop that the router has sent last of its own accord."""
         return [m for m in map(decode, self.ports.brick) if m.source == SOURCE][-1]
 
-    def says(self, *messages: Message) -> None:
+    def sends(self, *messages: Message) -> None:
         self.router.on_octets(b"".join(encode(message) for message in messages))
 
 

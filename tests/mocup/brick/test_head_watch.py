@@ -24,7 +24,7 @@ def telemetry(pan_rad: float, tilt_rad: float, speed_radps: float = 1.0) -> Mess
     return Message(TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=outputs)
 
 
-def told(bench: Bench, link: BrickLink = BrickLink.RELAY) -> list[str]:
+def reported(bench: Bench, link: BrickLink = BrickLink.RELAY) -> list[str]:
     return [message.outputs[0] for by, message in bench.ports.notified if by is link]
 
 
@@ -36,74 +36,74 @@ def told(bench: Bench, link: BrickLink = BrickLink.RELAY) -> list[str]:
         ("moveCameraAngles", "0.5", "-0.2", (0.6, 0.1)),
     ],
 )
-def test_the_relay_hears_of_the_end_once_the_head_is_there(
+def test_the_relay_receives_the_end_once_the_head_is_there(
     bench: Bench, name: str, pan: str, tilt: str, there_rad: tuple[float, float]
 ) -> None:
-    bench.says(telemetry(0.1, 0.3))
+    bench.sends(telemetry(0.1, 0.3))
     command = point(7, pan, tilt, name)
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command), telemetry(0.3, 0.3))
-    assert told(bench) == ["STARTED"]
-    bench.says(telemetry(*there_rad))
-    assert told(bench) == ["STARTED", "EXECUTED"]
-    bench.says(telemetry(0.0, 0.0))
-    assert told(bench) == ["STARTED", "EXECUTED"]
+    bench.sends(executed(command), telemetry(0.3, 0.3))
+    assert reported(bench) == ["STARTED"]
+    bench.sends(telemetry(*there_rad))
+    assert reported(bench) == ["STARTED", "EXECUTED"]
+    bench.sends(telemetry(0.0, 0.0))
+    assert reported(bench) == ["STARTED", "EXECUTED"]
 
 
-def test_a_head_that_does_not_come_there_in_time_fails(bench: Bench) -> None:
-    bench.says(telemetry(0.0, 0.0))
+def test_a_head_that_does_not_arrive_in_time_fails(bench: Bench) -> None:
+    bench.sends(telemetry(0.0, 0.0))
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     bench.clock.advance(6.9)
     bench.router.poll()
-    assert told(bench) == ["STARTED"]
+    assert reported(bench) == ["STARTED"]
     bench.clock.advance(0.2)
     bench.router.poll()
     (_, ended) = bench.ports.notified[-1]
     assert ended.outputs[:2] == ("FAILED", "PAN_TILT_DEADLINE")
-    bench.says(telemetry(1.0, 0.0))
-    assert told(bench) == ["STARTED", "FAILED"]
+    bench.sends(telemetry(1.0, 0.0))
+    assert reported(bench) == ["STARTED", "FAILED"]
 
 
 def test_what_waits_behind_it_begins_when_it_is_there(bench: Bench) -> None:
     command, after = point(7, "1.0", "0.0"), forward(8)
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     bench.command(BrickLink.RELAY, after)
     assert len(bench.ports.brick) == 1
-    bench.says(telemetry(1.0, 0.0))
+    bench.sends(telemetry(1.0, 0.0))
     assert len(bench.ports.brick) == 2
 
 
-def test_the_executive_is_answered_at_once_and_looks_itself(bench: Bench) -> None:
+def test_the_executive_is_answered_at_once_and_checks_itself(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.DIRECT, command)
-    bench.says(executed(command))
-    assert told(bench, BrickLink.DIRECT) == ["EXECUTED"]
+    bench.sends(executed(command))
+    assert reported(bench, BrickLink.DIRECT) == ["EXECUTED"]
 
 
 def test_a_stop_neither_ends_it_nor_does_a_silent_relay_stop_the_brick_for_it(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     bench.router.on_host_silent(BrickLink.RELAY)
     assert bench.router.counts.dead_man == 0
     bench.command(BrickLink.RELAY, stop(8))
-    bench.says(executed(stop(8)))
+    bench.sends(executed(stop(8)))
     for _ in range(3):
         bench.router.poll()
-    bench.says(telemetry(1.0, 0.0))
-    assert told(bench) == ["STARTED", "EXECUTED", "EXECUTED"]
+    bench.sends(telemetry(1.0, 0.0))
+    assert reported(bench) == ["STARTED", "EXECUTED", "EXECUTED"]
 
 
-def test_a_brick_that_goes_away_meanwhile_fails_it(bench: Bench) -> None:
+def test_a_brick_that_disconnects_during_the_motion_fails_it(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     bench.router.on_disconnected()
-    assert told(bench) == ["STARTED", "FAILED"]
+    assert reported(bench) == ["STARTED", "FAILED"]
     bench.router.on_connected(2)
-    bench.says(telemetry(1.0, 0.0))
-    assert told(bench) == ["STARTED", "FAILED"]
+    bench.sends(telemetry(1.0, 0.0))
+    assert reported(bench) == ["STARTED", "FAILED"]
     assert bench.router.counts.dead_man == 0

@@ -81,26 +81,29 @@ class Day:
         self.desk.plug(not self.desk.plugged)
 
 
-def check_told(desk: Desk) -> None:
+def check_reported(desk: Desk) -> None:
     assert desk.executive.active is None
     assert not desk.executive.waiting
     for number in desk.relay_sent.keys() - set(STOPS):
-        heard, told = desk.relay_heard[number], desk.outcomes(number)
-        assert len(told) <= 1, heard
-        assert any(map(is_last, heard)), f"no end of {number} was heard: {heard}"
+        received, reported = desk.relay_received[number], desk.outcomes(number)
+        assert len(reported) <= 1, received
+        assert any(map(is_last, received)), f"no end of {number} was heard: {received}"
         direct = desk.executive.last.get(number)
-        if direct is not None and direct.text not in UNFINISHED and told:
-            assert (told == {"EXECUTED"}) == (direct.stage is Stage.EXECUTED), (direct, heard)
+        if direct is not None and direct.text not in UNFINISHED and reported:
+            assert (reported == {"EXECUTED"}) == (direct.stage is Stage.EXECUTED), (
+                direct,
+                received,
+            )
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_comes_by_both_links_is_done_once_and_told_on_both(seed: int) -> None:
+def test_a_command_by_both_links_is_executed_once_and_reported_on_both(seed: int) -> None:
     for day in range(DAYS):
         desk = Desk()
         desk.discover()
         Day(desk, Random(1000 * seed + day)).live()
         desk.settle()
-        desk.ask_again()
+        desk.retransmit()
         desk.settle()
         desk.check_once()
-        check_told(desk)
+        check_reported(desk)

@@ -42,19 +42,19 @@ def restart(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("command", [forward(1), stop(1)])
-def test_what_was_refused_without_a_brick_is_refused_when_it_comes_again(
+def test_a_command_refused_without_a_brick_is_refused_when_repeated(
     bench: Bench, command: Message
 ) -> None:
     plug(bench, False)
     assert bench.command(BrickLink.RELAY, command)
     plug(bench, True)
     assert bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     assert ends(bench) == ["REJECTED"]
     assert encode(forward(1)) not in bench.ports.brick
 
 
-def test_what_was_refused_without_authority_is_refused_also_when_it_has_passed(
+def test_a_command_refused_without_authority_is_refused_also_after_a_hand_over(
     bench: Bench,
 ) -> None:
     bench.authority = RelayAuthority(needed=True)
@@ -67,7 +67,7 @@ def test_what_was_refused_without_authority_is_refused_also_when_it_has_passed(
     assert bench.ports.brick == []
 
 
-def test_what_was_made_ahead_of_the_clock_is_refused_also_later(bench: Bench) -> None:
+def test_a_command_created_ahead_of_the_clock_is_refused_also_later(bench: Bench) -> None:
     conditions = CommandConditions(created_utc_s=bench.clock.utc_s() + 60.0, lifetime_s=600.0)
     request = DICTIONARY.request(forward(1))
     command = DICTIONARY.command(request, Identity("MOE", 1), "MOCUP", conditions)
@@ -78,9 +78,9 @@ def test_what_was_made_ahead_of_the_clock_is_refused_also_later(bench: Bench) ->
     assert bench.ports.brick == []
 
 
-def test_a_stop_that_was_executed_stays_so_when_it_comes_again(bench: Bench) -> None:
+def test_an_executed_stop_remains_executed_when_repeated(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, stop(1))
-    bench.says(executed(stop(1)))
+    bench.sends(executed(stop(1)))
     bench.command(BrickLink.RELAY, stop(1))
     assert bench.ports.brick == 2 * [encode(stop(1))], "it stops each time"
     restart(bench)
@@ -90,17 +90,17 @@ def test_a_stop_that_was_executed_stays_so_when_it_comes_again(bench: Bench) -> 
 
 
 @pytest.mark.parametrize("is_repeat", [False, True])
-def test_what_a_stop_dropped_ends_although_the_stop_is_not_recorded_anew(
+def test_commands_dropped_by_a_stop_end_although_the_stop_is_not_recorded_again(
     bench: Bench, is_repeat: bool
 ) -> None:
     if is_repeat:
         bench.command(BrickLink.RELAY, stop(1))
-        bench.says(executed(stop(1)))
+        bench.sends(executed(stop(1)))
     bench.command(BrickLink.RELAY, forward(2))
     bench.fill_disk(True)
     bench.command(BrickLink.RELAY, stop(1))
     bench.fill_disk(False)
-    bench.says(executed(stop(1)))
+    bench.sends(executed(stop(1)))
     bench.ports.notified.clear()
     bench.router.poll()
     bench.router.poll()
@@ -115,7 +115,7 @@ def test_an_end_that_cannot_be_recorded_is_reported_once_it_can_be(
 ) -> None:
     bench.command(BrickLink.RELAY, forward(1))
     bench.fill_disk(True)
-    bench.says(executed(forward(1)))
+    bench.sends(executed(forward(1)))
     bench.router.poll()
     assert ends(bench) == []
     bench.fill_disk(False)
@@ -126,7 +126,7 @@ def test_an_end_that_cannot_be_recorded_is_reported_once_it_can_be(
     assert ends(bench) == [end]
 
 
-def test_what_was_recorded_and_did_not_reach_the_brick_ends(bench: Bench) -> None:
+def test_a_recorded_command_that_did_not_reach_the_brick_ends(bench: Bench) -> None:
     bench.ports.there = False  # and the router does not know it yet
     refuse = bench.ports.to_brick
 
@@ -144,7 +144,7 @@ def test_what_was_recorded_and_did_not_reach_the_brick_ends(bench: Bench) -> Non
 
 
 @pytest.mark.parametrize("counter", [None, 1])
-def test_what_the_relay_had_refused_the_executive_does_once(
+def test_a_command_refused_for_the_relay_is_executed_once_for_the_executive(
     bench: Bench, counter: int | None
 ) -> None:
     copy = replace(forward(7), moe_inputs_counter=counter)
@@ -159,13 +159,13 @@ def test_what_the_relay_had_refused_the_executive_does_once(
     assert ends(bench) == ["REJECTED"]
 
 
-def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_not_wait(
+def test_the_end_of_a_part_is_recorded_once_possible_so_that_the_relay_need_not_wait(
     bench: Bench,
 ) -> None:
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     bench.command(BrickLink.RELAY, forward(8))
     bench.fill_disk(True)
-    bench.says(executed(part(7, 1)))
+    bench.sends(executed(part(7, 1)))
     assert executed(part(7, 1)) in [
         each for to, each in bench.ports.notified if to is BrickLink.DIRECT
     ]
@@ -175,7 +175,7 @@ def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_
     assert bench.ports.brick[-1] == encode(forward(8))
 
 
-def test_what_the_executive_announced_is_confirmed_once_it_is_recorded(bench: Bench) -> None:
+def test_a_claim_of_the_executive_is_confirmed_once_it_is_recorded(bench: Bench) -> None:
     marks: list[tuple[BrickLink, int]] = []
     service = BrickService(bench.router, lambda *mark: marks.append(mark), confirmed=True)
     text = f"{claimed(forward(7))}{report(forward(7), 'EXECUTED')}"
@@ -194,7 +194,7 @@ def test_a_reply_is_sent_again_until_rover_relay_has_stored_it(bench: Bench) -> 
     listeners: dict[BrickLink, frozenset[object]] = {link: frozenset({1}) for link in BrickLink}
     bench.router.on_connected(1)
     bench.command(BrickLink.RELAY, forward(1))
-    bench.says(executed(forward(1)))
+    bench.sends(executed(forward(1)))
     ((_, reply),) = bench.ports.notified
     service.poll({link: frozenset() for link in BrickLink})
     service.poll(listeners)

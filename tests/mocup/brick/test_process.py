@@ -48,7 +48,7 @@ pytestmark = pytest.mark.ros
 
 LIMIT_S = 60.0
 SOCKET = "usb"
-HEALTH = Topic("/diagnostics", QoSProfile(depth=1))  # type: ignore[no-untyped-call]
+HEALTH = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=1))  # type: ignore[no-untyped-call]
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling
 MEASURED = ("1.5", "-2.0", "0.25", "0.5", "", "", "0.1", "-0.2", "7.9", "0.3", "-0.4", "")
@@ -64,7 +64,7 @@ class Bench:
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self._socket = folder / SOCKET
-        self._heard = MopsStream(lambda line: pytest.fail(line))
+        self._received = MopsStream(lambda line: pytest.fail(line))
         self.plug: UsbPlug | None = None
         self.brick: list[Message] = []
         self.notified: list[tuple[BrickLink, str]] = []
@@ -75,7 +75,7 @@ class Bench:
         self.health: list[DiagnosticStatus] = []
         self.process = rover_nxt(folder, "nxt")
         stack.callback(self.process.clean_up)
-        self.process.said("MOCUP is served")
+        self.process.output("MOCUP is served")
         files = ("--params-file", str(config_folder() / "mocup.nxt.yaml"))
         self._node: Node = stack.enter_context(
             ros_node(
@@ -84,25 +84,25 @@ class Bench:
         )
         self._executor: SingleThreadedExecutor = stack.enter_context(single_threaded(self._node))
         topics, settings = declare_topics(self._node), declare_settings(self._node)
-        self._hear(OdometryMessage, topics.odometry, self._on_odometry)
-        self._hear(BatteryState, topics.battery, self._on_battery)
-        self._hear(Float64, topics.camera_pan_state, self._on_angle("pan"))
-        self._hear(Float64, topics.camera_tilt_state, self._on_angle("tilt"))
+        self._receive(OdometryMessage, topics.odometry, self._on_odometry)
+        self._receive(BatteryState, topics.battery, self._on_battery)
+        self._receive(Float64, topics.camera_pan_state, self._on_angle("pan"))
+        self._receive(Float64, topics.camera_tilt_state, self._on_angle("tilt"))
         for link, topic in settings.notifications.items():
-            self._hear(String, topic, self._on_notification(link))
+            self._receive(String, topic, self._on_notification(link))
         self._commands = {
             link: self._node.create_publisher(String, topic.name, topic.qos)
             for link, topic in settings.commands.items()
         }
         assert settings.confirmations is not None
-        self._kept = self._node.create_publisher(
+        self._stored = self._node.create_publisher(
             UInt64, settings.confirmations.name, settings.confirmations.qos
         )
         for topic in settings.commands.values():
             publish_heartbeat(self._node, topic)
-        self.until(lambda: all(map(_is_heard, self._commands.values())), "both links are heard")
+        self.until(lambda: all(map(_is_received, self._commands.values())), "both links are heard")
         # Heard last: who is told of this ear was told of those before it.
-        self._hear(DiagnosticArray, HEALTH, lambda array: self.health.extend(array.status))
+        self._receive(DiagnosticArray, HEALTH, lambda array: self.health.extend(array.status))
         self.until(lambda: bool(self.health), "diagnostics")
 
     def until(self, done: Callable[[], bool], what: str) -> None:
@@ -111,8 +111,8 @@ class Bench:
             assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.process.text}"
             self._executor.spin_once(timeout_sec=0.01)
             if self.plug is not None:
-                heard = self._heard.feed(self.plug.receive())
-                self.brick += [m for m in heard if m.code != SPELLING.keep_alive.code]
+                received = self._received.feed(self.plug.receive())
+                self.brick += [m for m in received if m.code != SPELLING.keep_alive.code]
 
     def plug_in(self) -> UsbPlug:
         plug = self.plug = UsbPlug(self._socket)
@@ -125,14 +125,15 @@ class Bench:
         self.plug = None
 
     def command(self, link: BrickLink, message: Message) -> None:
-        self.says(link, str(message))
+        self.sends(link, str(message))
 
-    def says(self, link: BrickLink, text: str) -> None:
+    def sends(self, link: BrickLink, text: str) -> None:
         self._commands[link].publish(String(data=text))
 
-    def _hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
-        heard = self._node.create_subscription(kind, topic.name, callback, topic.qos)
-        self.until(lambda: heard.get_publisher_count() > 0, f"{topic.name} is published")
+    def _receive(self, kind: type, topic: Topic | None, callback: Callable[..., None]) -> None:
+        assert topic is not None
+        received = self._node.create_subscription(kind, topic.name, callback, topic.qos)
+        self.until(lambda: received.get_publisher_count() > 0, f"{topic.name} is published")
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         self.odometry.append(conversions.odometry_fact(message))
@@ -146,7 +147,7 @@ class Bench:
     def _on_notification(self, link: BrickLink) -> Callable[[String], None]:
         def note(text: String) -> None:
             if link is BrickLink.RELAY:
-                self._kept.publish(UInt64(data=fingerprint(text.data)))
+                self._stored.publish(UInt64(data=fingerprint(text.data)))
             message = decode(text.data.encode())
             if message.code == SPELLING.housekeeping.code:
                 self.housekeeping.append(message)
@@ -156,7 +157,7 @@ class Bench:
         return note
 
 
-def _is_heard(publisher: Publisher) -> bool:
+def _is_received(publisher: Publisher) -> bool:
     return publisher.get_subscription_count() > 0
 
 
@@ -175,7 +176,7 @@ def command(name: str, number: int, *inputs: str) -> Message:
     return Message(entry.code, "MOE", "MOCUP", entry.command, inputs, moe_inputs_id=number)
 
 
-def test_strings_go_to_the_brick_and_come_back_by_their_link(bench: Bench) -> None:
+def test_strings_reach_the_brick_and_replies_return_by_their_link(bench: Bench) -> None:
     plug = bench.plug_in()
     relayed, direct = command("moveForward", 1, "1.5"), command("stop", 2)
     bench.command(BrickLink.RELAY, relayed)
@@ -211,7 +212,7 @@ def test_telemetry_is_what_any_rover_publishes(bench: Bench) -> None:
     assert bench.notified == [(BrickLink.RELAY, str(message))]
 
 
-def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: Bench) -> None:
+def test_unplugged_in_the_middle_it_reports_it_and_continues_on_reconnection(bench: Bench) -> None:
     first, late, second = (command("moveForward", number, "1.5") for number in (1, 2, 3))
     bench.plug_in()
     bench.command(BrickLink.RELAY, first)
@@ -228,7 +229,7 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     assert "no brick connected" in bench.health[-1].message
     bench.until(lambda: bool(bench.housekeeping), "the ground is told, too")
     figures = housekeeping_of(bench.housekeeping[0], SPELLING.housekeeping).figures
-    assert {"NXT_CONNECTED", "NXT_WAITING", "NXT_DEAD_MAN"} <= figures.keys()
+    assert {"NXT_CONNECTED", "NXT_QUEUED", "NXT_DEAD_MAN"} <= figures.keys()
     plug = bench.plug_in()
     bench.command(BrickLink.RELAY, second)
     bench.until(lambda: len(bench.brick) > 1, "the brick is stopped")
@@ -237,9 +238,9 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     assert bench.brick[::2] == [first, second], "it hears what is new only"
 
 
-def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
+def test_an_invalid_message_shows_in_the_diagnostics(bench: Bench) -> None:
     bench.plug_in()
-    bench.says(BrickLink.RELAY, "MOVE 3")
+    bench.sends(BrickLink.RELAY, "MOVE 3")
 
     def warned() -> bool:
         values = {pair.key: pair.value for pair in bench.health[-1].values}
@@ -260,20 +261,20 @@ def test_a_signal_releases_the_brick(bench: Bench, number: int) -> None:
     assert not plug.connected
 
 
-def test_the_command_itself_looks_for_the_brick_on_this_machine(
+def test_the_command_itself_searches_the_brick_on_this_machine(
     ros_domain: int, tmp_path: Path
 ) -> None:
     assert ros_domain > 0
     if find_library("usb-1.0") is None:
         pytest.skip("needs libusb-1.0-0 from apt")
     with running(tmp_path / "nxt.log", "rover-nxt") as process:
-        process.said("no brick 0694:0002 is plugged in")
+        process.output("no brick 0694:0002 is plugged in")
         assert process.end() == 0
         assert process.text.count("no brick") == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "text"),
     [
         (("--ros-args", "-p", "usb.vendor_id:=65536"), "usb.vendor_id is 0x10000: 0 to 0xffff"),
         (("--ros-args", "-p", "relay_command.depth:=0"), "relay_command.depth is 0: at least 1"),
@@ -282,8 +283,8 @@ def test_the_command_itself_looks_for_the_brick_on_this_machine(
         (("--ros-params", "nowhere.yaml"), "File 'nowhere.yaml' does not exist"),
     ],
 )
-def test_what_makes_no_sense_is_said_at_once(
-    ros_domain: int, tmp_path: Path, arguments: tuple[str, ...], says: str
+def test_invalid_options_are_reported_at_once(
+    ros_domain: int, tmp_path: Path, arguments: tuple[str, ...], text: str
 ) -> None:
     assert ros_domain > 0
     process = rover_nxt(tmp_path, "nxt", *arguments)
@@ -291,5 +292,5 @@ def test_what_makes_no_sense_is_said_at_once(
         assert process.ended() == 2
     finally:
         process.clean_up()
-    assert says in process.text
+    assert text in process.text
     assert "Traceback" not in process.text

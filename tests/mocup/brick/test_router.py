@@ -27,7 +27,7 @@ def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, ours)
     bench.command(BrickLink.DIRECT, theirs)
     assert bench.ports.brick == [encode(ours), encode(theirs)]
-    bench.says(received(theirs), received(ours), executed(ours))
+    bench.sends(received(theirs), received(ours), executed(ours))
     assert bench.ports.notified == [
         (BrickLink.DIRECT, received(theirs)),
         (BrickLink.RELAY, received(ours)),
@@ -38,7 +38,7 @@ def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
 def test_a_counter_makes_no_other_command_of_it(bench: Bench) -> None:
     first, second = (replace(forward(7), moe_inputs_counter=counter) for counter in (1, 2))
     bench.command(BrickLink.RELAY, first, second)
-    bench.says(executed(first))
+    bench.sends(executed(first))
     assert bench.ports.brick == [encode(first)]
     assert bench.ports.notified == [(BrickLink.RELAY, executed(first))]
 
@@ -46,9 +46,9 @@ def test_a_counter_makes_no_other_command_of_it(bench: Bench) -> None:
 def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench: Bench) -> None:
     command = forward()
     bench.command(BrickLink.DIRECT, command)
-    bench.says(received(command))
+    bench.sends(received(command))
     bench.command(BrickLink.RELAY, command)
-    bench.says(executed(command))
+    bench.sends(executed(command))
     assert bench.ports.brick == [encode(command)]
     assert bench.ports.notified == [
         (BrickLink.DIRECT, received(command)),
@@ -60,7 +60,7 @@ def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench:
 
 def test_a_stop_is_passed_on_every_time(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, stop(1))
-    bench.says(executed(stop(1)))
+    bench.sends(executed(stop(1)))
     bench.command(BrickLink.RELAY, stop(1), stop(1))
     assert bench.ports.brick == [encode(stop(1))] * 3
 
@@ -77,7 +77,7 @@ def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -
     assert reply.outputs[:2] == ("REJECTED", "DUPLICATE")
 
 
-def test_without_the_brick_a_command_is_refused_and_may_come_again(bench: Bench) -> None:
+def test_without_the_brick_a_command_is_refused_and_may_be_repeated(bench: Bench) -> None:
     bench.ports.there = False
     bench.command(BrickLink.DIRECT, forward())
     ((link, reply),) = bench.ports.notified
@@ -88,16 +88,18 @@ def test_without_the_brick_a_command_is_refused_and_may_come_again(bench: Bench)
     assert bench.ports.brick == [encode(forward())]
 
 
-def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Bench) -> None:
+def test_when_the_brick_disconnects_every_waiting_link_is_notified_once(bench: Bench) -> None:
     done, begun, unheard = forward(1), forward(2), forward(3)
     bench.command(BrickLink.DIRECT, done, begun, unheard)
     bench.command(BrickLink.RELAY, begun)
-    bench.says(received(begun), executed(done))
+    bench.sends(received(begun), executed(done))
     bench.ports.notified.clear()
     bench.router.on_disconnected()
     bench.router.on_disconnected()
-    heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.ports.notified]
-    assert heard == [
+    arrived = [
+        (link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.ports.notified
+    ]
+    assert arrived == [
         (BrickLink.DIRECT, 2, True, "FAILED"),
         (BrickLink.RELAY, 2, True, "FAILED"),
         (BrickLink.DIRECT, 3, False, "FAILED"),
@@ -108,49 +110,51 @@ def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Ben
 def test_half_a_message_of_a_brick_that_went_away_spoils_none_of_the_next(bench: Bench) -> None:
     bench.router.on_octets(encode(executed(forward()))[:20])
     bench.router.on_disconnected()
-    bench.says(executed(forward()))
+    bench.sends(executed(forward()))
     assert len(bench.ports.notified) == len(BOTH)
     counts = bench.router.counts
-    assert (counts.dropped_octets, counts.dropped_pieces, len(bench.told)) == (20, 1, 1)
+    assert (counts.dropped_octets, counts.dropped_pieces, len(bench.reported)) == (20, 1, 1)
 
 
 def test_telemetry_goes_to_no_link(bench: Bench) -> None:
     telemetry = Message(
         TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=("",) * len(TELEMETRY.outputs)
     )
-    bench.says(telemetry)
+    bench.sends(telemetry)
     assert bench.ports.measured == [telemetry]
     assert bench.ports.notified == []
 
 
-def test_what_nobody_asked_for_goes_to_both_links(bench: Bench) -> None:
+def test_an_unsolicited_reply_is_sent_to_both_links(bench: Bench) -> None:
     event = Message(SPELLING.event.code, "MOCUP", "ALL", SPELLING.event.command, outputs=("ALARM",))
-    bench.says(event)
+    bench.sends(event)
     assert bench.ports.notified == [(link, event) for link in BOTH]
 
 
 @pytest.mark.parametrize("dest", ["JACKAL", "MOCUP2", "mocup"])
-def test_what_is_for_somebody_else_does_not_reach_the_brick(bench: Bench, dest: str) -> None:
+def test_a_message_for_another_receiver_does_not_reach_the_brick(bench: Bench, dest: str) -> None:
     bench.command(BrickLink.RELAY, replace(forward(), dest=dest))
     assert bench.ports == Ports()
-    assert len(bench.told) == bench.router.counts.refused == 1
-    assert dest in bench.told[0]
+    assert len(bench.reported) == bench.router.counts.refused == 1
+    assert dest in bench.reported[0]
 
 
-def test_what_the_brick_says_as_somebody_else_is_passed_on_to_nobody(bench: Bench) -> None:
+def test_a_reply_under_another_name_is_not_passed_on(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, forward())
-    bench.says(replace(executed(forward()), source="JACKAL"))
+    bench.sends(replace(executed(forward()), source="JACKAL"))
     assert bench.ports.notified == []
-    assert len(bench.told) == 1
+    assert len(bench.reported) == 1
 
 
 @pytest.mark.parametrize(
     "text", ["STOP", "102|MOE|MOCUP|MOVE|1#", "#", str(forward())[:-1], "\N{SNOWMAN}#", "a#b"]
 )
-def test_what_is_no_message_is_counted_and_spoils_none_of_the_next(bench: Bench, text: str) -> None:
-    bench.router.command(BrickLink.DIRECT, text)
+def test_an_invalid_message_is_counted_and_does_not_affect_the_next(
+    bench: Bench, text: str
+) -> None:
+    bench.router.process(BrickLink.DIRECT, text)
     counts = bench.router.counts
-    assert counts.refused == counts.dropped_pieces == len(bench.told) >= 1
+    assert counts.refused == counts.dropped_pieces == len(bench.reported) >= 1
     assert counts.dropped_octets == len(text.encode())
     bench.command(BrickLink.DIRECT, forward())
     assert bench.ports.brick == [encode(forward())]
@@ -160,17 +164,17 @@ def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, forward(None), forward(None))
     bench.command(BrickLink.DIRECT, forward(None))
     assert bench.ports.brick == [encode(forward(None))] * 3
-    bench.says(executed(forward(None)))
+    bench.sends(executed(forward(None)))
     assert bench.ports.notified == [(BrickLink.DIRECT, executed(forward(None)))]
 
 
 def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
     source = "M" * (MAX_MESSAGE_OCTETS - len(encode(forward(source="M"))) + 1)
-    longest = forward(source=source)
-    assert len(encode(longest)) == MAX_MESSAGE_OCTETS
-    bench.command(BrickLink.RELAY, longest)
+    maximum = forward(source=source)
+    assert len(encode(maximum)) == MAX_MESSAGE_OCTETS
+    bench.command(BrickLink.RELAY, maximum)
     bench.router.on_disconnected()
-    assert bench.ports.brick == [encode(longest)]
+    assert bench.ports.brick == [encode(maximum)]
     assert bench.ports.notified == []
     assert bench.router.counts.refused >= 1
 
@@ -186,13 +190,13 @@ REPLIES = st.builds(
 
 
 @given(st.lists(st.tuples(REPLIES, st.none() | GARBAGE, st.integers(0, 70))), st.data())
-def test_replies_come_through_however_they_are_cut(
-    said: list[tuple[Message, bytes | None, int]], data: st.DataObject
+def test_replies_pass_for_any_fragmentation(
+    text: list[tuple[Message, bytes | None, int]], data: st.DataObject
 ) -> None:
     bench = Bench()
     bench.command(BrickLink.DIRECT, *(forward(number) for number in range(6)))
     octets, ended, passed = b"", set(), []
-    for message, garbage, zeros in said:
+    for message, garbage, zeros in text:
         if message.moe_inputs_id not in ended:
             passed.append((BrickLink.DIRECT, message))
         if message.executed:
@@ -204,12 +208,12 @@ def test_replies_come_through_however_they_are_cut(
         bench.router.on_octets(octets[:size])
         octets = octets[size:]
     assert bench.ports.notified == passed
-    garbage_count = sum(garbage is not None for _, garbage, _ in said)
-    assert len(bench.told) == garbage_count + len(said) - len(passed)
+    garbage_count = sum(garbage is not None for _, garbage, _ in text)
+    assert len(bench.reported) == garbage_count + len(text) - len(passed)
 
 
 @given(st.sampled_from(BrickLink), st.text() | st.text(st.characters(categories=["Cs"])))
 def test_no_text_from_a_link_breaks_it(link: BrickLink, text: str) -> None:
     bench = Bench()
-    bench.router.command(link, text)
+    bench.router.process(link, text)
     assert bench.ports.brick == []

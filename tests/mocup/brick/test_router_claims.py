@@ -20,14 +20,14 @@ from tests.mocup.brick.routing import (
 )
 
 
-def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Bench) -> None:
+def test_the_executive_receives_the_result_of_a_command_by_the_relay(bench: Bench) -> None:
     command = replace(forward(7), moe_inputs_counter=3)
     bench.command(BrickLink.RELAY, command)
-    bench.says(received(command))
+    bench.sends(received(command))
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
     assert bench.ports.brick == [encode(command)]
     bench.ports.notified.clear()
-    bench.says(executed(command))
+    bench.sends(executed(command))
     assert bench.ports.notified == [
         (BrickLink.RELAY, executed(command)),
         (BrickLink.DIRECT, executed(forward(7))),
@@ -40,8 +40,8 @@ def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Benc
 def test_another_command_under_a_claimed_number_is_refused(bench: Bench) -> None:
     bench.command(BrickLink.DIRECT, claimed(forward(7)))
     bench.command(BrickLink.RELAY, forward(7, distance="9.0"))
-    ((link, told),) = bench.ports.notified
-    assert (link, told.outputs[:2]) == (BrickLink.RELAY, ("REJECTED", "DUPLICATE"))
+    ((link, reported),) = bench.ports.notified
+    assert (link, reported.outputs[:2]) == (BrickLink.RELAY, ("REJECTED", "DUPLICATE"))
     assert bench.ports.brick == []
 
 
@@ -51,11 +51,15 @@ def test_a_claimed_stop_is_passed_on_for_the_relay_all_the_same(bench: Bench) ->
     assert bench.ports.brick == [encode(stop(7))]
 
 
-def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(bench: Bench) -> None:
+def test_a_stop_by_the_relay_ends_all_claims_of_the_executive_until_then(bench: Bench) -> None:
     bench.command(BrickLink.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
     bench.command(BrickLink.RELAY, stop(40))
-    ((told, said),) = bench.ports.notified
-    assert (told, said.command, said.moe_inputs_id) == (BrickLink.DIRECT, stop(40).command, 40)
+    ((reported, message),) = bench.ports.notified
+    assert (reported, message.command, message.moe_inputs_id) == (
+        BrickLink.DIRECT,
+        stop(40).command,
+        40,
+    )
     bench.command(BrickLink.DIRECT, part(7, 1))
     assert bench.ports.brick == [encode(stop(40))]
     late = bench.ports.notified[-1]
@@ -67,27 +71,27 @@ def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(benc
     assert bench.ports.brick == [encode(stop(40)), encode(part(8, 2))]
 
 
-def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: Bench) -> None:
+def test_a_stop_that_the_brick_does_not_get_is_not_reported_to_the_executive(bench: Bench) -> None:
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     bench.ports.there = False
     bench.command(BrickLink.RELAY, stop(40))
-    ((link, told),) = bench.ports.notified
-    assert (link, told.outputs[:1]) == (BrickLink.RELAY, ("REJECTED",))
+    ((link, reported),) = bench.ports.notified
+    assert (link, reported.outputs[:1]) == (BrickLink.RELAY, ("REJECTED",))
 
 
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, forward(7), stop(7))
     assert bench.ports.brick == [encode(forward(7)), encode(stop(7))]
-    (told,) = [message for link, message in bench.ports.notified if link is BrickLink.RELAY]
-    assert told.outputs[:2] == ("REJECTED", "DUPLICATE")
-    bench.says(executed(stop(7)))
+    (reported,) = [message for link, message in bench.ports.notified if link is BrickLink.RELAY]
+    assert reported.outputs[:2] == ("REJECTED", "DUPLICATE")
+    bench.sends(executed(stop(7)))
     bench.command(BrickLink.RELAY, forward(7))
     assert forward(7) not in [m for _, m in bench.ports.notified if m.executed]
 
 
 def test_what_cannot_be_recorded_is_refused_but_a_stop_stops(bench: Bench) -> None:
     bench.command(BrickLink.DIRECT, forward(1))
-    bench.says(executed(forward(1)))
+    bench.sends(executed(forward(1)))
     bench.ports.notified.clear()
     bench.fill_disk(True)
     bench.command(BrickLink.DIRECT, forward(2), stop(3))
@@ -99,20 +103,20 @@ def test_what_cannot_be_recorded_is_refused_but_a_stop_stops(bench: Bench) -> No
     assert bench.ports.brick[2:] == [encode(forward(2))]
 
 
-def test_what_the_relay_sent_and_cannot_be_recorded_comes_again_and_has_one_end(
+def test_an_unrecorded_command_of_the_relay_is_repeated_and_has_one_end(
     bench: Bench,
 ) -> None:
     bench.fill_disk(True)
-    assert not bench.router.command(BrickLink.RELAY, str(forward(2)))
-    assert not bench.router.command(BrickLink.RELAY, str(stop(3)))
-    bench.says(executed(stop(3)))
+    assert not bench.router.process(BrickLink.RELAY, str(forward(2)))
+    assert not bench.router.process(BrickLink.RELAY, str(stop(3)))
+    bench.sends(executed(stop(3)))
     assert bench.ports.brick == [encode(stop(3))]
     bench.fill_disk(False)
-    assert told(bench, BrickLink.RELAY) == []
-    assert bench.router.command(BrickLink.RELAY, str(stop(3)))
-    bench.says(executed(stop(3)))
-    assert bench.router.command(BrickLink.RELAY, str(forward(2)))
-    bench.says(executed(forward(2)))
+    assert reported(bench, BrickLink.RELAY) == []
+    assert bench.router.process(BrickLink.RELAY, str(stop(3)))
+    bench.sends(executed(stop(3)))
+    assert bench.router.process(BrickLink.RELAY, str(forward(2)))
+    bench.sends(executed(forward(2)))
     replies = [message for link, message in bench.ports.notified if link is BrickLink.RELAY]
     assert replies == [executed(stop(3)), executed(forward(2))]
 
@@ -121,28 +125,30 @@ def refused(command: Message) -> Message:
     return replace(received(command), received=False, outputs=("REJECTED", "QUEUE_FULL", "BUSY"))
 
 
-def told(bench: Bench, link: BrickLink) -> list[str]:
+def reported(bench: Bench, link: BrickLink) -> list[str]:
     return [message.outputs[0] for to, message in bench.ports.notified if to is link]
 
 
-def test_what_the_brick_refused_the_relay_the_executive_may_carry_out(bench: Bench) -> None:
+def test_a_command_refused_by_the_brick_for_the_relay_may_be_executed_for_the_executive(
+    bench: Bench,
+) -> None:
     bench.command(BrickLink.RELAY, forward(7))
-    bench.says(refused(forward(7)))
+    bench.sends(refused(forward(7)))
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     assert bench.ports.brick == [encode(forward(7)), encode(part(7, 1))]
     bench.command(BrickLink.DIRECT, report(forward(7), "EXECUTED"))
-    assert told(bench, BrickLink.DIRECT) == []
+    assert reported(bench, BrickLink.DIRECT) == []
     bench.command(BrickLink.DIRECT, part(7, 1))
     bench.command(BrickLink.RELAY, forward(7))
     assert len(bench.ports.brick) == 2
-    assert told(bench, BrickLink.RELAY) == ["REJECTED", "REJECTED"]
+    assert reported(bench, BrickLink.RELAY) == ["REJECTED", "REJECTED"]
 
 
-def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Bench) -> None:
+def test_the_executive_is_not_notified_of_another_command_under_its_number(bench: Bench) -> None:
     bench.command(BrickLink.RELAY, forward(7, distance="9.0"))
-    bench.says(executed(forward(7)))
+    bench.sends(executed(forward(7)))
     bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
-    assert told(bench, BrickLink.DIRECT) == ["REJECTED", "REJECTED"]
+    assert reported(bench, BrickLink.DIRECT) == ["REJECTED", "REJECTED"]
     assert len(bench.ports.brick) == 1
 
 
@@ -157,20 +163,20 @@ def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -
 @pytest.mark.parametrize(
     "message", [claimed(forward(7)), executed(forward(7)), report(forward(7), "EXECUTED")]
 )
-def test_what_is_no_command_does_not_reach_the_brick_by_the_relay(
+def test_an_invalid_command_does_not_reach_the_brick_by_the_relay(
     bench: Bench, message: Message
 ) -> None:
     bench.command(BrickLink.RELAY, replace(message, source="MOE", dest="MOCUP"))
     assert bench.ports.brick == []
-    assert len(bench.told) == 1
+    assert len(bench.reported) == 1
 
 
-def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
+def test_a_returning_client_receives_the_last_replies(tmp_path: Path) -> None:
     bench = Bench()
     record = BrickRecord(tmp_path / "nxt.sqlite")
     bench.start(record)
     bench.command(BrickLink.RELAY, forward(1))
-    bench.says(executed(forward(1)))
+    bench.sends(executed(forward(1)))
     bench.command(BrickLink.RELAY, forward(2))
     bench.command(BrickLink.DIRECT, claimed(forward(2)), claimed(forward(3)), part(3, 1))
     bench.command(BrickLink.RELAY, forward(3))

@@ -33,28 +33,28 @@ def bus() -> Bus:
 @pytest.mark.parametrize(
     "address", [replace(ADDRESS, vendor_id=0x0693), replace(ADDRESS, product_id=0x0005)]
 )
-def test_only_the_brick_that_was_asked_for_is_found(bus: Bus, address: UsbAddress) -> None:
+def test_only_the_requested_brick_is_found(bus: Bus, address: UsbAddress) -> None:
     with pytest.raises(BrickError, match=f"no brick {address} is plugged in"):
         Brick(address, bus)
 
 
 @pytest.mark.parametrize(
-    ("number", "words"),
+    ("number", "text"),
     [
         (errno.EBUSY, "another program has claimed it"),
         (errno.EACCES, "no permission"),
         (errno.EIO, "Input/output error"),
     ],
 )
-def test_a_claim_that_is_refused_says_why_and_closes(bus: Bus, number: int, words: str) -> None:
+def test_a_refused_claim_gives_the_reason_and_closes(bus: Bus, number: int, text: str) -> None:
     bus.refuses = number
-    with pytest.raises(BrickError, match=f"brick 0694:0002: .*{words}"):
+    with pytest.raises(BrickError, match=f"brick 0694:0002: .*{text}"):
         Brick(ADDRESS, bus)
     assert bus.closed == 1
 
 
 @pytest.mark.parametrize("wrong", [{"endpoint_in": 0x81}, {"endpoint_out": 0x02}])
-def test_an_endpoint_that_is_not_there_is_said_at_once(bus: Bus, wrong: dict[str, int]) -> None:
+def test_a_missing_endpoint_is_reported_at_once(bus: Bus, wrong: dict[str, int]) -> None:
     with pytest.raises(BrickError, match="no endpoint 0x"):
         Brick(replace(ADDRESS, **wrong), bus)
     assert (bus.released, bus.closed) == (1, 1)
@@ -118,10 +118,10 @@ def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
     return [record.message for record in caplog.records if record.levelno == logging.WARNING]
 
 
-def test_it_speaks_and_listens_both_ways(bench: Bench) -> None:
+def test_it_sends_and_receives(bench: Bench) -> None:
     bench.session.start()
     bench.found()
-    bench.bus.says(b"one, ", b"two".ljust(64, b"\0"))
+    bench.bus.sends(b"one, ", b"two".ljust(64, b"\0"))
     assert bench.session.send(b"x" * 150, 1)
     bench.until(lambda: bench.octets == b"one, two", "what the brick says")
     bench.until(lambda: b"".join(bench.bus.written) == b"x" * 150, "what is for the brick")
@@ -130,7 +130,7 @@ def test_it_speaks_and_listens_both_ways(bench: Bench) -> None:
     assert (bench.bus.released, bench.bus.closed) == (1, 1)
 
 
-def test_without_a_brick_nothing_is_taken_and_one_line_said(
+def test_without_a_brick_nothing_is_accepted_and_one_line_printed(
     bench: Bench, caplog: pytest.LogCaptureFixture
 ) -> None:
     bench.bus.plugged = False
@@ -155,7 +155,7 @@ def test_a_brick_that_another_program_has_is_waited_for_with_one_line(
     assert line == "brick 0694:0002: another program has claimed it; searching for it again"
 
 
-def test_unplugged_and_plugged_in_again_it_goes_on(
+def test_unplugged_and_plugged_in_again_it_continues(
     bench: Bench, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -169,38 +169,38 @@ def test_unplugged_and_plugged_in_again_it_goes_on(
     bench.found(2)
     assert bench.session.send(b"hello", 2)
     bench.until(lambda: bench.bus.written == [b"hello"], "a word")
-    said = [record.message for record in caplog.records]
-    assert said[0] == said[-1] == "brick connected"
-    assert said[1] == "brick disconnected: USB: No such device; searching for it again"
-    assert len(said) <= 4  # and perhaps that none is plugged in
+    message = [record.message for record in caplog.records]
+    assert message[0] == message[-1] == "brick connected"
+    assert message[1] == "brick disconnected: USB: No such device; searching for it again"
+    assert len(message) <= 4  # and perhaps that none is plugged in
 
 
 @pytest.mark.parametrize("number", [errno.EPIPE, errno.EIO, errno.EOVERFLOW])
 def test_a_fault_of_either_endpoint_is_healed_by_claiming_again(bench: Bench, number: int) -> None:
     bench.session.start()
     bench.found()
-    bench.bus.says(b"before", number)
+    bench.bus.sends(b"before", number)
     bench.found(2)
     bench.bus.faults.append(number)
     assert bench.session.send(b"x", 2)
     bench.found(3)
-    bench.bus.says(b" and after")
+    bench.bus.sends(b" and after")
     bench.until(lambda: bench.octets == b"before and after", "it goes on")
     assert len(bench.bus.cleared) == (2 if number == errno.EPIPE else 0)
 
 
-def test_a_slow_brick_gets_everything_and_holds_up_nobody(bench: Bench) -> None:
-    bench.bus.most_taken = 1
+def test_a_slow_brick_gets_everything_and_delays_no_other_link(bench: Bench) -> None:
+    bench.bus.max_accepted = 1
     bench.bus.faults += [TIMEOUT, 0] * (MAX_TIMEOUTS + 1)
     bench.session.start()
     bench.found()
     assert bench.session.send(b"slowly but surely", 1)
-    bench.bus.says(b"meanwhile")
+    bench.bus.sends(b"meanwhile")
     bench.until(lambda: bench.octets == b"meanwhile", "it is heard")
     bench.until(lambda: b"".join(bench.bus.written) == b"slowly but surely", "all of it")
 
 
-def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
+def test_a_brick_that_accepts_nothing_is_disconnected_with_its_queue(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     held = Event()
@@ -229,7 +229,7 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
     assert bench.bus.written == [b"y" * 64, b"#new"]
 
 
-def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Bench) -> None:
+def test_a_message_for_a_disconnected_brick_is_not_for_the_next(bench: Bench) -> None:
     bench.session.start()
     bench.found()
     assert bench.session.send(b"first", 1)
@@ -243,17 +243,17 @@ def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Benc
     bench.until(lambda: bench.bus.written == [b"first", b"stop"], "a word for any")
 
 
-def test_when_nobody_takes_what_it_says_the_brick_is_not_read(bench: Bench) -> None:
-    words = [f"{number:03}".encode() for number in range(3 * INCOMING)]
-    bench.bus.says(*words)
+def test_without_a_reader_the_brick_is_not_read(bench: Bench) -> None:
+    text = [f"{number:03}".encode() for number in range(3 * INCOMING)]
+    bench.bus.sends(*text)
     bench.session.start()
     bench.until(lambda: len(bench.bus.packets) <= 2 * INCOMING, "it fills", taking=False)
     assert len(bench.bus.packets) >= 2 * INCOMING
-    bench.until(lambda: len(bench.octets) == 3 * len(words), "all of it")
-    assert bench.octets == b"".join(words)
+    bench.until(lambda: len(bench.octets) == 3 * len(text), "all of it")
+    assert bench.octets == b"".join(text)
 
 
-def test_what_raises_on_its_threads_is_logged_and_it_goes_on(
+def test_an_exception_on_its_threads_is_logged_and_it_continues(
     bench: Bench, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def raise_once(_: Brick) -> bytes:

@@ -36,7 +36,6 @@ from adapters.mops import (
     telemetry_of,
 )
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification
 from adapters.mrs.transport import CLEAR
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.provider import RoverProvider
@@ -51,7 +50,7 @@ from tests.support.unsynced import UNSYNCED
 HERE = "127.0.0.1"
 LIMIT_S = 30.0
 ORBITER = Ipn(1, 1)
-LIFE = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED)
+STAGES = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED)
 DICTIONARY = load_dictionary()
 
 
@@ -97,7 +96,7 @@ class Sky:
                     eid=str(self.node(asset)),
                     ltp=LtpLink(self.to_rover[asset], answer_s=0.2),
                     port=0,
-                    numbered=self.numbered,
+                    numbers_reports=self.numbered,
                     operations=self.operations,
                 )
                 for asset in self.rover_ports
@@ -110,7 +109,7 @@ class FarRover:
     """A rover's end of the relay: takes each command once, and answers as an executive does.
 
     Attributes:
-        life: the stages that it reports of a command.
+        lifecycle: the stages that it reports of a command.
         ledger: the name of the ledger that it has; empty for a brick, which numbers nothing.
         mute: whether what it says is lost.
         mode: what its telemetry says.
@@ -118,13 +117,13 @@ class FarRover:
 
     def __init__(self, sky: Sky, asset: str) -> None:
         self.name = asset.upper()
-        self.life: tuple[Stage, ...] = LIFE
+        self.lifecycle: tuple[Stage, ...] = STAGES
         self.ledger = "first"
         self.mute = False
         self.mode: Mode | None = None
         self.commands: list[Message] = []
         self.received = 0
-        self._said: list[Report] = []
+        self._output: list[Report] = []
         neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
         own = sky.node(asset)
         self.agent = BundleAgent(
@@ -140,24 +139,24 @@ class FarRover:
                 self.received += 1
                 message = decode(delivery.payload)
                 identity = Identity(message.source, message.moe_inputs_id or 0)
-                mine = [report for report in self._said if report.identity == identity]
+                mine = [report for report in self._output if report.identity == identity]
                 if mine:
                     await self._send(self._reply(message, mine[-1]))
                     continue
                 self.commands.append(message)
-                for stage in self.life:
+                for stage in self.lifecycle:
                     report = self._report(ReportKind.COMMAND, stage.name, identity, stage)
                     await self._send(self._reply(message, report))
 
     def forget(self, ledger: str) -> None:
         """Come back with another ledger."""
         self.ledger = ledger
-        self._said.clear()
+        self._output.clear()
 
-    async def report(self, command: Message, number: int, stage: Stage) -> None:
+    async def send_report(self, command: Message, number: int, stage: Stage) -> None:
         """Report a stage of a command under a number, 0 for none."""
         identity = Identity(command.source, command.moe_inputs_id or 0)
-        said = (
+        output = (
             number,
             time.time(),
             ReportKind.COMMAND,
@@ -166,17 +165,17 @@ class FarRover:
             identity,
             stage,
         )
-        reply = self._reply(command, Report(*said, link="relay"))
+        reply = self._reply(command, Report(*output, link="relay"))
         await self._send(reply if number else replace(reply, outputs=reply.outputs[:3]))
 
     async def event(self, text: str) -> None:
         report = self._report(ReportKind.EVENT, text)
-        await self.say_event(report, self.ledger)
+        await self.send_event(report, self.ledger)
 
-    async def say_event(self, report: Report, ledger: str) -> None:
+    async def send_event(self, report: Report, ledger: str) -> None:
         await self._send(event_of(report, DICTIONARY.spelling.event, self.name, ledger))
 
-    async def telemetry(self, **figures: float) -> None:
+    async def send_telemetry(self, **figures: float) -> None:
         known = {Parameter(name): figure for name, figure in figures.items()}
         spelling = DICTIONARY.spelling.telemetry
         await self._send(telemetry_of(known, spelling, self.name, "ALL", self.mode))
@@ -185,8 +184,10 @@ class FarRover:
         await self._send(health_message(health, DICTIONARY.spelling.link, self.name))
 
     async def housekeeping(self, **figures: float | None) -> None:
-        told = Housekeeping(time.time(), figures)
-        await self._send(housekeeping_message(told, DICTIONARY.spelling.housekeeping, self.name))
+        reported = Housekeeping(time.time(), figures)
+        await self._send(
+            housekeeping_message(reported, DICTIONARY.spelling.housekeeping, self.name)
+        )
 
     def _report(
         self,
@@ -196,11 +197,11 @@ class FarRover:
         stage: Stage | None = None,
     ) -> Report:
         link = None if identity is None else "relay"
-        number = len(self._said) + 1
+        number = len(self._output) + 1
         report = Report(
             number, time.time(), kind, Severity.INFORMATIONAL, text, identity, stage, link
         )
-        self._said.append(report)
+        self._output.append(report)
         return report
 
     def _reply(self, command: Message, report: Report) -> Message:
@@ -250,7 +251,7 @@ async def orbiting(
             partial(relay.link_status, node),
             partial(relay.override_contact, node),
             relay.usage.measure,
-            settings.silent_after_s,
+            settings.link_timeout_s,
             CLEAR,
             system,
         )
@@ -270,20 +271,20 @@ async def orbiting(
 
 
 @asynccontextmanager
-async def telling(station: RoverProvider) -> AsyncIterator[None]:
+async def publishing(station: RoverProvider) -> AsyncIterator[None]:
     """Have the orbiter tell of the link again and again, for telemetry may be dropped."""
 
-    async def tell() -> None:
+    async def log() -> None:
         while True:
             station.publish_health()
             await asyncio.sleep(0.2)
 
-    telling = asyncio.create_task(tell())
+    publishing = asyncio.create_task(log())
     try:
         yield
     finally:
-        telling.cancel()
-        await asyncio.gather(telling, return_exceptions=True)
+        publishing.cancel()
+        await asyncio.gather(publishing, return_exceptions=True)
 
 
 async def ground(station: RoverProvider, source: str = "MOE") -> MrsClient:
@@ -304,12 +305,12 @@ async def meeting(
         yield relay, rover, client
 
 
-async def catch_up(client: MrsClient, count: int) -> tuple[Notification, ...]:
-    """Return the past once it has so many notifications."""
+async def catch_up(client: MrsClient, count: int) -> list[Report]:
+    """Return the past once it has so many reports."""
     async with asyncio.timeout(LIMIT_S):
         while len(past := await client.get_notifications()) < count:
             await asyncio.sleep(0.02)
-    return past
+    return [each.report for each in past]
 
 
 def eclipse(clock: Clock) -> ContactPlan:
@@ -325,5 +326,5 @@ async def rover(*arguments: str, typed: str = "") -> tuple[int, str]:
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     async with asyncio.timeout(LIMIT_S):
-        said, _ = await process.communicate(typed.encode())
-    return process.returncode or 0, said.decode()
+        output, _ = await process.communicate(typed.encode())
+    return process.returncode or 0, output.decode()

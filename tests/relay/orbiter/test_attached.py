@@ -37,13 +37,13 @@ class Ground:
     """Who listens at the orbiter."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.output: list[str] = []
 
-    def report(self, report: Report, cursor: int | None) -> None:
+    def on_report(self, report: Report, cursor: int | None) -> None:
         if report.kind is ReportKind.EVENT:
-            self.said.append(report.text)
+            self.output.append(report.text)
 
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+    def on_telemetry(self, values: Sequence[ParameterValue]) -> None:
         raise AssertionError("nobody measures anything")
 
 
@@ -53,7 +53,7 @@ def written(folder: Path, name: str, **settings: object) -> Path:
     return path
 
 
-async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Path) -> None:
+async def test_a_command_is_uplinked_and_a_report_downlinked_by_daemons(tmp_path: Path) -> None:
     async with ion_nodes(tmp_path, 1, 2):
         above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
         aboard, _ = load_relay(
@@ -72,7 +72,7 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             assert decode(topics.commands[0].encode()).moe_inputs_id == 7
             link.notify(str(event(1)))
             await until(lambda: len(topics.confirmed) == 1)
-            await until(lambda: ground.said == ["near"])
+            await until(lambda: ground.output == ["near"])
         finally:
             receiving.cancel()
             await asyncio.to_thread(link.close)
@@ -97,7 +97,7 @@ def test_contacts_of_a_daemon_are_set_there(tmp_path: Path) -> None:
         ({}, "one of ltp, tcpcl, udp"),
     ],
 )
-def test_settings_that_make_no_sense_are_told(
+def test_invalid_settings_are_reported(
     wrong: dict[str, object], fault: str, tmp_path: Path
 ) -> None:
     with pytest.raises(SettingsError, match=fault):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from adapters.mops import Message
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification, lost_command
+from adapters.mrs.spec import ReceivedReport, lost_command
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.commands import MoveForward
@@ -26,9 +26,9 @@ from tests.relay.orbiter.sky import (
 
 
 @asynccontextmanager
-async def received(client: MrsClient) -> AsyncIterator[list[Notification]]:
+async def received(client: MrsClient) -> AsyncIterator[list[ReceivedReport]]:
     """Gather what a client receives for the time of a with."""
-    notifications: list[Notification] = []
+    notifications: list[ReceivedReport] = []
 
     async def gather() -> None:
         async for notification in client.notifications():
@@ -43,8 +43,8 @@ async def received(client: MrsClient) -> AsyncIterator[list[Notification]]:
         await asyncio.gather(gathering, return_exceptions=True)
 
 
-def ends(notifications: list[Notification], stage: Stage) -> Callable[[], bool]:
-    return lambda: any(each.stage and each.stage.value == stage.value for each in notifications)
+def ends(notifications: list[ReceivedReport], stage: Stage) -> Callable[[], bool]:
+    return lambda: any(each.report.stage is stage for each in notifications)
 
 
 @asynccontextmanager
@@ -59,7 +59,7 @@ async def out_of_contact(relay: OrbiterRelay, client: MrsClient) -> AsyncIterato
 
 async def sent(rover: FarRover, client: MrsClient) -> Message:
     """Send a command to which the rover answers nothing yet."""
-    rover.life = ()
+    rover.lifecycle = ()
     await client.submit(client.command(MoveForward(1.0)))
     await until(lambda: len(rover.commands) == 1)
     return rover.commands[0]
@@ -71,29 +71,29 @@ async def test_an_end_that_was_overtaken_by_another_report(tmp_path: Path) -> No
         received(client) as notifications,
     ):
         command = await sent(rover, client)
-        await rover.report(command, 1, Stage.RECEIVED)
+        await rover.send_report(command, 1, Stage.RECEIVED)
         other = Report(3, 1.0, ReportKind.EVENT, Severity.WARNING, "a stone")
-        await rover.say_event(other, rover.ledger)
-        await until(lambda: any(each.text == "a stone" for each in notifications))
+        await rover.send_event(other, rover.ledger)
+        await until(lambda: any(each.report.text == "a stone" for each in notifications))
         async with out_of_contact(relay, client) as relayed:
-            await rover.report(command, 2, Stage.EXECUTED)
+            await rover.send_report(command, 2, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 3)
         await until(ends(notifications, Stage.EXECUTED))
-        assert [n.sequence for n in notifications if n.sequence] == [1, 3, 2]
+        assert [n.report.sequence for n in notifications if n.report.sequence] == [1, 3, 2]
 
 
-async def test_all_that_came_if_nothing_was_received_before(tmp_path: Path) -> None:
+async def test_all_available_reports_if_none_was_received_before(tmp_path: Path) -> None:
     async with (
         meeting(Sky(tmp_path, "jackal")) as (relay, rover, client),
         received(client) as notifications,
     ):
         command = await sent(rover, client)
         async with out_of_contact(relay, client) as relayed:
-            await rover.report(command, 1, Stage.RECEIVED)
-            await rover.report(command, 2, Stage.EXECUTED)
+            await rover.send_report(command, 1, Stage.RECEIVED)
+            await rover.send_report(command, 2, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 2)
         await until(ends(notifications, Stage.EXECUTED))
-        assert [n.sequence for n in notifications if n.sequence] == [1, 2]
+        assert [n.report.sequence for n in notifications if n.report.sequence] == [1, 2]
 
 
 async def test_a_refusal_without_a_number(tmp_path: Path) -> None:
@@ -103,11 +103,11 @@ async def test_a_refusal_without_a_number(tmp_path: Path) -> None:
     ):
         command = await sent(rover, client)
         async with out_of_contact(relay, client) as relayed:
-            await rover.report(command, 0, Stage.REJECTED)
+            await rover.send_report(command, 0, Stage.REJECTED)
             await until(lambda: bool(relayed.record.ledger.rows("SELECT 1 FROM reports")))
         await until(ends(notifications, Stage.REJECTED))
         (refusal,) = await client.get_notifications(command_id=command.moe_inputs_id)
-        assert (refusal.sequence, refusal.stage and refusal.stage.name) == (0, "REJECTED")
+        assert (refusal.report.sequence, refusal.report.stage) == (0, Stage.REJECTED)
 
 
 async def test_that_a_command_was_lost(tmp_path: Path) -> None:
@@ -121,42 +121,43 @@ async def test_that_a_command_was_lost(tmp_path: Path) -> None:
         async with out_of_contact(relay, client):
             clock.shift_s = 60.0
             await until(lambda: relay.agent.health().queued == 0)
-        await until(lambda: any(lost_command(each) == command.identity for each in notifications))
+        lost = command.identity
+        await until(lambda: any(lost_command(each.report) == lost for each in notifications))
 
 
 async def test_the_end_rather_than_the_loss_before_it(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with meeting(sky) as (relay, rover, client):
-        rover.life = ()
+        rover.lifecycle = ()
         running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
         await until(lambda: len(rover.commands) == 1)
         async with out_of_contact(relay, client) as relayed:
             relayed.record.outstanding.end_unreported(float("inf"), 1.0)
-            await rover.report(rover.commands[0], 1, Stage.EXECUTED)
+            await rover.send_report(rover.commands[0], 1, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 1)
         assert (await running).executed
 
 
-async def test_what_was_recorded_and_not_published_before_a_kill(tmp_path: Path) -> None:
+async def test_reports_recorded_and_not_published_before_a_kill(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with landed(sky, "jackal") as rover:
         async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
             command = await sent(rover, client)
             async with received(client) as notifications:
                 other = Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "a stone")
-                await rover.say_event(other, rover.ledger)
-                await until(lambda: any(each.text == "a stone" for each in notifications))
+                await rover.send_event(other, rover.ledger)
+                await until(lambda: any(each.report.text == "a stone" for each in notifications))
             (relayed,) = relay.rovers.values()
             relayed.listener = None
-            await rover.report(command, 1, Stage.EXECUTED)
+            await rover.send_report(command, 1, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 2)
-            cursor = next(each.cursor for each in notifications if each.text == "a stone")
+            cursor = next(each.cursor for each in notifications if each.report.text == "a stone")
         async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-            (missed,) = await client.get_all_notifications((cursor or 0) + 1)
-            assert missed.sequence == 1
+            (missed,) = await client.get_all_notifications(cursor + 1)
+            assert missed.report.sequence == 1
 
 
-async def test_what_a_failed_commit_held_up_is_published_before_later_reports(
+async def test_reports_delayed_by_a_failed_commit_are_published_before_later_ones(
     tmp_path: Path,
 ) -> None:
     async with meeting(Sky(tmp_path, "jackal")) as (relay, _, client):
@@ -166,9 +167,9 @@ async def test_what_a_failed_commit_held_up_is_published_before_later_reports(
             held = Report(1, 1.0, ReportKind.EVENT, Severity.WARNING, "held up")
             ledger.append_report(held)  # as a commit left it that failed
             ledger.commit()  # of something else
-            relayed._take(
+            relayed._add_report(
                 Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "later"), "unit", "first"
             )
             await until(lambda: len(notifications) == 2)
-            assert [each.text for each in notifications] == ["held up", "later"]
+            assert [each.report.text for each in notifications] == ["held up", "later"]
             assert [each.cursor for each in notifications] == [1, 2]

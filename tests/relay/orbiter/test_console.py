@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.spec import notification_of
-from adapters.relay.orbiter.console import notification_line
+from adapters.relay.orbiter.console import report_line
 from executive.commands.catalogue import Stop
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, ground, landed, orbiting, rover
@@ -19,19 +18,19 @@ deleteFile "a, 100 %/ü#|.png"
 """
 
 
-async def test_lines_command_a_rover_and_tell_of_it(tmp_path: Path) -> None:
+async def test_lines_command_a_rover_and_report_on_it(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
-        await far.telemetry(POS_X=1.25)
-        status, said = await rover("mops", "--to", str(station.uri), typed=TYPED + "status\n")
-        assert status == 0, said
+        await far.send_telemetry(POS_X=1.25)
+        status, text = await rover("mops", "--to", str(station.uri), typed=TYPED + "status\n")
+        assert status == 0, text
         assert [(m.source, m.command, m.inputs) for m in far.commands] == [
             ("MOPS", "MOVE_FORWARD", ("1.5",)),
             ("MOPS", "SET_CAMERA_ANGLES", ("", "0.25")),
             ("MOPS", "EXECUTE_ACTION", ("VIDEO ON",)),
             ("MOPS", "DELETE_FILE", ("a%2C 100 %25/%C3%BC%23%7C.png",)),
         ]
-        lines = [line.split() for line in said.splitlines()]
+        lines = [line.split() for line in text.splitlines()]
         for message in far.commands:
             mine = [word for _, word, *rest in lines if f"MOPS:{message.moe_inputs_id}" in rest]
             if "STORED" in mine:  # said only of what the rover has not answered within a second
@@ -42,41 +41,41 @@ async def test_lines_command_a_rover_and_tell_of_it(tmp_path: Path) -> None:
         assert any(word == "TELEMETRY" and "POS_Y=-" in rest for _, word, *rest in lines)
 
 
-async def test_what_is_not_understood_is_refused_and_the_rest_goes_on(tmp_path: Path) -> None:
+async def test_an_unknown_line_is_refused_and_the_rest_continues(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     typed = 'moveForwards 1\nmoveForward far\nmoveForward\n"\nhelp\nstop\n'
     async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
-        status, said = await rover("mops", "--to", str(station.uri), typed=typed)
+        status, text = await rover("mops", "--to", str(station.uri), typed=typed)
         assert status == 1
-        assert said.count("REFUSED") == 4
-        assert "moveForward DISTANCE_M" in said
-        assert "distance_m: 'far' is no number" in said
+        assert text.count("REFUSED") == 4
+        assert "moveForward DISTANCE_M" in text
+        assert "distance_m: 'far' is no number" in text
         assert [m.command for m in far.commands] == ["STOP"]
 
 
 async def test_quit_does_not_wait(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with orbiting(sky) as (_, (station,)):
-        status, said = await rover("mops", "--to", str(station.uri), typed="stop\nquit\n")
+        status, text = await rover("mops", "--to", str(station.uri), typed="stop\nquit\n")
         assert status == 0
-        assert "SENT" in said
+        assert "SENT" in text
 
 
 async def test_rover_status_shows_the_rover_and_the_relay(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with orbiting(sky) as (_, (station,)):
-        status, said = await rover("status", "--to", str(station.uri), "--json")
-        told = json.loads(said)
-        assert (status, told["asset"], told["mode"]) == (0, "jackal", "OFFLINE")
-        assert told["parameters"]["POS_X"] == {"value": None, "unit": "m"}
-        assert (told["faults"], told["unmonitored"]) == (None, None)
-        assert told["parameters"]["DTN_QUEUED"] == {"value": 0.0, "unit": None}
-        status, said = await rover("status", "--to", str(station.uri))
+        status, text = await rover("status", "--to", str(station.uri), "--json")
+        reported = json.loads(text)
+        assert (status, reported["asset"], reported["mode"]) == (0, "jackal", "OFFLINE")
+        assert reported["parameters"]["POS_X"] == {"value": None, "unit": "m"}
+        assert (reported["faults"], reported["unmonitored"]) == (None, None)
+        assert reported["parameters"]["DTN_QUEUED"] == {"value": 0.0, "unit": None}
+        status, text = await rover("status", "--to", str(station.uri))
         assert status == 0
-        assert "DTN_NEXT_CONTACT" in said
-        assert "active faults are not listed here, only reported as events" in said
-        status, said = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
-        assert status == 0, said
+        assert "DTN_NEXT_CONTACT" in text
+        assert "active faults are not listed here, only reported as events" in text
+        status, text = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
+        assert status == 0, text
 
 
 FORGED = "no\n12:00:03.530Z EXECUTED  MOPS:8"
@@ -95,7 +94,7 @@ def test_a_text_cannot_begin_a_line_of_its_own(end: str) -> None:
         Stage.FAILED,
         "relay",
     )
-    line = notification_line(notification_of(report))
+    line = report_line(report)
     assert line.isprintable()
     assert line.startswith("00:00:00.000Z FAILED    MOPS:7 no?")
 
@@ -103,20 +102,20 @@ def test_a_text_cannot_begin_a_line_of_its_own(end: str) -> None:
 WHERE = "at the orbiter; next contact at 20"
 
 
-async def test_what_waits_at_the_orbiter_is_said_to_be_there(tmp_path: Path) -> None:
+async def test_a_command_waiting_at_the_orbiter_is_reported_there(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with orbiting(sky, clock, eclipse(clock), lifetime_s=3.0) as (_, (station,)):
         to = ("--to", str(station.uri))
-        _, said = await rover("command", *to, "stop")
-        assert f"STORED     {WHERE}" in said.splitlines()[1]
-        _, said = await rover("mops", *to, "--no-telemetry", typed="stop\n")
-        (line,) = [line.split() for line in said.splitlines() if WHERE in line]
+        _, text = await rover("command", *to, "stop")
+        assert f"STORED     {WHERE}" in text.splitlines()[1]
+        _, text = await rover("mops", *to, "--no-telemetry", typed="stop\n")
+        (line,) = [line.split() for line in text.splitlines() if WHERE in line]
         assert line[1:4:2] == ["STORED", "at"]
-        status, said = await rover("command", *to, "--no-wait", "stop")
-        assert (status, said.splitlines()[1].startswith(f"stored {WHERE}")) == (0, True)
+        status, text = await rover("command", *to, "--no-wait", "stop")
+        assert (status, text.splitlines()[1].startswith(f"stored {WHERE}")) == (0, True)
 
 
-async def test_in_contact_nothing_is_said_to_be_stored(tmp_path: Path) -> None:
+async def test_in_contact_nothing_is_reported_as_stored(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with (
         orbiting(sky) as (_, (station,)),
@@ -134,7 +133,7 @@ async def test_a_repeat_in_the_dark_is_not_called_another_command(tmp_path: Path
         typed = ("command", "--to", str(station.uri), "--id", "7", "--no-wait", "stop")
         assert (await rover(*typed))[0] == 0
         again = [word for word in typed if word != "--no-wait"]
-        status, said = await rover(*again)
+        status, text = await rover(*again)
         assert status == 1
-        assert f"MOE:7 was accepted before, {WHERE}" in said
-        assert "there is no report yet, or it was another command" in said
+        assert f"MOE:7 was accepted before, {WHERE}" in text
+        assert "there is no report yet, or it was another command" in text

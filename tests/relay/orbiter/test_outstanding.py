@@ -33,8 +33,8 @@ from tests.mocup.brick.routing import Bench, executed
 from tests.relay.orbiter.sky import (
     DICTIONARY,
     HERE,
-    LIFE,
     ORBITER,
+    STAGES,
     Clock,
     FarRover,
     Sky,
@@ -52,7 +52,7 @@ from tests.support.unsynced import UNSYNCED
 WHY = "may not have reached the rover: its lifetime ended at the orbiter"
 
 
-async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path) -> None:
+async def test_clients_waiting_for_a_lost_command_are_notified(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with (
         orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
@@ -66,7 +66,7 @@ async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path)
         await until(lambda: relay.agent.health().queued == 2)
         clock.shift_s = 60.0
         lost = await waiting[0]
-        assert (lost.executed, lost.stage, lost.notifications, lost.refusal) == (
+        assert (lost.executed, lost.stage, lost.reports, lost.refusal) == (
             False,
             None,
             (),
@@ -75,40 +75,42 @@ async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path)
         assert lost.loss is not None
         assert lost.loss.severity is Severity.ALARM
         assert lost.loss.text == f"{short.identity} {WHY}"
-        assert (lost.loss.commandId, lost.loss.stage) == (None, None)
+        assert (lost.loss.identity, lost.loss.stage) == (short.identity, None)
         assert not waiting[1].done(), "it is of one command only"
         clock.shift_s = 3601.0
         assert (await waiting[1]).executed
         assert [message.command for message in far.commands] == ["STOP"]
 
 
-async def test_it_is_told_when_a_command_leaves_the_orbiter(tmp_path: Path) -> None:
+async def test_a_command_that_leaves_the_orbiter_is_reported(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with meeting(sky, clock, eclipse(clock)) as (relay, _, client):
         command = client.command(MoveForward(1.0))
-        heard = client.notifications()
+        received = client.notifications()
         await client.submit(command)
         await until(lambda: relay.agent.health().queued == 1)
         clock.shift_s = 3601.0
-        told = [await anext(heard) for _ in range(1 + len(LIFE))]
-        (left,) = [each for each in told if forwarded_command(each) is not None]
+        reported = [(await anext(received)).report for _ in range(1 + len(STAGES))]
+        (left,) = [each for each in reported if forwarded_command(each) is not None]
         assert forwarded_command(left) == command.identity
         assert (left.stage, left.sequence, lost_command(left)) == (None, 0, None)
         assert left.text == f"{command.identity} has left the orbiter"
-        assert [each.stage.name for each in told if each.stage] == [each.name for each in LIFE]
+        assert [each.stage.name for each in reported if each.stage] == [
+            each.name for each in STAGES
+        ]
 
 
 async def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with orbiting(sky, clock, eclipse(clock), lifetime_s=2.0) as (_, (station,)):
         to = ("--to", str(station.uri))
-        status, said = await rover("command", *to, "--lifetime", "2", "moveForward", "0.4")
+        status, message = await rover("command", *to, "--lifetime", "2", "moveForward", "0.4")
         assert status == 1
-        assert "LOST" in said
-        assert WHY in said
-        status, said = await rover("mops", *to, "--no-telemetry", typed="moveForward 0.4\n")
+        assert "LOST" in message
+        assert WHY in message
+        status, message = await rover("mops", *to, "--no-telemetry", typed="moveForward 0.4\n")
         assert status == 1
-        assert WHY in said
+        assert WHY in message
 
 
 async def test_a_run_over_a_loss_of_the_session_ends_with_it(tmp_path: Path) -> None:
@@ -131,8 +133,10 @@ AGAIN_S = 60.0
 UNHEARD_AGAIN_S = 90.0
 
 
-def link(utc_s: float, *, queued: int = 0, oldest_s: float = 0.0, unread: int = 0) -> LinkHealth:
-    return LinkHealth(utc_s, queued, oldest_s, None, 0.0, unread, 0)
+def link(
+    utc_s: float, *, queued: int = 0, oldest_age_s: float = 0.0, undelivered: int = 0
+) -> LinkHealth:
+    return LinkHealth(utc_s, queued, oldest_age_s, None, 0.0, undelivered, 0)
 
 
 @pytest.mark.parametrize(
@@ -142,33 +146,33 @@ async def test_only_a_link_made_late_enough_gives_it_up(
     tmp_path: Path, again_s: float | None, grace_s: float
 ) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
-    async with meeting(sky, clock, ask_again_s=again_s) as (relay, rover, client):
+    async with meeting(sky, clock, retransmit_after_s=again_s) as (relay, rover, client):
         (far,) = relay.rovers.values()
 
-        async def hear(health: LinkHealth) -> None:
+        async def receive(health: LinkHealth) -> None:
             await rover.link(health)
             await until(lambda: far.aboard == health)
 
         await client.submit(client.command(MoveForward(0.5), lifetime_s=LIFETIME_S))
-        await catch_up(client, len(LIFE))
-        rover.life = ()
+        await catch_up(client, len(STAGES))
+        rover.lifecycle = ()
         command = client.command(MoveForward(1.0), lifetime_s=LIFETIME_S)
         end = asyncio.create_task(client.run(command))
         await until(lambda: rover.received == 2)
         await until(lambda: not relay.agent.health().queued)
         sent_s, late_s = clock.utc_s(), LIFETIME_S + grace_s
-        await hear(link(sent_s + 3600.0))  # its clock is ahead
+        await receive(link(sent_s + 3600.0))  # its clock is ahead
         clock.shift_s = late_s + 20.0
         relay.poll()
         await relay.retransmit_unanswered()
-        await hear(link(sent_s + late_s - 5.0))
-        await hear(link(sent_s + late_s + 20.0, queued=4, oldest_s=25.0))
-        await hear(link(sent_s + late_s + 20.0, unread=1))
+        await receive(link(sent_s + late_s - 5.0))
+        await receive(link(sent_s + late_s + 20.0, queued=4, oldest_age_s=25.0))
+        await receive(link(sent_s + late_s + 20.0, undelivered=1))
         assert not far.record.ledger.recorded_on(command.identity)
-        await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
-        given_up = (await end).loss
-        assert given_up is not None
-        assert "no report within its lifetime" in (given_up.text or "")
+        await receive(link(sent_s + late_s + 20.0, queued=2, oldest_age_s=3.0))
+        aborted = (await end).loss
+        assert aborted is not None
+        assert "no report within its lifetime" in (aborted.text or "")
         (loss,) = far.record.ledger.recorded_on(command.identity)
         assert loss.report.identity == command.identity
 
@@ -217,7 +221,7 @@ async def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
         assert far.received == 3, "a stop goes up each time"
 
 
-async def test_what_was_written_down_is_not_looked_through(tmp_path: Path) -> None:
+async def test_ended_records_are_not_searched(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with (
         orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
@@ -265,10 +269,10 @@ async def stages(client: MrsClient, count: int) -> list[Stage]:
     return [n.stage for n in await catch_up(client, count) if n.stage is not None]
 
 
-async def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -> None:
+async def test_a_brick_is_queried_again_answers_and_executes_nothing_twice(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "mocup", numbered=False), Clock()
     async with (
-        orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
+        orbiting(sky, clock, retransmit_after_s=AGAIN_S) as (relay, (station,)),
         landed(sky, "mocup") as rover,
         await ground(station) as client,
     ):
@@ -278,36 +282,36 @@ async def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: P
         await waiting.wait(AGAIN_S / 2)
         assert rover.received == 1
         await waiting.wait(AGAIN_S)
-        assert await stages(client, 4) == [*LIFE]
+        assert await stages(client, 4) == [*STAGES]
         assert [m.moe_inputs_id for m in rover.commands] == [lost.identity.command_id]
         assert rover.received == 2
         await waiting.wait(2 * AGAIN_S)
         assert rover.received == 2
-        rover.life = (Stage.RECEIVED, Stage.STARTED)
+        rover.lifecycle = (Stage.RECEIVED, Stage.STARTED)
         await client.submit(client.command(MoveForward(2.0)))
-        told = [*LIFE, Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
-        assert await stages(client, 7) == told
+        reported = [*STAGES, Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
+        assert await stages(client, 7) == reported
         await until(lambda: not relay.agent.health().queued)
         await waiting.wait(AGAIN_S)
         await until(lambda: rover.received == 4)
-        await rover.telemetry(POS_X=9.0)
+        await rover.send_telemetry(POS_X=9.0)
         (relayed,) = relay.rovers.values()
         await until(lambda: relayed.parameters()[0].value == 9.0)
-        assert await stages(client, 7) == told
+        assert await stages(client, 7) == reported
         assert len(rover.commands) == 2
 
 
-async def test_of_who_numbers_only_what_nothing_was_heard_of(tmp_path: Path) -> None:
+async def test_for_numbering_assets_only_commands_without_any_report(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
-    async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
+    async with meeting(sky, clock, retransmit_after_s=AGAIN_S) as (relay, rover, client):
         waiting = Waiting(relay, clock, client, rover)
-        rover.life = LIFE[:3]
+        rover.lifecycle = STAGES[:3]
         await client.submit(client.command(MoveForward(1.0)))
         await catch_up(client, 3)
         await until(lambda: not relay.agent.health().queued)
         await waiting.wait(2 * AGAIN_S)
         assert rover.received == 1
-        rover.life = LIFE
+        rover.lifecycle = STAGES
         await waiting.lose(MoveForward(2.0))
         await waiting.wait(2 * AGAIN_S)
         past = await stages(client, 4)
@@ -319,7 +323,7 @@ async def test_a_command_without_an_answer_is_sent_again_although_the_clock_was_
     tmp_path: Path,
 ) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
-    async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
+    async with meeting(sky, clock, retransmit_after_s=AGAIN_S) as (relay, rover, client):
         waiting = Waiting(relay, clock, client, rover)
         await waiting.lose(MoveForward(1.0))
         await waiting.wait(-10 * AGAIN_S)
@@ -328,11 +332,11 @@ async def test_a_command_without_an_answer_is_sent_again_although_the_clock_was_
         assert (rover.received, len(rover.commands)) == (2, 1)
 
 
-async def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) -> None:
+async def test_neither_a_stop_nor_an_expired_command_nor_without_contact(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     contacts = [(clock.utc_s() + begin_s, 1, 2, 100_000) for begin_s in (0.0, 4 * AGAIN_S)]
-    plan = ContactPlan(tuple(Contact(at_s, at_s + AGAIN_S, *way) for at_s, *way in contacts))
-    async with meeting(sky, clock, plan, ask_again_s=AGAIN_S) as (relay, rover, client):
+    plan = ContactPlan(tuple(Contact(at_s, at_s + AGAIN_S, *path) for at_s, *path in contacts))
+    async with meeting(sky, clock, plan, retransmit_after_s=AGAIN_S) as (relay, rover, client):
         waiting = Waiting(relay, clock, client, rover)
         await waiting.lose(Stop())
         await waiting.lose(MoveForward(1.0), lifetime_s=2 * AGAIN_S)
@@ -350,13 +354,13 @@ async def carry(agent: BundleAgent, bench: Bench) -> None:
     """Stand where rover-relay does: commands to the router, and what it says then to the ground."""
     while True:
         async with agent.receive() as delivery:
-            said = len(bench.ports.notified)
-            bench.router.command(BrickLink.RELAY, delivery.payload.decode())
-            for _, reply in bench.ports.notified[said:]:
+            message = len(bench.ports.notified)
+            bench.router.process(BrickLink.RELAY, delivery.payload.decode())
+            for _, reply in bench.ports.notified[message:]:
                 await agent.send(ORBITER, str(reply).encode())
 
 
-async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) -> None:
+async def test_an_undelivered_reply_of_the_brick_is_requested_again(tmp_path: Path) -> None:
     sky, clock, bench = Sky(tmp_path, "mocup", numbered=False), Clock(), Bench()
     neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
     node = NodeSettings(sky.node("mocup"), (sky.node("mocup"),), (neighbour,))
@@ -365,20 +369,20 @@ async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) 
     await agent.open(lambda _: None)
     carrying = asyncio.create_task(carry(agent, bench))
     async with (
-        orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
+        orbiting(sky, clock, retransmit_after_s=AGAIN_S) as (relay, (station,)),
         await ground(station) as client,
     ):
         command = client.command(MoveForward(1.5))
         running = asyncio.create_task(client.run(command))
         await until(lambda: len(bench.ports.brick) == 1)
         await until(lambda: not relay.agent.health().queued)
-        bench.says(executed(decode(bench.ports.brick[0])))
+        bench.sends(executed(decode(bench.ports.brick[0])))
         bench.start(bench.router.record)
         clock.shift_s += 2 * AGAIN_S
         await relay.retransmit_unanswered()
         outcome = await running
         assert outcome.executed
-        past = await catch_up(client, len(outcome.notifications))
+        past = await catch_up(client, len(outcome.reports))
         assert [n.sequence for n in past] == list(range(1, len(past) + 1))
         assert [n.stage for n in past if n.stage is not None][-1].value == Stage.EXECUTED.value
         clock.shift_s += 2 * AGAIN_S

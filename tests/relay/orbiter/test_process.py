@@ -13,7 +13,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError
-from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, landed
+from tests.relay.orbiter.sky import LIMIT_S, STAGES, Sky, catch_up, landed
 from tests.support.ports import free_port
 from tests.support.processes import Running, running
 
@@ -52,7 +52,7 @@ class Orbiter:
         log = self.sky.folder / f"orbiter-{self._starts}.log"
         options = ("--config", str(self.settings), "--data", str(self.sky.folder / "data"))
         with running(log, "rover-mops", *options) as process:
-            process.said(r"jackal listens at (maltcp://\S+)")
+            process.output(r"jackal listens at (maltcp://\S+)")
             yield process
 
     async def client(self, port: int | None = None) -> MrsClient:
@@ -64,7 +64,7 @@ def orbiter(tmp_path: Path) -> Orbiter:
     return Orbiter(tmp_path)
 
 
-async def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> None:
+async def test_an_acknowledged_command_is_uplinked_after_a_kill(orbiter: Orbiter) -> None:
     with orbiter.serving() as first:
         async with await orbiter.client() as client:
             commands = [client.command(MoveForward(float(n))) for n in range(1, 6)]
@@ -73,13 +73,13 @@ async def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> N
             first.end(signal.SIGKILL)
     with orbiter.serving():
         async with landed(orbiter.sky, "jackal") as rover, await orbiter.client() as client:
-            past = await catch_up(client, len(commands) * len(LIFE))
+            past = await catch_up(client, len(commands) * len(STAGES))
             assert [m.inputs for m in rover.commands] == [(f"{float(n)}",) for n in range(1, 6)]
             assert rover.received == len(commands)
             assert [n.sequence for n in past] == list(range(1, len(past) + 1))
 
 
-def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
+def test_an_unavailable_resource_is_reported_in_one_line(orbiter: Orbiter) -> None:
     with orbiter.serving():
         taken = ("--config", str(orbiter.settings), "--data", str(orbiter.sky.folder / "other"))
         with running(orbiter.sky.folder / "second.log", "rover-mops", *taken) as second:
@@ -127,9 +127,9 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
     ("more", "fault"),
     [
         ("lifetime_s: -1", "lifetime_s must be above 0"),
-        ("history_reports: 0", "history_reports must be above 0"),
-        ("ask_again_s: 0", "ask_again_s must be above 0"),
-        ("ask_again_s: often", "ask_again_s"),
+        ("retained_reports: 0", "retained_reports must be above 0"),
+        ("retransmit_after_s: 0", "retransmit_after_s must be above 0"),
+        ("retransmit_after_s: often", "retransmit_after_s"),
         ("agent: ionn", "'ionn' is none of embedded, ion"),
         ("prt: 1", "unknown key 'prt'; known are eid, listen, contact_plan"),
     ],
@@ -142,8 +142,8 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
     path.write_text(SETTINGS.format(orbiter=1, rover=2, port=70000))
     with pytest.raises(SettingsError, match="70000 is not in 0 to 65535"):
         load_orbiter(path)
-    path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + "ask_again_s: null")
-    assert load_orbiter(path).ask_again_s is None
+    path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + "retransmit_after_s: null")
+    assert load_orbiter(path).retransmit_after_s is None
 
 
 @pytest.mark.parametrize(
@@ -153,9 +153,7 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
         ("MotionControl.drive", "operations: MotionControl.stop is missing"),
     ],
 )
-def test_what_a_rover_cannot_be_told_is_no_list(
-    tmp_path: Path, operations: str, fault: str
-) -> None:
+def test_an_unencodable_list_is_refused(tmp_path: Path, operations: str, fault: str) -> None:
     path = tmp_path / "orbiter.yaml"
     text = SETTINGS.format(orbiter=1, rover=2, port=0)
     path.write_text(f"{text.rstrip()}\n    operations: [{operations}]\n")
@@ -195,25 +193,25 @@ def test_rovers_that_share_what_each_needs_are_named(
         load_orbiter(path)
 
 
-async def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:
+async def test_a_client_receives_the_reports_of_its_absence(orbiter: Orbiter) -> None:
     with orbiter.serving():
         client = await orbiter.client()
         running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
-        await heard(client, "DTN_QUEUED", 1.0)
-    elsewhere = free_port(socket.SOCK_STREAM)
+        await received(client, "DTN_QUEUED", 1.0)
+    foreign = free_port(socket.SOCK_STREAM)
     async with landed(orbiter.sky, "jackal"):
-        with orbiter.serving(elsewhere):
-            async with await orbiter.client(elsewhere) as other:
-                await catch_up(other, len(LIFE))
+        with orbiter.serving(foreign):
+            async with await orbiter.client(foreign) as other:
+                await catch_up(other, len(STAGES))
         with orbiter.serving():
             assert (await asyncio.wait_for(running, LIMIT_S)).executed
         await client.close()
 
 
-async def heard(client: MrsClient, name: str, figure: float) -> None:
+async def received(client: MrsClient, name: str, figure: float) -> None:
     async with asyncio.timeout(LIMIT_S):
         while True:
             (value,) = await client.get_value(name)
-            if value.value is not None and value.value.value == figure:
+            if value.value == figure:
                 return
             await asyncio.sleep(0.02)

@@ -1,4 +1,5 @@
 import asyncio
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,8 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     AssetMode,
-    Notification,
     NotificationKind,
-    ParameterValue,
-    Validity,
+    ReceivedValue,
     forwarded_command,
 )
 from executive.commands.catalogue import (
@@ -30,9 +29,9 @@ from executive.commands.catalogue import (
     TakePicture,
     Waypoint,
 )
-from executive.values.reports import Stage
+from executive.values.reports import Report, Stage
 from tests.relay.orbiter.sky import (
-    LIFE,
+    STAGES,
     Clock,
     Sky,
     catch_up,
@@ -46,13 +45,13 @@ from tests.relay.orbiter.sky import (
 LONG = FollowPath((Waypoint(1.0 / 3.0, 2.0 / 3.0),) * 200)
 
 
-def stages(life: tuple[Notification, ...]) -> list[Stage]:
-    return [n.stage for n in life if n.stage is not None]
+def stages(lifecycle: Iterable[Report]) -> list[Stage]:
+    return [n.stage for n in lifecycle if n.stage is not None]
 
 
-def figure(value: ParameterValue) -> float:
-    assert value.value is not None
-    return float(value.value.value)
+def figure(value: ReceivedValue) -> float:
+    assert isinstance(value.value, float)
+    return value.value
 
 
 async def refusal(client: MrsClient, request: Request, **how: Any) -> MalError:
@@ -69,10 +68,10 @@ async def test_commands_reach_the_rover_and_its_reports_the_ground(tmp_path: Pat
             for request in requests:
                 outcome = await client.run(client.command(request))
                 assert outcome.executed
-                assert stages(outcome.notifications) == list(LIFE)
+                assert stages(outcome.reports) == list(STAGES)
             past = await client.get_notifications()
-            assert [n.sequence for n in past] == list(range(1, 4 * len(requests) + 1))
-            assert (await client.get_notifications(since=5))[0].sequence == 5
+            assert [n.report.sequence for n in past] == list(range(1, 4 * len(requests) + 1))
+            assert (await client.get_notifications(since=5))[0].report.sequence == 5
         assert [m.command for m in rover.commands] == [
             "MOVE_FORWARD", "STOP", "TAKE_PICTURE", "EXECUTE_ACTION",
         ]  # fmt: skip
@@ -80,25 +79,25 @@ async def test_commands_reach_the_rover_and_its_reports_the_ground(tmp_path: Pat
         assert {m.dest for m in rover.commands} == {"JACKAL"}
 
 
-async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -> None:
+async def test_a_command_sent_without_contact_arrives_when_contact_begins(tmp_path: Path) -> None:
     sky_node = Sky(tmp_path, "jackal").node("jackal")
     rover_node = type(sky_node)(sky_node.node, 0)
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     dawn_s = clock.utc_s() + 3600.0
     plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
-    async with meeting(sky, clock, plan, old_after_s=60.0) as (relay, rover, client):
-        said = client.notifications()
+    async with meeting(sky, clock, plan, queue_warning_s=60.0) as (relay, rover, client):
+        message = client.notifications()
         relay.poll()
         commands = [client.command(MoveForward(1.0)), client.command(Stop())]
         runs = [asyncio.create_task(client.run(command)) for command in commands]
         await until(lambda: relay.link_status(rover_node).queued == 2)
-        (queued, octets, dawn, heard) = await client.get_value(
-            "DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
+        (queued, octets, dawn, received) = await client.get_value(
+            "DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_NEXT_CONTACT", "DTN_LAST_RECEIVED"
         )
         assert figure(queued) == 2.0
         assert 100.0 < figure(octets) < 500.0
         assert 3500.0 < figure(dawn) < 3601.0
-        assert heard.validity is Validity.INVALID
+        assert received.value is None
         assert (await client.get_status()).mode is AssetMode.OFFLINE
         assert (await client.get_status()).queuedCommands == 2
         clock.shift_s = 120.0
@@ -109,20 +108,26 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         assert [m.command for m in rover.commands] == ["STOP", "MOVE_FORWARD"]
         await until(lambda: relay.link_status(rover_node).queued == 0)
         relay.poll()
-        link = [await anext(said) for _ in range(13)]
+        link = [(await anext(message)).report for _ in range(13)]
         link = [n for n in link if n.kind is NotificationKind.LINK and forwarded_command(n) is None]
         assert [n.sequence for n in link] == [0, 0, 0]
-        dark, old, light = (n.text or "" for n in link)
+        dark, old, light = (n.text for n in link)
         assert dark.startswith("no contact until ")
         assert old.startswith("a command has waited for 120 s; next contact at ")
         assert light == "contact"
-        names = ("DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_OLDEST", "DTN_SENT", "DTN_ACKNOWLEDGED")
+        names = (
+            "DTN_QUEUED",
+            "DTN_QUEUED_OCTETS",
+            "DTN_OLDEST_AGE",
+            "DTN_SENT",
+            "DTN_ACKNOWLEDGED",
+        )
         values = await client.get_value(*names)
         assert list(map(figure, values)) == [0.0, 0.0, 0.0, 2.0, 2.0]
-        told = LinkHealth(
+        reported = LinkHealth(
             clock.utc_s(), 3, 1.5, None, 0.25, 0, 0, True, 700, 9, 6, 1, 0, 2, round_trip_s=0.125
         )
-        await rover.link(told)
+        await rover.link(reported)
         await until(lambda: relay.rovers[rover_node].aboard is not None)
         aboard = ("CONTACT", "QUEUED_OCTETS", "SENT", "RETRANSMITTED", "RECEIVED", "ROUND_TRIP")
         values = await client.get_value(*(f"DTN_ABOARD_{name}" for name in aboard))
@@ -131,14 +136,14 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         await until(lambda: bool(relay.rovers[rover_node].housekeeping.figures))
         tick, goals, brick = await client.get_value("EXEC_TICK", "EXEC_GOALS", "NXT_CONNECTED")
         assert figure(tick) == 0.0625
-        assert {goals.validity, brick.validity} == {Validity.INVALID}
+        assert {goals.value, brick.value} == {None}
         memory, free = await client.get_value("ORBITER_MEMORY", "ORBITER_DISK_FREE")
         assert figure(memory) > 1e7
         assert figure(free) > 0.0
         assert (await client.get_status()).mode is AssetMode.STOPPED
 
 
-async def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -> None:
+async def test_a_repeat_receives_the_known_reports_and_is_uplinked_once(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as rover:
         async with await ground(station) as client:
@@ -147,17 +152,17 @@ async def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -
             outcome = await client.run(command)
             assert outcome.refusal is not None
             assert outcome.refusal.number == AreaError.DUPLICATE.value
-            said = client.notifications()
+            message = client.notifications()
             other = client.command(MoveForward(2.0), command_id=command.identity.command_id)
             with pytest.raises(MalError) as caught:
                 await client.submit(other)
             assert caught.value.number == AreaError.DUPLICATE.value
-            assert "is used by another command" in ((await anext(said)).text or "")
+            assert "is used by another command" in (await anext(message)).report.text
             with pytest.raises(MalError):
                 await client.submit(command)
-            again = await anext(said)
+            again = (await anext(message)).report
             assert again.sequence == 4
-            assert again.commandId == command.identity.command_id
+            assert again.identity == command.identity
         assert rover.received == 1
 
 
@@ -169,7 +174,7 @@ async def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
             error = await refusal(client, request)
             assert error.number == AreaError.REJECTED.value
             assert "4096" in str(getattr(error.extra, "value", ""))
-        error = await refusal(client, MoveForward(1.0), arrival=PreemptionPolicy.REPLACE)
+        error = await refusal(client, MoveForward(1.0), preemption=PreemptionPolicy.REPLACE)
         assert error.number == AreaError.NOT_SUPPORTED.value
         error = await refusal(client, MoveForward(1.0), command_id=0)
         assert error.number == AreaError.INVALID.value
@@ -189,7 +194,7 @@ async def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_pat
     async with meeting(sky) as (relay, rover, client):
         (relayed,) = relay.rovers.values()
         read = relayed.record.ledger.rows
-        ((pages,),), ((most,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
+        ((pages,),), ((maximum,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
         read(f"PRAGMA max_page_count = {pages}")
         sent = []
 
@@ -202,23 +207,23 @@ async def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_pat
             await fill()
         assert caught.value.number == StandardError.INTERNAL.value
         assert "full" in str(getattr(caught.value.extra, "value", ""))
-        read(f"PRAGMA max_page_count = {most}")
+        read(f"PRAGMA max_page_count = {maximum}")
         with pytest.raises(MalError) as caught:
             await client.submit(sent[-1])
         assert caught.value.number == AreaError.DUPLICATE.value
-        past = await catch_up(client, len(LIFE) * len(sent))
+        past = await catch_up(client, len(STAGES) * len(sent))
         assert [n.sequence for n in past] == list(range(1, len(past) + 1))
         assert len(rover.commands) == len(sent)
 
 
-async def test_a_command_that_outlives_its_time_is_told_of(tmp_path: Path) -> None:
+async def test_a_command_that_expires_is_reported(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with orbiting(sky, clock) as (relay, (station,)), await ground(station) as client:
-        said = client.notifications()
+        message = client.notifications()
         command = client.command(MoveForward(1.0), lifetime_s=30.0)
         await client.submit(command)
         clock.shift_s = 60.0
-        text = (await anext(said)).text or ""
+        text = (await anext(message)).report.text
         assert text.startswith(f"{command.identity} may not have reached the rover")
         assert relay.agent.health().queued == 0
 
@@ -236,15 +241,15 @@ async def test_rovers_do_not_disturb_one_another(tmp_path: Path) -> None:
         same = client.command(MoveForward(2.0), command_id=waiting.identity.command_id)
         assert (await client.run(same)).executed
         await there.event("a stone")
-        heard = await catch_up(client, 5)
-        assert heard[-1].text == "a stone"
+        received = await catch_up(client, 5)
+        assert received[-1].text == "a stone"
         assert await silent.get_notifications() == ()
         async with landed(sky, "jackal") as late:
             await until(lambda: len(late.commands) == 1)
         assert [m.inputs for m in there.commands] == [("2.0",)]
 
 
-async def test_who_sends_under_another_name_is_told_where_to_look(
+async def test_a_sender_under_another_name_receives_a_hint(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     sky = Sky(tmp_path, "jackal")

@@ -26,7 +26,7 @@ MOCUP = "ltp: {address: {host: 127.0.0.1, port: 1115}}"
         (("eid: ipn:3.1", "eid: two"), r"rovers\[1\]: eid: not an endpoint such as"),
         (("port: 21101", "port: -1"), r"rovers\[1\]: port: -1 is not in 0 to 65535"),
         (("lifetime_s: 86400.0", "lifetime_s: .inf"), "lifetime_s: expected a finite number"),
-        (("silent_after_s: 60.0", "silent_after_s: .nan"), "silent_after_s: expected a finite"),
+        (("link_timeout_s: 60.0", "link_timeout_s: .nan"), "link_timeout_s: expected a finite"),
         (("  ltp: {host: 127.0.0.1, port: 1113}", "  {}"), r"lacks ltp, which the link to rover 1"),
         ((MOCUP, "udp: {address: {host: 127.0.0.1, port: 1115}}"), r"lacks udp, .* 2 \(mocup\)"),
         ((MOCUP, "tcpcl: {address: null}"), r"tcpcl.address of rover 2 \(mocup\) is null, and"),
@@ -58,7 +58,7 @@ async def refusal(client: MrsClient, request: Request) -> str:
     return describe_error(caught.value)
 
 
-async def test_a_brick_is_offered_what_it_knows(tmp_path: Path) -> None:
+async def test_a_brick_is_offered_its_known_operations(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "mocup", numbered=False)
     _, mocup = load_orbiter(config_folder() / "mops" / "orbiter.yaml").rovers
     sky.operations = mocup.operations

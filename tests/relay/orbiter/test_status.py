@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import pytest
 
 from adapters.mal import MalError
-from adapters.mrs.spec import AssetMode, Notification, Validity, describe_error
+from adapters.mrs.spec import AssetMode, describe_error
 from adapters.mrs.spec.types import Severity
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward, Stop
-from executive.values.reports import Stage
+from executive.values.reports import Report, Stage
 from tests.relay.orbiter.sky import LIMIT_S, Sky, ground, meeting, orbiting, until
 
 MB = 1_000_000
@@ -24,28 +24,27 @@ def disk_with(octets: int) -> Callable[[Path], SimpleNamespace]:
     return lambda _: SimpleNamespace(f_bavail=octets, f_frsize=1)
 
 
-async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
+async def test_the_ground_is_notified_when_it_fills_and_when_there_is_space_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sky = Sky(tmp_path, "jackal")
     async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
         notifications = client.notifications()
 
-        async def said() -> Notification:
+        async def next_report() -> Report:
             relay.poll()
-            return await anext(notifications)
+            return (await anext(notifications)).report
 
-        assert (await said()).text == "contact"
+        assert (await next_report()).text == "contact"
         monkeypatch.setattr(os, "statvfs", disk_with(100 * MB))
-        await until(lambda: relay.agent.health().room_octets < 50 * MB)
-        (room,) = await client.get_value("DTN_ROOM")
-        assert room.value is not None
-        assert room.value.value == 100 * MB - (64 << 20)
+        await until(lambda: relay.agent.health().free_octets < 50 * MB)
+        (free,) = await client.get_value("DTN_FREE_OCTETS")
+        assert free.value == 100 * MB - (64 << 20)
         monkeypatch.setattr(os, "statvfs", disk_with(30 * MB))
         await until(lambda: bool(relay.agent.health().full_text))
-        full = await said()
+        full = await next_report()
         assert full.severity is Severity.WARNING
-        assert (full.text or "").startswith("the orbiter's store is full: bundle store ")
+        assert full.text.startswith("the orbiter's store is full: bundle store ")
         with pytest.raises(MalError) as caught:
             await client.submit(client.command(MoveForward(1.0)))
         text = describe_error(caught.value)
@@ -55,7 +54,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         await client.submit(client.command(Stop()))
         monkeypatch.undo()
         await until(lambda: not relay.agent.health().full_text)
-        again = await said()
+        again = await next_report()
         assert (again.severity, again.text) == (
             Severity.INFORMATIONAL, "the orbiter's store has free space again",
         )  # fmt: skip
@@ -66,9 +65,9 @@ async def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None
     async with meeting(sky) as (_, rover, client):
         assert isnan((await client.get_pose()).x)
         telemetry = await client.telemetry()
-        await rover.telemetry(POS_X=1.0, POS_Y=-2.0, HEAD=pi / 2, CAM_PAN=0.25)
+        await rover.send_telemetry(POS_X=1.0, POS_Y=-2.0, HEAD=pi / 2, CAM_PAN=0.25)
         pushed = [await anext(telemetry) for _ in range(12)]
-        known = {v.name for v in pushed if v.validity is Validity.VALID}
+        known = {v.name for v in pushed if v.value is not None}
         assert known == {"POS_X", "POS_Y", "HEAD", "CAM_PAN"}
         pose = await client.get_pose()
         assert (pose.x, pose.y, pose.heading) == (1.0, -2.0, pi / 2)
@@ -84,7 +83,7 @@ async def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None
         assert (await client.get_asset()).mode is AssetMode.OFFLINE
 
 
-async def test_the_mode_is_what_the_rover_says(tmp_path: Path) -> None:
+async def test_the_mode_is_that_reported_by_the_rover(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
     async with meeting(sky) as (_, rover, client):
         telemetry = await client.telemetry()
@@ -92,7 +91,7 @@ async def test_the_mode_is_what_the_rover_says(tmp_path: Path) -> None:
         assert (await client.get_status()).mode is AssetMode.STOPPED
         for mode in (Mode.MOVING, Mode.SAFE, Mode.IDLE):
             rover.mode = mode
-            await rover.telemetry(POS_X=1.0)
+            await rover.send_telemetry(POS_X=1.0)
             await anext(telemetry)
             assert (await client.get_status()).mode is AssetMode[mode.name]
             assert [await anext(telemetry) for _ in range(11)]
@@ -104,7 +103,7 @@ async def test_a_brick_is_not_stopped_for_ever(tmp_path: Path) -> None:
         rover.ledger = ""
         assert (await client.run(client.command(Stop()))).executed
         assert (await client.get_status()).mode is AssetMode.IDLE
-        rover.life = (Stage.STARTED,)
+        rover.lifecycle = (Stage.STARTED,)
         moving = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
         async with asyncio.timeout(LIMIT_S):
             while (await client.get_status()).mode is AssetMode.IDLE:

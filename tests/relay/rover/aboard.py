@@ -6,7 +6,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from std_msgs.msg import String, UInt64
 
 from adapters.mops import Message, MopsError, fingerprint, load_dictionary, messages_in, report_of
@@ -23,7 +23,7 @@ from executive.values.reports import Identity, Report, Stage
 
 LIMIT_S = 60.0
 DICTIONARY = load_dictionary()
-LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+STAGES = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 def reports_in(message: Message) -> Iterator[Report]:
@@ -35,38 +35,38 @@ class Relay:
     """What stands where rover-relay does: hears, and says what it keeps."""
 
     def __init__(self, stack: ExitStack) -> None:
-        self.heard: list[str] = []
-        self.keeps = True
+        self.received: list[str] = []
+        self.stores = True
         self.node = stack.enter_context(
             ros_node("relay", "jackal", parameters=config_folder() / "jackal.ros.yaml")
         )
         self._executor = stack.enter_context(single_threaded(self.node))
         topics = [
-            declare_topic(self.node, key, key)
-            for key in (
-                "relay_command",
-                "relay_notification",
-                "relay_kept",
-                "relay_stop",
-                "cmd_vel",
+            declare_topic(self.node, key, key, kind)
+            for key, kind in (
+                ("relay_command", String),
+                ("relay_notification", String),
+                ("relay_notification_ack", UInt64),
+                ("relay_stop", String),
+                ("cmd_vel", TwistStamped),
             )
         ]
         self._command = self.node.create_publisher(String, topics[0].name, topics[0].qos)
-        self._kept = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
+        self._stored = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
         self._stop = self.node.create_publisher(String, topics[3].name, topics[3].qos)
-        self.velocities: list[Twist] = []
+        self.velocities: list[TwistStamped] = []
         self._moved = self.node.create_subscription(
-            Twist, topics[4].name, self.velocities.append, topics[4].qos
+            TwistStamped, topics[4].name, self.velocities.append, topics[4].qos
         )
-        self._told = self.node.create_subscription(
-            String, topics[1].name, self._on_told, topics[1].qos
+        self._reported = self.node.create_subscription(
+            String, topics[1].name, self._on_reported, topics[1].qos
         )
 
     @property
     def joined(self) -> bool:
         publishers: tuple[int, ...] = (
             self._command.get_subscription_count(),
-            self._kept.get_subscription_count(),
+            self._stored.get_subscription_count(),
             self._stop.get_subscription_count(),
             self._moved.get_publisher_count(),
         )
@@ -74,31 +74,31 @@ class Relay:
 
     @property
     def alone(self) -> bool:
-        return self.node.count_subscribers(self._told.topic_name) == 1
+        return self.node.count_subscribers(self._reported.topic_name) == 1
 
     def leave(self) -> None:
         """Listen no more."""
-        self.node.destroy_subscription(self._told)
+        self.node.destroy_subscription(self._reported)
 
     def spin(self) -> None:
         self._executor.spin_once(timeout_sec=0.005)
 
-    def say(self, text: str) -> None:
+    def send(self, text: str) -> None:
         self._command.publish(String(data=text))
 
     def stop(self, text: str) -> None:
         self._stop.publish(String(data=text))
 
-    def keep(self, text: str) -> None:
-        self._kept.publish(UInt64(data=fingerprint(text)))
+    def store(self, text: str) -> None:
+        self._stored.publish(UInt64(data=fingerprint(text)))
 
     @property
     def strings_of_reports(self) -> list[str]:
-        return [text for text in self.heard if "|TELEMETRY|" not in text]
+        return [text for text in self.received if "|TELEMETRY|" not in text]
 
     @property
     def messages(self) -> list[Message]:
-        return [each for text in self.heard for each in messages_in(text, pytest.fail)]
+        return [each for text in self.received for each in messages_in(text, pytest.fail)]
 
     @property
     def reports(self) -> list[Report]:
@@ -111,10 +111,10 @@ class Relay:
     def stages(self, number: int) -> list[Stage | None]:
         return [r.stage for r in self.reports if r.identity == Identity("MOE", number)]
 
-    def _on_told(self, text: String) -> None:
-        self.heard.append(text.data)
-        if self.keeps:
-            self.keep(text.data)
+    def _on_reported(self, text: String) -> None:
+        self.received.append(text.data)
+        if self.stores:
+            self.store(text.data)
 
 
 class Aboard:
@@ -145,8 +145,8 @@ class Aboard:
         return self._process.enter_context(served)
 
     def join(self) -> None:
-        before = len(self.relay.heard)
-        self.until(lambda: self.relay.joined and len(self.relay.heard) > before, "they meet")
+        before = len(self.relay.received)
+        self.until(lambda: self.relay.joined and len(self.relay.received) > before, "they meet")
 
     def end(self) -> None:
         self._process.close()
@@ -163,7 +163,7 @@ class Aboard:
     def until(self, done: Callable[[], bool], what: str) -> None:
         deadline_s = time.monotonic() + LIMIT_S
         while not done():
-            assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.relay.heard}"
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.relay.received}"
             self._executor.spin_once(timeout_sec=0.005)
             self.relay.spin()
 
@@ -174,19 +174,19 @@ class Aboard:
             assert time.monotonic() < deadline_s, f"waited in vain: {what}"
             self.relay.spin()
 
-    def ask(self, request: Request, number: int) -> Message:
+    def request(self, request: Request, number: int) -> Message:
         message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
-        self.relay.say(str(message))
+        self.relay.send(str(message))
         return message
 
-    def keep_house(self) -> None:
+    def send_housekeeping(self) -> None:
         """Measure the housekeeping, as the direct link has done every few seconds."""
         self._housekeeping.measure(self.executive)
 
     def mode(self) -> Mode:
         return self.executive.mode
 
-    def told(self, number: int, stage: Stage) -> None:
+    def reported(self, number: int, stage: Stage) -> None:
         self.until(lambda: stage in self.relay.stages(number), f"{stage} of {number}")
 
     def direct(self, request: Request, number: int) -> None:

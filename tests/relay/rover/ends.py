@@ -63,7 +63,7 @@ class Rover:
     def publish(self, text: str, *, stops: bool) -> None:
         (self.stops if stops else self.commands).append(text)
         if self.confirms_stops if stops else self.confirms:
-            self.bridge.confirmed(fingerprint(text))
+            self.bridge.on_confirmed(fingerprint(text))
 
     def has_listener(self, *, stops: bool) -> bool:
         return self.there.is_set()
@@ -84,7 +84,7 @@ class Ends:
         self.folder = folder
         self.ports = free_udp_ports(2)
         self.rover = Rover()
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
 
     def link(self) -> BundleBridge:
         return bridge_of(settings_of(*self.ports), self.folder / "relay.db", self.rover)
@@ -93,21 +93,21 @@ class Ends:
     async def orbiter(self) -> AsyncIterator[BundleAgent]:
         agent = orbiter_agent(self.folder, self.ports[1], self.ports[0])
         await agent.open(lambda _: None)
-        hearing = asyncio.create_task(self._hear(agent))
+        receiving = asyncio.create_task(self._receive(agent))
         try:
             yield agent
         finally:
-            hearing.cancel()
+            receiving.cancel()
             await agent.close()
 
     @property
     def reports(self) -> list[Message]:
-        return [message for message in self.heard if message.command == "EVENT"]
+        return [message for message in self.received if message.command == "EVENT"]
 
-    async def _hear(self, agent: BundleAgent) -> None:
+    async def _receive(self, agent: BundleAgent) -> None:
         while True:
             async with agent.receive() as delivery:
-                self.heard.append(decode(delivery.payload))
+                self.received.append(decode(delivery.payload))
 
 
 async def until(done: Callable[[], bool]) -> None:

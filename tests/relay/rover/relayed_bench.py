@@ -12,7 +12,7 @@ from tests.stress.mops_aboard import Wire
 from tests.support.kinematic import Bench
 
 
-def asked(request: Request, number: int) -> Message:
+def request_message(request: Request, number: int) -> Message:
     return DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
 
 
@@ -24,22 +24,22 @@ class RelayedBench(Bench):
         self.link = ExecutiveRelayLink(self.wire, self.ledger, DICTIONARY, "JACKAL")
         return [*super().downlinks(), self.link]
 
-    def hear(self, text: str) -> None:
+    def receive(self, text: str) -> None:
         """Take a string of commands."""
         self.link.serve(self.executive.submit)
         with suppress(MopsError):
             self.link.command(text)
         self.executive.serve_inbox()
 
-    def keep(self) -> None:
+    def store(self) -> None:
         """Say that all that was told is on the disk, as rover-relay does."""
-        said = list(self.wire.said)
-        self.wire.said.clear()
-        for text in said:
+        message = list(self.wire.output)
+        self.wire.output.clear()
+        for text in message:
             self.link.on_confirmed(fingerprint(text))
 
     @property
-    def told(self) -> list[Message]:
+    def reported(self) -> list[Message]:
         """What was told and is not said to be on the disk."""
-        texts = (text for text in self.wire.said if "|TELEMETRY|" not in text)
+        texts = (text for text in self.wire.output if "|TELEMETRY|" not in text)
         return [each for text in texts for each in messages_in(text, print)]

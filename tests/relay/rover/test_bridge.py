@@ -54,10 +54,10 @@ def link(ends: Ends) -> Iterator[BundleBridge]:
 
 
 def unread(link: BundleBridge) -> int | None:
-    return link.health.unread if link.health else None
+    return link.health.undelivered if link.health else None
 
 
-async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
+async def test_commands_arrive_in_order_and_once_for_any_bundle(
     ends: Ends, link: BundleBridge
 ) -> None:
     async with ends.orbiter() as orbiter:
@@ -71,7 +71,7 @@ async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
     assert "".join(ends.rover.commands) == f"{command(1)}{command(2)}{command(3)}{command(4)}"
 
 
-async def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
+async def test_reports_arrive_and_are_acknowledged_in_their_order(
     ends: Ends, link: BundleBridge
 ) -> None:
     for number in range(1, 301):
@@ -83,7 +83,7 @@ async def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
     assert ends.rover.confirmed == [fingerprint(str(event(number))) for number in range(1, 301)]
 
 
-def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
+def test_a_command_waits_until_its_acknowledgement_and_survives_a_restart(
     ends: Ends, caplog: pytest.LogCaptureFixture
 ) -> None:
     ends.rover.there.clear()
@@ -93,7 +93,7 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
     async def send() -> None:
         async with ends.orbiter() as orbiter:
             await orbiter.send(ROVER, octets(command(1)))
-            await until(lambda: link.health is not None and link.health.unread == 1)
+            await until(lambda: link.health is not None and link.health.undelivered == 1)
 
     asyncio.run(send())
     link.close()
@@ -104,7 +104,7 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
     again.start()
     try:
         asyncio.run(until(lambda: ends.rover.commands == [str(command(1))]))
-        asyncio.run(until(lambda: again.health is not None and again.health.unread == 0))
+        asyncio.run(until(lambda: again.health is not None and again.health.undelivered == 0))
     finally:
         again.close()
     third = ends.link()
@@ -113,7 +113,7 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
     assert ends.rover.commands == [str(command(1))]
 
 
-def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(ends: Ends) -> None:
+def test_an_unacknowledged_command_is_published_again_by_the_next_process(ends: Ends) -> None:
     ends.rover.confirms = False
     first = ends.link()
     first.start()
@@ -123,7 +123,7 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
             for number in (1, 2):
                 await orbiter.send(ROVER, octets(command(number)))
             await until(lambda: len(ends.rover.commands) > 0)
-            await until(lambda: first.health is not None and first.health.unread == 2)
+            await until(lambda: first.health is not None and first.health.undelivered == 2)
 
     asyncio.run(send())
     first.close()
@@ -133,7 +133,7 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
     second = ends.link()
     second.start()
     try:
-        asyncio.run(until(lambda: second.health is not None and second.health.unread == 0))
+        asyncio.run(until(lambda: second.health is not None and second.health.undelivered == 0))
     finally:
         second.close()
     assert "".join(ends.rover.commands) == f"{command(1)}{command(2)}"
@@ -151,13 +151,13 @@ async def test_one_confirmation_is_for_the_same_stop_twice(
         await orbiter.send(ROVER, octets(stop), expedited=True)
         await until(lambda: len(ends.rover.stops) == 2)
         before = link.health
-        link.confirmed(fingerprint(str(stop)))
+        link.on_confirmed(fingerprint(str(stop)))
         await until(lambda: not link.alive or (link.health is not before and unread(link) == 0))
     assert link.alive
     assert ends.rover.stops == [str(stop)] * 2
 
 
-def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:
+def test_without_contact_reports_are_stored_and_the_newest_telemetry(ends: Ends) -> None:
     link = ends.link()
     link.start()
     for number in range(1, 21):
@@ -169,15 +169,15 @@ def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) ->
 
     async def session() -> None:
         async with ends.orbiter():
-            await until(lambda: any(message.command == "TELEMETRY" for message in ends.heard))
+            await until(lambda: any(message.command == "TELEMETRY" for message in ends.received))
 
     try:
         asyncio.run(session())
     finally:
         link.close()
     assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 21)]
-    told = [message for message in ends.heard if message.command == "TELEMETRY"]
-    assert told == [telemetry(9.0)]
+    reported = [message for message in ends.received if message.command == "TELEMETRY"]
+    assert reported == [telemetry(9.0)]
 
 
 def test_what_ends_with_its_lifetime_is_logged_once(
@@ -195,13 +195,13 @@ def test_what_ends_with_its_lifetime_is_logged_once(
     assert line.endswith("to ipn:1.1 deleted: LIFETIME_EXPIRED")
 
 
-async def test_the_ground_hears_how_the_relay_is(ends: Ends, link: BundleBridge) -> None:
+async def test_the_ground_receives_the_state_of_the_relay(ends: Ends, link: BundleBridge) -> None:
     async with ends.orbiter():
-        await until(lambda: any(message.command == "LINK" for message in ends.heard))
+        await until(lambda: any(message.command == "LINK" for message in ends.received))
     assert link.alive
 
 
-def test_an_address_that_is_taken_is_told(ends: Ends, link: BundleBridge) -> None:
+def test_a_used_address_is_reported(ends: Ends, link: BundleBridge) -> None:
     second = BundleBridge(
         settings_of(*ends.ports), ends.folder / "second.db", None, load_dictionary(), ends.rover
     )
@@ -212,22 +212,24 @@ def test_an_address_that_is_taken_is_told(ends: Ends, link: BundleBridge) -> Non
 
 
 @given(st.lists(st.integers(1, 50)), st.integers(0, 100), st.integers(1, 10))
-def test_reports_come_all_in_order_and_once_each(
-    numbers: list[int], queued: int, most: int
+def test_all_reports_arrive_in_order_and_once_each(
+    numbers: list[int], queued: int, maximum: int
 ) -> None:
     whole = SendQueue(DICTIONARY, QUEUE)
     for number in numbers:
         assert whole.put(str(event(number)), pytest.fail)
     taken: list[ReportBatch] = []
-    while some := whole.pop(queued, most)[0]:
-        assert len(some) <= most
+    while some := whole.pop(queued, maximum)[0]:
+        assert len(some) <= maximum
         taken += some
-    told = [str(event(number)) for number in dict.fromkeys(numbers)]
-    assert taken == [ReportBatch(text, fingerprint(text)) for text in told]
+    reported = [str(event(number)) for number in dict.fromkeys(numbers)]
+    assert taken == [ReportBatch(text, fingerprint(text)) for text in reported]
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.integers(0, 10))
-def test_of_telemetry_the_newest_comes_once_little_waits(values: list[float], queued: int) -> None:
+def test_the_newest_telemetry_arrives_once_and_little_waits(
+    values: list[float], queued: int
+) -> None:
     some = SendQueue(DICTIONARY, QUEUE)
     for value in values:
         some.put(str(telemetry(value)), pytest.fail)
@@ -237,7 +239,7 @@ def test_of_telemetry_the_newest_comes_once_little_waits(values: list[float], qu
     assert some.pop(0, 10) == ([], [] if expected else [telemetry(values[-1])])
 
 
-def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
+def test_a_string_is_confirmed_by_its_reports_for_any_further_content() -> None:
     some, refused = SendQueue(DICTIONARY, QUEUE), list[str]()
     health = health_message(LinkHealth(1.0, 0, 0.0, None, None, 0, 0), SPELLING.link, "JACKAL")
     text = f"{telemetry(1.0)}{health}{event(1)}FLY#{event(2)}"
@@ -247,7 +249,7 @@ def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
     assert some.pop(0, 10) == ([reports], [telemetry(1.0), health])
 
 
-def test_more_reports_than_there_is_room_for_are_refused() -> None:
+def test_more_reports_than_the_capacity_are_refused() -> None:
     some = SendQueue(DICTIONARY, QUEUE)
     assert all(
         some.put(str(event(number)), pytest.fail) for number in range(1, MAX_QUEUED_REPORTS + 1)

@@ -15,7 +15,7 @@ FULL = replace(AGENT, full_text="bundle store x: there is no room")
 
 
 @pytest.mark.parametrize(
-    ("agent", "heard", "level", "text"),
+    ("agent", "received", "level", "text"),
     [
         (None, True, DiagnosticStatus.ERROR, "the bundle agent is not running"),
         (AGENT, True, DiagnosticStatus.OK, "2 bundles wait to be sent"),
@@ -23,9 +23,11 @@ FULL = replace(AGENT, full_text="bundle store x: there is no room")
         (FULL, False, DiagnosticStatus.WARN, "bundle store x: there is no room"),
     ],
 )
-def test_the_worst_is_said(agent: Health | None, heard: bool, level: bytes, text: str) -> None:
+def test_the_worst_is_reported(
+    agent: Health | None, received: bool, level: bytes, text: str
+) -> None:
     health = None if agent is None else LINK
-    *said, values = diagnose(health, agent, 0, heard)
-    assert said == [level, text]
-    expected = {} if agent is None else {"queued": 2, "expired": 7, "room_octets": 1000}
+    *message, values = diagnose(health, agent, 0, received)
+    assert message == [level, text]
+    expected = {} if agent is None else {"queued": 2, "expired": 7, "free_octets": 1000}
     assert expected.items() <= values.items()

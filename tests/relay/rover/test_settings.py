@@ -73,7 +73,7 @@ def test_settings_that_do_not_fit_are_refused(
     assert "\n" not in str(caught.value)
 
 
-def test_an_asset_without_a_relay_is_told_who_has_one() -> None:
+def test_an_asset_without_a_relay_receives_a_hint_to_those_with_one() -> None:
     with pytest.raises(SettingsError, match="nobody has no relay; files exist for jackal, mocup"):
         load_relay("nobody")
 
@@ -83,8 +83,8 @@ OTHER_LINKS = pytest.mark.parametrize("link", ["tcpcl", "udp"])
 
 def uncommented(path: Path, link: str) -> str:
     """Return a file of ours with what its comments offer in place of LTP."""
-    kept = [line for line in path.read_text().splitlines() if not line.strip().startswith("ltp:")]
-    return "\n".join(line.replace(f"# {link}: {{", f"{link}: {{") for line in kept)
+    stored = [line for line in path.read_text().splitlines() if not line.strip().startswith("ltp:")]
+    return "\n".join(line.replace(f"# {link}: {{", f"{link}: {{") for line in stored)
 
 
 @OTHER_LINKS

@@ -1,4 +1,4 @@
-"""Alembic environment: runs migrations over the connection of the archive."""
+"""Alembic's `env.py` for the console's archive: runs migrations over the archive's connection."""
 
 from alembic import context
 

@@ -55,22 +55,22 @@ export function sizeOf(count) {
 /**
  * Format a value of a parameter in its display unit.
  * @param {any} value in SI units; null for an invalid value, undefined for none
- * @param {{unit?: string, typed?: {unit: string, per_unit: number} | null}} entry
+ * @param {{unit?: string, display_unit?: {unit: string, per_unit: number} | null}} entry
  * @returns {{text: string, unit: string, factor: number}}
  */
 export function inDisplayUnit(value, entry) {
-  const factor = entry.typed?.per_unit ?? 1;
+  const factor = entry.display_unit?.per_unit ?? 1;
   const unit = unitOf(entry);
   if (value === undefined || value === null) return { text: "–", unit, factor };
   if (typeof value !== "number") return { text: String(value), unit, factor };
   if (unit === "B") return { ...octets(value), factor };
-  return { text: entry.typed ? fixed(value * factor, 1) : number(value), unit, factor };
+  return { text: entry.display_unit ? fixed(value * factor, 1) : number(value), unit, factor };
 }
 
 const UNITS = { deg: "°", "deg/s": "°/s" };
 
-/** Return the display unit of a parameter. @param {{unit?: string, typed?: {unit: string} | null}} entry */
-export function unitOf({ unit = "", typed = null }) {
-  const used = typed?.unit ?? unit;
+/** Return the display unit of a parameter. @param {{unit?: string, display_unit?: {unit: string} | null}} entry */
+export function unitOf({ unit = "", display_unit: display = null }) {
+  const used = display?.unit ?? unit;
   return UNITS[used] ?? used;
 }

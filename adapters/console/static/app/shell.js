@@ -138,7 +138,7 @@ function followAsset() {
   const name = recording ? shown.name : null;
   if (name === shownRecording) return;
   if (shownRecording !== null && !session.assets.has(shownRecording)) location.hash = ROVERS;
-  if (recording) openmct.time.setMode("fixed", { start: recording.began * 1000, end: Math.ceil(recording.ended * 1000) });
+  if (recording) openmct.time.setMode("fixed", { start: recording.start * 1000, end: Math.ceil(recording.end * 1000) });
   else openmct.time.setMode("realtime");
   shownRecording = name;
 }

@@ -49,7 +49,7 @@ class BpProxy:
 
     def bp_attach(self) -> None:
         with utils.ion_folder(self.node_dir):
-            answer = model.ask(op="attach", node=self.node_nbr)
+            answer = model.request(op="attach", node=self.node_nbr)
             if "error" in answer:
                 raise SystemError("Cannot attach to BP engine. Is ION running on this host?")
             ctypes.CDLL(None).shmat(answer["memory"], None, 0)
@@ -72,7 +72,7 @@ class BpProxy:
                 raise OSError("Not attached to ION, call ``attach`` first.")
             if eid in self._open:
                 return self._open[eid]
-            opened = model.ask(op="open", node=self.node_nbr, eid=eid, pid=os.getpid())
+            opened = model.request(op="open", node=self.node_nbr, eid=eid, pid=os.getpid())
             if "error" in opened:
                 raise ConnectionError(
                     f"Cannot open endpoint '{eid}'. Is it defined in .bprc? Is it already in use?"
@@ -82,7 +82,7 @@ class BpProxy:
 
     def bp_interrupt(self, endpoint: Endpoint) -> None:
         with utils.ion_folder(self.node_dir):
-            model.ask(op="interrupt", node=self.node_nbr, handle=endpoint.handle)
+            model.request(op="interrupt", node=self.node_nbr, handle=endpoint.handle)
 
     def bp_interrupt_all(self) -> None:
         for endpoint in list(self._open.values()):
@@ -92,7 +92,7 @@ class BpProxy:
         with utils.ion_folder(self.node_dir):
             self.bp_interrupt(endpoint)
             del self._open[endpoint.eid]
-            model.ask(op="close", node=self.node_nbr, handle=endpoint.handle)
+            model.request(op="close", node=self.node_nbr, handle=endpoint.handle)
 
     def bp_close_all(self) -> None:
         for endpoint in list(self._open.values()):

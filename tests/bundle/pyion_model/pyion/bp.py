@@ -45,7 +45,7 @@ class Endpoint:
             return self.rx_result
 
     def _send(self, dest_eid: str, data: bytes, ttl: int | None) -> None:
-        answer = model.ask(
+        answer = model.request(
             op="send",
             node=self.proxy.node_nbr,
             handle=self.handle,
@@ -65,7 +65,7 @@ class Endpoint:
 
     def _receive(self) -> None:
         with utils.ion_folder(self.node_dir):
-            answer = model.ask(
+            answer = model.request(
                 op="receive", node=self.proxy.node_nbr, handle=self.handle, pid=os.getpid()
             )
             match answer.get("error"):

@@ -6,7 +6,7 @@ import socket
 from typing import Any
 
 
-def ask(**question: Any) -> dict[str, Any]:
+def request(**question: Any) -> dict[str, Any]:
     """Ask, and wait for as long as the answer takes."""
     question["folder"] = os.getcwd()
     with socket.socket(socket.AF_UNIX) as connection:

@@ -2,14 +2,20 @@
 
 import { Topics } from "./observable.js";
 
-/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, Notified, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
+/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the previous sample */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
+/** @typedef {{x: number, y: number}} Point */
+/** @typedef {Point & {heading: number}} Frame origin and heading in another frame */
 
 const CONSOLE = "rover-console";
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 /** Parameters of the pose uncertainty: m, rad. */
-export const UNCERTAINTY = ["EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY"];
+const UNCERTAINTY = ["EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY"];
+/** Parameters of the origin of the map in the odometry frame: m, m, rad. */
+const MAP_ORIGIN = ["EXEC_MAP_X", "EXEC_MAP_Y", "EXEC_MAP_HEADING"];
+/** Parameters with a stored history of changes, to show the past. */
+export const STORED = [...UNCERTAINTY, ...MAP_ORIGIN];
 /** Smaller uncertainties are not shown: m, rad; chosen, not measured. */
 const MIN_UNCERTAINTY = [0.01, 0.005];
 const MAX_FIXES = 20000;
@@ -30,11 +36,11 @@ export class Asset extends Topics {
   values = new Map();
   /** @type {Fix[]} the driven track, in the order of time */
   track = [];
-  /** @type {Map<string, {utc: number, value: any}[]>} changes of the pose uncertainty */
-  #uncertainty = new Map(UNCERTAINTY.map((key) => [key, []]));
+  /** @type {Map<string, {utc: number, value: any}[]>} changes of the stored parameters */
+  #stored = new Map(STORED.map((key) => [key, []]));
   /** @type {Map<string, CommandStatus>} */
   commands = new Map();
-  /** @type {Notified[]} in the order of time */
+  /** @type {NotificationMessage[]} in the order of time */
   notices = [];
   /** @type {Map<string, LinkStatus>} by link */
   links = new Map();
@@ -89,7 +95,7 @@ export class Asset extends Topics {
     if (last && sample.utc < last.utc && sample.q !== "late") this.#discardAfter(sample.utc);
     if (!last || sample.q !== "late") links.set(sample.link, { ...sample, interval: intervalOf(last, sample) });
     if (POSE.includes(sample.key)) this.#addToFix(sample);
-    if (UNCERTAINTY.includes(sample.key)) this.addUncertainty(sample.key, [sample]);
+    if (STORED.includes(sample.key)) this.store(sample.key, [sample]);
     this.changed("sample", sample);
     this.changed("values");
   }
@@ -144,21 +150,44 @@ export class Asset extends Topics {
   }
 
   /** @param {string} key @param {{utc: number, value: any}[]} samples without a number are skipped: the previous one holds */
-  addUncertainty(key, samples) {
+  store(key, samples) {
     const known = samples.filter((each) => typeof each.value === "number");
-    const all = [...this.#uncertainty.get(key), ...known].sort((one, other) => one.utc - other.utc);
+    const all = [...this.#stored.get(key), ...known].sort((one, other) => one.utc - other.utc);
     const changes = all.filter((each, index) => each.value !== all[index - 1]?.value);
-    this.#uncertainty.set(key, changes.slice(-MAX_FIXES));
+    this.#stored.set(key, changes.slice(-MAX_FIXES));
     this.changed("track");
   }
 
   /** The pose uncertainty now or at a time; null below the threshold or if unknown. @param {number | null} utc null for now */
   uncertaintyAt(utc) {
-    const [position_m, heading_rad] = UNCERTAINTY.map((key) => {
-      const now = utc === null ? this.newest(key)?.value : null;
-      return now ?? this.#uncertainty.get(key).findLast((each) => each.utc <= (utc ?? Infinity))?.value ?? 0;
-    });
+    const [position_m, heading_rad] = UNCERTAINTY.map((key) => this.#storedAt(key, utc) ?? 0);
     return position_m >= MIN_UNCERTAINTY[0] || heading_rad >= MIN_UNCERTAINTY[1] ? { position_m, heading_rad } : null;
+  }
+
+  /** The value of a stored parameter, now or at a time; undefined if unknown. @param {string} key @param {number | null} utc null for now */
+  #storedAt(key, utc) {
+    const now = utc === null ? this.newest(key)?.value : null;
+    return now ?? this.#stored.get(key).findLast((each) => each.utc <= (utc ?? Infinity))?.value;
+  }
+
+  /** The last known origin of the map in the odometry frame; null if unknown. @param {number | null} utc null for now */
+  mapOriginAt(utc) {
+    const [x, y, heading] = MAP_ORIGIN.map((key) => this.#storedAt(key, utc));
+    return heading === undefined ? null : { x, y, heading };
+  }
+
+  /** The points of a command in the odometry frame, which the map shows; none if they are in the map and its origin is unknown. @template {Point} P @param {P[]} points @param {string | undefined} frame of the command @param {number | null} utc null for now @returns {P[]} */
+  inOdometry(points, frame, utc) {
+    if ((frame ?? this.entry?.frame) !== "map") return points;
+    const origin = this.mapOriginAt(utc);
+    return origin === null ? [] : points.map((each) => ({ ...each, ...composed(origin, each) }));
+  }
+
+  /** A point of the odometry frame in that of a command; null if that is the map and its origin is unknown. @param {Point} point @param {string} [frame] of the command @returns {Point | null} */
+  inFrame(point, frame) {
+    if ((frame ?? this.entry?.frame) !== "map") return point;
+    const origin = this.mapOriginAt(null);
+    return origin && composed(inverse(origin), point);
   }
 
   /** @param {CommandStatus} command */
@@ -191,12 +220,12 @@ export class Asset extends Topics {
 
   /** Commands, newest first. */
   get lastCommands() {
-    return [...this.commands.values()].sort((one, other) => other.made - one.made);
+    return [...this.commands.values()].sort((one, other) => other.created - one.created);
   }
 
   /** Commands, newest first, in their states at a time; later commands in their present states. @param {number | null} utc null for now */
   commandsAt(utc) {
-    return utc === null ? this.lastCommands : this.lastCommands.map((each) => (each.made <= utc ? commandAt(each, utc) : each));
+    return utc === null ? this.lastCommands : this.lastCommands.map((each) => (each.created <= utc ? commandAt(each, utc) : each));
   }
 
   /** The mode of the newer of tree and status; empty until received. */
@@ -225,7 +254,7 @@ export class Asset extends Topics {
     return [began.utc, command.ended ? last.utc : Infinity];
   }
 
-  /** Add notifications. Both links may carry the same one, and a new ledger restarts the numbers. @param {Notified[]} notices */
+  /** Add notifications. Both links may carry the same one, and a new ledger restarts the numbers. @param {NotificationMessage[]} notices */
   addNotices(notices) {
     for (const notice of notices) {
       let index = this.notices.length;
@@ -268,5 +297,16 @@ function commandAt(command, utc) {
   return { ...command, history, ended: false, state: states.findLast(Boolean) ?? "sending" };
 }
 
-/** @param {Notified} one @param {Notified} other */
+/** Return a point of a frame in the frame around that. @param {Frame} frame @param {Point} point @returns {Point} */
+export function composed({ x, y, heading }, point) {
+  const [cos, sin] = [Math.cos(heading), Math.sin(heading)];
+  return { x: x + cos * point.x - sin * point.y, y: y + sin * point.x + cos * point.y };
+}
+
+/** Return the frame around a frame in that. @param {Frame} frame @returns {Frame} */
+export function inverse({ x, y, heading }) {
+  return { ...composed({ x: 0, y: 0, heading: -heading }, { x: -x, y: -y }), heading: -heading };
+}
+
+/** @param {NotificationMessage} one @param {NotificationMessage} other */
 const isAfter = (one, other) => one.utc > other.utc || (one.utc === other.utc && one.sequence > other.sequence);

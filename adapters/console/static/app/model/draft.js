@@ -112,8 +112,8 @@ export class Draft extends Observable {
           if (problem) found.set(`${argument.name}.${index}.${part.name}`, problem);
         }
       });
-      if (argument.most !== null && this.typed[argument.name].length > argument.most) {
-        found.set(argument.name, `${argument.most} at most`);
+      if (argument.max_items !== null && this.typed[argument.name].length > argument.max_items) {
+        found.set(argument.name, `${argument.max_items} at most`);
       }
     }
     if (this.entry?.at_least_one && Object.keys(this.values).length === 0) {
@@ -134,11 +134,12 @@ export class Draft extends Observable {
     return values;
   }
 
-  /** The target of the motion: the last typed waypoint, or null. */
+  /** The target of the motion in the odometry frame: the last typed waypoint, or null. */
   get target() {
-    const { x, y, waypoints } = this.values;
+    const { x, y, waypoints, frame } = this.values;
     const last = waypoints?.at(-1) ?? { x, y };
-    return Number.isFinite(last.x) && Number.isFinite(last.y) ? last : null;
+    if (!Number.isFinite(last.x) || !Number.isFinite(last.y)) return null;
+    return this.asset.inOdometry([last], frame, null)[0] ?? null;
   }
 }
 
@@ -152,14 +153,14 @@ function valuesOf(parts, item) {
 function valueOf(argument, text) {
   if (text === undefined || text === "") return undefined;
   if (argument.type === "text" || argument.type === "choice") return text;
-  return Number(text) / (argument.typed?.per_unit ?? 1);
+  return Number(text) / (argument.display_unit?.per_unit ?? 1);
 }
 
 /** @param {ArgumentEntry} argument @param {any} value in SI units */
 function typedText(argument, value) {
   if (value === undefined || value === null) return "";
   if (typeof value !== "number") return String(value);
-  return String(Math.round(value * (argument.typed?.per_unit ?? 1) * 1000) / 1000);
+  return String(Math.round(value * (argument.display_unit?.per_unit ?? 1) * 1000) / 1000);
 }
 
 /** @param {ArgumentEntry} argument @param {string | undefined} text */
@@ -170,7 +171,7 @@ function problemOf(argument, text) {
   if (!Number.isFinite(value)) return "not a number";
   if (argument.type === "integer" && !Number.isInteger(value)) return "not a whole number";
   const { low, high } = argument;
-  const factor = argument.typed?.per_unit ?? 1;
+  const factor = argument.display_unit?.per_unit ?? 1;
   const slack = 1e-9 + 1e-6 * Math.abs(value);
   if (argument.or_zero && value === 0) return "";
   if ((low !== null && value < low * factor - slack) || (high !== null && value > high * factor + slack)) {
@@ -181,11 +182,11 @@ function problemOf(argument, text) {
 
 /**
  * Format a range in its display unit; empty if there is none.
- * @param {Pick<ArgumentEntry, "typed" | "unit" | "low" | "high">} argument
+ * @param {Pick<ArgumentEntry, "display_unit" | "unit" | "low" | "high">} argument
  * @param {string} [unit] to display
  */
 export function rangeOf(argument, unit = unitOf(argument)) {
-  const factor = argument.typed?.per_unit ?? 1;
+  const factor = argument.display_unit?.per_unit ?? 1;
   const { low, high } = argument;
   const format = (figure) => number(Math.round(figure * factor * 100) / 100);
   if (low === null && high === null) return "";

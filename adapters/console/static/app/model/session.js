@@ -1,6 +1,6 @@
 /** The session of one page: its connection, the assets, the open pages, and the one-second tick of the views. */
 
-import { Asset, UNCERTAINTY } from "./asset.js";
+import { Asset, STORED } from "./asset.js";
 import { Connection, fetchJson, operator } from "./connection.js";
 import { Topics } from "./observable.js";
 
@@ -200,7 +200,7 @@ export class Session extends Topics {
 
   /** Read the track, the notifications and a recording's commands from the archive. @param {Asset} asset */
   async #readHistory(asset) {
-    const start = asset.recording?.began ?? this.now - HISTORY_S;
+    const start = asset.recording?.start ?? this.now - HISTORY_S;
     const size = asset.recording ? MAX_SAMPLES : HISTORY_S;
     const name = encodeURIComponent(asset.name);
     try {
@@ -216,7 +216,7 @@ export class Session extends Topics {
       const read = (key) => fetchJson(`/api/tm/${name}/${key}?start=${start}&size=${size}`);
       const [xs, ys, headings] = await Promise.all(POSE.map(read));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
-      for (const key of UNCERTAINTY) asset.addUncertainty(key, (await read(key)).samples);
+      for (const key of STORED) asset.store(key, (await read(key)).samples);
     } catch (error) {
       console.warn(error.message);
     }

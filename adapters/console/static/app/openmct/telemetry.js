@@ -18,7 +18,7 @@ export function telemetry(session) {
     const [name, , link, key] = partsOf(object.identifier);
     const asset = session.asset(name);
     const entry = asset.entry?.parameters.find((each) => each.key === key);
-    return { asset, link, key, entry, factor: entry?.typed?.per_unit ?? 1 };
+    return { asset, link, key, entry, factor: entry?.display_unit?.per_unit ?? 1 };
   }
 
   const isOurs = (object) => object.identifier.namespace === NAMESPACE && object.type === "rover.telemetry";

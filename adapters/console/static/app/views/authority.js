@@ -32,14 +32,14 @@ export class Authority {
     const make = () => html("span", { "data-testid": "holder" });
     reconcile(this.#holder, held ? [held] : [], () => "holder", make, (element) => drawHolder(element, held, now));
     reconcile(this.#buttons, actsOf(held), (each) => each.join(" "), (each) => this.#makeButton(each), (made, [what]) => {
-      if (what === "request") setText(made, held.asked_by === operator.name ? "requested" : "request");
+      if (what === "request") setText(made, held.requested_by === operator.name ? "requested" : "request");
     });
   }
 
   /** @param {string[]} act action, and the operator of a hand-over */
   #makeButton([what, to]) {
     const [label, title] = ACTS[what];
-    return button(to ? `${label} ${to}` : label, title, () => this.#act(to ? { act: what, to } : { act: what }));
+    return button(to ? `${label} ${to}` : label, title, () => this.#act(to ? { action: what, to } : { action: what }));
   }
 
   async #act(json) {
@@ -55,7 +55,7 @@ export class Authority {
 function actsOf(held) {
   if (!held) return [];
   if (held.holder !== operator.name) return held.holder ? [["request"], ["take"]] : [["request"]];
-  return held.asked_by && held.asked_by !== operator.name ? [["hand_over", held.asked_by], ["release"]] : [["release"]];
+  return held.requested_by && held.requested_by !== operator.name ? [["hand_over", held.requested_by], ["release"]] : [["release"]];
 }
 
 /** @param {HTMLElement} element @param {AuthorityMessage} held @param {number} now */

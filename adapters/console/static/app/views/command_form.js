@@ -73,7 +73,7 @@ export class CommandForm extends View {
       const answer = await fetchJson("/api/commands", {
         json: {
           ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
-          ...(draft.replace ? { arrival: "replace" } : {}),
+          ...(draft.replace ? { preemption: "replace" } : {}),
           ...(this.#link.value ? { link: this.#link.value } : {}),
         },
       });
@@ -172,7 +172,7 @@ export class CommandForm extends View {
     this.#outcome.className = `outcome ${command?.state ?? (this.#trouble ? "rejected" : "sending")}`;
     if (this.#outcome.hidden) return;
     const last = command?.history.at(-1);
-    const label = this.#trouble || (command ? `${command.name}, ${clock(command.made)}: ${command.state.replace("_", " ")}. ${last?.detail ?? ""}` : "sending …");
+    const label = this.#trouble || (command ? `${command.name}, ${clock(command.created)}: ${command.state.replace("_", " ")}. ${last?.detail ?? ""}` : "sending …");
     this.#outcome.replaceChildren(html("p", { textContent: label }), (command && comparison(command)) || "");
   }
 }

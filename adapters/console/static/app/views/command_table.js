@@ -15,11 +15,11 @@ const MAX_ROWS = 100;
 const STAGES = {
   recording: ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
   direct: ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
-  relay: ["SENT", "TAKEN", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
+  relay: ["SENT", "ACKNOWLEDGED", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
 };
 const STATE_LABELS = {
   sending: ["sending", "sent, not answered yet"],
-  taken: ["at the relay", "the other end of the link has received it; the rover may not have"],
+  acknowledged: ["at the relay", "the other end of the link has received it; the rover may not have"],
   received: ["received", "the rover has received it"],
   accepted: ["accepted", "it will be executed"],
   started: ["active", "it is being executed"],
@@ -28,7 +28,7 @@ const STATE_LABELS = {
   failed: ["failed", "it was started and not completed"],
   cancelled: ["cancelled", "ended by a later command"],
   expired: ["expired", "its lifetime ended before it started"],
-  given_up: ["lost", "the relay expects no report any longer; the rover may have executed it"],
+  lost: ["lost", "the relay expects no report any longer; the rover may have executed it"],
   unknown: ["unknown", "no report in time; the rover may have executed it"],
 };
 
@@ -49,7 +49,7 @@ export class CommandTable extends View {
     const { asset, session } = this;
     const { utc_s } = this.cursor;
     const all = asset.commandsAt(utc_s);
-    const first = utc_s === null ? 0 : all.findIndex((each) => each.made <= utc_s) - MAX_ROWS / 2;
+    const first = utc_s === null ? 0 : all.findIndex((each) => each.created <= utc_s) - MAX_ROWS / 2;
     const shown = all.slice(Math.max(0, first)).slice(0, MAX_ROWS);
     this.#empty.hidden = shown.length > 0;
     setText(this.#empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
@@ -81,11 +81,11 @@ export class CommandTable extends View {
     const [label, meaning] = STATE_LABELS[command.state] ?? [command.state, ""];
     const { utc_s } = this.cursor;
     const isChosen = this.selection.command === command.id;
-    const isLater = utc_s !== null && command.made > utc_s;
+    const isLater = utc_s !== null && command.created > utc_s;
     row.className = `command ${command.state}${isChosen ? " selected" : ""}${isLater ? " later" : ""}`;
     row.dataset.state = command.state;
     row.dataset.name = command.name;
-    setText(time, clock(command.made));
+    setText(time, clock(command.created));
     setText(name, command.name || "a command");
     setText(args, argumentSummary(command, this.asset));
     setText(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
@@ -94,7 +94,7 @@ export class CommandTable extends View {
     drawLifecycle(lifecycle, command, this.#stagesOf(command));
     const last = command.history.at(-1);
     const awaited = command.deadline !== null && !command.ended ? `; unknown after ${clock(command.deadline)} without a report` : "";
-    setText(detail, ["sending", "taken"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
+    setText(detail, ["sending", "acknowledged"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
     whole.hidden = !isChosen;
     if (isChosen) whole.replaceChildren(this.#why(command), comparison(command) ?? "", stageTable(command));
   }
@@ -131,7 +131,7 @@ function lifecycleLine(stages) {
 function drawLifecycle(lifecycle, command, stages) {
   const reached = new Map(command.history.map((each) => [each.stage, each]));
   const last = command.history.at(-1)?.stage;
-  const end = stages.includes(last ?? "") ? null : command.ended || ["unknown", "given_up"].includes(command.state) ? last : null;
+  const end = stages.includes(last ?? "") ? null : command.ended || ["unknown", "lost"].includes(command.state) ? last : null;
   stages.forEach((stage, index) => {
     const [, what, when] = lifecycle.children[index].children;
     const isEnd = index === stages.length - 1;
@@ -146,7 +146,7 @@ function drawLifecycle(lifecycle, command, stages) {
       title: at ? `${shown}: ${clock(at.utc, true)} by the clock of ${at.node}, received ${clock(at.rx, true)}` : `${shown}: not yet`,
     });
     setText(what, shown.toLowerCase().replace("_", " ") + steps);
-    setText(when, !at ? "" : index === 0 ? "" : `+${(at.rx - command.made).toFixed(2)} s`);
+    setText(when, !at ? "" : index === 0 ? "" : `+${(at.rx - command.created).toFixed(2)} s`);
   });
 }
 
@@ -188,8 +188,8 @@ function argumentSummary(command, asset) {
       if (value && typeof value === "object") return `${Object.keys(value).length} ${name}`;
       const argument = entry?.arguments.find((each) => each.name === name);
       if (typeof value !== "number") return `${name} ${value}`;
-      const factor = argument?.typed?.per_unit ?? 1;
-      const unit = argument?.typed ? unitOf(argument) : "";
+      const factor = argument?.display_unit?.per_unit ?? 1;
+      const unit = argument?.display_unit ? unitOf(argument) : "";
       return `${name} ${Math.round(value * factor * 1000) / 1000}${unit}`;
     })
     .join("  ");

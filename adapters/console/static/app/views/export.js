@@ -14,13 +14,13 @@ export function exporter(asset, span) {
   const option = ([value, textContent]) => html("option", { value, textContent });
   const what = html("select", { "aria-label": "what to export" }, ...Object.entries(KINDS).map(option), option([ALL, "all, as MCAP"]));
   what.onchange = () => (csv.disabled = what.value === ALL);
-  const button = (textContent, title, fmt) => html("button", { type: "button", textContent, title, onclick: () => save(fmt) });
+  const button = (textContent, title, format) => html("button", { type: "button", textContent, title, onclick: () => save(format) });
   const csv = button("export CSV", "a table of this span", "csv");
   const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", "mcap");
 
-  function save(fmt) {
-    const query = new URLSearchParams({ asset: asset.name, what: what.value, fmt, start: String(span.start_s), end: String(span.end_s) });
-    html("a", { href: `/api/export?${query}`, download: `${asset.name}-${what.value === ALL ? "all" : what.value}.${fmt}` }).click();
+  function save(format) {
+    const query = new URLSearchParams({ asset: asset.name, content: what.value, format, start: String(span.start_s), end: String(span.end_s) });
+    html("a", { href: `/api/export?${query}`, download: `${asset.name}-${what.value === ALL ? "all" : what.value}.${format}` }).click();
   }
 
   return html("span", { className: "tools" }, what, csv, mcap);

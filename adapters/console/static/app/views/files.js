@@ -104,7 +104,7 @@ export class FilesView extends View {
 
   render() {
     const { asset, session } = this;
-    const moving = [...asset.transfers.values()].sort((one, other) => other.made - one.made);
+    const moving = [...asset.transfers.values()].sort((one, other) => other.created - one.created);
     this.#transfers.hidden = moving.length === 0;
     reconcile(this.#moving, moving, (transfer) => transfer.id, makeTransfer, (row, transfer) => this.#drawTransfer(row, transfer));
     this.#empty.hidden = this.#files.length > 0;
@@ -155,7 +155,7 @@ export class FilesView extends View {
   /** @param {Transfer} transfer */
   #actsOf(transfer) {
     const { id, path, state } = transfer;
-    const apply = (act) => this.#act(`/api/transfers/${id}`, { json: { act } });
+    const apply = (action) => this.#act(`/api/transfers/${id}`, { json: { action } });
     return [
       MOVING.includes(state) && button("pause", "the received part is stored", () => apply("pause")),
       state === "paused" && button("resume", "continue at the interruption", () => apply("resume")),

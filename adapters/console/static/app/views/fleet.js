@@ -71,6 +71,6 @@ export class FleetView extends View {
 }
 
 /** @param {RecordingEntry} recording */
-function recordingTexts({ file, rover, began, ended, whole }) {
-  return ["recording", `${file}, of ${rover}`, "", "", "none: recording", `${clock(began)} to ${clock(ended)}${whole ? "" : ", incomplete"}`];
+function recordingTexts({ file, rover, start, end, complete }) {
+  return ["recording", `${file}, of ${rover}`, "", "", "none: recording", `${clock(start)} to ${clock(end)}${complete ? "" : ", incomplete"}`];
 }

@@ -55,13 +55,13 @@ export class ListField {
 
   /** @param {Draft} draft @param {ArgumentEntry} argument */
   constructor(draft, argument) {
-    const { name, help, most } = argument;
+    const { name, help, max_items: maxItems } = argument;
     this.#draft = draft;
     this.#argument = argument;
     this.element = html(
       "fieldset",
       { className: "list" },
-      html("legend", { textContent: `${name}: ${help || "in this order"}${most ? `, ${most} at most` : ""}` }),
+      html("legend", { textContent: `${name}: ${help || "in this order"}${maxItems ? `, ${maxItems} at most` : ""}` }),
       this.#items,
       button("add item", "", () => draft.addItem(name, {})),
     );

@@ -4,7 +4,7 @@ import { button, html, reconcile, setText } from "../dom.js";
 import { View } from "./view.js";
 import { clock } from "../format.js";
 
-/** @import { Notified } from "../model/messages.js" */
+/** @import { NotificationMessage } from "../model/messages.js" */
 
 const MAX_ROWS = 300;
 const SEVERITIES = ["INFORMATIONAL", "WARNING", "ALARM", "SEVERE", "CRITICAL"];
@@ -78,7 +78,7 @@ export class LogView extends View {
     return shown;
   }
 
-  /** @param {Notified} notice */
+  /** @param {NotificationMessage} notice */
   #makeLine({ utc, severity, link, sequence, command, stage, kind, text }) {
     const select = () => (command ? this.selection.selectCommand(command) : this.cursor.set(this.cursor.utc_s === utc ? null : utc));
     return html(
@@ -90,7 +90,7 @@ export class LogView extends View {
     );
   }
 
-  /** @param {HTMLElement} line @param {Notified} notice */
+  /** @param {HTMLElement} line @param {NotificationMessage} notice */
   #drawLine(line, { command, utc }) {
     const { utc_s } = this.cursor;
     line.classList.toggle("selected", command !== null && command === this.selection.command);

@@ -8,8 +8,9 @@ import * as layers from "./map_layers.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
 import { age, clock, degrees, fixed } from "../format.js";
+import { composed, inverse } from "../model/asset.js";
 
-/** @import { Fix } from "../model/asset.js" */
+/** @import { Fix, Frame } from "../model/asset.js" */
 
 const CLICK_PX = 4;
 const LATE_S = 5;
@@ -78,7 +79,7 @@ export class MapView extends View {
     this.#grid.render(viewport);
     this.#zones.render(asset.zones);
     this.#tracks.render(asset.track, cursor.utc_s, selection.spanOf(asset));
-    this.#planned.render(asset.commandsAt(cursor.utc_s), scale);
+    this.#planned.render(asset, cursor.utc_s, scale);
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
@@ -94,9 +95,11 @@ export class MapView extends View {
     this.#hint.hidden = !pose || asset.recording !== null || (draft.entry !== null && !isElsewhere);
     setText(this.#hint, isElsewhere ? `${draft.entry.name} is prepared: send it under “Command”.` : "Click the map to prepare a move there.");
     if (!pose) return setText(this.#poseText, "");
-    const text = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
+    const origin = asset.mapOriginAt(cursor.utc_s);
+    const inMap = origin && `${poseText({ ...composed(inverse(origin), pose), heading: pose.heading - origin.heading })} in map`;
+    const text = `${poseText(pose)} in odom`;
     const when = cursor.utc_s === null ? `${age(session.now - pose.utc)}` : `at ${clock(pose.utc)} (past)`;
-    setText(this.#poseText, [text, uncertainty ? layers.uncertainBy(uncertainty) : "", when === "now" ? "" : when].filter(Boolean).join("   "));
+    setText(this.#poseText, [text, inMap, uncertainty ? layers.uncertainBy(uncertainty) : "", when === "now" ? "" : when].filter(Boolean).join("   "));
     this.root.classList.toggle("stale", cursor.utc_s === null && session.now - pose.utc > LATE_S);
     this.root.classList.toggle("past", cursor.utc_s !== null);
   }
@@ -155,11 +158,13 @@ export class MapView extends View {
     this.draw();
   }
 
+  /** Prepare a move to a point of the odometry frame, in the frame of its command. */
   #prepare(x, y) {
-    const { draft } = this;
+    const { asset, draft } = this;
     const path = draft.entry?.arguments.find((each) => each.type === "list");
-    if (path) draft.addItem(path.name, { x: String(x), y: String(y) });
-    else draft.prepare("moveTo", { x, y });
+    const at = asset.inFrame({ x, y }, path && draft.values.frame);
+    if (!path) draft.prepare("moveTo", at ?? { x, y, frame: "odom" });
+    else if (at) draft.addItem(path.name, { x: String(layers.tidy(at.x)), y: String(layers.tidy(at.y)) });
   }
 
   /** @param {number} px @param {number} py @param {Fix} fix @param {number} x @param {number} y */
@@ -181,6 +186,11 @@ export class MapView extends View {
     Object.assign(this.#menu.style, across, along);
     this.#menu.hidden = false;
   }
+}
+
+/** @param {Frame} pose */
+function poseText({ x, y, heading }) {
+  return `x ${fixed(x, 2)} m  y ${fixed(y, 2)} m  ${fixed((Math.round(degrees(heading)) + 540) % 360 - 180, 0)}°`;
 }
 
 /** Return the fix nearest to a point, null if none is within `close`, m. @param {Fix[]} track @param {number} x @param {number} y @param {number} close */

@@ -5,7 +5,7 @@ import { clock, degrees, fixed } from "../format.js";
 
 /** @import { Asset, Fix } from "../model/asset.js" */
 /** @import { Draft } from "../model/draft.js" */
-/** @import { CommandStatus, ZoneEntry } from "../model/messages.js" */
+/** @import { ZoneEntry } from "../model/messages.js" */
 /** @import { Viewport } from "./viewport.js" */
 /** @typedef {{position_m: number, heading_rad: number}} Uncertainty */
 
@@ -71,9 +71,9 @@ export class Tracks {
 export class Planned {
   element = svg("g", { class: "planned" });
 
-  /** @param {CommandStatus[]} commands newest first @param {number} scale */
-  render(commands, scale) {
-    const points = waypointsOf(commands).map((each, index, all) => ({ ...each, index, from: all[index - 1] ?? each }));
+  /** @param {Asset} asset @param {number | null} utc_s null for now @param {number} scale */
+  render(asset, utc_s, scale) {
+    const points = waypointsOf(asset, utc_s).map((each, index, all) => ({ ...each, index, from: all[index - 1] ?? each }));
     const make = () => svg("g", {}, svg("line"), svg("circle"), svg("title"));
     reconcile(this.element, points, (each) => String(each.index), make, (made, { x, y, from, done, title: text }) => {
       const [line, circle, title] = made.children;
@@ -119,7 +119,7 @@ export class UncertaintyMark {
     set(this.#circle, { r: position_m });
     set(this.#sector, { d: `M0 0L${x} ${-y}A${reach} ${reach} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${x} ${y}Z` });
     set(this.element, { transform: turned(pose), "data-position": position_m.toFixed(3) });
-    setText(this.#title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or confirm it by confirmPose`);
+    setText(this.#title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or, once checked, confirm it by confirmPose with position 0 and heading 0`);
   }
 }
 
@@ -167,13 +167,14 @@ function arrow(scale) {
   return `M${half} 0L${-half * 0.8} ${half * 0.65}L${-half * 0.45} 0L${-half * 0.8} ${-half * 0.65}Z`;
 }
 
-/** Return the waypoints of motions that have not ended. @param {CommandStatus[]} commands newest first */
-function waypointsOf(commands) {
-  const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
+/** Return the waypoints of motions that have not ended, in the odometry frame. @param {Asset} asset @param {number | null} utc_s null for now */
+function waypointsOf(asset, utc_s) {
+  const open = asset.commandsAt(utc_s).filter((each) => !each.ended && each.args && each.state !== "unknown");
   return open.reverse().flatMap((command) => {
     const step = command.history.findLast((each) => each.step)?.step ?? 0;
     const waypoints = command.args.waypoints ?? [command.args];
-    return waypoints
+    return asset
+      .inOdometry(waypoints, command.args.frame, utc_s)
       .filter((waypoint) => Number.isFinite(waypoint.x) && Number.isFinite(waypoint.y))
       .map((waypoint, index, all) => ({
         x: waypoint.x,

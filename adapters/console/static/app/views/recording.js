@@ -10,7 +10,7 @@ const STEP_S = 0.05;
 export class RecordingView extends View {
   #what = html("p", { className: "what" });
   #at = html("output", { className: "at" });
-  #slider = html("input", { type: "range", "aria-label": "moment", step: STEP_S, oninput: () => this.#setMoment(this.asset.recording.began + Number(this.#slider.value)) });
+  #slider = html("input", { type: "range", "aria-label": "moment", step: STEP_S, oninput: () => this.#setMoment(this.asset.recording.start + Number(this.#slider.value)) });
   root = html(
     "section",
     { className: "rover-view recording-view" },
@@ -32,14 +32,14 @@ export class RecordingView extends View {
 
   /** @param {number} utc */
   #setMoment(utc) {
-    const { began, ended } = this.asset.recording;
-    this.cursor.set(Math.min(Math.max(utc, began), ended));
+    const { start, end } = this.asset.recording;
+    this.cursor.set(Math.min(Math.max(utc, start), end));
   }
 
   /** Go to the previous or next notification. @param {1 | -1} direction */
   #step(direction) {
     const { recording, notices } = this.asset;
-    const now = this.cursor.utc_s ?? recording.ended;
+    const now = this.cursor.utc_s ?? recording.end;
     const isBeyond = (each) => (each.utc - now) * direction > STEP_S / 2;
     const notice = direction > 0 ? notices.find(isBeyond) : notices.findLast(isBeyond);
     if (notice) this.#setMoment(notice.utc);
@@ -52,12 +52,12 @@ export class RecordingView extends View {
   render() {
     const { recording } = this.asset;
     if (!recording) return;
-    const { file, rover, began, ended, whole, damaged } = recording;
-    const now = this.cursor.utc_s ?? ended;
-    setText(this.#what, `${file}: a recording of ${rover}, ${new Date(began * 1000).toISOString().slice(0, 10)} from ${clock(began)} to ${clock(ended)} UTC (${age(ended - began)}). ${whole ? "" : `${damaged ? "Damaged" : "Incomplete"} from there on. `}View only.`);
-    this.#slider.max = String(ended - began);
-    this.#slider.value = String(now - began);
-    setText(this.#at, `${clock(now, true)}, ${(now - began).toFixed(2)} s`);
+    const { file, rover, start, end, complete, damaged } = recording;
+    const now = this.cursor.utc_s ?? end;
+    setText(this.#what, `${file}: a recording of ${rover}, ${new Date(start * 1000).toISOString().slice(0, 10)} from ${clock(start)} to ${clock(end)} UTC (${age(end - start)}). ${complete ? "" : `${damaged ? "Damaged" : "Incomplete"} from there on. `}View only.`);
+    this.#slider.max = String(end - start);
+    this.#slider.value = String(now - start);
+    setText(this.#at, `${clock(now, true)}, ${(now - start).toFixed(2)} s`);
   }
 }
 

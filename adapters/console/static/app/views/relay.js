@@ -18,20 +18,20 @@ import { clock, duration, number, sizeOf } from "../format.js";
 const ROWS = [
   ["queued bundles", "DTN_QUEUED", "DTN_ABOARD_QUEUED", "bundles"],
   ["queued octets", "DTN_QUEUED_OCTETS", "DTN_ABOARD_QUEUED_OCTETS", "octets"],
-  ["age of the first in the queue", "DTN_OLDEST", "DTN_ABOARD_OLDEST", "span"],
+  ["age of the first in the queue", "DTN_OLDEST_AGE", "DTN_ABOARD_OLDEST_AGE", "span"],
   ["sent", "DTN_SENT", "DTN_ABOARD_SENT", "bundles"],
   ["acknowledged", "DTN_ACKNOWLEDGED", "DTN_ABOARD_ACKNOWLEDGED", "bundles"],
   ["retransmitted", "DTN_RETRANSMITTED", "DTN_ABOARD_RETRANSMITTED", "pieces"],
   ["expired", "DTN_EXPIRED", "DTN_ABOARD_EXPIRED", "bundles"],
   ["round trip", "DTN_ROUND_TRIP", "DTN_ABOARD_ROUND_TRIP", "seconds"],
   ["received from the other end", "DTN_RECEIVED", "DTN_ABOARD_RECEIVED", "bundles"],
-  ["last contact with the other end", "DTN_LAST_HEARD", "DTN_ABOARD_LAST_HEARD", "ago"],
+  ["last contact with the other end", "DTN_LAST_RECEIVED", "DTN_ABOARD_LAST_RECEIVED", "ago"],
 ];
 const KEYS = [
   ...ROWS.flatMap(([, here, aboard]) => [here, aboard]),
-  ...["DTN_NEXT_CONTACT", "DTN_OVERRIDE", "DTN_ROOM", "DTN_CONTACTS_UP", "DTN_CONTACTS_DOWN"],
+  ...["DTN_NEXT_CONTACT", "DTN_OVERRIDE", "DTN_FREE_OCTETS", "DTN_CONTACTS_UP", "DTN_CONTACTS_DOWN"],
   "LINK_ROUND_TRIP",
-  ...["DTN_ABOARD_CONTACT", "DTN_ABOARD_NEXT_CONTACT", "DTN_ABOARD_UNREAD", "DTN_ABOARD_REFUSED"],
+  ...["DTN_ABOARD_CONTACT", "DTN_ABOARD_NEXT_CONTACT", "DTN_ABOARD_UNDELIVERED", "DTN_ABOARD_REFUSED"],
 ];
 const DIRECTIONS = [
   ["DTN_CONTACTS_UP", "orbiter → rover"],
@@ -95,11 +95,11 @@ export class RelayView extends View {
   #drawPath() {
     const figures = this.#figures;
     const link = this.asset.links.get("relay");
-    const [queued, freeSpace] = [figures.sample("DTN_QUEUED"), figures.number("DTN_ROOM")];
+    const [queued, freeSpace] = [figures.sample("DTN_QUEUED"), figures.number("DTN_FREE_OCTETS")];
     const roundTrip = figures.number("LINK_ROUND_TRIP");
-    const unread = figures.number("DTN_ABOARD_UNREAD");
+    const undelivered = figures.number("DTN_ABOARD_UNDELIVERED");
     const refused = figures.number("DTN_ABOARD_REFUSED");
-    const rover = [figures.aboard || "no report yet", unread ? `${unread} commands not delivered` : "", refused ? `${refused} refused` : ""];
+    const rover = [figures.aboard || "no report yet", undelivered ? `${undelivered} commands not delivered` : "", refused ? `${refused} refused` : ""];
     const ground = [link?.detail || (queued ? `reported ${figures.ago(queued.utc)}` : "no report yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
     /** @type {Part[]} */
     const parts = [
@@ -180,14 +180,14 @@ export class RelayView extends View {
 
   #drawCommands() {
     const { utc_s } = this.cursor;
-    const open = this.asset.commandsAt(utc_s).filter((each) => each.link === "relay" && !each.ended && (utc_s === null || each.made <= utc_s));
+    const open = this.asset.commandsAt(utc_s).filter((each) => each.link === "relay" && !each.ended && (utc_s === null || each.created <= utc_s));
     const shown = open.slice(0, MAX_COMMANDS);
     const make = (/** @type {CommandStatus} */ { id }) =>
       html("tr", { onclick: () => this.selection.selectCommand(id), "data-id": id }, ...Array.from({ length: 6 }, () => html("td")));
     reconcile(this.#commands, shown, (command) => command.id, make, (row, command) => {
-      const reached = ["TAKEN", "FORWARDED", "RECEIVED"].map((stage) => command.history.find((each) => each.stage === stage));
+      const reached = ["ACKNOWLEDGED", "FORWARDED", "RECEIVED"].map((stage) => command.history.find((each) => each.stage === stage));
       const times = reached.map((each) => (each ? clock(each.utc) : ""));
-      const texts = [command.name, clock(command.made), ...times, this.#whereIs(command, reached)];
+      const texts = [command.name, clock(command.created), ...times, this.#whereIs(command, reached)];
       texts.forEach((text, index) => setText(row.children[index], text));
       set(row, { "data-state": command.state, class: this.selection.command === command.id ? "selected" : "" });
     });
@@ -198,7 +198,7 @@ export class RelayView extends View {
   /** @param {CommandStatus} command @param {StageEntry[]} reached */
   #whereIs({ state }, [acknowledged, left, received]) {
     const since = ({ utc }) => duration(this.#figures.now - utc);
-    if (state === "given_up") return "lost: the rover may have received it";
+    if (state === "lost") return "lost: the rover may have received it";
     if (received) return `aboard, ${state === "unknown" ? "no report since" : state}`;
     if (left) return `forwarded ${since(left)} ago, no report since`;
     if (acknowledged) return `at the orbiter for ${since(acknowledged)}`;

@@ -163,7 +163,7 @@ export class StatusBar extends View {
   }
 
   /** @param {HTMLElement} element @param {LinkStatus} link */
-  #drawLink(element, { link, state, uri, since, detail, heard: lastReceived }) {
+  #drawLink(element, { link, state, uri, since, detail, last_received: lastReceived }) {
     const last = Math.max(lastReceived, ...[...this.#rover.values.values()].map((samples) => samples.get(link)?.rx ?? 0));
     element.dataset.state = state;
     setText(element, `${link} ${state === "up" ? "" : state}`.trim());
@@ -202,6 +202,6 @@ async function stopRover(name) {
 
 /** @param {Asset} rover */
 function doingOf({ recording, activeCommand, status }) {
-  if (recording) return `of ${recording.rover}, view only${recording.whole ? "" : recording.damaged ? "; damaged" : "; incomplete"}`;
+  if (recording) return `of ${recording.rover}, view only${recording.complete ? "" : recording.damaged ? "; damaged" : "; incomplete"}`;
   return `${activeCommand?.name ?? status?.plan ?? ""}${status?.queued ? `, ${status.queued} queued` : ""}`;
 }

@@ -9,7 +9,7 @@ import { clock } from "../format.js";
 /** @typedef {{key: string, label: string, title: string, style: string, parts: Part[], command?: string, state?: string, expected?: number}} Bar `to` of the last part is Infinity while it is open; `expected` is the predicted end */
 /** @typedef {{name: string, bars: Bar[], isPacked: boolean}} Lane */
 
-const UNCERTAIN_STATES = ["unknown", "given_up"];
+const UNCERTAIN_STATES = ["unknown", "lost"];
 
 /** @param {Asset} asset @param {ArchivedHistory} history @param {number} now_s @returns {Lane[]} */
 export function lanesOf(asset, history, now_s) {
@@ -71,7 +71,7 @@ function planBars(plans) {
     })) {
       const isOver = ["plan-completed", "plan-failed", "plan-aborted"].includes(bar.style);
       const { from, to, style } = bar.parts[0];
-      bars.push({ ...bar, key: `${plan} ${from}`, title: `${bar.title}, ${style.slice(5)}`, parts: [{ from, to: isOver ? from : to, style }] });
+      bars.push({ ...bar, key: `${plan} ${from} ${bar.label}`, title: `${bar.title}, ${style.slice(5)}`, parts: [{ from, to: isOver ? from : to, style }] });
     }
   }
   return bars;
@@ -81,17 +81,17 @@ function planBars(plans) {
 function commandBar(command, now_s) {
   const when = (...stages) => command.history.find((each) => stages.includes(each.stage))?.utc;
   const isUncertain = UNCERTAIN_STATES.includes(command.state);
-  const last = command.history.at(-1)?.utc ?? command.made;
-  const end = Math.max(command.made, command.ended || isUncertain ? last : Infinity);
+  const last = command.history.at(-1)?.utc ?? command.created;
+  const end = Math.max(command.created, command.ended || isUncertain ? last : Infinity);
   const accepted = when("RECEIVED", "ACCEPTED") ?? (command.ended ? when("STARTED") : undefined) ?? end;
   const started = when("STARTED") ?? end;
   const predicted = command.history.findLast((each) => each.stage === "PREDICTED")?.figures;
   const duration_s = /** @type {number | undefined} */ (predicted?.["predicted duration"]);
   const expected = duration_s === undefined || started === end ? undefined : started + duration_s;
-  const until = (utc) => Math.min(Math.max(utc, command.made), end);
+  const until = (utc) => Math.min(Math.max(utc, command.created), end);
   const outcome = command.ended || isUncertain ? command.state : "started";
   const parts = [
-    { from: command.made, to: until(accepted), style: "sent" },
+    { from: command.created, to: until(accepted), style: "sent" },
     { from: until(accepted), to: until(Math.max(started, accepted)), style: "accepted" },
     { from: until(Math.max(started, accepted)), to: end, style: outcome },
   ];
@@ -99,7 +99,7 @@ function commandBar(command, now_s) {
   return {
     key: command.id,
     label: command.name,
-    title: `${command.name} by ${command.by}, made ${clock(command.made, true)}: ${command.state.replace("_", " ")}. ${command.history.at(-1)?.detail ?? ""}${
+    title: `${command.name} by ${command.by}, created ${clock(command.created, true)}: ${command.state.replace("_", " ")}. ${command.history.at(-1)?.detail ?? ""}${
       expected === undefined ? "" : ` (predicted to end ${clock(expected)})`
     }`,
     style: `of-command ${command.ended || isUncertain ? "" : "in-flight"}`,

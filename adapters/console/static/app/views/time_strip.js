@@ -81,7 +81,7 @@ export class TimeStripView extends View {
     const scale = this.#scale;
     const { start_s, end_s, end_px, xOf } = scale;
     this.#history.load(start_s, end_s);
-    const now_s = asset.recording?.ended ?? session.now;
+    const now_s = asset.recording?.end ?? session.now;
     const height = this.#drawLanes({ ...scale, now_s });
     set(this.#picture, { width: end_px, height: Math.max(height, this.#scroll.clientHeight - 4) });
     this.#drawAxis(scale, height);

@@ -81,8 +81,8 @@ export class TreeView extends View {
     const command = this.asset.commands.get(this.selection.command ?? "");
     this.draw();
     if (!command || this.asset.nodesOf(command).length) return;
-    const at = command.history.at(-1)?.utc ?? command.made;
-    await this.#read(`start=${command.made}&before=${at + SOON_S}&limit=${MAX_RECALLED}`);
+    const at = command.history.at(-1)?.utc ?? command.created;
+    await this.#read(`start=${command.created}&before=${at + SOON_S}&limit=${MAX_RECALLED}`);
     this.draw();
   }
 
@@ -202,7 +202,7 @@ function statusSign(x, y) {
 function visible(nodes, sought, chosen, selected) {
   const parents = parentsOf(nodes);
   const below = nodes.map(() => 0);
-  const matters = nodes.map((node) => ["running", "failure"].includes(node.look) || selected.has(node.path));
+  const matters = nodes.map((node) => ["running", "failure"].includes(node.status) || selected.has(node.path));
   const hits = nodes.map((node) => sought !== "" && node.name.toLowerCase().includes(sought));
   const holdsHit = [...hits];
   for (let index = nodes.length - 1; index > 0; index--) {
@@ -224,7 +224,7 @@ function visible(nodes, sought, chosen, selected) {
       index: rows.length,
       parent: parent === null ? null : rowsByIndex.get(parent).index,
       x: LEFT + node.depth * INDENT,
-      style: node.look,
+      style: node.status,
       children: below[index],
       open,
       hit: hits[index],

@@ -127,9 +127,9 @@ export function isLate(sample, now) {
 }
 
 /** Format the limits in the display unit; octets in megabytes. */
-function limitsOf({ low = null, high = null, unit, typed = null }) {
-  if (unit === "B") return rangeOf({ low, high, unit: "", typed: { unit: "MB", per_unit: 1e-6 } });
-  return rangeOf({ low, high, unit: "", typed }, "");
+function limitsOf({ low = null, high = null, unit, display_unit = null }) {
+  if (unit === "B") return rangeOf({ low, high, unit: "", display_unit: { unit: "MB", per_unit: 1e-6 } });
+  return rangeOf({ low, high, unit: "", display_unit }, "");
 }
 
 /** Return "beyond" for a value outside its limits, else an empty string. The tolerance is 1% of the range. */

@@ -1,0 +1,100 @@
+"""Processes of ours without their imports: forked from one that has made them, a second each.
+
+What starts as users start it is in `tests/demo` and `tests/docs`; here, the process is the same
+from its command line on.
+"""
+
+import atexit
+import multiprocessing
+import os
+import runpy
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Final
+
+_FORKING: Final = multiprocessing.get_context("forkserver")
+_FORKING.set_forkserver_preload(["tests.support.warm_imports"])
+
+
+@cache
+def _scripts() -> dict[str, str]:
+    """Return the function of each console script, as module:function."""
+    return {each.name: each.value for each in entry_points(group="console_scripts")}
+
+
+class WarmProcess:
+    """A forked process with the methods of `subprocess.Popen` that tests need."""
+
+    def __init__(self, entry: str, command: Sequence[str], log: Path, cwd: Path | None) -> None:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        arguments = (entry, list(command), log, cwd or Path.cwd(), environment)
+        self._process = _FORKING.Process(target=_run, args=arguments)
+        self._process.start()
+        assert self._process.pid is not None
+        self.pid = self._process.pid
+
+    def poll(self) -> int | None:
+        return self._process.exitcode
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        status = self._process.exitcode
+        if status is None:
+            raise subprocess.TimeoutExpired(self._process.name, timeout or 0.0)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+
+def entry_of(command: Sequence[str]) -> tuple[str, Sequence[str]] | None:
+    """Return the entry of a command line, and its arguments from its name on.
+
+    None if it has none, or may import other packages than those that were imported here.
+
+    Args:
+        command: begins with a script beside this Python, `python -m` and a module, or
+            module:function.
+    """
+    program, *arguments = command
+    if ":" in program:
+        return program, command
+    if not {*os.environ.get("PYTHONPATH", "").split(os.pathsep)} - {""} <= {*sys.path}:
+        return None
+    if program == sys.executable and arguments[:1] == ["-m"]:
+        return arguments[1], arguments[1:]
+    path = Path(program)
+    entry = _scripts().get(path.name) if path.parent == Path(sys.executable).parent else None
+    return None if entry is None else (entry, command)
+
+
+def _run(entry: str, command: list[str], log: Path, cwd: Path, environment: dict[str, str]) -> None:
+    """Become the process of a command line, in the forked process."""
+    for descriptor, name, mode in ((0, os.devnull, os.O_RDONLY), (1, str(log), os.O_WRONLY)):
+        opened = os.open(name, mode | os.O_APPEND)
+        os.dup2(opened, descriptor)
+        os.close(opened)
+    os.dup2(1, 2)
+    sys.stdout, sys.stderr = (os.fdopen(fd, "w", buffering=1, closefd=False) for fd in (1, 2))
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv = command
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        module, _, name = entry.partition(":")
+        if name:
+            sys.exit(getattr(import_module(module), name)())
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    finally:
+        atexit._run_exitfuncs()
