@@ -2,17 +2,22 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import BinaryIO, Final
+from types import FrameType
+from typing import BinaryIO, Final, NoReturn
 
 import click
+import psutil
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "security", "trees"))
@@ -103,6 +108,10 @@ LEAST_FREE_OCTETS: Final = 4 << 30
 """The folders that pytest keeps, those of three runs, take a quarter of that."""
 PLANTED_SEEDS: Final = 4
 """From which each planted fault is looked for; with none, only in its situations."""
+MARK: Final = "ROVER_TEST"
+"""Variable in the environment of all processes of a run, whatever their parent or session."""
+RUN: Final = uuid.uuid4().hex
+TERMINATE_TIMEOUT_S: Final = 5.0
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -140,7 +149,8 @@ def test(
     """Run all checks of this checkout, or only some tests.
 
     Without arguments: style, types, import contracts, the whole test suite and its coverage. With
-    arguments: pytest alone, with these; paths start at the top of the checkout.
+    arguments: pytest alone, with these; paths start at the top of the checkout. Ctrl-C and SIGTERM
+    end all processes of the run.
 
     \b
     Examples:
@@ -150,6 +160,8 @@ def test(
       rover test --stress --stress-percent 10
       rover test --simulated 0.5 --seed 7
     """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end_run)
     if hours is not None:
         sys.exit(_run((*_simulated(hours, seed), *(["--trace"] if trace else []))))
     if pytest_arguments:
@@ -193,13 +205,38 @@ def _run(command: tuple[str, ...], output: BinaryIO | None = None) -> int:
     ).returncode
 
 
+def _end_run(number: int, _: FrameType | None) -> NoReturn:
+    """End every process of this run, then this one."""
+    for end in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(end, signal.SIG_IGN)
+    # Not psutil.wait_procs: it would take the exit status that `subprocess` waits for.
+    deadline_s, terminated = time.monotonic() + TERMINATE_TIMEOUT_S, set[int]()
+    while found := [process for process in psutil.process_iter() if _in_run(process)]:
+        for process in found:
+            with suppress(psutil.NoSuchProcess):
+                if time.monotonic() > deadline_s:
+                    process.kill()
+                elif process.pid not in terminated:
+                    process.terminate()
+            terminated.add(process.pid)
+        time.sleep(0.1)
+    sys.exit(128 + number)
+
+
+def _in_run(process: psutil.Process) -> bool:
+    with suppress(psutil.Error):
+        if process.status() != psutil.STATUS_ZOMBIE and process.pid != os.getpid():
+            return process.environ().get(MARK) == RUN
+    return False
+
+
 def environment() -> dict[str, str]:
     """Return the environment of a check: hundreds of processes share the byte code of one.
 
     Where there is room, folders of tests lie in memory: each commit of a ledger waits for a disk.
     """
     unwanted = "PYTHONDONTWRITEBYTECODE"
-    found = {name: value for name, value in os.environ.items() if name != unwanted}
+    found = {name: value for name, value in os.environ.items() if name != unwanted} | {MARK: RUN}
     roomy = MEMORY.is_dir() and shutil.disk_usage(MEMORY).free >= LEAST_FREE_OCTETS
     if roomy and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC:  # some tests write programs
         found.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))

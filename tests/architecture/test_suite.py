@@ -1,9 +1,13 @@
 """What `rover test` runs: attacks, in proportion, and the files of tests on ROS."""
 
+import os
 import shutil
+import signal
 import subprocess
+import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from executive.settings import names_in
@@ -74,3 +78,41 @@ def test_folders_of_tests_lie_in_memory_where_it_is_large(
     assert name not in suite.environment()
     monkeypatch.setattr(suite, "MEMORY", tmp_path / "none")
     assert name not in suite.environment()
+
+
+DETACHED = """
+import os, subprocess, sys, time
+for command in ("import time; time.sleep(600)", "import signal; signal.pause()"):
+    subprocess.Popen([sys.executable, "-c", command], start_new_session=True)
+print(os.getpid(), flush=True)
+time.sleep(600)
+"""
+RUN_CHECK = """
+import sys
+from tests import suite
+from tests.suite import CiCheck, test
+check = CiCheck("dummy", ((sys.executable, "-c", sys.argv.pop()),))
+suite._carry_out_all = lambda: map(suite._carry_out, (check, check))
+test(standalone_mode=False)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_all_processes_of_a_run_in_any_session(number: signal.Signals) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", RUN_CHECK, DETACHED],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=suite.CHECKOUT,
+        env={**os.environ, "PYTHONPATH": str(suite.CHECKOUT)},
+    ) as run:
+        assert run.stdout is not None
+        while not (line := run.stdout.readline()).strip().isdecimal():
+            assert line, "the check has started"
+        started = [psutil.Process(int(line)), *psutil.Process(int(line)).children()]
+        assert len(started) == 3
+        run.send_signal(number)
+        rest = run.stdout.read()
+    assert run.returncode == 128 + number
+    assert "summary" not in rest
+    assert [each for each in started if each.is_running() and each.status() != "zombie"] == []
