@@ -1,13 +1,14 @@
-"""Creates `static/vendor` from npm: `python -m adapters.console.vendor`; `--check` only compares.
+"""Creates the vendored files from npm: `python -m adapters.console.vendor`; `--check` compares.
 
 CI runs the check. It also compiles the console's own modules by their JSDoc types, with the
 TypeScript version of the lock file.
 
 The packages of package-lock.json are installed from npm with their hashes. The files that pages
-load (`FILES`) are stored compressed, with their licences. MANIFEST.json has versions, and hashes
-of the uncompressed files, which do not depend on the compressor.
+load, and those that only tests use (`FILES`), are stored compressed, with their licences.
+MANIFEST.json has versions, and hashes of the uncompressed files, which do not depend on the
+compressor.
 
-For another version change package.json, update the lock file in this folder, then `static/vendor`:
+For another version change package.json, update the lock file in this folder, then the files:
 
     npm install --package-lock-only --ignore-scripts --omit-lockfile-registry-resolved
 """
@@ -24,24 +25,28 @@ from pathlib import Path
 from typing import Final
 
 HERE: Final = Path(__file__).parent
-VENDOR_FOLDER: Final = HERE.parent / "static" / "vendor"
+CHECKOUT: Final = HERE.parents[2]
+PAGES: Final = "adapters/console/static/vendor"
+TESTS: Final = "tests/console/vendor"
 MANIFEST: Final = "MANIFEST.json"
 FILES: Final = {
-    "openmct": (
+    (PAGES, "openmct"): (
         "LICENSE.md",
         "dist/openmct.js",
         "dist/openmct.js.LICENSE.txt",
         "dist/inMemorySearchWorker.js",
         "dist/espressoTheme.css",
+        "dist/snowTheme.css",
         "dist/fonts/Open-MCT-Symbols-12px.woff",
         "dist/fonts/Open-MCT-Symbols-16px.woff",
         "dist/images/bg-splash.jpg",
         "dist/images/logo-nasa.svg",
         "dist/images/logo-openmct-shdw.svg",
         "dist/images/logo-openmct.svg",
-    )
+    ),
+    (TESTS, "axe-core"): ("LICENSE", "axe.min.js"),
 }
-"""Vendored files by package; they are served without `dist/`."""
+"""Vendored files by folder and package; they are stored without `dist/`."""
 
 
 def fetch(scratch: Path) -> Path:
@@ -62,42 +67,42 @@ def types_are_right(modules: Path) -> bool:
     return subprocess.run([compiler, "-p", HERE / "jsconfig.json"], check=False).returncode == 0
 
 
-def served_files(modules: Path) -> dict[str, bytes]:
-    """Return the installed files to vendor, by the path that serves them."""
+def npm_files(modules: Path, folder: str) -> dict[str, bytes]:
+    """Return the installed files to store in a folder, by their paths in it."""
     return {
         f"{package}/{file.removeprefix('dist/')}": (modules / package / file).read_bytes()
-        for package, files in FILES.items()
+        for (target, package), files in FILES.items()
         for file in files
+        if target == folder
     }
 
 
-def manifest_of(files: dict[str, bytes]) -> str:
-    """Return the text of MANIFEST.json for files."""
+def manifest_of(folder: str, files: dict[str, bytes]) -> str:
+    """Return the text of MANIFEST.json for the files of a folder."""
     packages = json.loads((HERE / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    names = [package for target, package in FILES if target == folder]
     content = {
-        "packages": {name: packages[f"node_modules/{name}"]["version"] for name in FILES},
+        "packages": {name: packages[f"node_modules/{name}"]["version"] for name in names},
         "sha256": {name: hashlib.sha256(octets).hexdigest() for name, octets in files.items()},
     }
     return json.dumps(content, indent=2) + "\n"
 
 
-def write(files: dict[str, bytes]) -> None:
-    """Replace the vendored files."""
-    shutil.rmtree(VENDOR_FOLDER, ignore_errors=True)
+def write(folder: Path, files: dict[str, bytes], manifest: str) -> None:
+    """Replace the vendored files of a folder."""
+    shutil.rmtree(folder, ignore_errors=True)
     for name, octets in files.items():
-        target = VENDOR_FOLDER / f"{name}.gz"
+        target = folder / f"{name}.gz"
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(gzip.compress(octets, 9, mtime=0))
-    (VENDOR_FOLDER / MANIFEST).write_text(manifest_of(files), encoding="utf-8")
+    (folder / MANIFEST).write_text(manifest, encoding="utf-8")
 
 
-def vendored_files() -> dict[str, bytes]:
-    """Return the vendored files, by the path that serves them."""
+def vendored_files(folder: Path) -> dict[str, bytes]:
+    """Return the vendored files of a folder, by their paths in it."""
     return {
-        path.relative_to(VENDOR_FOLDER).as_posix().removesuffix(".gz"): gzip.decompress(
-            path.read_bytes()
-        )
-        for path in VENDOR_FOLDER.rglob("*.gz")
+        path.relative_to(folder).as_posix().removesuffix(".gz"): gzip.decompress(path.read_bytes())
+        for path in folder.rglob("*.gz")
     }
 
 
@@ -108,14 +113,17 @@ def main() -> None:
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as scratch:
         modules = fetch(Path(scratch))
-        files = served_files(modules)
-        if not check:
-            write(files)
-        elif files != vendored_files() or manifest_of(files) != (
-            VENDOR_FOLDER / MANIFEST
-        ).read_text(encoding="utf-8"):
-            sys.exit(f"{VENDOR_FOLDER} differs from npm: run python -m adapters.console.vendor")
-        elif not types_are_right(modules):
+        for name in (PAGES, TESTS):
+            folder, files = CHECKOUT / name, npm_files(modules, name)
+            manifest = manifest_of(name, files)
+            if not check:
+                write(folder, files, manifest)
+            elif (files, manifest) != (
+                vendored_files(folder),
+                (folder / MANIFEST).read_text(encoding="utf-8"),
+            ):
+                sys.exit(f"{name} differs from npm: run python -m adapters.console.vendor")
+        if check and not types_are_right(modules):
             sys.exit(1)
 
 
