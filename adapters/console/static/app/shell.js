@@ -64,7 +64,6 @@ const shown = {
 const { plugins } = openmct;
 openmct.setAssetPath("/vendor/openmct/");
 for (const plugin of [
-  plugins.Espresso(),
   plugins.UTCTimeSystem(),
   plugins.DisplayLayout({ showAsView: ["summary-widget"] }),
   plugins.LADTable(),

@@ -38,7 +38,7 @@ export class CommandTable extends View {
 
   #rows = html("div", { className: "commands", role: "list" });
   #empty = html("p", { className: "empty" });
-  root = html("section", { className: "rover-view commands-view" }, this.#empty, html("div", { className: "scroll" }, this.#rows));
+  root = html("section", { className: "rover-view commands-view" }, this.#empty, html("div", { className: "scroll", tabIndex: 0 }, this.#rows));
 
   start() {
     const { asset, selection, cursor, draw } = this;
@@ -65,7 +65,7 @@ export class CommandTable extends View {
   #makeRow(command) {
     const parts = [html("time"), html("b"), ...["arguments", "by dim", "state"].map((className) => html("span", { className }))];
     return html(
-      "article",
+      "div",
       { role: "listitem", onclick: () => this.selection.selectCommand(command.id) },
       html("div", { className: "head" }, ...parts),
       lifecycleLine(this.#stagesOf(command)),

@@ -31,7 +31,7 @@ export class LogView extends View {
     { className: "rover-view log-view" },
     html("header", {}, html("span", { className: "tools" }, ...this.#kinds, this.#minSeverity, this.#search, this.#selectedOnly)),
     this.#empty,
-    html("div", { className: "scroll" }, this.#lines),
+    html("div", { className: "scroll", tabIndex: 0 }, this.#lines),
   );
 
   start() {

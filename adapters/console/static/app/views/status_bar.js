@@ -8,6 +8,7 @@ import { Authority } from "./authority.js";
 import { fetchJson, operator } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
+import { themeButton } from "../theme.js";
 import { View } from "./view.js";
 import { age, clock } from "../format.js";
 
@@ -45,7 +46,7 @@ export class StatusBar extends View {
   #list = html("div", { className: "alarm-list", hidden: true });
   #message = html("div", { className: "message", role: "alert", hidden: true });
   #lost = html("div", { className: "lost", role: "alert", hidden: true });
-  #identity = html("span", { className: "identity" }, this.#name, this.#pages);
+  #identity = html("span", { className: "identity" }, this.#name, this.#pages, themeButton());
   root = html(
     "header",
     { className: "rover-bar" },

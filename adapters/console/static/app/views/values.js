@@ -23,7 +23,7 @@ export class ValuesView extends View {
   #head = html("tr");
   #empty = html("p", { className: "empty" });
   #table = html("table", { className: "values" }, html("thead", {}, this.#head), this.#rows);
-  root = html("section", { className: "rover-view values-view" }, this.#empty, html("div", { className: "scroll" }, this.#table));
+  root = html("section", { className: "rover-view values-view" }, this.#empty, html("div", { className: "scroll", tabIndex: 0 }, this.#table));
 
   start() {
     const { asset, session, cursor, draw } = this;
@@ -58,7 +58,7 @@ export class ValuesView extends View {
     this.#head.replaceChildren(
       html("th", { textContent: "parameter" }),
       html("th", { className: "figure", textContent: "value" }),
-      html("th", {}),
+      html("th", { textContent: "unit" }),
       ...links.map((link) => html("th", { className: "age", textContent: links.length > 1 ? `age, ${link}` : "age" })),
       html("th", { className: "limits", textContent: "limits" }),
     );
