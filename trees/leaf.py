@@ -4,7 +4,7 @@ Any exception within a leaf leaves the tree as a `LeafError` with the leaf's pat
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import UnionType
 
 from py_trees.behaviour import Behaviour
@@ -15,6 +15,7 @@ from executive.goals import Context, Goal, GoalQueue
 from executive.values.facts import Source
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
+from trees.composites import TickedNode
 
 
 def path_of(behaviour: Behaviour) -> str:
@@ -26,19 +27,30 @@ def path_of(behaviour: Behaviour) -> str:
     return "/".join(reversed(names))
 
 
-class ContainedNode(Behaviour):
+class ContainedNode(TickedNode):
     """A node without children; its exceptions leave the tree with its path."""
 
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick as any behaviour.
+    def run(self, ticked: list[Behaviour]) -> Status:
+        """Start the node unless it is RUNNING, update it, and stop it once it has ended.
 
         Raises:
             LeafError: the node raised.
         """
         try:
-            yield from super().tick()
+            if self.status is not Status.RUNNING:
+                self.initialise()
+            status = self.update()
+            if status is not Status.RUNNING:
+                self.stop(status)
         except Exception as error:
             raise LeafError(path_of(self)) from error
+        self.status = status
+        ticked.append(self)
+        return status
+
+    @abstractmethod
+    def update(self) -> Status:
+        """Do the work of one tick."""
 
 
 class Condition(ContainedNode):
@@ -154,7 +166,7 @@ class GoalLeaf(Leaf):
         return Status.FAILURE
 
 
-class Idle(Behaviour):
+class Idle(ContainedNode):
     """A leaf without work."""
 
     def update(self) -> Status:

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy, Status
-from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.common import Status
 
 from executive.commands import (
     CameraPointing,
@@ -31,6 +30,7 @@ from executive.values.clock import ManualClock
 from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt
+from trees.composites import Parallel, Selector, Sequence, TickedNode
 from trees.leaf import Condition, GoalLeaf, Idle, Leaf, TakeGoal
 from trees.motion import WHOLE_MOTIONS, Drive, FinishLeg, PlanLeg, Turn
 from trees.plan import PlanTree
@@ -178,7 +178,9 @@ class RoverTree:
     def tick(self) -> None:
         """Tick once from the root."""
         self.ticks += 1
-        self.ticked = frozenset(self.root.tick())
+        ticked: list[Behaviour] = []
+        self.root.run(ticked)
+        self.ticked = frozenset(ticked)
 
     def stop(self) -> None:
         """Terminate every running node."""
@@ -241,18 +243,17 @@ def build(context: Context) -> Selector:
         identity_of=lambda: latches.stopping[-1].command.identity,
     )
     any_goal = Condition("any goal?", lambda: len(context.goals) > 0)
-    side_by_side = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))
-    side_by_side.add_children([_motion(context), _camera(context), _instant(context)])
-    return _selector(
+    branches = _motion(context), _camera(context), _instant(context)
+    return Selector(
         "rover",
-        _sequence("priority stop", stopping, StopRover("stop", context)),
-        _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
-        _sequence("work", any_goal, side_by_side),
+        Sequence("priority stop", stopping, StopRover("stop", context)),
+        Sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
+        Sequence("work", any_goal, Parallel("side by side", *branches)),
         Idle("idle"),
     )
 
 
-def _motion(context: Context) -> Behaviour:
+def _motion(context: Context) -> TickedNode:
     goals = context.goals.motion
 
     def waits() -> bool:
@@ -260,36 +261,34 @@ def _motion(context: Context) -> Behaviour:
 
     leg = Sequence(
         "leg",
+        PlanLeg("plan leg", context),
+        Turn("turn towards", context, final=False),
+        Drive("drive", context),
+        Turn("turn to heading", context, final=True),
+        FinishLeg("finish leg", context),
         memory=True,
-        children=[
-            PlanLeg("plan leg", context),
-            Turn("turn towards", context, final=False),
-            Drive("drive", context),
-            Turn("turn to heading", context, final=True),
-            FinishLeg("finish leg", context),
-        ],
     )
-    return _selector(
+    return Selector(
         "motion",
-        _sequence("go", TakeGoal("take place", goals, TargetCommand, waits), leg),
+        Sequence("go", TakeGoal("take place", goals, TargetCommand, waits), leg),
         *(
-            _sequence(name, TakeGoal(f"take {name}", goals, kind, waits), leaf(title, context))
+            Sequence(name, TakeGoal(f"take {name}", goals, kind, waits), leaf(title, context))
             for name, kind, title, leaf in WHOLE_MOTIONS
         ),
         Idle("no motion"),
     )
 
 
-def _camera(context: Context) -> Behaviour:
+def _camera(context: Context) -> TickedNode:
     goals = context.goals.camera
-    return _selector(
+    return Selector(
         "camera",
-        _sequence(
+        Sequence(
             "point",
             TakeGoal("take angles", goals, CameraPointing),
             PanTilt("pan and tilt", context, goals),
         ),
-        _sequence(
+        Sequence(
             "picture",
             TakeGoal("take picture", goals, TakePicture),
             Capture("capture", context, goals),
@@ -298,25 +297,17 @@ def _camera(context: Context) -> Behaviour:
     )
 
 
-def _instant(context: Context) -> Behaviour:
+def _instant(context: Context) -> TickedNode:
     goals = context.goals.instant
-    return _selector(
+    return Selector(
         "instant commands",
-        _sequence(
+        Sequence(
             "instant command",
             TakeGoal("take instant command", goals, InstantCommand),
             RunInstantCommand("run instant command", context, goals),
         ),
         Idle("no instant command"),
     )
-
-
-def _selector(name: str, *children: Behaviour) -> Selector:
-    return Selector(name, memory=False, children=list(children))
-
-
-def _sequence(name: str, *children: Behaviour) -> Sequence:
-    return Sequence(name, memory=False, children=list(children))
 
 
 def leaf_paths(settings: Settings) -> frozenset[str]:

@@ -5,13 +5,12 @@ import time
 from functools import partial
 from pathlib import Path
 
-from py_trees.composites import Selector
-
 from adapters.onboard.service import ExecutiveOptions, serve
 from adapters.process import log_to_stderr
 from executive.goals import Context
 from executive.settings import config_folder, load_settings
 from trees import RoverTree
+from trees.composites import Selector
 from trees.leaf import Condition
 
 TREE_NODES = 40
@@ -31,7 +30,8 @@ class PaddedTree(RoverTree):
         missing = TREE_NODES - len(list(self.root.iterate())) - 2
         conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
         hang = Condition("hang", lambda: hang_on_request(data / HANG))
-        self.root.prepend_child(Selector("padding", memory=False, children=[hang, *conditions]))
+        padding = Selector("padding", hang, *conditions)
+        self.root = Selector(self.root.name, padding, *self.root.nodes)
 
 
 def hang_on_request(path: Path) -> bool:
