@@ -52,10 +52,10 @@ class StampClock:
             known_s = offset_s - max(0.0, own_age_s - USUAL_LATENCY_S)
         else:
             known_s = self._offsets_s[source] + DRIFT_RATIO * (now_s - last_now_s)
-        self._offsets_s[source] = own_s = min(offset_s, known_s)
-        shared_s = min(
-            each for each in self._offsets_s.values() if abs(each - own_s) < SAME_CLOCK_S
-        )
+        self._offsets_s[source] = shared_s = own_s = min(offset_s, known_s)
+        for each_s in self._offsets_s.values():
+            if own_s - SAME_CLOCK_S < each_s < shared_s:
+                shared_s = each_s
         return stamp_s + shared_s
 
     def sparse_time_s(self, like: type, stamp_s: float, now_s: float, utc_s: float) -> float | None:
@@ -84,6 +84,7 @@ class Channel:
         self._filled = self._first = 0
         self.time_s = -inf
         self.sums: Sequence[float] = (0.0,) * width
+        self._last_end: tuple[float, Sequence[float]] = (-inf, self.sums)
 
     def add(self, time_s: float, sums: Sequence[float]) -> None:
         """Add the sums at a time; a time that is not newer is ignored."""
@@ -100,6 +101,7 @@ class Channel:
             ]
         self._filled = last
         self.time_s, self.sums = time_s, sums
+        self._last_end = -inf, sums
 
     @property
     def first_s(self) -> float:
@@ -125,8 +127,10 @@ class Channel:
 
     def increase_between(self, from_s: float, to_s: float) -> list[float] | None:
         """Return the increase between two times; None if it is unknown."""
-        if not (self.covers(from_s) and self.covers(to_s)):
+        first_s = self.first_s
+        if not (first_s <= from_s <= self.time_s and first_s <= to_s <= self.time_s):
             return None
-        return [
-            new - old for old, new in zip(self.sums_at(from_s), self.sums_at(to_s), strict=True)
-        ]
+        if self._last_end[0] != to_s:  # windows of one check have the same end
+            self._last_end = to_s, self.sums_at(to_s)
+        ends = self._last_end[1]
+        return [new - old for old, new in zip(self.sums_at(from_s), ends, strict=True)]

@@ -182,6 +182,8 @@ class MotionHistory:
         self.standing_since_s = clock.now_s()
         self.motion_since_s = inf
         self.begun_s = -inf
+        self._rest_known = (-inf, -inf)
+        self._wheels_rest = False
         self.jump: PoseJump | None = None
         self.emergency_stop: bool | None = None
         self.battery: Battery | None = None
@@ -387,9 +389,15 @@ class MotionHistory:
             return False
         if self.wheels is None:
             return True
-        turned = self.wheels_in(REST_S, self.wheels.sums.time_s)
-        max_m = REST_RADPS * self.wheels.settings.wheel_radius_m * REST_S
-        return turned is not None and max(abs(turned.left_m), abs(turned.right_m)) <= max_m
+        known = self.wheels.sums.time_s, self.begun_s
+        if self._rest_known != known:  # inertial measurements are more frequent
+            turned = self.wheels_in(REST_S, self.wheels.sums.time_s)
+            max_m = REST_RADPS * self.wheels.settings.wheel_radius_m * REST_S
+            self._rest_known = known
+            self._wheels_rest = (
+                turned is not None and max(abs(turned.left_m), abs(turned.right_m)) <= max_m
+            )
+        return self._wheels_rest
 
     def _time_s(self, fact: Odometry | Joints | Imu | SecondOdometry, now_s: float) -> float:
         return self._stamps.time_s(type(fact), fact.stamp_s, now_s, self._clock.utc_s())
@@ -476,17 +484,15 @@ class MotionHistory:
     def _pose_jump(self, before: Odometry, after: Odometry, since_s: float) -> PoseJump | None:
         """Return the step between two messages, if it exceeds the bound for their speeds."""
         first, second = before.velocity, after.velocity
-        found = PoseJump(
-            self._clock.now_s(),
-            hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m),
-            self._faults.odometry_jumped.bound
-            + since_s * max(abs(first.travel_mps), abs(second.travel_mps)),
-            abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad)),
-            self._faults.odometry_heading_jumped.bound
-            + since_s * max(abs(first.rotate_radps), abs(second.rotate_radps)),
-        )
-        near = found.step_m <= found.bound_m and found.turn_rad <= found.bound_rad
-        return None if near else found
+        step_m = hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m)
+        turn_rad = abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad))
+        speed_mps = max(abs(first.travel_mps), abs(second.travel_mps))
+        rate_radps = max(abs(first.rotate_radps), abs(second.rotate_radps))
+        bound_m = self._faults.odometry_jumped.bound + since_s * speed_mps
+        bound_rad = self._faults.odometry_heading_jumped.bound + since_s * rate_radps
+        if step_m <= bound_m and turn_rad <= bound_rad:
+            return None
+        return PoseJump(self._clock.now_s(), step_m, bound_m, turn_rad, bound_rad)
 
 
 def _excess(step: float, one: float, other: float) -> float:

@@ -174,6 +174,10 @@ class FaultMonitor:
             for name, row in self._rows.items()
             for window in row.windows
         )
+        self._at_rest = tuple(
+            each for each in self._watches if each.row.when is MonitoredWhen.ALWAYS
+        )
+        self._rested = False
 
     def check(self, moving: bool) -> FaultChanges:
         """Check all monitors.
@@ -267,7 +271,10 @@ class FaultMonitor:
         known = {fault.name: fault for fault in self.active}
         taken = self._foreign_input_active
         held = any(fault.row.reaction in HOLDING_REACTIONS for fault in self.active)
-        for watch in self._watches:
+        # At rest the others have no evidence, which the first check notes.
+        watches = self._at_rest if self._rested and not (moving or known) else self._watches
+        self._rested = not (moving or known)
+        for watch in watches:
             evidence = None
             if (
                 taken

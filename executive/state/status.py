@@ -90,6 +90,7 @@ class Status:
         self.map_to_odom: Pose | None = None
         self._map_at_s = -inf
         self._raw = Pose()
+        self._composed = (Pose(), Pose(), Pose())
         self.emergency_stop = False
         self.foreign_publishers: tuple[str, ...] = ()
         self.standstill = StandstillDetector(clock)
@@ -205,7 +206,9 @@ class Status:
         if self.odometry is None:
             return Pose()
         raw = self.odometry.pose if self.fusion is None else self.fusion.pose
-        return self.compensation.compose(raw)
+        if self._composed[:2] != (self.compensation, raw):
+            self._composed = self.compensation, raw, self.compensation.compose(raw)
+        return self._composed[2]
 
     @property
     def pose_figures(self) -> tuple[Figure, ...]:

@@ -58,12 +58,13 @@ class Pose:
         Only heading and position are composed; roll and pitch are those of the other pose.
         """
         cosine, sine = cos(self.heading_rad), sin(self.heading_rad)
-        return replace(
-            other,
-            x_m=other.x_m * cosine - other.y_m * sine + self.x_m,
-            y_m=other.x_m * sine + other.y_m * cosine + self.y_m,
-            z_m=other.z_m + self.z_m,
-            heading_rad=wrap_rad(other.heading_rad + self.heading_rad),
+        return Pose(
+            other.x_m * cosine - other.y_m * sine + self.x_m,
+            other.x_m * sine + other.y_m * cosine + self.y_m,
+            other.z_m + self.z_m,
+            wrap_rad(other.heading_rad + self.heading_rad),
+            other.roll_rad,
+            other.pitch_rad,
         )
 
     @property
