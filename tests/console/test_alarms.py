@@ -1,13 +1,17 @@
 """Alarms: raised, cleared and acknowledged, by several consoles and over restarts."""
 
 import asyncio
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
-from sqlalchemy import Engine
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Engine, create_engine, text
 
 from adapters.console.archive import (
     AlarmCleared,
@@ -20,14 +24,19 @@ from adapters.console.archive import (
     change_alarms,
     delete_old,
     open_alarms,
+    open_database,
     read_alarms,
+    read_notifications,
+    shelve_alarm,
 )
-from adapters.console.messages import AlarmStatus, LinkKind
+from adapters.console.archive.database import FILE, MIGRATIONS
+from adapters.console.messages import AlarmStatus, LinkKind, NotificationMessage
 from adapters.console.requests import AlarmRequests
 from adapters.console.rovers import notification_message as notified_of
 from adapters.mrs.spec import ReceivedReport
 from adapters.system import OPERATING_SYSTEM
 from executive.commands import Resume
+from executive.values.reasons import Reason
 from tests.console.conftest import Launch
 from tests.console.consoles import JsonMessage, Operator, at_console
 from tests.console.postgres import fresh
@@ -99,22 +108,72 @@ async def test_an_alarm_is_open_until_it_is_cleared_and_acknowledged(
             assert not standing & {BATTERY, VOLTAGE}
 
 
-async def test_what_happens_once_is_over_at_once_and_counted(rover: Aboard, tmp_path: Path) -> None:
+def reported(
+    utc: float, text: str, severity: str = "WARNING", **fields: Any
+) -> NotificationMessage:
+    given = {"text": text, "severity": severity, "kind": "EVENT"} | fields
+    return replace(notified(1, utc), **given)
+
+
+LATE: dict[str, Any] = {"code": Reason.ODOMETRY_STALE.value, "fault": "odometry_stale"}
+ENDED = {**LATE, "kind": "COMMAND", "command": "m1"}
+OPERATORS_OWN = (
+    reported(1.0, "too far", kind="COMMAND", stage="REJECTED", code=102, command="m1"),
+    reported(2.0, "stopped by MOE", kind="COMMAND", stage="CANCELLED", code=801, command="m2"),
+    reported(3.0, "plan p SUSPENDED: stopped by MOE", code=Reason.STOPPED.value),
+    reported(3.1, "plan p SUSPENDED: by anna", code=Reason.PLAN_SUSPENDED.value),
+    reported(4.0, "duplicate of anna:1", code=Reason.DUPLICATE.value),
+    reported(
+        5.0, "off", "ALARM", kind="COMMAND", stage="FAILED", code=711, command="jackal:plan:p:1"
+    ),
+)
+ONE_LATE_ODOMETRY = (
+    reported(10.0, "odometry is 0.3 s old", "ALARM", **LATE),
+    reported(10.0, "plan p SUSPENDED: odometry is 0.3 s old", code=LATE["code"]),
+    reported(10.1, "odometry is 0.3 s old", "ALARM", stage="FAILED", **ENDED),
+    reported(10.1, "odometry is 0.3 s old", stage="CANCELLED", **(ENDED | {"command": "m2"})),
+)
+ONE_RESTART = (
+    reported(20.0, "was interrupted", "ALARM", kind="COMMAND", stage="FAILED", code=803),
+    reported(20.1, "plan p SUSPENDED: the executive was restarted", code=803),
+)
+
+
+async def test_equal_causes_are_one_alarm_and_actions_of_operators_none(engine: Engine) -> None:
+    archive, log = Archive(engine, OPERATING_SYSTEM.utc_s), [*OPERATORS_OWN, *ONE_LATE_ODOMETRY]
+    alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
+    for each in (*log, *ONE_RESTART, *log):  # the other link carries the same reports again
+        alarms.on_report(each)
+    await alarms.close()
+    late, restart = await archive.read(open_alarms)
+    assert (late.source, late.occurrences, late.command) == ("fault 902", 1, "m1")
+    assert (late.text, late.cleared) == ("odometry is 0.3 s old", None)
+    assert (restart.source, restart.occurrences, restart.cleared) == ("reason 803", 2, 20.1)
+    cleared = {"code": Reason.FAULT_CLEARED.value, "fault": "odometry_stale"}
+    alarms.on_report(reported(11.0, "odometry_stale cleared", "INFORMATIONAL", **cleared))
+    alarms.on_report(reported(30.0, "no contact for 9 s: held", code=931, fault="link_lost"))
+    await alarms.close()
+    assert [each.cleared for each in await archive.read(open_alarms)] == [11.0, 20.1, 30.0]
+    await archive.close()
+
+
+async def test_a_refusal_is_no_alarm_and_wrong_requests_are_refused(
+    rover: Aboard, tmp_path: Path
+) -> None:
     async with at_console(tmp_path, rover.uri, "anna", topics=("link", "alarm", "cmd")) as (anna,):
         await anna.page.is_up()
-        for number in (1, 2):
-            await anna.send(f"far {number}", "activatePlan", plan_id="none")
-            refused = await anna.page.until(
-                lambda message: (
-                    message["ty"] == "alarm" and message["source"].startswith("command REJECTED")
-                )
-            )
-            assert refused["occurrences"] == number
-            assert refused["command"] == f"far {number}"
-            assert refused["cleared"] == refused["last"]
-        for wrong in ("x", [[1]], [[1, True]], [["1", 1]]):
-            status, answer = await anna.post("api/alarms/acknowledge", alarms=wrong)
+        await anna.send("far", "activatePlan", plan_id="none")
+        await anna.page.until(
+            lambda message: message["ty"] == "cmd" and message["state"] == "rejected"
+        )
+        assert (await anna.get("api/alarms"))["alarms"] == []
+        for seen in ("x", [[1]], [[1, True]], [["1", 1]]):
+            status, answer = await anna.post("api/alarms/acknowledge", alarms=seen)
             assert (status, answer["field"]) == (422, "alarms")
+        shelving: dict[str, object] = {"alarm": 1, "duration": 60.0, "comment": "known"}
+        for wrong in ({"alarm": "1"}, {"duration": 1e9}, {"comment": ""}):
+            status, answer = await anna.post("api/alarms/shelve", **(shelving | wrong))
+            assert (status, [answer["field"]]) == (422, list(wrong))
 
 
 async def test_consoles_at_one_database_show_the_same(
@@ -122,7 +181,7 @@ async def test_consoles_at_one_database_show_the_same(
 ) -> None:
     rover = launch()
     rover.runs = True
-    topics, url = ("link", "alarm"), fresh(postgres)
+    topics, url = ("link", "alarm", "ntf"), fresh(postgres)
     async with (
         at_console(tmp_path / "one", rover.uri, "anna", topics=topics, archive=url) as (anna,),
         at_console(tmp_path / "two", rover.uri, "ben", topics=topics, archive=url) as (ben,),
@@ -138,6 +197,44 @@ async def test_consoles_at_one_database_show_the_same(
         assert seen["occurrences"] == 1
         alarms = (await anna.get("api/alarms"))["alarms"]
         assert len(alarms) == len({each["source"] for each in alarms})
+        for operator in (anna, ben):
+            await operator.page.until(is_entry("ben acknowledged the alarm: battery"))
+        shelve = {"alarm": here["id"], "duration": 60.0, "comment": "is charged at noon"}
+        status, answer = await anna.post("api/alarms/shelve", **shelve)
+        shelved = await ben.page.until(is_alarm(BATTERY, shelved_by="anna"))
+        assert (status, answer["alarms"][0]["shelved"]) == (200, shelved["shelved"])
+        assert shelved["shelved_until"] == pytest.approx(shelved["shelved"] + 60.0, abs=0.001)
+        await ben.page.until(is_entry("anna shelved the alarm for 1 min (is charged at noon): "))
+        await anna.post("api/alarms/shelve", alarm=here["id"], duration=0)
+        await ben.page.until(is_alarm(BATTERY, shelved_until=None, comment=None))
+    archive = Archive(open_database(url, tmp_path), OPERATING_SYSTEM.utc_s)
+    page = TablePage("jackal", None, None, 100)
+    entries = json.loads(await archive.read(partial(read_notifications, page=page)))
+    done = [" ".join(each["text"].split()[:2]) for each in entries if each["link"] == "console"]
+    assert done == ["anna ended", "anna shelved", "ben acknowledged"]
+    await archive.close()
+
+
+def test_an_archive_without_shelving_is_migrated_with_its_alarms(tmp_path: Path) -> None:
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    engine = create_engine(f"sqlite:///{tmp_path / FILE}")
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0002")
+        names = "asset, source, severity, text, raised_us, last_us, occurrences, open"
+        values = "'jackal', 'fault 905', 'ALARM', 'low', 1000000, 1000000, 1, 1"
+        connection.execute(text(f"INSERT INTO alarm ({names}) VALUES ({values})"))
+    engine.dispose()
+    migrated = open_database(None, tmp_path)
+    with migrated.connect() as connection:
+        (low,) = open_alarms(connection)
+    assert (low.source, low.raised, low.shelved_until) == ("fault 905", 1.0, None)
+    migrated.dispose()
+
+
+def is_entry(text: str) -> Callable[[JsonMessage], bool]:
+    return lambda message: message["ty"] == "ntf" and message["text"].startswith(text)
 
 
 async def test_an_already_received_report_changes_nothing(engine: Engine) -> None:
@@ -173,6 +270,16 @@ async def test_an_already_received_report_changes_nothing(engine: Engine) -> Non
     assert await change(AlarmCleared("jackal", "fault 1", 12.0), raised(utc=10.0)) == []
     (other,) = await change(raised(utc=20.0))
     assert (other.id, other.occurrences) == (first.id + 1, 1)
+    shelve = partial(shelve_alarm, number=other.id, shelving=(60.0, "ben", "known"), utc_s=21.0)
+    await archive.write(shelve)
+    assert await acknowledge(other, 21.0) != []
+    assert await change(AlarmCleared("jackal", "fault 1", 22.0)) == []
+    (while_shelved,) = await change(raised(utc=80.0))
+    assert (while_shelved.shelved_until, while_shelved.comment) == (81.0, "known")
+    await acknowledge(while_shelved, 81.0)
+    assert await change(AlarmCleared("jackal", "fault 1", 82.0)) == []
+    (other,) = await change(raised(utc=90.0))
+    assert other.shelved_until is None
     await delete_old(archive, RetentionPolicy(days=1.0), 1e6)
     all_alarms = partial(read_alarms, page=TablePage("jackal", None, None, 9))
     assert await archive.read(all_alarms) == [other]
@@ -209,8 +316,8 @@ async def test_no_alarm_depends_on_a_text(engine: Engine, tmp_path: Path) -> Non
 
 async def test_an_alarm_raised_during_a_write_is_not_lost(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    reported: list[AlarmStatus] = []
-    alarms = AlarmRequests(archive, reported.append, lambda *_: (None, None))
+    published: list[AlarmStatus | NotificationMessage] = []
+    alarms = AlarmRequests(archive, published.append, lambda *_: (None, None))
 
     def receive(utc: float, text: str) -> None:
         alarms.on_report(replace(notified(1, utc), text=text))
@@ -221,7 +328,7 @@ async def test_an_alarm_raised_during_a_write_is_not_lost(engine: Engine) -> Non
     receive(2.0, "wind")
     await asyncio.gather(*polls)
     await alarms.refresh()
-    assert [each.text for each in reported] == ["dust", "wind"]
+    assert [each.text for each in published] == ["dust", "wind"]
     await archive.close()
 
 

@@ -12,12 +12,14 @@ by source and number, with the stages that either received
 """
 
 from adapters.console.archive.alarms import AlarmCleared as AlarmCleared
+from adapters.console.archive.alarms import AlarmCommand as AlarmCommand
 from adapters.console.archive.alarms import AlarmRaised as AlarmRaised
 from adapters.console.archive.alarms import Change as Change
 from adapters.console.archive.alarms import acknowledge_alarms as acknowledge_alarms
 from adapters.console.archive.alarms import change_alarms as change_alarms
 from adapters.console.archive.alarms import open_alarms as open_alarms
 from adapters.console.archive.alarms import read_alarms as read_alarms
+from adapters.console.archive.alarms import shelve_alarm as shelve_alarm
 from adapters.console.archive.archive import POLL_S as POLL_S
 from adapters.console.archive.archive import Archive as Archive
 from adapters.console.archive.archive import Written as Written

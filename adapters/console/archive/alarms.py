@@ -1,4 +1,4 @@
-"""`change_alarms` and `acknowledge_alarms` in the archive, which consoles at a database share.
+"""Changes of alarms in the archive, which consoles at a database share, and their queries.
 
 At most one alarm of a source is open. A report that was received before (by another link or
 console, or before a restart) changes nothing: occurrences are identified by their time aboard.
@@ -6,7 +6,7 @@ console, or before a restart) changes nothing: occurrences are identified by the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy import Connection, Row, or_, select
 
@@ -46,7 +46,17 @@ class AlarmCleared:
     utc: float
 
 
-Change = AlarmRaised | AlarmCleared
+@dataclass(frozen=True, slots=True)
+class AlarmCommand:
+    """The cause of an alarm has ended a command."""
+
+    asset: str
+    source: str
+    utc: float
+    command: str
+
+
+Change = AlarmRaised | AlarmCleared | AlarmCommand
 
 
 def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
@@ -61,6 +71,9 @@ def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
                 if known is not None and active and to_us(utc) >= known.last_us:
                     is_open = int(known.acknowledged_us is None)
                     _update(connection, known.id, cleared_us=to_us(utc), open=is_open)
+            case AlarmCommand(utc=utc, command=command):
+                if known is not None and known.command is None and to_us(utc) >= known.last_us:
+                    _update(connection, known.id, command=command)
 
 
 def acknowledge_alarms(
@@ -85,6 +98,28 @@ def acknowledge_alarms(
             is_open = int(row.cleared_us is None)
             by = {"operator": operator, "acknowledged_us": to_us(utc_s)}
             _update(connection, number, open=is_open, **by)
+
+
+def shelve_alarm(
+    connection: Connection, number: int, shelving: tuple[float, str, str], utc_s: float
+) -> None:
+    """Shelve an open alarm, or end its shelving.
+
+    Args:
+        connection: connection of the writer thread.
+        number: id of the alarm.
+        shelving: duration in seconds, 0 to end it; operator; comment.
+        utc_s: time of the operator's action.
+    """
+    duration_s, operator, comment = shelving
+    values = {
+        "shelved_us": to_us(utc_s),
+        "shelved_until_us": to_us(utc_s + duration_s) if duration_s else None,
+        "shelved_by": operator,
+        "comment": comment or None,
+    }
+    chosen = (ALARM.c.id == number, ALARM.c.open == 1)
+    connection.execute(ALARM.update().where(*chosen).values(**values))
 
 
 def open_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
@@ -119,9 +154,15 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
             "raised_us": utc_us,
             "occurrences": 1,
         }
+        if known is not None and (known.shelved_until_us or 0) > utc_us:
+            first |= {name: getattr(known, name) for name in _SHELVING}
         connection.execute(ALARM.insert().values(**first, **values, open=1))
     elif raised.reoccurrence or known.cleared_us is not None:
         _update(connection, known.id, occurrences=known.occurrences + 1, **values)
+
+
+_SHELVING: Final = ("shelved_us", "shelved_until_us", "shelved_by", "comment")
+"""Columns that a recurrence inherits while the alarm is shelved."""
 
 
 def _last(connection: Connection, change: Change) -> Row[Any] | None:
@@ -153,4 +194,8 @@ def alarm_of(row: Row[Any]) -> AlarmStatus:
         cleared=utc(row.cleared_us),
         operator=row.operator,
         acknowledged=utc(row.acknowledged_us),
+        shelved=utc(row.shelved_us),
+        shelved_until=utc(row.shelved_until_us),
+        shelved_by=row.shelved_by,
+        comment=row.comment,
     )

@@ -51,6 +51,9 @@ class AlarmStatus:
         occurrences: number of occurrences.
         cleared: time at which its cause ended, by the onboard clock; None while it is active.
         operator, acknowledged: operator and time of the acknowledgement, by the console's clock.
+        shelved: time of the last shelving, or of its end by an operator.
+        shelved_until: end of the time without a count; None if it is not shelved.
+        shelved_by, comment: operator and reason of the shelving.
     """
 
     ty: ClassVar[str] = "alarm"
@@ -67,6 +70,10 @@ class AlarmStatus:
     cleared: float | None
     operator: str | None
     acknowledged: float | None
+    shelved: float | None = None
+    shelved_until: float | None = None
+    shelved_by: str | None = None
+    comment: str | None = None
 
     @property
     def open(self) -> bool:

@@ -1,15 +1,17 @@
 """`AlarmRequests` raises alarms from received data; they stay open until cleared and acknowledged.
 
-Reports of severity WARNING and above raise alarms: those of a monitor's fault are active until the
-fault clears, the others clear at once. A parameter outside its limits raises an alarm, too. Open
-alarms are stored in the archive, which several consoles may share.
+An alarm requires an action of an operator, and equal causes are one alarm. A fault is active until
+it clears; the commands that it ends and the plan that it suspends belong to its alarm. Other
+failures clear at once. Refusals, cancellations and stops are results of an operator's own action:
+they are log entries. A parameter outside its limits raises an alarm, too. Open alarms are stored in
+the archive, which several consoles may share.
 """
 
 import asyncio
 import logging
 import re
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -21,6 +23,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from adapters.console.archive import (
     POLL_S,
     AlarmCleared,
+    AlarmCommand,
     AlarmRaised,
     Archive,
     Change,
@@ -29,18 +32,30 @@ from adapters.console.archive import (
     change_alarms,
     open_alarms,
     read_alarms,
+    shelve_alarm,
 )
-from adapters.console.messages import AlarmStatus, NotificationMessage, Quality, Sample, TreeState
+from adapters.console.messages import (
+    AlarmStatus,
+    LinkKind,
+    NotificationMessage,
+    Quality,
+    Sample,
+    TreeState,
+)
 from adapters.console.web import (
     OPERATOR,
     body_of,
     invalid,
+    is_number,
     json_response,
     refused,
     requested_page,
+    text_of,
 )
+from executive.commands.intake import SOURCE_PREFIX
 from executive.faults import DECLARED
 from executive.values.reasons import Reason
+from executive.values.reports import Stage
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -51,11 +66,23 @@ LIMIT_HYSTERESIS: Final = 0.01
 MAX_PENDING: Final = 10_000
 """Capacity of the queue of changes while the archive cannot be written."""
 MAX_ACKNOWLEDGED: Final = 1000
+MAX_SHELVED_S: Final = 7 * 86_400.0
+MAX_COMMENT_LENGTH: Final = 400
 MAX_SOURCE_LENGTH: Final = 200
 
 _CALM: Final = "INFORMATIONAL"
 _CODES: Final = {name: declared.reason.value for name, declared in DECLARED.items()}
 _LASTING: Final = frozenset(_CODES.values())
+_ALARMING_STAGES: Final = frozenset({Stage.FAILED.name, Stage.EXPIRED.name})
+"""Stages that require an action of an operator; the others are results of such an action."""
+_OWN_ACTIONS: Final = frozenset(
+    reason.value
+    for reason in (
+        *(Reason.STOPPED, Reason.REPLACED, Reason.DUPLICATE, Reason.BAD_IDENTIFIER),
+        *(Reason.PLAN_SUSPENDED, Reason.PLAN_ABORTED),
+    )
+)
+"""Reasons of events that an operator's own action causes."""
 
 Limits = tuple[float | None, float | None]
 Key = tuple[str, str]
@@ -66,14 +93,14 @@ class AlarmRequests:
 
     Args:
         archive: stores the alarms.
-        publish: sends the status of an alarm to all pages.
+        publish: sends the status of an alarm, or a log entry, to all pages.
         limits: returns the limits of a parameter, by asset and key.
     """
 
     def __init__(
         self,
         archive: Archive,
-        publish: Callable[[AlarmStatus], None],
+        publish: Callable[[AlarmStatus | NotificationMessage], None],
         limits: Callable[[str, str], Limits],
     ) -> None:
         self._archive, self._publish, self._limits = archive, publish, limits
@@ -89,6 +116,7 @@ class AlarmRequests:
         return [
             web.get("/api/alarms", self._list),
             web.post("/api/alarms/acknowledge", self._acknowledge),
+            web.post("/api/alarms/shelve", self._shelve),
         ]
 
     async def run(self) -> None:
@@ -126,27 +154,20 @@ class AlarmRequests:
                 raise
             found = await self._archive.read(partial(open_alarms, also=tuple(self._published)))
             for alarm in found:
-                if self._published.get(alarm.id) != alarm:
+                before = self._published.get(alarm.id)
+                if before != alarm:
                     self._publish(alarm)
+                for utc, text in () if before is None else _actions(before, alarm):
+                    self._publish(_log_entry(alarm, utc, text))
             self._published = {alarm.id: alarm for alarm in found if alarm.open}
 
     def on_report(self, report: NotificationMessage) -> None:
         """Raise or clear the alarm of a report."""
         if report.code == Reason.FAULT_CLEARED.value and report.fault in _CODES:
             self._put(AlarmCleared(report.asset, _fault_key(_CODES[report.fault]), report.utc))
-        if report.severity == _CALM:
-            return
-        lasts = report.kind == "EVENT" and report.code in _LASTING
-        raised = AlarmRaised(
-            report.asset,
-            _source_of(report),
-            report.utc,
-            report.severity,
-            f"{report.stage}: {report.text}" if report.stage else report.text,
-            report.command,
-            persistent=lasts,
-        )
-        self._put(raised)
+        change = _change_of(report)
+        if change is not None:
+            self._put(change)
 
     def on_tree(self, tree: TreeState) -> None:
         """Raise and clear alarms of monitor faults by the tree's list of active faults."""
@@ -199,18 +220,55 @@ class AlarmRequests:
         ):
             text = f"at most {MAX_ACKNOWLEDGED} pairs [id, occurrences], as displayed, are needed"
             raise invalid("alarms", text)
-        acknowledge = partial(
-            acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=self._archive.utc()
-        )
+        acknowledge = partial(acknowledge_alarms, seen=seen, operator=request[OPERATOR])
+        return await self._change([number for number, _ in seen], acknowledge)
+
+    async def _shelve(self, request: web.Request) -> web.Response:
+        body = await body_of(request)
+        number, duration_s = body.get("alarm"), body.get("duration")
+        if type(number) is not int:
+            raise invalid("alarm", "the id of an alarm is needed")
+        if not is_number(duration_s) or not 0.0 <= duration_s <= MAX_SHELVED_S:
+            text = f"a number of seconds from 0 to {MAX_SHELVED_S:g} is needed; 0 ends the shelving"
+            raise invalid("duration", text, low=0.0, high=MAX_SHELVED_S)
+        comment = text_of(body, "comment", MAX_COMMENT_LENGTH) if duration_s else ""
+        shelving = (duration_s, request[OPERATOR], comment)
+        return await self._change([number], partial(shelve_alarm, number=number, shelving=shelving))
+
+    async def _change(self, numbers: list[int], act: Callable[..., None]) -> web.Response:
+        """Apply an operator's action, and return the status of its alarms."""
         try:
-            await self._archive.write(acknowledge)
+            await self._archive.write(partial(act, utc_s=self._archive.utc()))
             await self.refresh()
         except SQLAlchemyError as error:
-            text = f"the archive cannot be used, nothing is acknowledged: {cause_of(error)}"
+            text = f"the archive cannot be used, nothing is changed: {cause_of(error)}"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
-        numbers = [number for number, _ in seen]
         found = await self._archive.read(partial(open_alarms, also=numbers))
         return json_response({"alarms": [each for each in found if each.id in numbers]})
+
+
+def _actions(before: AlarmStatus, after: AlarmStatus) -> Iterator[tuple[float, str]]:
+    """Return time and text of the actions of operators on an alarm."""
+    if after.acknowledged is not None and after.acknowledged != before.acknowledged:
+        yield after.acknowledged, f"{after.operator} acknowledged the alarm"
+    if after.shelved is not None and after.shelved != before.shelved:
+        how = "ended the shelving of the alarm"
+        if after.shelved_until is not None:
+            minutes = (after.shelved_until - after.shelved) / 60.0
+            how = f"shelved the alarm for {minutes:.0f} min ({after.comment})"
+        yield after.shelved, f"{after.shelved_by} {how}"
+
+
+def _log_entry(alarm: AlarmStatus, utc: float, text: str) -> NotificationMessage:
+    """Return the log entry of an operator's action, with the number of the alarm.
+
+    It is equal at all consoles, so the archive stores it once.
+    """
+    return NotificationMessage(
+        *(alarm.asset, LinkKind.CONSOLE, alarm.id, utc, utc, "EVENT", _CALM),
+        *(f"{text}: {alarm.text}", alarm.command, None, None, None, None, {}),
+        cursor=alarm.id,
+    )
 
 
 @dataclass(slots=True)
@@ -269,14 +327,44 @@ def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:
     }
 
 
+def _change_of(report: NotificationMessage) -> Change | None:
+    """Return the change of alarms by a report; None if it is a log entry only."""
+    if report.severity == _CALM:
+        return None
+    of_fault = None if report.fault is None else _CODES.get(report.fault)
+    if report.stage is not None:
+        if of_fault is not None and report.command is not None:
+            return AlarmCommand(report.asset, _fault_key(of_fault), report.utc, report.command)
+        of_plan = f"{report.asset}:{SOURCE_PREFIX}"  # the plan continues, or reports its failure
+        if report.stage not in _ALARMING_STAGES or (report.command or "").startswith(of_plan):
+            return None
+    elif report.code in _OWN_ACTIONS:
+        return None
+    of_this_fault = report.kind == "EVENT" and report.code in _LASTING
+    return AlarmRaised(
+        report.asset,
+        _fault_key(report.code) if of_this_fault else _source_of(report),
+        report.utc,
+        report.severity,
+        f"{report.stage}: {report.text}" if report.stage else report.text,
+        report.command,
+        # A report without the name of its fault is of a consequence.
+        persistent=of_this_fault and of_fault is not None and not _is_contact_back(report),
+        reoccurrence=not of_this_fault or of_fault is not None,
+    )
+
+
 def _source_of(report: NotificationMessage) -> str:
     """Return the alarm source of a report: an equal report is another occurrence of the alarm."""
-    if report.kind == "EVENT" and report.code in _LASTING:
-        return _fault_key(report.code)
-    if report.stage is not None:
-        return f"command {report.stage} {report.code or ''}".strip()
-    what = report.code or re.sub(r"[0-9.]+", "#", report.text)[:MAX_SOURCE_LENGTH]
+    if report.code is not None:
+        return f"reason {report.code}"
+    what = report.stage or re.sub(r"[0-9.]+", "#", report.text)[:MAX_SOURCE_LENGTH]
     return f"{report.kind.lower()} {what}"
+
+
+def _is_contact_back(report: NotificationMessage) -> bool:
+    """Whether the report is of an outage without a stop, which its reception shows to be over."""
+    return report.code == Reason.LINK_LOST.value and report.severity == "WARNING"
 
 
 def _fault_key(code: int | None) -> str:
