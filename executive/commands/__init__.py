@@ -23,6 +23,7 @@ from executive.commands.declaration import arguments_of as arguments_of
 from executive.commands.declaration import bounded as bounded
 from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import record as record
+from executive.commands.formatting import argument_values as argument_values
 from executive.commands.formatting import request_text as request_text
 from executive.commands.segments import Arc as Arc
 from executive.commands.segments import Curve as Curve

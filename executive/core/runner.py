@@ -327,6 +327,10 @@ class Executive:
         """Return the progress of each plan, in the order of submission."""
         return self._planner.updates()
 
+    def plan_definition(self, plan_id: str) -> PlanDefinition | None:
+        """Return a plan as submitted; None if there is no such plan."""
+        return self._planner.definition(plan_id)
+
     def reports(
         self, since: int = 1, command_id: int | None = None, count: int = 1000
     ) -> Sequence[Report]:
@@ -347,8 +351,7 @@ class Executive:
         what = check_plan(request, settings) if isinstance(request, PlanDefinition) else request
         if isinstance(what, Refusal):
             return what
-        refusal = check_localized(status, settings)
-        if refusal is not None:
+        if (refusal := check_localized(status, settings)) is not None:
             return refusal
         goals, clock = context.goals.motion, context.clock
         pose = expected_pose(goals, status.pose, clock, settings, status.obstacles)

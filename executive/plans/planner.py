@@ -166,6 +166,10 @@ class Planner:
         """Return the progress of each plan, in the order of submission."""
         return [plan.last for plan in self._plans.values()]
 
+    def definition(self, plan_id: str) -> PlanDefinition | None:
+        """Return a plan as submitted; None if there is no such plan."""
+        return self._store.definition(plan_id) if plan_id in self._plans else None
+
     def root(self, plan_id: str) -> PlanNode | None:
         """Return the root node of a plan; None if it no longer fits the settings."""
         root = check_plan(self._store.definition(plan_id), self._settings)

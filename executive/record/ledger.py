@@ -47,7 +47,9 @@ CREATE TABLE IF NOT EXISTS latched_faults (name TEXT PRIMARY KEY, fault TEXT NOT
 PRUNED: Final = b""
 """Placeholder for the digest of a command that `Retention` has pruned."""
 MAX_RETAINED_REQUEST_OCTETS: Final = 16_384
-"""Maximum octets of a request retained after its command has ended; of a refused one none."""
+"""Maximum octets of a request retained after its command has ended."""
+MAX_REFUSED_REQUEST_OCTETS: Final = 256
+"""Maximum octets of a refused request that is retained; chosen, not measured."""
 
 TERMINAL_STAGES: Final = ",".join(str(stage.value) for stage in TERMINAL)
 """The numbers of terminal stages, as a list for SQL."""
@@ -150,10 +152,12 @@ class Ledger(Database):
         key = (identity.source, identity.command_id)
         self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
         if stage in TERMINAL:
+            is_refused = stage is Stage.REJECTED
+            maximum = MAX_REFUSED_REQUEST_OCTETS if is_refused else MAX_RETAINED_REQUEST_OCTETS
             self.write(
                 "UPDATE commands SET request = '' WHERE source = ? AND command_id = ?"
                 " AND length(request) > ?",
-                (*key, 0 if stage is Stage.REJECTED else MAX_RETAINED_REQUEST_OCTETS),
+                (*key, maximum),
             )
 
     def append_report(self, report: Report, foreign: bool = False) -> None:

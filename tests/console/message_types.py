@@ -10,12 +10,13 @@ from adapters.console.archive.objects import PlanRevision
 from adapters.console.messages import Message
 from adapters.console.requests.explaining import ExplanationBody
 from adapters.console.requests.files import FileEntry
+from adapters.console.requests.map_requests import RouteStep
 from adapters.console.rovers.dictionary import AssetEntry
 from adapters.mrs.spec import Preview
 from tests.docs.pages import CHECKOUT
 
 FILE: Final = CHECKOUT / "adapters" / "console" / "static" / "app" / "model" / "messages.d.ts"
-ANSWERS: Final = (AssetEntry, FileEntry, PlanRevision, Preview, ExplanationBody)
+ANSWERS: Final = (AssetEntry, FileEntry, PlanRevision, Preview, ExplanationBody, RouteStep)
 PLAIN: Final = {Any: "any", NoneType: "null", bool: "boolean", str: "string"} | dict.fromkeys(
     (int, float), "number"
 )

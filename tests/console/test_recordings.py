@@ -13,10 +13,10 @@ from aiohttp import web
 from adapters.console.archive import Written
 from adapters.console.recordings import recordings
 from adapters.console.recordings.recorded import RecordedRun
-from adapters.console.rovers import FORMS, command_entries, form_values, request_of
+from adapters.console.rovers import FORMS, command_entries, request_of
 from adapters.process import StartError
 from adapters.recording import RecordingError, RunFile, RunReader, decode
-from executive.commands import Request, declaration_of
+from executive.commands import Request, argument_values, declaration_of
 from executive.settings import load_settings
 from tests.console.conftest import record
 from tests.console.consoles import LIMIT_S, at_console, operator, served
@@ -34,12 +34,12 @@ RUN = "jackal@run"
 def test_a_request_is_shown_in_its_posted_form(request_: Request) -> None:
     forms = {each.name: each for each in command_entries(load_settings("jackal"))}
     form = forms[declaration_of(type(request_)).name]
-    assert request_of(form, form_values(request_)) == request_
+    assert request_of(form, argument_values(request_)) == request_
 
 
 @pytest.mark.parametrize("request_", GOOD, ids=lambda request: type(request).__name__)
 def test_a_request_is_json_also_if_it_is_never_posted(request_: Request) -> None:
-    assert json.loads(json.dumps(form_values(request_))) == form_values(request_)
+    assert json.loads(json.dumps(argument_values(request_))) == argument_values(request_)
 
 
 async def test_a_recording_is_an_asset_with_the_past_of_its_file(

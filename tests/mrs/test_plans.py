@@ -15,7 +15,7 @@ from adapters.mal import (
     UpdateHeader,
 )
 from adapters.mrs.ground import CommandOutcome, MrsClient
-from adapters.mrs.spec import AssetMode, ReceivedReport, Stage
+from adapters.mrs.spec import AreaError, AssetMode, ReceivedReport, Stage
 from adapters.mrs.spec.mapping import definition_of, wire_definition
 from adapters.mrs.spec.types import PlanDefinition
 from executive.commands import (
@@ -38,6 +38,14 @@ from tests.support.plans import plan
 pytestmark = pytest.mark.usefixtures("running")
 
 AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
+
+
+async def test_a_plan_is_returned_as_submitted(client: MrsClient) -> None:
+    named = plan('<moveForward distance="{far}" deadline_s="60"/>', far="2")
+    await send(client, SubmitPlan(named))
+    assert await client.get_plan("survey") == named
+    with raises(AreaError.NOT_FOUND.value):
+        await client.get_plan("another")
 
 
 def is_of_plan(received: ReceivedReport) -> bool:

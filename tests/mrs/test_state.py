@@ -3,7 +3,9 @@
 import asyncio
 import threading
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from math import isnan
+from types import SimpleNamespace
 
 import pytest
 
@@ -32,6 +34,7 @@ from adapters.mrs.spec import (
     utc_s_of,
 )
 from executive.commands import (
+    FollowPath,
     MoveForward,
     Request,
     Resume,
@@ -41,9 +44,13 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
     TakePicture,
+    Waypoint,
 )
+from executive.obstacles.zones import ScannedObstacle
 from executive.record import LedgerError, LedgerRetention
+from executive.settings import TargetFrame
 from executive.values.reasons import Figure, Reason
+from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, LinkedBench, event, number_of, raises
 
 UNITS = {
@@ -229,6 +236,34 @@ async def test_returns_notifications_of_the_past(aboard: Aboard, client: MrsClie
     assert [n.cursor for n in everything] == [n.report.sequence for n in everything]
 
 
+async def test_returns_the_arguments_of_commands(aboard: Aboard, client: MrsClient) -> None:
+    path = FollowPath((Waypoint(1.0, 0.0), Waypoint(2.0, 0.0, 0.5)), frame=TargetFrame.ODOM)
+    requests: list[Request] = [path, MoveForward(500.0), TakePicture(format="PNG")]
+    for number, request in enumerate(requests, 1):
+        with suppress(MalError):
+            await client.submit(client.command(request, source="TER", command_id=number))
+    aboard.run(0.1)
+    given = [await client.get_arguments(Identity("TER", number)) for number in (1, 2, 3)]
+    waypoints = [{"x": 1.0, "y": 0.0}, {"x": 2.0, "y": 0.0, "heading": 0.5}]
+    assert given == [
+        {"waypoints": waypoints, "frame": "odom"},
+        {"distance": 500.0},  # refused
+        {"format": "PNG"},
+    ]
+    with raises(AreaError.NOT_FOUND.value):
+        await client.get_arguments(Identity("TER", 4))
+
+
+async def test_returns_the_obstacles_that_the_laser_detected(
+    aboard: Aboard, client: MrsClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert await client.get_obstacles() == ()
+    seen = SimpleNamespace(circles=(ScannedObstacle("seen", 1.0, 2.0, 0.2),))
+    monkeypatch.setattr(aboard.do(lambda bench: bench.executive.status), "_local_map", seen)
+    (found,) = await client.get_obstacles()
+    assert (found.x, found.y, found.radius) == (1.0, 2.0, 0.2)
+
+
 async def test_reports_its_properties(client: MrsClient) -> None:
     asset = await client.get_asset()
     assert (asset.asset, asset.domain) == ("jackal", ("meteron", "jackal"))
@@ -242,14 +277,14 @@ async def test_the_directory_lists_what_works_and_nothing_else(
     services = await client.get_services()
     assert {service.name: service.operations for service in services} == {
         "ServiceLayer": (1, 2, 3, 4, 5),
-        "Notification": (1, 2, 3, 5),
+        "Notification": (1, 2, 3, 5, 6),
         "Monitoring": (1, 2, 3, 4),
         "FileTransfer": (1, 2, 3),
         "FileManagement": (1, 2, 3, 4, 5),
         "Action": (1, 2),
         "Camera": (1, 2, 3, 4, 5),
-        "MotionControl": tuple(range(1, 16)),
-        "Plan": tuple(range(1, 10)),
+        "MotionControl": tuple(range(1, 17)),
+        "Plan": tuple(range(1, 11)),
         "Status": (1, 2, 3, 4, 5),
         "MonitoringClient": (1, 2, 3),
         "NotificationClient": (1, 2),

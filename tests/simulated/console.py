@@ -10,12 +10,11 @@ from typing import Any, Final
 import aiohttp
 from aiohttp.abc import AbstractResolver, ResolveResult
 
-from adapters.console.rovers import form_values
 from adapters.console.service import ConsoleOptions, serve
 from adapters.mrs.cli import RoverTarget
 from adapters.mrs.transport import CLEAR
 from adapters.process import StartError
-from executive.commands import Request, Stop, declaration_of
+from executive.commands import Request, Stop, argument_values, declaration_of
 from executive.values.reports import Identity
 from tests.simulated.process import Process
 from tests.simulated.processes import MRS_PORT, Address
@@ -159,7 +158,7 @@ class Browser:
             "id": name,
             "asset": self._asset,
             "name": declaration_of(type(request)).name,
-            "args": form_values(request),
+            "args": argument_values(request),
             "link": _LINKS[number % len(_LINKS)],
         }
         try:

@@ -17,7 +17,6 @@ from adapters.console.rovers import (
     AssetEntry,
     CommandTracker,
     RecordingEntry,
-    form_values,
     notification_message,
     parameter_entries,
     plan_progress,
@@ -31,7 +30,7 @@ from adapters.mrs.spec import (
     reported_uncertainty,
 )
 from adapters.recording import RecordedTree, RecordingError, RunReader, TimedItem, read_timed
-from executive.commands import Command, declaration_of
+from executive.commands import Command, argument_values, declaration_of
 from executive.core.recording import (
     CommandDequeued,
     ModeChanged,
@@ -186,7 +185,7 @@ class RecordedRun:
                     id=str(identity),
                     asset=self._name,
                     name=declaration_of(type(command.request)).name,
-                    args=form_values(command.request),
+                    args=argument_values(command.request),
                     by=identity.source,
                     source=identity.source,
                     number=identity.command_id,

@@ -32,6 +32,7 @@ from adapters.mal import MalError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error
 from executive.commands import Command, Family, Motion, PreemptionPolicy, Request, Stop
+from executive.settings import Settings
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -209,6 +210,14 @@ class Commanding:
             RequestError: there is no link, or it is down.
         """
         return self._desk.client(self.link(asset, None))
+
+    def settings(self, asset: str) -> Settings | None:
+        """Return the installed settings of an asset; None if there are none.
+
+        Raises:
+            RequestError: the asset is unknown.
+        """
+        return self._asset(asset).settings
 
     def file_client(self, asset: str) -> MrsClient:
         """Return the session for files of an asset, over the direct link only.

@@ -27,9 +27,14 @@ from adapters.console.archive import (
 )
 from adapters.console.messages import ObjectChanged
 from adapters.console.requests.commanding import Commanding, CommandPost, identifier
-from adapters.console.rovers import form_values
 from adapters.console.web import OPERATOR, body_of, invalid, json_response, refused, text_of
-from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declaration_of
+from executive.commands import (
+    PlanArgument,
+    PlanDefinition,
+    SubmitPlan,
+    argument_values,
+    declaration_of,
+)
 from executive.plans import FORMAT
 
 MAX_KEY_LENGTH: Final = 256
@@ -173,7 +178,7 @@ class PlanRequests:
         asset, operator = request.match_info["asset"], request[OPERATOR]
         plan = _plan_of(body)
         submit = SubmitPlan(plan)
-        posted = CommandPost(identifier(body.get("id")), asset, SUBMIT, form_values(submit))
+        posted = CommandPost(identifier(body.get("id")), asset, SUBMIT, argument_values(submit))
         status = await self._commanding.send(operator, posted, lambda: submit)
         revision = PlanRevision(
             asset, plan.plan_id, 0, status.id, operator, status.created, plan.content.decode()

@@ -1,7 +1,6 @@
 """Sessions with rovers: received data as messages, commands as requests of the core."""
 
 from adapters.console.rovers.command_form import InvalidArgument as InvalidArgument
-from adapters.console.rovers.command_form import form_values as form_values
 from adapters.console.rovers.command_form import request_of as request_of
 from adapters.console.rovers.dictionary import FORMS as FORMS
 from adapters.console.rovers.dictionary import AssetEntry as AssetEntry

@@ -3,14 +3,14 @@
 It is checked against the form of the dictionary; the asset makes the checks that need its state.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
 from typing import Any, Final
 
 from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntry
-from executive.commands import Argument, Request, SubmitPlan, arguments_of, declaration_of
+from executive.commands import Argument, Request, arguments_of
 
 MAX_TEXT_LENGTH: Final = 1024
 """Maximum length of a text argument."""
@@ -55,34 +55,6 @@ def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
         return error.wrong
     request: Request = declaration.build_request(*values)
     return request
-
-
-def form_values(request: Request) -> dict[str, Any]:
-    """Return the `args` that would be posted for a request; for a plan without its text."""
-    if isinstance(request, SubmitPlan):
-        plan = request.plan
-        given = {each.name: each.text for each in plan.arguments}
-        return {"plan_id": plan.plan_id, "name": plan.name, "arguments": given}
-    declaration = declaration_of(type(request))
-    values = [getattr(request, each.field) for each in declaration.arguments]
-    if declaration.composite is not None:
-        parts = arguments_of(declaration.composite)
-        values[:1] = [getattr(values[0], part.field) for part in parts]
-    return _values_by_name(declaration.user_arguments, values)
-
-
-def _values_by_name(arguments: Sequence[Argument], values: Iterable[Any]) -> dict[str, Any]:
-    pairs = zip(arguments, values, strict=True)
-    return {each.name: _plain(each, value) for each, value in pairs if value is not None}
-
-
-def _plain(argument: Argument, value: Any) -> Any:
-    if argument.repeated:
-        parts = arguments_of(argument.kind)
-        return [
-            _values_by_name(parts, [getattr(each, part.field) for part in parts]) for each in value
-        ]
-    return value.value if isinstance(value, Enum) else value
 
 
 def _values(

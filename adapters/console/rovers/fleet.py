@@ -4,10 +4,10 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 from adapters.console.archive import to_us
-from adapters.console.command_states import FORWARDED, LOST
+from adapters.console.command_states import FORWARDED, LOST, RECEIVED
 from adapters.console.messages import (
     AssetState,
     Broadcast,
@@ -51,7 +51,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
-from executive.values.reports import PlanUpdate, ReportKind
+from executive.values.reports import Identity, PlanUpdate, ReportKind
 from trees import TreeSnapshot, commands_by_node, display_statuses
 
 _LOG: Final = logging.getLogger(__name__)
@@ -237,7 +237,13 @@ class Fleet:
             )
         elif (identity := report.identity) is not None and report.kind is not ReportKind.LINK:
             await self._commands.load_foreign(link.asset, identity)
-            message = replace(message, command=self._tracker.on_notification(message, identity))
+            name = self._tracker.on_notification(message, identity)
+            message = replace(message, command=name)
+            command = self._tracker.get(name)
+            assert command is not None
+            is_first = message.stage == RECEIVED and link.kind is LinkKind.DIRECT
+            if is_first and command.args is None:
+                link.request_arguments(identity)
         if received.cursor:
             known = LastNotification(received.cursor, to_us(report.utc_s))
             self._last_received[link.asset, link.kind] = known
@@ -304,6 +310,10 @@ class Fleet:
         """Return the last notification received by this process, else the last archived one."""
         received = self._last_received.get((link.asset, link.kind))
         return received or await self._last_known(link.asset, link.kind)
+
+    def on_arguments(self, link: RoverLink, identity: Identity, args: dict[str, Any]) -> None:
+        """Publish the arguments of a command of another client."""
+        self._tracker.add_arguments(link.asset, identity, args)
 
     def on_new_ledger(self, link: RoverLink) -> None:
         """Mark the open commands of an asset UNKNOWN."""

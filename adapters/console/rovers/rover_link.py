@@ -23,7 +23,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.transport import TransportSettings
 from adapters.system import System
-from executive.values.reports import PlanUpdate
+from executive.values.reports import Identity, PlanUpdate
 from trees import TreeSnapshot
 
 _LOG: Final = logging.getLogger(__name__)
@@ -100,6 +100,9 @@ class LinkListener(Protocol):
     def on_services(self, link: "RoverLink", services: tuple[ServiceDescriptor, ...]) -> None:
         """Receive the services registered at the asset."""
 
+    def on_arguments(self, link: "RoverLink", identity: Identity, args: dict[str, Any]) -> None:
+        """Receive the requested arguments of a command."""
+
     async def last_known(self, link: "RoverLink") -> LastNotification | None:
         """Return the last known notification of the asset on this link; None for none."""
 
@@ -143,11 +146,16 @@ class RoverLink:
         self.detail = ""
         self.last_received_s: float | None = None
         self.client: MrsClient | None = None
+        self._wanted: asyncio.LifoQueue[Identity] = asyncio.LifoQueue()
 
     @property
     def asset(self) -> str:
         """Name of the asset; empty until it was reached."""
         return "" if self.info is None else self.info.asset
+
+    def request_arguments(self, identity: Identity) -> None:
+        """Request the arguments of a command, the newest command first."""
+        self._wanted.put_nowait(identity)
 
     async def run(self) -> None:
         """Connect and receive; reconnect after each loss."""
@@ -207,6 +215,7 @@ class RoverLink:
             tasks.create_task(self._poll_status(client))
             if self.kind is LinkKind.DIRECT:
                 tasks.create_task(self._poll_directory(client))
+                tasks.create_task(self._request_arguments(client))
 
     async def _receive_notifications(
         self, client: MrsClient, stream: Stream[ReceivedReport]
@@ -284,6 +293,19 @@ class RoverLink:
             offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s
         self._listener.on_measured(self, figures, self.last_received_s or requested_s)
+
+    async def _request_arguments(self, client: MrsClient) -> None:
+        while True:
+            identity = await self._wanted.get()
+            try:
+                args = await client.get_arguments(identity)
+            except MalError as error:  # not served, or no longer stored
+                _LOG.info("%s: no arguments of %s: %s", self.asset, identity, error)
+            except ConnectionError:
+                self.request_arguments(identity)
+                raise
+            else:
+                self._listener.on_arguments(self, identity, args)
 
     async def _poll_directory(self, client: MrsClient) -> None:
         while True:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -82,6 +82,12 @@ class CommandTracker:
         after = stored if before is None else merge(stored, before)
         if after != before:
             self._set(after)
+
+    def add_arguments(self, asset: str, identity: Identity, args: dict[str, Any]) -> None:
+        """Add the arguments of a command that another client sent."""
+        command = self._commands.get(self._ids.get((asset, identity), ""))
+        if command is not None and command.args is None:
+            self._set(replace(command, args=args))
 
     def on_acknowledged(self, name: str, node: str) -> None:
         """Mark the command ACKNOWLEDGED, unless a later stage was reported before."""

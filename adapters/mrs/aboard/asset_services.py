@@ -36,6 +36,8 @@ from adapters.mrs.spec import (
     require_at_most,
     to_ns,
     uncertainty_figures,
+    wire_arguments,
+    wire_definition,
     wire_update,
     with_text,
 )
@@ -47,7 +49,7 @@ from executive.safety import Fault, unmonitored
 from executive.settings import Settings
 from executive.values.parameters import ParameterValue
 from executive.values.reasons import Figure
-from executive.values.reports import PlanUpdate, Report, Severity
+from executive.values.reports import Identity, PlanUpdate, Report, Severity
 
 PAGE: Final = 1000
 """Maximum notifications in one answer of getNotifications."""
@@ -330,6 +332,29 @@ def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.Pla
     return tuple(wire_update(find_or_raise(known, plan_id)) for plan_id in wanted or known)
 
 
+def _plan(executive: Executive, plan_id: str) -> wire.PlanDefinition:
+    plan = executive.plan_definition(plan_id)
+    if plan is None:
+        raise with_text(AreaError.NOT_FOUND, plan_id)
+    return wire_definition(plan)
+
+
+def _arguments(executive: Executive, source: str, command_id: int) -> tuple[NamedValue, ...]:
+    identity = Identity(source, command_id)
+    request = executive.request_of(identity)
+    if request is None:
+        raise with_text(AreaError.NOT_FOUND, str(identity))
+    return wire_arguments(request)
+
+
+def _obstacles(executive: Executive) -> tuple[wire.ScannedObstacle, ...]:
+    """Return the obstacles that the laser has detected."""
+    return tuple(
+        wire.ScannedObstacle(x=each.x_m, y=each.y_m, radius=each.radius_m)
+        for each in executive.status.obstacles.scanned
+    )
+
+
 def _report(
     executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]
 ) -> None:
@@ -352,10 +377,13 @@ def _figure(parameter: NamedValue) -> Figure:
 QUERIES: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("Action", "listActions", _actions),
     ("Camera", "getState", _camera_state),
+    ("MotionControl", "getObstacles", _obstacles),
     ("MotionControl", "getPose", wire.pose),
     ("MotionControl", "getSpeeds", wire.speeds),
+    ("Notification", "getArguments", _arguments),
     ("Notification", "getNotifications", past_notifications),
     ("Notification", "getLastNotification", _last_notification),
+    ("Plan", "getPlan", _plan),
     ("Plan", "getPlanStatus", _plan_updates),
     ("Status", "getFaults", _fault_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),

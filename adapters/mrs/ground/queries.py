@@ -22,6 +22,8 @@ from adapters.mrs.spec import (
     ReceivedValue,
     ServiceDescriptor,
     Speeds,
+    arguments_from,
+    definition_of,
     frame_supplements,
     history_of,
     plan_update_of,
@@ -32,7 +34,7 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Motion, PlanDefinition
 from executive.history import RunHistory
-from executive.values.reports import PlanUpdate
+from executive.values.reports import Identity, PlanUpdate
 
 T = TypeVar("T")
 
@@ -99,6 +101,15 @@ class Queries:
         wanted = (source or None, None if command is None else int(number), everything)
         return history_of(await self._one(History, "Notification", "getHistory", *wanted))
 
+    async def get_arguments(self, identity: Identity) -> dict[str, Any]:
+        """Return the arguments of a command by name, in SI units and radians.
+
+        Raises:
+            MalError: also NotFound, the rover no longer stores the request.
+        """
+        wanted = (identity.source, identity.command_id)
+        return arguments_from(await self._list(NamedValue, "Notification", "getArguments", *wanted))
+
     async def get_value(self, *names: str) -> tuple[ReceivedValue, ...]:
         """Return present parameter values; all without names."""
         values = await self._list(ParameterValue, "Monitoring", "getValue", names)
@@ -111,6 +122,10 @@ class Queries:
     async def get_pose(self) -> Pose:
         """Return the pose of the rover; unknown figures are NaN."""
         return await self._one(Pose, "MotionControl", "getPose")
+
+    async def get_obstacles(self) -> tuple[wire.ScannedObstacle, ...]:
+        """Return the obstacles that the laser has detected, in the odometry frame."""
+        return await self._list(wire.ScannedObstacle, "MotionControl", "getObstacles")
 
     async def get_speeds(self) -> Speeds:
         """Return the maximum and present speeds; unknown figures are NaN."""
@@ -152,6 +167,10 @@ class Queries:
         """Return the status of plans; all without ids."""
         plans = await self._list(wire.PlanUpdate, "Plan", "getPlanStatus", plan_ids)
         return tuple(map(plan_update_of, plans))
+
+    async def get_plan(self, plan_id: str) -> PlanDefinition:
+        """Return a plan as submitted."""
+        return definition_of(await self._one(wire.PlanDefinition, "Plan", "getPlan", plan_id))
 
     async def list_files(self, folder: str | None = None) -> tuple[FileInfo, ...]:
         """Return the files of a folder and its subfolders, None for all.

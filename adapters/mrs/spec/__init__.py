@@ -22,7 +22,9 @@ from adapters.mrs.spec.errors import invalid_error as invalid_error
 from adapters.mrs.spec.errors import refusal_error as refusal_error
 from adapters.mrs.spec.errors import require_at_most as require_at_most
 from adapters.mrs.spec.errors import with_text as with_text
+from adapters.mrs.spec.histories import arguments_from as arguments_from
 from adapters.mrs.spec.histories import history_of as history_of
+from adapters.mrs.spec.histories import wire_arguments as wire_arguments
 from adapters.mrs.spec.histories import wire_history as wire_history
 from adapters.mrs.spec.housekeeping import ABOARD_HOUSEKEEPING as ABOARD_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import CONSOLE as CONSOLE
@@ -101,6 +103,7 @@ from adapters.mrs.spec.types import PlanUpdate as PlanUpdate
 from adapters.mrs.spec.types import Pose as Pose
 from adapters.mrs.spec.types import Preview as Preview
 from adapters.mrs.spec.types import PreviewPose as PreviewPose
+from adapters.mrs.spec.types import ScannedObstacle as ScannedObstacle
 from adapters.mrs.spec.types import ServiceDescriptor as ServiceDescriptor
 from adapters.mrs.spec.types import Severity as Severity
 from adapters.mrs.spec.types import Speeds as Speeds

@@ -1,12 +1,15 @@
-"""Converts a `RunHistory` to the wire and back."""
+"""Converts a `RunHistory`, and the arguments of one command, to the wire and back."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, Final
 
+from adapters.mal import AttributeType, NamedValue, TypedAttribute
 from adapters.mrs.spec import types
 from adapters.mrs.spec.core_values import REASONS, identity_of, report_of, utc_s_of
 from adapters.mrs.spec.mapping import MAX_TEXT_LENGTH, notification_of, to_ns
-from executive.commands import Mode, PreemptionPolicy
+from executive.commands import Mode, PreemptionPolicy, Request, argument_values
 from executive.history import (
     LeafRun,
     PeakSpeed,
@@ -176,3 +179,42 @@ def _wire_figures(figures: Sequence[Figure]) -> tuple[types.FigureWithUnit, ...]
 
 def _figures_of(figures: Sequence[types.FigureWithUnit]) -> tuple[Figure, ...]:
     return tuple(Figure(each.name, each.value, each.unit or "") for each in figures)
+
+
+_TYPES: Final = {
+    float: AttributeType.DOUBLE,
+    int: AttributeType.LONG,
+    str: AttributeType.STRING,
+}
+_ITEM: Final = re.compile(r"(\w+)\[\d+\]\.(\w+)")
+
+
+def wire_arguments(request: Request) -> tuple[NamedValue, ...]:
+    """Return the arguments of a request for the wire; those of an item as `waypoints[0].x`."""
+    flat: dict[str, Any] = {}
+    for name, value in argument_values(request).items():
+        if isinstance(value, list):
+            for index, item in enumerate(value):
+                flat |= {f"{name}[{index}].{part}": each for part, each in item.items()}
+        elif type(value) in _TYPES:
+            flat[name] = value
+    return tuple(
+        NamedValue(name=name, value=TypedAttribute(_TYPES[type(value)], value))
+        for name, value in flat.items()
+    )
+
+
+def arguments_from(received: Sequence[NamedValue]) -> dict[str, Any]:
+    """Return received arguments by name, as `argument_values` does."""
+    found: dict[str, Any] = {}
+    for each in received:
+        value = None if each.value is None else each.value.value
+        item = _ITEM.fullmatch(each.name)
+        if item is None:
+            found[each.name] = value
+            continue
+        items = found.setdefault(item[1], [{}])
+        if item[2] in items[-1]:
+            items.append({})
+        items[-1][item[2]] = value
+    return found

@@ -838,3 +838,18 @@ class TreeFault:
     name: str
     severity: Severity
     text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedObstacle:
+    """A part of an obstacle that the laser detected, as a circle.
+
+    Attributes:
+        x: Centre, m.
+        y: Centre, m.
+        radius: m.
+    """
+
+    x: float
+    y: float
+    radius: float

@@ -40,4 +40,5 @@
 /** Prediction of a motion or plan. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endUncertainty: number; headingUncertainty: number; energy: number | null; clearance: number | null; nearest: string | null };
 /** A step of an explanation. */ export type ExplanationStepBody = { utc: number | null; text: string };
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
+/** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; name: string; args: Record<string, any>; frame: string; points: number[][] };
 export type Message = (Hello | Sample | TreeState | Transfer | SamplesDropped | CommandStatus | AuthorityMessage | NotificationMessage | AlarmStatus | LinkStatus | AssetState | PlanProgress | FileChanged | Presence | DictionaryChanged | ObjectChanged) & { seq?: number };
