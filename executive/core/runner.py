@@ -130,9 +130,8 @@ class Executive:
                 tape, settings, rover, downlinks, video, solver
             )
         self._recorder.enter(CoreCalled, CoreCall.START)
-        self.status = Status(clock, settings)
         self.safety = FaultMonitor(clock, settings)
-        self.status.correct = self.safety.history.corrected
+        self.status = Status(clock, settings, self.safety.history.corrected)
         self.wake: Callable[[], None] = lambda: None
         self.retention = LedgerRetention(ledger, settings.retained_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status, solver)

@@ -48,6 +48,9 @@ REJECTION_S: Final = 2.5
 class Status:
     """The state of the asset; facts are stored only here. Ages count from arrival aboard.
 
+    Args:
+        correct: returns the odometry with the heading that the asset chooses; None: as it is.
+
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the speed limits set now.
         speed_limit_ratio: factor of these speeds while a fault slows the rover down, else 1.
@@ -65,10 +68,14 @@ class Status:
         rejections: the sources with rejected data.
         fusion: corrects the pose by a second odometry; None without one.
         uncertainty: bounds of the error of `pose`.
-        correct: returns the odometry with the heading that the asset chooses.
     """
 
-    def __init__(self, clock: Clock, settings: Settings) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        settings: Settings,
+        correct: Callable[[Odometry], Odometry] | None = None,
+    ) -> None:
         self._clock = clock
         self._settings = settings
         self.travel_speed_mps = settings.drive.travel_speed_mps
@@ -105,7 +112,7 @@ class Status:
         if settings.sensors.laser is not None and settings.footprint is not None:
             self._local_map = LocalMap(settings.footprint, settings.zones)
         self.uncertainty = Uncertainty()
-        self.correct: Callable[[Odometry], Odometry] = lambda fact: fact
+        self._correct = correct
         self._obstacles = settings.zones
         self._obstacles_of: tuple[tuple[ScannedObstacle, ...], float] = ((), 0.0)
         self._odometry_at_s = -inf
@@ -326,7 +333,8 @@ class Status:
         if not (fact.pose.finite and fact.velocity.finite):
             return
         self._raw = fact.pose
-        fact = self.correct(fact)
+        if self._correct is not None:
+            fact = self._correct(fact)
         if self._slip is not None:
             fact = self._slip.corrected(fact)
         if not self.odometry_fresh:
