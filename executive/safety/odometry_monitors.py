@@ -339,14 +339,16 @@ def uncommanded_travel(history: MotionHistory, window: Window, _: float) -> Evid
     moved = _moved_at_rest(history, window)
     if moved is None or moved.pose_path_m <= COMPARED_RATIO * window.bound * window.length_s:
         return None
-    speed_mps = history.poses.speed_mps(window.length_s)
+    speed_mps = history.poses.speed_mps(window.length_s, window.bound)
     return _uncommanded_evidence(history, window, speed_mps, "drives at {:.2f} m/s")
 
 
 def uncommanded_turn(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect turning while zero velocity is commanded."""
     moved = _moved_at_rest(history, window)
-    rate_radps = None if moved is None else history.poses.rate_radps(window.length_s)
+    if moved is None:
+        return None
+    rate_radps = history.poses.rate_radps(window.length_s, window.bound)
     return _uncommanded_evidence(history, window, rate_radps, "turns at {:.3f} rad/s")
 
 
@@ -364,7 +366,7 @@ def _uncommanded_evidence(
 
     A publisher that sends nothing explains no motion: sent velocities are `ForeignMuxInput` facts.
     """
-    if rate is None or rate <= window.bound:
+    if rate is None:
         return None
     names = ", ".join((*map(str, history.mux_inputs), *history.foreign_publishers))
     by = f" (velocity publishers: {names})" if names else ""

@@ -40,27 +40,36 @@ class RestTrack:
         while self._poses[0].time_s < time_s - TRACK_S:
             self._poses.popleft()
 
-    def speed_mps(self, window_s: float) -> float | None:
-        """Return the speed in the newest window, less its noise; None if it is unknown."""
+    def speed_mps(self, window_s: float, bound_mps: float) -> float | None:
+        """Return the speed in the newest window, less its noise.
+
+        None if it is unknown, or not above the bound.
+        """
         poses = self._newest(window_s)
         reference = _reference(poses, window_s)
         if reference is None:
             return None
         last, from_s = poses[-1], reference.time_s
         distance_m = hypot(last.x_m - reference.x_m, last.y_m - reference.y_m)
+        if distance_m / (last.time_s - from_s) <= bound_mps:
+            return None
         variance = (_variance(poses, "x_m") + _variance(poses, "y_m")) / 2
-        return max(0.0, distance_m - NOISE_SD * sqrt(variance)) / (last.time_s - from_s)
+        speed_mps = (distance_m - NOISE_SD * sqrt(variance)) / (last.time_s - from_s)
+        return speed_mps if speed_mps > bound_mps else None
 
-    def rate_radps(self, window_s: float) -> float | None:
+    def rate_radps(self, window_s: float, bound_radps: float) -> float | None:
         """Return the yaw rate in the newest window, likewise."""
         poses = self._newest(window_s)
         reference = _reference(poses, window_s)
         if reference is None:
             return None
-        last = poses[-1]
+        last, from_s = poses[-1], reference.time_s
         turned_rad = abs(last.heading_rad - reference.heading_rad)
+        if turned_rad / (last.time_s - from_s) <= bound_radps:
+            return None
         noise_rad = NOISE_SD * sqrt(_variance(poses, "heading_rad"))
-        return max(0.0, turned_rad - noise_rad) / (last.time_s - reference.time_s)
+        rate_radps = (turned_rad - noise_rad) / (last.time_s - from_s)
+        return rate_radps if rate_radps > bound_radps else None
 
     def _newest(self, window_s: float) -> list[TrackedPose]:
         found: list[TrackedPose] = []
