@@ -300,7 +300,7 @@ def _add_rocks(scene: _Scene) -> None:
             name=f"rock{number}",
             type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
             size=axes_m,
-            group=3,
+            group=4,
             **scene.contact,
             **placement,
         )
@@ -310,6 +310,7 @@ def _add_rocks(scene: _Scene) -> None:
             name=f"stone{number}",
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=f"stone{number}",
+            group=1,
             contype=0,
             conaffinity=0,
             **placement,

@@ -133,8 +133,8 @@ _HEIGHT_M: Final = 0.2
 """Height of the laser over base_link: 0.26 m over level ground."""
 _RANGE_NOISE_M: Final = 0.01
 _SCAN_LATENCY_S: Final = 0.06
-_SEEN: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
-"""Groups of geoms that reflect: the rover has none in them."""
+_SEEN: Final = np.array([1, 0, 0, 0, 1, 0], np.uint8)
+"""Groups of geoms that reflect: ground, walls, and the ellipsoids of rocks, which wheels touch."""
 
 
 class Laser(Instrument):
