@@ -5,6 +5,7 @@ Pure geometry. The rover is the disc about base_link that contains its footprint
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations, pairwise
 from math import hypot, inf, isfinite
 from typing import Final, Protocol
@@ -17,6 +18,8 @@ MIN_CORNERS: Final = 3
 MAX_CORNERS: Final = 100
 DISTANCE_RESOLUTION_M: Final = 0.01
 """Resolution of the distance along a path to a violation of the clearance."""
+ROUNDING_M: Final = 1e-6
+"""Far above the rounding of a distance between positions within `MAX_COORDINATE_M`."""
 LEAVING_STEP_M: Final = 0.05
 LEAVING_M: Final = 20.0
 """Maximum length of a path for a rover that began too close to move away."""
@@ -53,6 +56,9 @@ class Obstacle(Protocol):
 
         For a line that is neither a point nor wholly outside, any figure that is not above zero.
         """
+
+    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+        """Return whether a straight line has at least this clearance, sooner than by its value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +103,7 @@ class _Area:
     @property
     def edges(self) -> tuple[tuple[Point, Point], ...]:
         """The sides."""
-        corners = [Point(*corner) for corner in self.corners_m]
-        return tuple(pairwise([*corners, corners[0]]))
+        return _edges_of(self.corners_m)
 
     def contains(self, point: Point) -> bool:
         """Return whether a point is inside; on an edge it may be either."""
@@ -129,6 +134,13 @@ class KeepOut(_Area):
         edge_m = self._edge_m(start, end)
         return -edge_m if self.contains(start) else edge_m
 
+    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+        """Return whether a line has this clearance; at once if it has it from the disc around."""
+        middle, radius_m = _disc_around(self.corners_m)
+        if _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M:
+            return True
+        return self.clearance_m(start, end) >= needed_m
+
 
 @dataclass(frozen=True, slots=True)
 class KeepIn(_Area):
@@ -143,6 +155,10 @@ class KeepIn(_Area):
         """Return the distance of a straight line inside of it from its edge."""
         edge_m = self._edge_m(start, end)
         return edge_m if self.contains(start) else -edge_m
+
+    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+        """Return whether a line has this clearance."""
+        return self.clearance_m(start, end) >= needed_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +186,10 @@ class KnownRock:
     def clearance_m(self, start: Point, end: Point) -> float:
         """Return the distance of a straight line from its surface."""
         return _to_line_m(Point(self.x_m, self.y_m), start, end) - self.radius_m
+
+    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+        """Return whether a line has this clearance."""
+        return self.clearance_m(start, end) >= needed_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,6 +294,17 @@ def check_name(name: str) -> None:
     """
     if not (0 < len(name) <= 80 and name.strip() and name.isprintable()):
         raise ValueError(f"{name[:80]!r} is not a valid name: 1 to 80 printable characters")
+
+
+@lru_cache(maxsize=256)
+def _edges_of(corners_m: tuple[tuple[float, ...], ...]) -> tuple[tuple[Point, Point], ...]:
+    corners = [Point(*corner) for corner in corners_m]
+    return tuple(pairwise([*corners, corners[0]]))
+
+
+@lru_cache(maxsize=256)
+def _disc_around(corners_m: tuple[tuple[float, ...], ...]) -> tuple[Point, float]:
+    return _disc_of([Point(*corner) for corner in corners_m])
 
 
 def _disc_of(path: Sequence[Point]) -> tuple[Point, float]:

@@ -109,6 +109,13 @@ SHAPES = st.sampled_from(
 
 
 @pytest.mark.at_length
+@given(shape=SHAPES, start=POINTS, end=POINTS, needed_m=st.floats(0.0, 6.0))
+def test_a_line_keeps_a_distance_if_it_is_that_far_away(
+    shape: Any, start: Point, end: Point, needed_m: float
+) -> None:
+    assert shape.keeps(start, end, needed_m) == (shape.clearance_m(start, end) >= needed_m)
+
+
 @given(shape=SHAPES, path=st.lists(POINTS, min_size=2, max_size=4))
 def test_an_accepted_motion_respects_the_distance(shape: Any, path: list[Point]) -> None:
     kinds: Any = {KeepOut: "keep_out", KeepIn: "keep_in", KnownRock: "rocks"}
