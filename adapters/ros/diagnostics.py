@@ -1,6 +1,6 @@
 """`diagnostic_array`: the health of a node or executive, with tick statistics, for /diagnostics."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -41,31 +41,33 @@ class TickStatistics:
 
 
 class TickMonitor:
-    """Measures ticks in real time.
+    """Measures ticks: their duration in real time, the time between them by a clock.
 
     Args:
-        period_s: nominal period in real time.
+        period_s: nominal period by the clock.
+        now_s: clock that triggers the ticks; simulated, if theirs is.
 
     Attributes:
         statistics: statistics since the last call of `pop_statistics`.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, now_s: Callable[[], float] = perf_counter) -> None:
         self._period_s = period_s
+        self._now_s = now_s
         self._last_s: float | None = None
         self.statistics = TickStatistics()
 
     @contextmanager
     def tick(self) -> Iterator[None]:
         """Measure the tick that happens inside."""
-        began_s, now, late = perf_counter(), self.statistics, False
+        now_s, began_s, now, late = self._now_s(), perf_counter(), self.statistics, False
         if self._last_s is not None:
-            period_s = began_s - self._last_s
+            period_s = now_s - self._last_s
             now.periods += 1
             now.elapsed_s += period_s
             now.max_period_s = max(now.max_period_s, period_s)
             late = period_s > 1.5 * self._period_s
-        self._last_s = began_s
+        self._last_s = now_s
         now.ticks += 1
         try:
             yield

@@ -103,7 +103,7 @@ class ExecutiveNode:
         self._mismatches: dict[TopicSubscription, str | None] = {}
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
-        self._ticks = TickMonitor(tick_s)
+        self._ticks = TickMonitor(tick_s, self._clock.now_s)
         self._trees = TreePublisher(node, executive)
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0

@@ -28,8 +28,9 @@ SHOWS: Final = {
 }
 """Scenarios in config/demo that run at the same time, by demonstration."""
 NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
-ENDS: Final = "\nUse --stay to leave all processes running."
-WATCH_NOTE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\n"
+ENDS: Final = "\nThe rover and its console have ended; --stay leaves them running."
+CONSOLE_AFTER: Final = 80
+"""Offset of the console's port from the rover's, as for the default ports 21000 and 21080."""
 
 
 @click.command()
@@ -51,9 +52,15 @@ WATCH_NOTE: Final = "rover watch needs the same ROS_DOMAIN_ID as this terminal.\
 @click.option(
     "--speed",
     type=click.FloatRange(0.1, 20.0),
-    default=1.0,
-    show_default=True,
-    help="Simulated seconds per second; more than 3 need a fast machine.",
+    help="Simulated seconds per second; more than 3 need a fast machine.  [default: 1; with the"
+    " Jackal alone less while this computer is too busy]",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(1024, 65535),
+    metavar="PORT",
+    help="TCP port of the rover, for a second demonstration beside another one. The console is at"
+    " PORT + 80, other rovers are at the ports after PORT.",
 )
 @click.option(
     "--out",
@@ -68,7 +75,8 @@ def demo(
     relay: bool,
     assets: bool,
     seed: int,
-    speed: float,
+    speed: float | None,
+    port: int | None,
     out: Path | None,
 ) -> None:
     """Run a mission-control session against simulated rovers.
@@ -83,9 +91,10 @@ def demo(
     interrupted. With --assets two rovers are commanded at once, over both links. A timeline shows
     the location of each command over time.
 
-    rover-console serves browsers at the address that is printed. Without --stay the demonstration
-    uses a free port and a free ROS domain on this machine. With --stay the rover uses the default
-    address of `rover command`, `rover status` and `rover watch`.
+    rover-console serves browsers at the address that is printed first. Without --stay the
+    demonstration uses a free port and a free ROS domain on this machine. With --stay the rover uses
+    the default address of `rover command`, `rover status` and `rover watch`. With --port the rover
+    has that port, and a free ROS domain.
 
     \b
     Examples:
@@ -96,18 +105,20 @@ def demo(
       rover demo --relay
       rover demo --assets
       rover demo --seed 7 --speed 2 --out drive
+      rover demo --stay --port 22000
 
     \b
     Exit status: 0 all expectations are met, 1 some are not, or a process ended.
     """
     show = _show(mocup=mocup, relay=relay, assets=assets)
-    if relay and speed != 1.0:
+    if relay and speed is not None:
         raise click.UsageError("--speed does not work with --relay: contacts are planned in UTC")
     import asyncio
     from contextlib import ExitStack
 
     from adapters.process import require
     from sim.processes import (
+        ANY_PORT,
         AddressError,
         ChildError,
         allocate_address,
@@ -118,13 +129,15 @@ def demo(
     from sim.scenario.scene import fleet_of
 
     mode = RunMode.RELAY if relay else RunMode.DIRECT
+    if speed is None and show != DEFAULT:
+        speed = 1.0  # a brick and a contact plan have clocks of their own
     try:
         require("rclpy")
         with ExitStack() as running:
             address = (
                 default_address()
-                if stay or no_session
-                else running.enter_context(allocate_address())
+                if port is None and (stay or no_session)
+                else running.enter_context(allocate_address(port or ANY_PORT))
             )
             folder = _make_folder(out)
             scenarios = _scenarios(show, mode, seed, played=not no_session)
@@ -144,13 +157,15 @@ def demo(
             operations = None
             if not no_console:
                 uris = asyncio.run(_uris(fleet))
-                operations = running.enter_context(operations_console(folder, uris))
+                operations = running.enter_context(
+                    operations_console(folder, uris, None if port is None else port + CONSOLE_AFTER)
+                )
                 if operations is None:
                     console.print(NO_CONSOLE, markup=False)
             played = play(fleet, scenarios, folders, mode, console, operations, not no_session)
             as_planned = show_outcome(played, folder, console) if played else True
             if stay or no_session:
-                _run_until_interrupted(fleet, address, console, operations)
+                _run_until_interrupted(fleet, address, console, operations, known=port is None)
             else:
                 console.print(ENDS)
             if not as_planned:
@@ -194,43 +209,45 @@ def _run_until_interrupted(
     address: "RoverAddress",
     console: "Console",
     operations: "OperationsConsole | None",
+    *,
+    known: bool,
 ) -> None:
-    """Leave the rovers running until Ctrl-C."""
+    """Leave the rovers running until Ctrl-C; `known` if commands reach the first by default."""
     import asyncio
 
-    from sim.demo.session import BROWSE
+    from sim.demo.session import SlowdownReport, print_address
 
-    console.print(_proposals(fleet, asyncio.run(_uris(fleet))))
-    if operations is not None:
-        console.print(f"{BROWSE}{asyncio.run(operations.address())}\n")
-    if address.domain != 0:
-        console.print(WATCH_NOTE)
-    console.print("Ctrl-C ends it.")
+    console.print(_proposals(fleet, asyncio.run(_uris(fleet)), address.domain, known=known))
+    asyncio.run(print_address(operations, console))
+    console.print("\nCtrl-C ends it.")
     processes = [fleet.processes, *([operations] if operations else [])]
+    slowdown = SlowdownReport(fleet, console)
     try:
         while True:
             for group in processes:
                 group.check()
+            slowdown.update()
             time.sleep(0.2)
     except KeyboardInterrupt:
         console.print("ending")
 
 
-def _proposals(fleet: "Fleet", uris: Sequence[str]) -> str:
+def _proposals(fleet: "Fleet", uris: Sequence[str], domain: int, *, known: bool) -> str:
     """Return example commands, with a heading."""
     lines = ["", "The rovers run." if len(fleet.rovers) > 1 else "The rover runs."]
     lines[-1] += " From a second terminal, in this folder:"
+    in_domain = f"ROS_DOMAIN_ID={domain} " if domain else ""
     of_rover = len(uris) // len(fleet.rovers)
     for number, rover in enumerate(fleet.rovers):
         asset = rover.settings.asset
-        there = f" --to 127.0.0.1:{rover.address.port}" if number else ""
+        there = "" if known and not number else f" --to 127.0.0.1:{rover.address.port}"
         proposed = [f"command{there} moveTo 3 2 --heading 90deg", f"command{there} stop"]
         proposed += [f"command{there} resume", f"status{there}"]
-        proposed.append("watch" if asset == DEFAULT else f"watch --asset {asset}")
+        watch = "watch" if asset == DEFAULT else f"watch --asset {asset}"
         for uri in uris[of_rover * number + 1 : of_rover * (number + 1)]:
             relay = uri.removeprefix("maltcp://").removesuffix("/MRS")
             proposed += [f"command --to {relay} moveForward -0.5", f"status --to {relay}"]
-        lines += ["", *(f"  ./rover {command}" for command in proposed)]
+        lines += ["", *(f"  ./rover {each}" for each in proposed), f"  {in_domain}./rover {watch}"]
     return "\n".join([*lines, ""])
 
 

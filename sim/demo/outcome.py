@@ -23,8 +23,12 @@ from trees import as_svg as tree_as_svg
 
 LOG = "mission-control.log"
 LATE = (Reason.ODOMETRY_STALE, Reason.ODOMETRY_JUMPED)
+MIN_LATE_TICKS = 20
+"""Late ticks of a session that may be the cause of its failures: those of a second."""
+OVERRUNS = "EXEC_OVERRUNS"
 TOO_SLOW = (
-    "Odometry was stale: the machine may be too slow or busy. Close other programs and try again."
+    "The probable cause: this computer is too slow or busy, {} ticks of the executive were late."
+    " Close other programs, or use --speed 0.5."
 )
 
 Files = Iterator[tuple[tuple[Path, ...], str]]
@@ -64,14 +68,21 @@ def show_outcome(played: Sequence[Played], folder: Path, console: Console) -> bo
     for finding in failed:
         text = f"{finding.subject}: expected {finding.expected}; observed: {finding.observed}"
         console.print(text, style="red", markup=False)
-    if failed and any(late(each.record) for each in played):
-        console.print(TOO_SLOW, style="red")
+    late = max(late_ticks(each.record) for each in played)
+    if failed and (late >= MIN_LATE_TICKS or any(odometry_late(each.record) for each in played)):
+        console.print(TOO_SLOW.format(late), style="red")
     return not failed
 
 
-def late(record: Record) -> bool:
+def odometry_late(record: Record) -> bool:
     """Return whether the rover was stopped because its odometry was stale."""
     return any(report.reason in LATE for report in record.reports)
+
+
+def late_ticks(record: Record) -> int:
+    """Return the number of late ticks of the executive during the session."""
+    counts = [each.values[OVERRUNS] for each in record.statuses if OVERRUNS in each.values]
+    return round(counts[-1] - counts[0]) if counts else 0
 
 
 def _add(files: Table, folder: Path, paths: Sequence[Path], meaning: str) -> None:

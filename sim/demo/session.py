@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import re
 from collections.abc import Awaitable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,8 +19,10 @@ from sim.scenario.model import RunMode, Scenario
 from sim.scenario.scene import Fleet, LiveScene, links_of, scene_in
 
 T = TypeVar("T")
-BROWSE: Final = "In a browser on this computer: "
 SETTLE_S: Final = 0.3
+REPORT_S: Final = 1.0
+SPEED: Final = re.compile(r"(?:INFO|WARNING) +(.*simulated time runs at .*)")
+"""Lines of the simulation's log on its speed."""
 DISCOVERY_S: Final = 3.0
 """Time to discover the other nodes of a ROS domain; chosen, not measured."""
 
@@ -64,6 +67,7 @@ def play(
         ]
 
         async def play_all() -> Sequence[Played]:
+            await print_address(operations, console)
             for scene, scenario in zip(scenes, scenarios, strict=True):
                 await _guarded(fleet, _get_ready(scene, scenario, mode))
             names = "rovers and executives are" if len(scenes) > 1 else "rover and executive are"
@@ -81,17 +85,46 @@ def play(
                     )
                     return Played(scene, scenario, folder, record)
 
-                async def print_address() -> None:
-                    if operations is not None:
-                        console.print(BROWSE + await operations.address())
-
-                plays = map(play_one, scenes, scenarios, folders)
-                together = asyncio.gather(asyncio.gather(*plays), print_address())
-                played, _ = await _guarded(fleet, together)
+                plays = asyncio.gather(*map(play_one, scenes, scenarios, folders))
+                slowdown = SlowdownReport(fleet, console)
+                reporting = asyncio.create_task(slowdown.run())
+                try:
+                    played = await _guarded(fleet, plays)
+                finally:
+                    reporting.cancel()
                 await asyncio.sleep(SETTLE_S)
                 return played
 
         return asyncio.run(play_all())
+
+
+async def print_address(operations: OperationsConsole | None, console: Console) -> None:
+    """Wait until the console serves, and print its address."""
+    if operations is not None:
+        address = await operations.address()
+        console.print(f"open {address} now, in a browser on this computer", style="bold")
+
+
+class SlowdownReport:
+    """Prints the lines of the simulations on their speed, each line once."""
+
+    def __init__(self, fleet: Fleet, console: Console) -> None:
+        self._simulations = [each for each in fleet.processes.children if each.name == "simulation"]
+        self._console = console
+        self._printed = 0
+
+    def update(self) -> None:
+        """Print new lines."""
+        found = [line for each in self._simulations for line in each.find_outputs(SPEED)]
+        for line in found[self._printed :]:
+            self._console.print(line, style="yellow")
+        self._printed = len(found)
+
+    async def run(self) -> None:
+        """Print new lines until cancelled."""
+        while True:
+            self.update()
+            await asyncio.sleep(REPORT_S)
 
 
 async def _get_ready(scene: LiveScene, scenario: Scenario, mode: RunMode) -> None:

@@ -96,6 +96,10 @@ class ChildProcess:
         """Return the first match in its output so far."""
         return pattern.search(self.log.read_text(encoding="utf-8", errors="replace"))
 
+    def find_outputs(self, pattern: re.Pattern[str]) -> list[str]:
+        """Return all matches in its output: their groups, if the pattern has one."""
+        return pattern.findall(self.log.read_text(encoding="utf-8", errors="replace"))
+
     def end(self) -> None:
         """Terminate it, kill it after `TERMINATE_TIMEOUT_S`.
 

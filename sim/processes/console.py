@@ -32,17 +32,22 @@ class OperationsConsole(ProcessGroup):
 
 
 @contextmanager
-def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[OperationsConsole | None]:
+def operations_console(
+    folder: Path, uris: Sequence[str], port: int | None = None
+) -> Iterator[OperationsConsole | None]:
     """Yield a console of rovers, with its log and archive in a folder.
 
-    It is None if its extra is not installed.
+    It is None if its extra is not installed. Without a port it uses the default one, or a free one
+    if that is in use.
     """
     if find_spec("aiohttp") is None:
         yield None
         return
     to = [word for uri in uris for word in ("--to", uri)]
     arguments = [*to, "--data", str(folder / "console")]
-    if PORT_VARIABLE not in os.environ and not is_free(PORT):
+    if port is not None:
+        arguments += ["--port", str(port)]
+    elif PORT_VARIABLE not in os.environ and not is_free(PORT):
         arguments += ["--port", str(ANY_PORT)]
     child = ChildProcess("console", "adapters.console.process", arguments, folder, {})
     try:

@@ -22,7 +22,8 @@ class Deployment(ProcessGroup):
         address: ROS domain and port of the processes.
         settings: settings of the asset.
         aboard: data folder of the executive.
-        speed: simulated seconds per second.
+        speed: simulated seconds per second; with `paced`, the maximum.
+        paced: whether simulated time waits for late ticks of the executive.
     """
 
     def __init__(
@@ -30,7 +31,7 @@ class Deployment(ProcessGroup):
         address: RoverAddress,
         settings: Settings,
         aboard: Path,
-        speed: float,
+        speed: float | None,
         executive: ChildProcess,
         *others: ChildProcess,
     ) -> None:
@@ -38,8 +39,13 @@ class Deployment(ProcessGroup):
         self.address = address
         self.settings = settings
         self.aboard = aboard
-        self.speed = speed
+        self.speed, self.paced = speed or 1.0, speed is None
         self._executive = executive
+
+    @property
+    def simulated_time(self) -> bool:
+        """Whether the processes run in simulated time."""
+        return self.paced or self.speed != 1.0
 
     async def uri(self) -> str:
         """Wait until the executive listens and return its URI.
@@ -58,7 +64,7 @@ def run_deployment(
     world: str,
     seed: int,
     video_to: str | None = None,
-    speed: float = 1.0,
+    speed: float | None = 1.0,
 ) -> Iterator[Deployment]:
     """Yield a rover in a world; at the end the executive ends before the rover.
 
@@ -69,7 +75,8 @@ def run_deployment(
         world: name of the world, or its YAML file.
         seed: seed of all sensor noise.
         video_to: HOST:PORT of the ground's end of the video stream; None as in the asset.
-        speed: simulated seconds per second, for all processes.
+        speed: simulated seconds per second, for all processes; None for real time that waits for
+            late ticks of the executive.
     """
     folder.mkdir(parents=True, exist_ok=True)
     aboard = folder / "aboard"
@@ -92,7 +99,8 @@ def run_deployment(
         simulation = start(
             "simulation",
             "sim.ros.process",
-            *("--world", world, "--seed", str(seed), "--speed", str(speed)),
+            *("--world", world, "--seed", str(seed)),
+            *(("--paced",) if speed is None else ("--speed", str(speed))),
             *(("--video-to", stream) if stream else ()),
             *cable,
             *clock,

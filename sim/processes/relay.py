@@ -27,7 +27,7 @@ from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
 from sim.processes.children import ChildProcess, ProcessGroup
 from sim.processes.deployment import Deployment
-from sim.processes.rover_address import ANY_PORT, HOST, free_udp_ports
+from sim.processes.rover_address import ANY_PORT, HOST, free_udp_ports, is_free
 
 SILENT_AFTER_S: Final = 5.0
 HEALTH_INTERVAL_S: Final = 1.0
@@ -97,7 +97,8 @@ def relay_settings(
                 security=_security(behind[asset]),
             )
         )
-        mrs_port = ANY_PORT if rover.address.port == ANY_PORT else behind[asset].port
+        usual = rover.address.port != ANY_PORT and is_free(behind[asset].port)
+        mrs_port = behind[asset].port if usual else ANY_PORT
         served.append(replace(behind[asset], ltp=_at(port), tcpcl=None, udp=None, port=mrs_port))
     settings = replace(
         known,

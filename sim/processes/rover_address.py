@@ -60,8 +60,8 @@ def default_address() -> RoverAddress:
     port = _known_port()
     if not is_free(port):
         raise AddressError(
-            f"port {port} of {HOST} is in use, probably by another rover. End that one, or run"
-            " without --stay, which uses a port of its own."
+            f"port {port} of {HOST} is in use, probably by another rover. End that one, or start"
+            " a second one beside it by --port 22000."
         )
     return RoverAddress(int(domain), port, shared=not _is_empty(int(domain)))
 
@@ -85,12 +85,14 @@ def _known_port() -> int:
 
 
 @contextmanager
-def allocate_address() -> Iterator[RoverAddress]:
-    """Reserve an unused ROS domain, with any port.
+def allocate_address(port: int = ANY_PORT) -> Iterator[RoverAddress]:
+    """Reserve an unused ROS domain; with a port, or any.
 
     Raises:
-        AddressError: all domains are in use.
+        AddressError: all domains are in use, or the port is.
     """
+    if port != ANY_PORT and not is_free(port):
+        raise AddressError(f"port {port} of {HOST} is in use: choose another one")
     with ExitStack() as held:
         for domain in DOMAINS:
             reservation = held.enter_context(socket.socket())
@@ -99,7 +101,7 @@ def allocate_address() -> Iterator[RoverAddress]:
             except OSError:
                 continue
             if _is_empty(domain):
-                yield RoverAddress(domain, ANY_PORT, shared=False)
+                yield RoverAddress(domain, port, shared=False)
                 return
     raise AddressError("every ROS domain from 1 to 101 is in use on this machine")
 

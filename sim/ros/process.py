@@ -37,6 +37,12 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
     " needs --ros-args -p use_sim_time:=true.",
 )
 @click.option(
+    "--paced",
+    is_flag=True,
+    help="Wait for late ticks of the executive on /clock, which needs use_sim_time as well: slower"
+    " than real time while this computer is too busy.",
+)
+@click.option(
     "--camera",
     type=click.Choice(["auto", "egl", "rays", NO_PICTURES]),
     default="auto",

@@ -55,6 +55,7 @@ from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode
 from sim.ros.cargo import serve_cargo
 from sim.ros.faults import serve_faults
+from sim.ros.pacing import Pacer
 from sim.ros.video_stream import VideoStream
 from sim.rover import World
 from sim.rover.body import PERIOD_S, SimulatedBody
@@ -76,7 +77,11 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class JackalOnRos:
-    """Publishes the measurements of the rover, and receives its commands."""
+    """Publishes the measurements of the rover, and receives its commands.
+
+    Attributes:
+        on_executive_tick: called at each tick of the executive that was received.
+    """
 
     def __init__(
         self,
@@ -87,6 +92,7 @@ class JackalOnRos:
         settings: Settings,
     ) -> None:
         self._rover = rover
+        self.on_executive_tick: Callable[[], None] = lambda: None
         self._model = RobotModelPublisher(node, settings)
         mux = settings.mux
         self._joints, self._mounting = sensors.joints, sensors.mounting
@@ -107,7 +113,8 @@ class JackalOnRos:
                 on_velocity = partial(self._on_velocity, name)
                 listen(velocity.type, entry.topic, on_velocity, velocity.qos)
             for name, entry in mux.locks.items():
-                listen(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
+                on_lock = partial(self._on_lock, name, name == mux.lock)
+                listen(Bool, entry.topic, on_lock, LOCK_QOS)
         for part, topic in (
             ("pan_rad", topics.camera_pan),
             ("tilt_rad", topics.camera_tilt),
@@ -151,8 +158,10 @@ class JackalOnRos:
         else:
             _LOG.warning("velocity refused: %s", velocity)
 
-    def _on_lock(self, name: str, message: Bool) -> None:
+    def _on_lock(self, name: str, own: bool, message: Bool) -> None:
         self._rover.mux_lock(name, message.data)
+        if own:  # the executive publishes it once a tick
+            self.on_executive_tick()
 
     def _point(
         self, part: str, joint: str, message: Float64 | JointState | JointTrajectory
@@ -213,7 +222,12 @@ Exchange = JackalOnRos | BrickOnUsb
 
 
 class SimulationNode:
-    """Advances the rover with time, exchanges its messages, and publishes the ground truth."""
+    """Advances the rover with time, exchanges its messages, and publishes the ground truth.
+
+    Args:
+        speed: simulated seconds per second.
+        paced: whether simulated time waits for late ticks of the executive.
+    """
 
     def __init__(
         self,
@@ -223,6 +237,7 @@ class SimulationNode:
         exchange: Exchange,
         camera: CameraNode | None,
         speed: float,
+        paced: bool,
     ) -> None:
         self._rover = rover
         self._exchange = exchange
@@ -233,7 +248,11 @@ class SimulationNode:
             self._frame_every = max(1, round(frame_s / PERIOD_S))
         self._period_s = PERIOD_S / speed
         burst_s = MAX_BURST_PERIODS * self._period_s
-        self._max_lag_s = MAX_LAG_S if speed == 1.0 else burst_s
+        self._max_lag_s = MAX_LAG_S if speed == 1.0 and not paced else burst_s
+        self._pacer: Pacer | None = None
+        if paced and isinstance(exchange, JackalOnRos):
+            self._pacer = pacer = Pacer()
+            exchange.on_executive_tick = lambda: pacer.on_tick(rover.time_s, monotonic())
         self._started_s = monotonic()
         self._periods = 0
         self._clock = node.create_publisher(Clock, "/clock", 1)
@@ -243,12 +262,17 @@ class SimulationNode:
         node.create_timer(self._period_s, self._on_time, clock=steady)
 
     def _on_time(self) -> None:
-        behind_s = monotonic() - self._started_s - self._periods * self._period_s
+        now_s = monotonic()
+        behind_s = now_s - self._started_s - self._periods * self._period_s
         if behind_s > self._max_lag_s:
-            _LOG.warning("slower than the requested speed: %.2f s dropped", behind_s)
+            if self._pacer is None:
+                _LOG.warning("slower than the requested speed: %.2f s dropped", behind_s)
             self._started_s += behind_s
             behind_s = self._period_s
         for _ in range(min(round(behind_s / self._period_s), MAX_BURST_PERIODS)):
+            if self._pacer is not None and self._pacer.waits(self._rover.time_s, now_s):
+                self._started_s = now_s - self._periods * self._period_s
+                break
             self._advance()
 
     def _advance(self) -> None:
@@ -274,6 +298,7 @@ class SimulationOptions:
         ros_arguments: arguments passed to ROS unchanged.
         usb: socket of the brick of a rover that has one.
         speed: simulated seconds per second.
+        paced: whether simulated time waits for late ticks of the executive.
         camera: auto, egl, rays or off.
         video_to: host and port of the camera's stream; None for no stream.
     """
@@ -285,6 +310,7 @@ class SimulationOptions:
     usb: Path
     seed: int
     speed: float
+    paced: bool
     camera: str
     video_to: tuple[str, int] | None
 
@@ -312,7 +338,7 @@ def serve(options: SimulationOptions) -> None:
         serve_cargo(node, rover)
         serve_faults(node, rover)
         with closing(exchange), _camera(node, topics, rover, options) as camera:
-            SimulationNode(node, topics, rover, exchange, camera, options.speed)
+            SimulationNode(node, topics, rover, exchange, camera, options.speed, options.paced)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
                 f" camera: {'off' if camera is None else camera.backend.value}",

@@ -75,7 +75,8 @@ async def run_in_setup(
     recorder, speed = scene.recorder, scene.rover.speed
     first = len(recorder.true)
     files = scene.rover.aboard / "files"
-    record = Record(start_utc_s, files, float if speed == 1.0 else recorder.simulated_s)
+    scenario_s = recorder.simulated_s if scene.rover.simulated_time else float
+    record = Record(start_utc_s, files, scenario_s)
 
     def poll() -> None:
         new = recorder.true[first + len(record.poses) :]

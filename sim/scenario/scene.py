@@ -111,7 +111,7 @@ def fleet_of(
     folders: Sequence[Path],
     address: RoverAddress,
     relay: Path | None,
-    speed: float = 1.0,
+    speed: float | None = 1.0,
     video_to: str | None = None,
     restart: bool = False,
 ) -> Iterator[Fleet]:
@@ -122,7 +122,7 @@ def fleet_of(
         folders: one per scenario, for logs and the data of the executive.
         address: that of the first rover; the others use the following ones.
         relay: folder of the orbiter; None without a relay.
-        speed: simulated seconds per second.
+        speed: simulated seconds per second; None for real time that waits for late ticks.
         video_to: HOST:PORT on the ground for the video stream; None for the asset's setting.
         restart: whether a `rover-relay` that ends by itself is restarted.
 

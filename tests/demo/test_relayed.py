@@ -11,7 +11,7 @@ from adapters.bundle.links.contact import Contact, ContactPlan
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from sim.demo.display import LineDisplay
-from sim.demo.outcome import by_both, late
+from sim.demo.outcome import by_both, late_ticks, odometry_late
 from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.model import RunMode
 from sim.scenario.pictures import passage_lane, queue_figures
@@ -116,6 +116,17 @@ def test_a_lane_shows_the_location_of_a_command(played: tuple[Record, str]) -> N
 
 def test_late_odometry_is_known_later(played: tuple[Record, str]) -> None:
     record, _ = played
-    assert not late(record)
+    assert not odometry_late(record)
     stationary = replace(record.reports[-1], reason=Reason.ODOMETRY_STALE)
-    assert late(replace(record, reports=[*record.reports, stationary]))
+    assert odometry_late(replace(record, reports=[*record.reports, stationary]))
+
+
+def test_late_ticks_are_counted_from_the_first_status(played: tuple[Record, str]) -> None:
+    record, _ = played
+    first, *_, last = record.statuses
+    counted = [
+        replace(each, values={**each.values, "EXEC_OVERRUNS": count})
+        for each, count in ((first, 7.0), (last, 47.0))
+    ]
+    assert late_ticks(replace(record, statuses=counted)) == 40
+    assert late_ticks(replace(record, statuses=[])) == 0

@@ -171,8 +171,10 @@ def desk(
         patch.setenv("ROVER_DATA", str(folder / "data"))
         patch.setenv("ROVER_CONSOLE_PORT", "0")  # not where a page of somebody else looks
         with desk.staying(STARTS[-1], STAYS[START]) as demo:
-            proposed = re.findall(r"^  (\./rover .*)", demo.text, re.MULTILINE)
-            (console,) = re.findall(r"http://127.0.0.1:\d+/", demo.text)
+            proposed = re.findall(
+                r"^  (?:ROS_DOMAIN_ID=\d+ )?(\./rover .*)", demo.text, re.MULTILINE
+            )
+            console, _ = re.findall(r"http://127.0.0.1:\d+/", demo.text)
             yield replace(desk, proposed=tuple(proposed), console=console)
 
 

@@ -15,6 +15,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
+from adapters.mrs.cli.status_command import late_ticks
+from adapters.mrs.spec import ActiveFault, FaultReaction, FaultStatus
+from adapters.mrs.spec import types as wire
 from executive.commands import ActivatePlan, SetTravelSpeed, Stop, SubmitPlan, SuspendPlan
 from tests.mrs.aboard import Aboard, rover
 from tests.mrs.fleet import Fleet, eventually, value
@@ -219,3 +222,29 @@ def test_options_that_do_not_go_together_are_a_usage_error(
     uri: str, arguments: tuple[str, ...]
 ) -> None:
     assert status("--to", uri, *arguments).exit_code == USAGE
+
+
+def test_late_ticks_are_named_as_the_probable_cause_of_faults() -> None:
+    fault = ActiveFault(
+        name="odometry_late",
+        began=0,
+        severity=wire.Severity.ALARM,
+        reaction=FaultReaction.STOP,
+        onResume=True,
+        code=912,
+        text="odometry arrives late",
+    )
+    calm, faulty = (
+        FaultStatus(timestamp=0, why="idle", active=active, unmonitored=())
+        for active in ((), (fault,))
+    )
+    busy = {"EXEC_TICK_PERIOD": 0.31, "EXEC_OVERRUNS": 796.0}
+    (line,) = late_ticks(busy, calm)
+    assert "too slow or busy: 796 late ticks" in line
+    assert "0.31 s from tick to tick" in line
+    quiet_now = {**busy, "EXEC_TICK_PERIOD": 0.06}
+    assert late_ticks(quiet_now, calm) == ()
+    (line,) = late_ticks(quiet_now, faulty)
+    assert "the probable cause of the faults" in line
+    assert late_ticks({**quiet_now, "EXEC_OVERRUNS": 3.0}, faulty) == ()
+    assert late_ticks({}, faulty) == ()

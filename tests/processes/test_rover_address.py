@@ -26,6 +26,19 @@ def test_rovers_beside_one_another_are_at_ports_of_their_own() -> None:
         assert free.next_address(1) == free, "each executive takes any free port"
 
 
+def test_a_second_demonstration_has_a_port_and_a_domain_of_its_own() -> None:
+    port = free_port()
+    with allocate_address(port) as address, allocate_address() as other:
+        assert (address.port, address.shared) == (port, False)
+        assert address.next_address(1).port == port + 1
+        assert address.domain != other.domain
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(AddressError, match="in use"), allocate_address(taken.getsockname()[1]):
+            pass
+
+
 def test_a_domain_is_released() -> None:
     with allocate_address() as first:
         pass

@@ -2,7 +2,7 @@
 
 import asyncio
 import sys
-from collections.abc import AsyncIterator, Awaitable
+from collections.abc import AsyncIterator, Awaitable, Mapping
 from dataclasses import dataclass
 from math import degrees
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -52,6 +52,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 REFRESH_S: Final = 0.5
+LATE_TICK_S: Final = 0.15
+"""Time between ticks above which the computer aboard is busy: three ticks."""
+MIN_LATE_TICKS: Final = 20
+"""Late ticks, those of a second, that may have caused a fault."""
 _RESUME: Final = "rover command resume"
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
@@ -130,6 +134,7 @@ class _StatusSnapshot:
         values, mode, faults = self.values, self.status.mode, self.faults
         lines = (
             *(_why(faults) if faults else ()),
+            *late_ticks(values, faults),
             _work_line(self.status),
             *_recovery_lines(mode, self.suspended, faults),
             *((f"the pose is uncertain: {RECOVERY}",) if _uncertainty(values) else ()),
@@ -250,6 +255,22 @@ def _fault_line(fault: ActiveFault, why: str) -> str:
     done = f"{fault.reaction.name.lower()} {until}"
     evidence = "" if fault.text in why else f": {fault.text}"
     return f"{fault.severity.name} {fault.name} since {utc(fault.began)} UTC, {done}{evidence}"
+
+
+def late_ticks(
+    values: Mapping[str, float | str | None], faults: FaultStatus | None
+) -> tuple[str, ...]:
+    """Return a line if ticks are late, or were before an active fault: its probable cause."""
+    period_s, late = values.get("EXEC_TICK_PERIOD"), values.get("EXEC_OVERRUNS")
+    if not (isinstance(period_s, float) and isinstance(late, float)):
+        return ()
+    if period_s < LATE_TICK_S and not (late >= MIN_LATE_TICKS and faults and faults.active):
+        return ()
+    cause = ", the probable cause of the faults" if faults and faults.active else ""
+    return (
+        f"the computer aboard is too slow or busy{cause}: {late:.0f} late ticks since the start"
+        f" (EXEC_OVERRUNS), up to {period_s:.2f} s from tick to tick in the last seconds",
+    )
 
 
 def _not_monitored(faults: FaultStatus | None) -> str:
