@@ -4,6 +4,7 @@ Its base has limits and a timeout; its odometry is dead reckoning: encoder speed
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import copysign, cos, isfinite, sin, sqrt
 from typing import Final
@@ -82,6 +83,13 @@ class BaseController:
         )
 
 
+_REST_MPS: Final = 0.005
+_REST_RADPS: Final = 0.01
+"""Speed of a wheel and gyro rate of a rover at rest: five times the noise of the gyro."""
+_REST_S: Final = 0.5
+"""Time at rest after which the heading is held."""
+
+
 @dataclass(frozen=True, slots=True)
 class SimulatedOdometry:
     """Accuracy of the sensors, and compensation of side slip.
@@ -108,7 +116,11 @@ class SimulatedOdometry:
 
 
 class WheelOdometry:
-    """Dead reckoning from a start pose, with the errors of real sensors."""
+    """Dead reckoning from a start pose, with the errors of real sensors.
+
+    While wheels and gyro are at rest, the heading is held: the constant error of the gyro would
+    turn it. Slower turns on standing wheels are lost.
+    """
 
     def __init__(
         self, settings: SimulatedOdometry, start: Pose, random: np.random.Generator
@@ -119,13 +131,20 @@ class WheelOdometry:
         self._gain = 1 + settings.gyro_scale * gain
         self._bias_radps = settings.gyro_bias_radps * bias
         self._draws = draws(random, 4)
+        self._rest_s = 0.0
         self.pose = start
 
     def advance(
-        self, stamp_s: float, period_s: float, encoder_mps: float, gyro_radps: float, lean: Pose
+        self,
+        stamp_s: float,
+        period_s: float,
+        wheels_mps: Sequence[float],
+        gyro_radps: float,
+        lean: Pose,
     ) -> Odometry:
         """Integrate one period and return the odometry published for its end."""
         settings = self._settings
+        encoder_mps = sum(wheels_mps) / len(wheels_mps)
         first, second, third, fourth = next(self._draws)
         travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first
         rotate_radps = (
@@ -136,15 +155,18 @@ class WheelOdometry:
         slip_m = settings.slip_offset_m + settings.slip_gain * copysign(
             sqrt(abs(encoder_mps * gyro_radps)), encoder_mps
         )
+        resting = abs(rotate_radps) < _REST_RADPS and max(map(abs, wheels_mps)) < _REST_MPS
+        self._rest_s = self._rest_s + period_s if resting else 0.0
+        turn_rad = 0.0 if self._rest_s > _REST_S else rotate_radps * period_s
         ahead_m = travel_mps * cos(pitch_rad) * period_s
-        left_m = -slip_m * rotate_radps * period_s
+        left_m = -slip_m * turn_rad
         before = self.pose
-        midway_rad = before.heading_rad + rotate_radps * period_s / 2
+        midway_rad = before.heading_rad + turn_rad / 2
         self.pose = Pose(
             before.x_m + ahead_m * cos(midway_rad) - left_m * sin(midway_rad),
             before.y_m + ahead_m * sin(midway_rad) + left_m * cos(midway_rad),
             before.z_m - travel_mps * sin(pitch_rad) * period_s,
-            wrap_rad(before.heading_rad + rotate_radps * period_s),
+            wrap_rad(before.heading_rad + turn_rad),
             roll_rad,
             pitch_rad,
         )
@@ -275,7 +297,7 @@ class SimulatedJackal(SimulatedBody):
             self.odometry.advance(
                 self.time_s,
                 PERIOD_S,
-                WHEEL_RADIUS_M * sum(counted_rad) / (4 * PERIOD_S),
+                [WHEEL_RADIUS_M * counted / PERIOD_S for counted in counted_rad],
                 self._gyro_radps(wrap_rad(self._pose.heading_rad - before.heading_rad) / PERIOD_S),
                 self._pose,
             )

@@ -5,10 +5,11 @@ from math import hypot, pi
 from statistics import median
 
 import pytest
+from numpy.random import default_rng
 
 from executive.values.facts import Odometry
-from executive.values.geometry import Velocity, wrap_rad
-from sim.rover.jackal import SimulatedJackal, SimulatedOdometry
+from executive.values.geometry import Pose, Velocity, wrap_rad
+from sim.rover.jackal import SimulatedJackal, SimulatedOdometry, WheelOdometry
 from sim.rover.world import SoilShape, World
 from tests.sim.driving import readings, travel, turn
 
@@ -101,3 +102,24 @@ def test_reports_speed_and_lean() -> None:
     assert received[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
     assert received[-1].pose.z_m - received[0].pose.z_m == pytest.approx(0.09, abs=0.02)
     assert received[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)
+
+
+def test_the_heading_of_a_standing_rover_does_not_creep() -> None:
+    rover = SimulatedJackal(FLAT, seed=0)  # its gyro's constant error is 0.33° a minute
+    rover.advance(1.0)
+    began_rad = rover.odometry.pose.heading_rad
+    rover.advance(60.0)
+    assert rover.odometry.pose.heading_rad == began_rad
+
+
+@pytest.mark.parametrize(
+    ("wheel_mps", "gyro_radps"),
+    [(0.0, 0.05), (0.01, 0.004)],
+    ids=["pushed round on standing wheels", "turned slowly by its wheels"],
+)
+def test_a_turn_is_no_standstill(wheel_mps: float, gyro_radps: float) -> None:
+    odometry = WheelOdometry(SimulatedOdometry(), Pose(), default_rng(0))
+    for period in range(500):
+        wheels_mps = (-wheel_mps, wheel_mps, -wheel_mps, wheel_mps)
+        odometry.advance(0.02 * period, 0.02, wheels_mps, gyro_radps, Pose())
+    assert odometry.pose.heading_rad == pytest.approx(500 * 0.02 * gyro_radps, abs=0.003)
