@@ -17,14 +17,15 @@ def scripts(table: dict[str, str]) -> list[str]:
 
 
 def data_files() -> list[tuple[str, list[str]]]:
-    """List where colcon and pip put all but modules: the ament marker, config/, launch/."""
+    """List where colcon and pip put all but modules: the ament marker, config/, docs/, launch/."""
     files = [
         ("share/ament_index/resource_index/packages", ["resource/rover_executive"]),
         (SHARE, ["package.xml"]),
     ]
     config = ROOT / "config"
     inside = sorted(path for path in config.rglob("*") if path.is_dir())
-    for folder in [config, *inside, ROOT / "launch"]:
+    docs = ROOT / "docs"
+    for folder in [config, *inside, docs, docs / "images", ROOT / "launch"]:
         names = sorted(str(path.relative_to(ROOT)) for path in folder.iterdir() if path.is_file())
         files.append((f"{SHARE}/{folder.relative_to(ROOT)}", names))
     return files

@@ -59,6 +59,7 @@ from adapters.console.web import (
     SharedPresence,
     Sockets,
     error_middleware,
+    help_routes,
     json_response,
     read_tokens,
     refused,
@@ -69,6 +70,7 @@ from adapters.mrs.ground import CommandIdGenerator, parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 from adapters.system import System
+from executive.settings import shipped_folder
 
 STATIC: Final = Path(__file__).parent / "static"
 _PAGES: Final = {"/": "index.html", "/lite": "lite.html"}
@@ -296,6 +298,7 @@ async def _serving(
         *ExportRequests(archive, recordings).routes(),
         *objects.routes(),
         *alarms.routes(),
+        *help_routes(shipped_folder("docs")),
     ]
 
     def entries() -> Iterator[AssetEntry]:

@@ -55,6 +55,7 @@ from executive.settings.settings_files import names_in as names_in
 from executive.settings.settings_files import parse_yaml as parse_yaml
 from executive.settings.settings_files import read_yaml as read_yaml
 from executive.settings.settings_files import require_above_zero as require_above_zero
+from executive.settings.settings_files import shipped_folder as shipped_folder
 from executive.settings.settings_files import structure as structure
 from executive.settings.settings_files import unstructure as unstructure
 from executive.settings.strict_reader import FormatError as FormatError

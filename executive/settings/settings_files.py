@@ -201,13 +201,16 @@ def _structured(text: str, kind: Any, origin: str) -> Any:
 def config_folder() -> Path:
     """Return the configuration folder: $ROVER_CONFIG, the checkout, or the installation."""
     override = os.environ.get("ROVER_CONFIG")
-    if override:
-        return Path(override)
-    checkout = Path(__file__).resolve().parents[2] / "config"
+    return Path(override) if override else shipped_folder("config")
+
+
+def shipped_folder(name: str) -> Path:
+    """Return a folder of the checkout, or of the installation; it need not exist."""
+    checkout = Path(__file__).resolve().parents[2] / name
     if checkout.is_dir():
         return checkout
     prefix = Path(__file__).parents[5]  # for pip and colcon installs alike
-    return prefix / "share" / "rover_executive" / "config"
+    return prefix / "share" / "rover_executive" / name
 
 
 def named_file(kind: str, name: str, folder: Path) -> Path:

@@ -25,7 +25,7 @@ CHECKOUT_COMMANDS = tomllib.loads((CHECKOUT / "tests" / "commands.toml").read_te
 ROS_NAME = PROJECT["name"].replace("-", "_")
 # What a wheel is made of, besides the rooms.
 FRAME = ("pyproject.toml", "setup.py", "setup.cfg", "package.xml", "resource", "config",
-         "launch", "README.md", "LICENSE")  # fmt: skip
+         "docs", "launch", "README.md", "LICENSE")  # fmt: skip
 
 # How colcon reads a setup.py: what it prints must be literals.
 AS_COLCON = """

@@ -72,6 +72,12 @@ def test_a_recording_is_displayed_in_the_same_views_and_not_commanded(page: Page
     expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile(r"^[12]\."))
     expect(page.locator(".log-view .line:not(.later)")).to_have_count(4)
     page.screenshot(path=picture("console-recording"))
+    with page.expect_popup() as opened:
+        page.locator(".c-frame, .l-layout__frame").filter(has_text="Behaviour tree").get_by_title(
+            "Help"
+        ).click()
+    expect(opened.value.get_by_role("heading", level=1)).to_have_text("Watch the behaviour tree")
+    opened.value.close()
 
     expect(page.get_by_test_id("stop")).to_be_hidden()
     expect(page.get_by_label("command", exact=True)).to_have_count(0)

@@ -3,6 +3,7 @@
 from adapters.console.web.access import OPERATOR as OPERATOR
 from adapters.console.web.access import Access as Access
 from adapters.console.web.access import read_tokens as read_tokens
+from adapters.console.web.help_pages import help_routes as help_routes
 from adapters.console.web.hub import MAX_QUEUED as MAX_QUEUED
 from adapters.console.web.hub import MAX_QUEUED_SAMPLES as MAX_QUEUED_SAMPLES
 from adapters.console.web.hub import MAX_REPLAYED_COMMANDS as MAX_REPLAYED_COMMANDS

@@ -17,21 +17,21 @@ import { ValuesView } from "../views/values.js";
 import { VideoView } from "../views/video.js";
 import { NAMESPACE, partsOf } from "./identifiers.js";
 
-/** Views by the last part of the object's key; `of` restricts a view to rovers or recordings, `console` adds it to the console. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
+/** Views by the last part of the object's key; `of` restricts a view to rovers or recordings, `console` adds it to the console, `help` is its part of the documentation. @type {Record<string, {name: string, icon: string, help: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
 export const VIEWS = {
-  map: { name: "Map", icon: "icon-map", view: MapView },
-  form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
-  commands: { name: "Commands", icon: "icon-activity", view: CommandTable },
-  tree: { name: "Behaviour tree", icon: "icon-conditional", view: TreeView },
-  strip: { name: "Time strip", icon: "icon-timeline", view: TimeStripView },
-  values: { name: "Latest values", icon: "icon-tabular-lad", view: ValuesView, console: true },
-  log: { name: "Log", icon: "icon-list-view", view: LogView },
-  alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
-  dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
-  video: { name: "Camera", icon: "icon-camera", view: VideoView, of: "rover" },
-  plans: { name: "Plans", icon: "icon-plan", view: PlansView, of: "rover" },
-  files: { name: "Files", icon: "icon-image", view: FilesView, of: "rover", console: true },
-  recording: { name: "Recording", icon: "icon-session", view: RecordingView, of: "recording" },
+  map: { name: "Map", icon: "icon-map", help: "console.md#map", view: MapView },
+  form: { name: "Command", icon: "icon-command", help: "console.md#command-and-stop", view: CommandForm, of: "rover" },
+  commands: { name: "Commands", icon: "icon-activity", help: "console.md#command-and-stop", view: CommandTable },
+  tree: { name: "Behaviour tree", icon: "icon-conditional", help: "watch-a-tree.md", view: TreeView },
+  strip: { name: "Time strip", icon: "icon-timeline", help: "console.md#history-time-strip", view: TimeStripView },
+  values: { name: "Latest values", icon: "icon-tabular-lad", help: "console.md#housekeeping-of-the-components", view: ValuesView, console: true },
+  log: { name: "Log", icon: "icon-list-view", help: "why.md", view: LogView },
+  alarms: { name: "Alarms", icon: "icon-bell", help: "console.md#alarms", view: AlarmsView, of: "rover", console: true },
+  dtn: { name: "Relay", icon: "icon-chain-links", help: "console.md#relay-link-orbiter", view: RelayView, of: "rover" },
+  video: { name: "Camera", icon: "icon-camera", help: "see-the-video.md", view: VideoView, of: "rover" },
+  plans: { name: "Plans", icon: "icon-plan", help: "write-a-plan.md", view: PlansView, of: "rover" },
+  files: { name: "Files", icon: "icon-image", help: "console.md#files", view: FilesView, of: "rover", console: true },
+  recording: { name: "Recording", icon: "icon-session", help: "console.md#view-a-recording", view: RecordingView, of: "recording" },
 };
 
 /** Return the kinds of views of an asset. @param {import("../model/asset.js").Asset} asset */
@@ -50,7 +50,23 @@ export function views(session, shown) {
         view.mount(element, { ...contextOf(session, partsOf(object.identifier)[0]), shown }),
       );
     }
+    openmct.actions.register({
+      key: "rover.help",
+      name: "Help",
+      description: "Open the documentation of this view",
+      cssClass: "icon-info",
+      group: "view",
+      priority: 1,
+      showInStatusBar: true,
+      appliesTo: ([object]) => helpOf(object) !== undefined,
+      invoke: ([object]) => open(`/help/${helpOf(object)}`, "rover-help"),
+    });
   };
+}
+
+/** Return the documentation of a view's object; undefined for other objects. @returns {string | undefined} */
+function helpOf({ identifier, type }) {
+  return identifier.namespace === NAMESPACE ? VIEWS[type.replace("rover.", "")]?.help : undefined;
 }
 
 /** Add a type of object and its view. */

@@ -46,7 +46,7 @@ export class StatusBar extends View {
   #list = html("div", { className: "alarm-list", hidden: true });
   #message = html("div", { className: "message", role: "alert", hidden: true });
   #lost = html("div", { className: "lost", role: "alert", hidden: true });
-  #identity = html("span", { className: "identity" }, this.#name, this.#pages, themeButton());
+  #identity = html("span", { className: "identity" }, this.#name, this.#pages, themeButton(), html("a", { href: "/help", target: "rover-help", title: "documentation of the console", textContent: "help" }));
   root = html(
     "header",
     { className: "rover-bar" },
