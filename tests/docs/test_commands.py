@@ -32,7 +32,10 @@ START = "./rover demo --no-session"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
 KNOWN_PORTS = ("21000", "21001", "21081", "21100")
-OTHER_TESTS = {"./rover demo": "tests/demo plays it", "./rover test": "is what runs this"}
+OTHER_TESTS = {
+    "./rover demo --stay": "tests/demo plays it",
+    "./rover test": "is what runs this",
+}
 CONSOLE = ".venv/bin/rover-console"
 STAYS = {
     START: "Ctrl-C ends it.",
