@@ -18,6 +18,7 @@ from adapters.process import (
     default_folder,
     log_level_option,
     process,
+    take_priority,
 )
 from adapters.video import parse_address
 
@@ -121,6 +122,7 @@ def main(
         above = None if service_layer is None else parse_mrs_address(service_layer)
     except ValueError as error:
         raise click.UsageError(f"--service-layer: {error}") from error
+    take_priority()
     serve(
         ExecutiveOptions(
             settings,

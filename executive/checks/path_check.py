@@ -224,7 +224,9 @@ def _cached_detour(
         if leaves:
             return zones.encounter(path, least_m - zones.margin_m, zones.margin_m) is None
         return all(
-            each.keeps(start, end, least_m) for start, end in pairwise(path) for each in zones
+            each.has_clearance(start, end, least_m)
+            for start, end in pairwise(path)
+            for each in zones
         )
 
     detour = shortest_detour(pose.point, point, zones, needed_m + turning_m, leads)

@@ -57,7 +57,7 @@ class Obstacle(Protocol):
         For a line that is neither a point nor wholly outside, any figure that is not above zero.
         """
 
-    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
         """Return whether a straight line has at least this clearance, sooner than by its value."""
 
 
@@ -134,7 +134,7 @@ class KeepOut(_Area):
         edge_m = self._edge_m(start, end)
         return -edge_m if self.contains(start) else edge_m
 
-    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
         """Return whether a line has this clearance; at once if it has it from the disc around."""
         middle, radius_m = _disc_around(self.corners_m)
         if _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M:
@@ -156,7 +156,7 @@ class KeepIn(_Area):
         edge_m = self._edge_m(start, end)
         return edge_m if self.contains(start) else -edge_m
 
-    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
         """Return whether a line has this clearance."""
         return self.clearance_m(start, end) >= needed_m
 
@@ -187,7 +187,7 @@ class KnownRock:
         """Return the distance of a straight line from its surface."""
         return _to_line_m(Point(self.x_m, self.y_m), start, end) - self.radius_m
 
-    def keeps(self, start: Point, end: Point, needed_m: float) -> bool:
+    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
         """Return whether a line has this clearance."""
         return self.clearance_m(start, end) >= needed_m
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import click
 
-from adapters.process import EXISTING_FILE, asset_option, log_level_option, process
+from adapters.process import EXISTING_FILE, asset_option, log_level_option, process, take_priority
 
 NO_PICTURES: Final = "off"
 
@@ -108,6 +108,7 @@ def main(
     settings = load_settings(asset)
     ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
     parameters = ros_params or ros_parameter_file(settings.asset, asset_file(asset).parent)
+    take_priority()
     usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
     serve(SimulationOptions(settings, ground, parameters, ros_arguments, usb, **simulated))
 

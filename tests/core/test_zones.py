@@ -110,10 +110,10 @@ SHAPES = st.sampled_from(
 
 @pytest.mark.at_length
 @given(shape=SHAPES, start=POINTS, end=POINTS, needed_m=st.floats(0.0, 6.0))
-def test_a_line_keeps_a_distance_if_it_is_that_far_away(
+def test_a_line_has_the_clearance_of_its_value(
     shape: Any, start: Point, end: Point, needed_m: float
 ) -> None:
-    assert shape.keeps(start, end, needed_m) == (shape.clearance_m(start, end) >= needed_m)
+    assert shape.has_clearance(start, end, needed_m) == (shape.clearance_m(start, end) >= needed_m)
 
 
 @given(shape=SHAPES, path=st.lists(POINTS, min_size=2, max_size=4))

@@ -27,6 +27,7 @@ from sensor_msgs.msg import BatteryState, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool, Float32
 from std_srvs.srv import Trigger
 
+from adapters.process import take_priority
 from adapters.ros import ros_node, single_threaded, time_message
 from tests.robots.interfaces import INTERFACES, EmergencyStopSource, Interface
 from tests.robots.messages import (
@@ -263,6 +264,7 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="of its time")
     parser.add_argument("--rest-speed", type=float, help="the same at rest")
     given = parser.parse_args()
+    take_priority()
     run(given.robot, given.speed, given.rest_speed or given.speed)
 
 

@@ -19,6 +19,7 @@ from adapters.process import (
     log_level_option,
     process,
     require,
+    take_priority,
 )
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ def main(ros_arguments: tuple[str, ...], **options: Any) -> None:
     require("usb")
     from adapters.mocup.brick.usb import libusb
 
+    take_priority()
     serve_brick(libusb(), ros_arguments, **options)
 
 
