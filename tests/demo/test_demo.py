@@ -127,7 +127,10 @@ def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
 
 
 def test_a_console_shows_the_rover_until_ctrl_c_ends_all(demo: Demo) -> None:
-    (address,) = re.findall(r"http://127.0.0.1:\d+/", demo.wait_for(" now, in a browser"))
+    said = demo.wait_for("STARTED")
+    (address,) = re.findall(r"http://127.0.0.1:\d+/", said)
+    assert said.index(address) < said.index("ready after"), "before the session"
+    assert "--paced" in demo.child("sim.ros.process").cmdline()
     names: set[str] = set()
     deadline_s = time.monotonic() + END_S
     while "moveTo" not in names:
