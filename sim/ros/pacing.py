@@ -28,13 +28,13 @@ class Pacer:
         """Note a tick of the executive."""
         if self._tick_s is None:
             self._window = simulated_s, real_s
+        self._report(simulated_s, real_s)
         self._tick_s, self._tick_real_s = simulated_s, real_s
 
     def waits(self, simulated_s: float, real_s: float) -> bool:
         """Return whether simulated time waits for the executive's next tick."""
         if self._tick_s is None:
             return False
-        self._report(simulated_s, real_s)
         late = simulated_s > self._tick_s + MAX_LEAD_S
         return late and real_s < self._tick_real_s + EXECUTIVE_TIMEOUT_S
 
