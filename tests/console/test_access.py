@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 import pytest
 from aiohttp import ClientSession, TCPConnector, WSCloseCode
 
+from adapters.console.requests import SharedObjectRequests
 from adapters.console.web import access, read_tokens
 from adapters.console.web.access import GUESS_S, MAX_PEERS, MAX_WAIT_S, TokenGuesses
 from adapters.mrs.transport import TransportSettings
@@ -23,6 +24,7 @@ from tests.console.consoles import at_console, operator, served
 from tests.support.certificates import certified
 
 UNREACHABLE = "127.0.0.1:1"
+IF_NEW = {"If-None-Match": "*"}
 TOKENS = "# who may log in\nanna 0123456789abcdef\nBen the second fedcba9876543210\n"
 
 
@@ -132,10 +134,18 @@ async def test_requests_that_make_no_sense_are_answered_by_what_to_do(tmp_path: 
         assert await status("POST", "api/stop/jackal", headers=bad_name) == 422
 
 
+async def test_a_change_is_sent_before_the_first_poll_of_the_archive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SharedObjectRequests, "run", lambda _: asyncio.sleep(3600.0))
+    async with at_console(tmp_path, UNREACHABLE, "anna", "ben") as (anna, ben):
+        await anna.request("PUT", "api/objects/plot", json={"value": 1}, headers=IF_NEW)
+        await ben.page.until(lambda message: (message["ty"], message.get("revision")) == ("obj", 1))
+
+
 async def test_objects_are_shared_by_revision(tmp_path: Path) -> None:
     async with at_console(tmp_path, UNREACHABLE, "anna", "ben") as (anna, ben):
-        new = {"If-None-Match": "*"}
-        first = await anna.request("PUT", "api/objects/plot", json={"value": [1]}, headers=new)
+        first = await anna.request("PUT", "api/objects/plot", json={"value": [1]}, headers=IF_NEW)
         assert first == (200, {"key": "plot", "revision": 1})
         await ben.page.until(lambda message: (message["ty"], message.get("revision")) == ("obj", 1))
         match = {"If-Match": '"1"'}

@@ -117,6 +117,7 @@ class SharedObjectRequests:
             raise invalid("value", f"any JSON of at most {MAX_VALUE_LENGTH} characters is needed")
         revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
         operator, utc_s = request[OPERATOR], self._archive.utc()
+        await self.refresh()  # the first state that is read is not published
         done = await self._archive.write(
             lambda connection: put_object(connection, key, value, revision, operator, utc_s)
         )
@@ -129,6 +130,7 @@ class SharedObjectRequests:
 
     async def _delete(self, request: web.Request) -> web.Response:
         key, revision = request.match_info["key"], _if_match(request)
+        await self.refresh()
         conflict = await self._archive.write(partial(delete_object, key=key, revision=revision))
         if conflict is not None:
             raise _conflict(key, conflict)
