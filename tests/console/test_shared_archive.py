@@ -125,8 +125,10 @@ async def test_a_command_of_another_source_is_the_same_at_both(
 ) -> None:
     async with two_consoles(rover, fresh(postgres), tmp_path) as (anna, ben):
         await asyncio.to_thread(rover.carry_out, MoveForward(0.2))
+        await anna.page.until(lambda message: message.get("args") == {"distance": 0.2})
         (found,) = await settled(anna, ben)
-        assert (found["state"], found["by"], found["args"]) == ("executed", "MOE", None)
+        assert (found["state"], found["by"]) == ("executed", "MOE")
+        assert found["args"] == {"distance": 0.2}
 
 
 async def test_an_id_that_is_posted_to_both_at_once_is_sent_once(
