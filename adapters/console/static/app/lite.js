@@ -30,7 +30,7 @@ document.body.append(
   top,
   noRover,
   panels,
-  html("footer", {}, html("a", { href: "/", textContent: "full console" }), "Light page, without Open MCT."),
+  html("footer", {}, html("a", { href: "/", textContent: "full console" }), html("a", { href: "/help", textContent: "help" }), "Light page, without Open MCT."),
 );
 let unmounts = [];
 
