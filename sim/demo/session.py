@@ -109,13 +109,14 @@ class SlowdownReport:
     """Prints the lines of the simulations on their speed, each line once."""
 
     def __init__(self, fleet: Fleet, console: Console) -> None:
-        self._simulations = [each for each in fleet.processes.children if each.name == "simulation"]
-        self._console = console
+        self._fleet, self._console = fleet, console
         self._printed = 0
 
     def update(self) -> None:
         """Print new lines."""
-        found = [line for each in self._simulations for line in each.find_outputs(SPEED)]
+        found = [
+            line for each in self._fleet.processes.children for line in each.find_outputs(SPEED)
+        ]
         for line in found[self._printed :]:
             self._console.print(line, style="yellow")
         self._printed = len(found)

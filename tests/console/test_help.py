@@ -9,7 +9,7 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from adapters.console.service import STATIC
 from adapters.console.web import error_middleware, help_routes
-from adapters.console.web.help_pages import PAGES, render
+from adapters.console.web.help_pages import FRAME, render
 from executive.settings import shipped_folder
 
 DOCS = shipped_folder("docs")
@@ -24,9 +24,10 @@ def test_headings_have_the_anchors_of_links_to_them() -> None:
     assert "README" not in page, "the console does not serve files of the checkout"
 
 
-@pytest.mark.parametrize(
-    "target", [f"{name}.md" for name in PAGES] + re.findall(r'help: "([^"]+)"', VIEWS)
-)
+LINKS = re.findall(r'href="/help/([^"]+)"', FRAME.read_text())
+
+
+@pytest.mark.parametrize("target", [*LINKS, *re.findall(r'help: "([^"]+)"', VIEWS)])
 def test_help_of_each_view_exists(target: str) -> None:
     name, _, section = target.partition("#")
     page = render((DOCS / name).read_text())

@@ -127,9 +127,9 @@ def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
 
 
 def test_a_console_shows_the_rover_until_ctrl_c_ends_all(demo: Demo) -> None:
-    said = demo.wait_for("STARTED")
-    (address,) = re.findall(r"http://127.0.0.1:\d+/", said)
-    assert said.index(address) < said.index("ready after"), "before the session"
+    printed = demo.wait_for("STARTED")
+    (address,) = re.findall(r"http://127.0.0.1:\d+/", printed)
+    assert printed.index(address) < printed.index("ready after"), "before the session"
     assert "--paced" in demo.child("sim.ros.process").cmdline()
     names: set[str] = set()
     deadline_s = time.monotonic() + END_S

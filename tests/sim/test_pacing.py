@@ -1,4 +1,4 @@
-"""Simulated time waits for late ticks of the executive, which it hears by the lock of the mux."""
+"""Simulated time waits for late ticks of the executive, which publishes the lock of the mux."""
 
 import logging
 
@@ -36,4 +36,4 @@ def test_slow_time_is_reported_once_and_so_is_its_end(caplog: pytest.LogCaptureF
     assert slow.endswith("simulated time runs at 60 % of real time")
     assert again == "simulated time runs at real time again"
     log = f"10:00Z WARNING {slow}\n10:01Z INFO    the brick is plugged in\n10:02Z INFO    {again}\n"
-    assert SPEED.findall(log) == [slow, again], "what the demonstration prints"
+    assert SPEED.findall(log) == [slow, again], "lines of the demonstration"

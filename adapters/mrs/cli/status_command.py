@@ -264,13 +264,11 @@ def late_ticks(
     period_s, late = values.get("EXEC_TICK_PERIOD"), values.get("EXEC_OVERRUNS")
     if not (isinstance(period_s, float) and isinstance(late, float)):
         return ()
-    if period_s < LATE_TICK_S and not (late >= MIN_LATE_TICKS and faults and faults.active):
-        return ()
     cause = ", the probable cause of the faults" if faults and faults.active else ""
-    return (
-        f"the computer aboard is too slow or busy{cause}: {late:.0f} late ticks since the start"
-        f" (EXEC_OVERRUNS), up to {period_s:.2f} s from tick to tick in the last seconds",
-    )
+    if period_s < LATE_TICK_S and not (cause and late >= MIN_LATE_TICKS):
+        return ()
+    text = f"the computer aboard is too slow or busy{cause}: {late:.0f} late ticks since the start"
+    return (f"{text} (EXEC_OVERRUNS), up to {period_s:.2f} s from tick to tick now",)
 
 
 def _not_monitored(faults: FaultStatus | None) -> str:
