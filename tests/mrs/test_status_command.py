@@ -173,7 +173,7 @@ def test_lists_the_services_and_their_addresses(aboard: Aboard) -> None:
     assert result.output.count(f"\n{aboard.uri}\n") == 1
     assert re.search(r"\n  MotionControl +moveTo, moveForward, ", result.output)
     unfolded = "".join(result.output.split())
-    assert f"getLastNotification;{aboard.uri}InternalBroker" in unfolded
+    assert f"getArguments;{aboard.uri}InternalBroker" in unfolded
 
 
 @pytest.fixture

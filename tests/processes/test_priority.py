@@ -10,7 +10,7 @@ from tests.support.processes import run_to_end
 SHOWN = "; import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
 TAKEN = """import logging; logging.basicConfig(level="INFO")
 from adapters.process import take_priority; take_priority()"""
-AS_NOBODY = "import os, adapters.process; os.seteuid(65534)\n"
+WITHOUT_PERMISSION = "import os, adapters.process; os.seteuid(65534)\n"
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may raise a priority")
 
 
@@ -20,8 +20,8 @@ def test_it_is_raised() -> None:
 
 
 @as_root
-def test_without_permission_it_remains_and_the_log_says_so() -> None:
-    done = run_to_end(sys.executable, "-c", AS_NOBODY + TAKEN + SHOWN)
+def test_without_permission_it_remains_and_is_logged() -> None:
+    done = run_to_end(sys.executable, "-c", WITHOUT_PERMISSION + TAKEN + SHOWN)
     assert done.stdout == "0\n"
     assert "priority not raised to nice -10: not permitted" in done.stderr
 
