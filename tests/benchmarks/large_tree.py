@@ -31,6 +31,7 @@ class PaddedTree(RoverTree):
         conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
         hang = Condition("hang", lambda: hang_on_request(data / HANG))
         padding = Selector("padding", hang, *conditions)
+        self.root.remove_all_children()
         self.root = Selector(self.root.name, padding, *self.root.nodes)
 
 
