@@ -31,7 +31,7 @@ def patient(scenario: Scenario) -> Scenario:
     Played briefly, it ends once every while is over in which something is expected.
     """
     expected = tuple(
-        replace(each, within_s=None) if isinstance(each, LifecycleExpectation) else each
+        _untimed(each) if isinstance(each, LifecycleExpectation) else each
         for each in scenario.expect
     )
     timed = [each for each in expected if isinstance(each, Scheduled) and not each.at_end]
@@ -41,6 +41,13 @@ def patient(scenario: Scenario) -> Scenario:
     )
     timeline = (*scenario.timeline, *over)
     return replace(scenario, duration_s=LAST_S, timeline=timeline, expect=expected)
+
+
+def _untimed(expected: LifecycleExpectation) -> LifecycleExpectation:
+    """Return an expectation without a time; a stop may report its progress, each second."""
+    if expected.command == "stop" and expected.stages is not None:
+        return replace(expected, within_s=None, stages=None, ends=expected.stages[-1])
+    return replace(expected, within_s=None)
 
 
 def _over(timed: Scheduled, label: str, later_s: float) -> QueryParameters:
