@@ -246,10 +246,9 @@ def environment() -> dict[str, str]:
 
 def _carry_out_all() -> Iterator[CiCheckResult]:
     """Yield outcomes; the core is tested beside the static checks and the rest."""
-    # In real time: few files at once, and nothing beside them, else odometry arrives too late to
-    # drive by. Root may raise the priority of the robots' processes (`take_priority`).
-    workers = 3 if os.geteuid() == 0 else 2
-    ros = CiCheck("pytest, ros", (_python(*_pytest("ros", workers=workers), *ros_files()),))
+    # In real time: no more than two files at once, and nothing beside them, else odometry arrives
+    # too late to drive by.
+    ros = CiCheck("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
     with TemporaryFile() as output:
         with ThreadPoolExecutor(1) as pool:
             beside = pool.submit(_judge, CORE, output)
