@@ -32,7 +32,13 @@ from executive.commands import (
 )
 from executive.goals import Goal
 from executive.obstacles.detour import Detour, shortest_detour
-from executive.obstacles.zones import ClearanceViolation, Obstacle, ScannedObstacle, Zones
+from executive.obstacles.zones import (
+    ClearanceViolation,
+    Obstacle,
+    ScannedObstacle,
+    Zones,
+    has_clearance,
+)
 from executive.settings import Controller, LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose, Velocity, arc
@@ -224,7 +230,7 @@ def _cached_detour(
         if leaves:
             return zones.encounter(path, least_m - zones.margin_m, zones.margin_m) is None
         return all(
-            each.has_clearance(start, end, least_m)
+            has_clearance(each, start, end, least_m)
             for start, end in pairwise(path)
             for each in zones
         )

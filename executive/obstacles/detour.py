@@ -18,6 +18,7 @@ from executive.obstacles.zones import (
     KnownRock,
     Obstacle,
     Zones,
+    has_clearance,
 )
 from executive.values.geometry import Point
 
@@ -66,7 +67,7 @@ def shortest_detour(
         for number, (each, at_end_m) in enumerate(obstacles):
             left -= _sides(each)
             needed_m = clearance_m if index else at_end_m
-            if not each.has_clearance(nodes[parent], nodes[index], needed_m):
+            if not has_clearance(each, nodes[parent], nodes[index], needed_m):
                 obstacles.insert(0, obstacles.pop(number))  # likely to block the next line, too
                 return False
         return True
@@ -119,7 +120,7 @@ def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
     obstacles, found_free = list(zones), []
     for node in islice(found, MAX_COMPARISONS // max(1, sum(map(_sides, zones)))):
         for number, each in enumerate(obstacles):
-            if not each.has_clearance(node, node, clearance_m):
+            if not has_clearance(each, node, node, clearance_m):
                 obstacles.insert(0, obstacles.pop(number))  # likely that of the next node, too
                 break
         else:

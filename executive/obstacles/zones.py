@@ -57,9 +57,6 @@ class Obstacle(Protocol):
         For a line that is neither a point nor wholly outside, any figure that is not above zero.
         """
 
-    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
-        """Return whether a straight line has at least this clearance, sooner than by its value."""
-
 
 @dataclass(frozen=True, slots=True)
 class _Area:
@@ -134,13 +131,6 @@ class KeepOut(_Area):
         edge_m = self._edge_m(start, end)
         return -edge_m if self.contains(start) else edge_m
 
-    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
-        """Return whether a line has this clearance; at once if it has it from the disc around."""
-        middle, radius_m = _disc_around(self.corners_m)
-        if _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M:
-            return True
-        return self.clearance_m(start, end) >= needed_m
-
 
 @dataclass(frozen=True, slots=True)
 class KeepIn(_Area):
@@ -155,10 +145,6 @@ class KeepIn(_Area):
         """Return the distance of a straight line inside of it from its edge."""
         edge_m = self._edge_m(start, end)
         return edge_m if self.contains(start) else -edge_m
-
-    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
-        """Return whether a line has this clearance."""
-        return self.clearance_m(start, end) >= needed_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,10 +172,6 @@ class KnownRock:
     def clearance_m(self, start: Point, end: Point) -> float:
         """Return the distance of a straight line from its surface."""
         return _to_line_m(Point(self.x_m, self.y_m), start, end) - self.radius_m
-
-    def has_clearance(self, start: Point, end: Point, needed_m: float) -> bool:
-        """Return whether a line has this clearance."""
-        return self.clearance_m(start, end) >= needed_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,6 +276,18 @@ def check_name(name: str) -> None:
     """
     if not (0 < len(name) <= 80 and name.strip() and name.isprintable()):
         raise ValueError(f"{name[:80]!r} is not a valid name: 1 to 80 printable characters")
+
+
+def has_clearance(obstacle: Obstacle, start: Point, end: Point, needed_m: float) -> bool:
+    """Return whether a straight line has at least this clearance.
+
+    A distant keep-out zone is passed over by the disc around it, without its sides.
+    """
+    if isinstance(obstacle, KeepOut):
+        middle, radius_m = _disc_around(obstacle.corners_m)
+        if _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M:
+            return True
+    return obstacle.clearance_m(start, end) >= needed_m
 
 
 @lru_cache(maxsize=256)

@@ -23,7 +23,7 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones, has_clearance
 from executive.settings import SettingsError, load_settings, structure
 from executive.values.geometry import Point, Pose, Velocity, arc
 from executive.values.reasons import Reason
@@ -113,7 +113,7 @@ SHAPES = st.sampled_from(
 def test_a_line_has_the_clearance_of_its_value(
     shape: Any, start: Point, end: Point, needed_m: float
 ) -> None:
-    assert shape.has_clearance(start, end, needed_m) == (shape.clearance_m(start, end) >= needed_m)
+    assert has_clearance(shape, start, end, needed_m) == (shape.clearance_m(start, end) >= needed_m)
 
 
 @given(shape=SHAPES, path=st.lists(POINTS, min_size=2, max_size=4))
