@@ -239,10 +239,9 @@ class Fleet:
             await self._commands.load_foreign(link.asset, identity)
             name = self._tracker.on_notification(message, identity)
             message = replace(message, command=name)
-            command = self._tracker.get(name)
-            assert command is not None
+            command = self._tracker.get(name)  # None: dropped, for too many are open
             is_first = message.stage == RECEIVED and link.kind is LinkKind.DIRECT
-            if is_first and command.args is None:
+            if is_first and command is not None and command.args is None:
                 link.request_arguments(identity)
         if received.cursor:
             known = LastNotification(received.cursor, to_us(report.utc_s))
