@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import re
+from collections import Counter
 from collections.abc import Awaitable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -110,16 +111,15 @@ class SlowdownReport:
 
     def __init__(self, fleet: Fleet, console: Console) -> None:
         self._fleet, self._console = fleet, console
-        self._printed = 0
+        self._printed = Counter[str]()
 
     def update(self) -> None:
         """Print new lines."""
-        found = [
-            line for each in self._fleet.processes.children for line in each.find_outputs(SPEED)
-        ]
-        for line in found[self._printed :]:
-            self._console.print(line, style="yellow")
-        self._printed = len(found)
+        for child in self._fleet.processes.children:
+            found = child.find_outputs(SPEED)
+            for line in found[self._printed[child.name] :]:
+                self._console.print(line, style="yellow")
+            self._printed[child.name] = len(found)
 
     async def run(self) -> None:
         """Print new lines until cancelled."""
