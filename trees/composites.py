@@ -1,7 +1,7 @@
 """The composites of the rover's tree: as those of py_trees, but ticked by a plain call.
 
 py_trees ticks by nested generators, and makes one for each node that stops: a tick of the idle tree
-took five times as long. The trees of plans use the composites of py_trees.
+took more than four times as long. The trees of plans use the composites of py_trees.
 """
 
 from abc import abstractmethod
