@@ -5,6 +5,7 @@
 
 import { button, html, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
+import { Goals } from "./route.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
 import { age, clock, degrees, fixed } from "../format.js";
@@ -25,26 +26,31 @@ export class MapView extends View {
   #grid = new layers.Grid();
   #zones = new layers.Zones();
   #tracks = new layers.Tracks();
-  #planned = new layers.Planned();
   #preview = new layers.Preview();
   #uncertain = new layers.UncertaintyMark();
   #rover = new layers.Rover();
-  #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#planned, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
-  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world);
+  #goals = new Goals();
+  #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
+  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element);
   #viewport = new Viewport(this.#picture);
   #poseText = html("span", { className: "pose" });
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
   #follow = button("follow", "centre the map on the rover", () => ((this.#follows = !this.#follows), this.draw()));
-  #whole = button("show all", "fit the whole track and all zones", () => this.#fit());
+  #whole = button("show all", "fit the whole track, all goals and all zones", () => this.#fit());
   #empty = html("p", { className: "empty over" });
   #hint = html("p", { className: "hint" });
   #menu = html("div", { className: "menu", hidden: true });
+  /** @type {[any, {element: Element}][]} the legend's entries, each with its layer */
+  #entries = [
+    [html("span", { className: "commanded", textContent: "commanded" }), this.#goals],
+    [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
+  ];
   root = html(
     "section",
     { className: "rover-view map-view" },
     html("header", {}, this.#poseText, html("span", { className: "tools" }, this.#pointed, this.#now, this.#follow, this.#whole)),
-    html("div", { className: "canvas" }, this.#picture, this.#empty, this.#hint, this.#menu),
+    html("div", { className: "canvas" }, this.#picture, html("div", { className: "legend" }, ...this.#entries.map(([entry]) => entry)), this.#empty, this.#hint, this.#menu),
   );
 
   start() {
@@ -79,11 +85,17 @@ export class MapView extends View {
     this.#grid.render(viewport);
     this.#zones.render(asset.zones);
     this.#tracks.render(asset.track, cursor.utc_s, selection.spanOf(asset));
-    this.#planned.render(asset, cursor.utc_s, scale);
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
+    this.#goals.render(asset, cursor.utc_s, pose, viewport);
+    this.#drawLegend();
     this.#drawTexts(pose, uncertainty);
+  }
+
+  /** Show the legend's entries of the layers that are not empty. */
+  #drawLegend() {
+    for (const [entry, { element }] of this.#entries) entry.hidden = element.childElementCount === 0;
   }
 
   /** @param {Fix | null} pose @param {layers.Uncertainty | null} uncertainty */
@@ -104,10 +116,10 @@ export class MapView extends View {
     this.root.classList.toggle("past", cursor.utc_s !== null);
   }
 
-  /** Fit track, preview and zones into the view. */
+  /** Fit track, goals, preview and zones into the view. */
   #fit() {
     const { asset, draft } = this;
-    const fixes = [...asset.track, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
+    const fixes = [...asset.track, ...this.#goals.points, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
     const points = [...fixes.map(({ x, y }) => [x, y]), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
     if (points.length) {
       this.#viewport.fit(points);

@@ -67,24 +67,6 @@ export class Tracks {
   }
 }
 
-/** Waypoints of the active and queued motions. */
-export class Planned {
-  element = svg("g", { class: "planned" });
-
-  /** @param {Asset} asset @param {number | null} utc_s null for now @param {number} scale */
-  render(asset, utc_s, scale) {
-    const points = waypointsOf(asset, utc_s).map((each, index, all) => ({ ...each, index, from: all[index - 1] ?? each }));
-    const make = () => svg("g", {}, svg("line"), svg("circle"), svg("title"));
-    reconcile(this.element, points, (each) => String(each.index), make, (made, { x, y, from, done, title: text }) => {
-      const [line, circle, title] = made.children;
-      set(made, { class: done ? "done" : "" });
-      set(line, { x1: from.x, y1: from.y, x2: x, y2: y });
-      set(circle, { cx: x, cy: y, r: 5 / scale });
-      setText(title, text);
-    });
-  }
-}
-
 /** Predicted path of the command in preparation. */
 export class Preview {
   element = svg("g", { class: "preview" });
@@ -165,22 +147,4 @@ const turned = (pose) => `translate(${pose.x} ${pose.y}) rotate(${degrees(pose.h
 function arrow(scale) {
   const half = Math.max(0.25, 9 / scale);
   return `M${half} 0L${-half * 0.8} ${half * 0.65}L${-half * 0.45} 0L${-half * 0.8} ${-half * 0.65}Z`;
-}
-
-/** Return the waypoints of motions that have not ended, in the odometry frame. @param {Asset} asset @param {number | null} utc_s null for now */
-function waypointsOf(asset, utc_s) {
-  const open = asset.commandsAt(utc_s).filter((each) => !each.ended && each.args && each.state !== "unknown");
-  return open.reverse().flatMap((command) => {
-    const step = command.history.findLast((each) => each.step)?.step ?? 0;
-    const waypoints = command.args.waypoints ?? [command.args];
-    return asset
-      .inOdometry(waypoints, command.args.frame, utc_s)
-      .filter((waypoint) => Number.isFinite(waypoint.x) && Number.isFinite(waypoint.y))
-      .map((waypoint, index, all) => ({
-        x: waypoint.x,
-        y: waypoint.y,
-        done: all.length > 1 && index < step,
-        title: all.length > 1 ? `${command.name}, waypoint ${index + 1} of ${all.length}` : command.name,
-      }));
-  });
 }
