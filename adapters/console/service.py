@@ -30,6 +30,7 @@ from adapters.console.requests import (
     AlarmRequests,
     ArchiveRequests,
     Commanding,
+    DraftRequests,
     ExplanationRequests,
     ExportRequests,
     FileRequests,
@@ -288,6 +289,7 @@ async def _serving(
     presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
     routes = [
         *OperationRequests(commanding, desk).routes(),
+        *DraftRequests(commanding).routes(),
         *PlanRequests(commanding, archive).routes(),
         *ExplanationRequests(commanding, recordings).routes(),
         *MapRequests(commanding).routes(),

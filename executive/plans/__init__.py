@@ -1,7 +1,9 @@
 """Plans: behaviour trees that mission control sends; their check, execution and results."""
 
+from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import max_commands as max_commands
+from executive.plans.builder import read_plan as read_plan
 from executive.plans.execution import PlanExecution as PlanExecution
 from executive.plans.execution import PlanHost as PlanHost
 from executive.plans.execution import StepStatus as StepStatus
@@ -25,3 +27,7 @@ from executive.plans.plan_xml import FORMAT as FORMAT
 from executive.plans.planner import FINAL_STATUSES as FINAL_STATUSES
 from executive.plans.planner import ActivePlans as ActivePlans
 from executive.plans.planner import Planner as Planner
+from executive.plans.sequence import FIRST_LINE as FIRST_LINE
+from executive.plans.sequence import WrittenStep as WrittenStep
+from executive.plans.sequence import sequence_xml as sequence_xml
+from executive.plans.sequence import steps_of as steps_of

@@ -257,13 +257,32 @@ def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Ref
     Arguments are checked against the asset's bounds, except bounds that depend on the rover's
     position: they are checked when the command is due.
     """
+    plan = read_plan(definition)
+    if isinstance(plan, Refusal):
+        return plan
+    return check_bounds(plan, settings) or plan
+
+
+def check_bounds(plan: PlanNode, settings: Settings) -> Refusal | None:
+    """Return a refusal if an argument of a plan is outside the bounds of an asset."""
+    for step in steps(plan):
+        refusal = check_arguments(step.request, settings, _from(step.request))
+        if refusal is not None:
+            line = step.location.line
+            fault = PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
+            return fault.refusal
+    return None
+
+
+def read_plan(definition: PlanDefinition) -> PlanNode | Refusal:
+    """Return the root node of a plan that is valid apart from the bounds of an asset."""
     try:
-        return _check(definition, settings)
+        return _read(definition)
     except PlanError as fault:
         return fault.refusal
 
 
-def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
+def _read(definition: PlanDefinition) -> PlanNode:
     if not is_plan_id(definition.plan_id):
         raise PlanError(
             Reason.BAD_IDENTIFIER, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
@@ -289,11 +308,6 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
             plan.location.line,
             f"its loops could command {max_commands(plan)} times: {MAX_COMMANDS} at most",
         )
-    for step in steps(plan):
-        refusal = check_arguments(step.request, settings, _from(step.request))
-        if refusal is not None:
-            line = step.location.line
-            raise PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
     return plan
 
 

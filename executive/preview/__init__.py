@@ -4,4 +4,6 @@ from executive.preview.predictions import Predictor as Predictor
 from executive.preview.preview import MAX_POSES as MAX_POSES
 from executive.preview.preview import Preview as Preview
 from executive.preview.preview import PreviewRun as PreviewRun
+from executive.preview.preview import StepPreview as StepPreview
+from executive.preview.preview import TimedPose as TimedPose
 from executive.preview.preview_rover import KinematicBase as KinematicBase

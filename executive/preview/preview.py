@@ -106,6 +106,26 @@ class Preview:
 
 
 @dataclass(frozen=True, slots=True)
+class StepPreview:
+    """Predicted result of one step of a plan; `refusal` if it would be refused or fail.
+
+    Attributes:
+        node: path of its leaf.
+        duration_s: 0 without motion.
+        end: pose at its end; the time is from the start of the plan.
+        clearance: None without motion, too.
+    """
+
+    node: str
+    duration_s: float
+    length_m: float
+    end: TimedPose
+    energy_j: float | None
+    clearance: Clearance | None
+    refusal: Refusal | None
+
+
+@dataclass(frozen=True, slots=True)
 class PreviewStart:
     """State copied from the present: the expected pose, speed limits, file folder.
 
@@ -142,6 +162,7 @@ class _PathTrace:
     turned_rad: float = 0.0
     curved_m: float = 0.0
     clearance: Clearance | None = None
+    step_clearance: Clearance | None = None
     _radius_m: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -164,8 +185,13 @@ class _PathTrace:
     def _update_clearance(self, before: Pose, pose: Pose) -> None:
         for obstacle in self.settings.zones:
             left_m = obstacle.clearance_m(before.point, pose.point) - self._radius_m
-            if self.clearance is None or left_m < self.clearance.least_m:
-                self.clearance = Clearance(left_m, obstacle.label)
+            found = Clearance(left_m, obstacle.label)
+            self.clearance = _nearest(self.clearance, found)
+            self.step_clearance = _nearest(self.step_clearance, found)
+
+
+def _nearest(known: Clearance | None, found: Clearance) -> Clearance:
+    return found if known is None or found.least_m < known.least_m else known
 
 
 class PreviewRun:
@@ -176,6 +202,7 @@ class PreviewRun:
 
     Attributes:
         result: the preview, or the refusal of its motion; None until it is computed.
+        steps: the predicted steps of a plan; the last one may be refused.
     """
 
     def __init__(
@@ -203,9 +230,11 @@ class PreviewRun:
         self._timeouts_s: list[float] = []
         self._lifecycle: CommandLifecycle | None = None
         self._step: PlanStep | None = None
+        self._before = MotionExtent(0.0, 0.0, 0.0)
         self._began_s = 0.0
         self._end = MotionEndKind.LINE
         self.result: Preview | Refusal | None = None
+        self.steps: list[StepPreview] = []
 
     @property
     def waiting_for_solver(self) -> bool:
@@ -286,13 +315,14 @@ class PreviewRun:
 
     def _end_step(self, lifecycle: CommandLifecycle) -> None:
         if lifecycle.refusal is not None:
-            self.result = self._with_step(lifecycle.refusal)
+            self._refuse(lifecycle.refusal)
             return
         step = self._step
         took_s = self._clock.now_s() - self._began_s
         if step is not None and step.deadline_s is not None and took_s > step.deadline_s:
-            self.result = self._late(step.location.path, took_s, step.deadline_s)
+            self._refuse(_late(took_s, step.deadline_s))
             return
+        self._add_step()
         self._begin_next()
 
     def _begin_next(self) -> None:
@@ -304,9 +334,10 @@ class PreviewRun:
                 case TimeoutEnd(node=node):
                     took_s = self._clock.now_s() - self._timeouts_s.pop()
                     if took_s > node.duration_s:
-                        self.result = self._late(node.location.path, took_s, node.duration_s)
+                        self.result = _at(node.location.path, _late(took_s, node.duration_s))
                 case PlanStep(request=request):
-                    self._step = each
+                    self._step, self._before = each, self._extent()
+                    self._track.step_clearance = None
                     self._set_or_begin(request)
             if self._lifecycle is not None or self.result is not None:
                 return
@@ -320,14 +351,16 @@ class PreviewRun:
                 self._context.status.rotate_speed_radps = speed_radps
             case _ if isinstance(request, Motion):
                 self._begin(request)
+                return
             case _:
                 pass
+        self._add_step()
 
     def _begin(self, wanted: Motion) -> None:
         pose, settings = self._context.status.pose, self._settings
         request = localized(wanted, self._context.status, settings)
         if isinstance(request, Refusal):
-            self.result = self._with_step(request)
+            self._refuse(request)
             return
         refusal = (
             check_arguments(request, settings, pose.point)
@@ -335,7 +368,7 @@ class PreviewRun:
             or check_request(request, pose, settings, self._context.status.obstacles)
         )
         if refusal is not None:
-            self.result = self._with_step(refusal)
+            self._refuse(refusal)
             return
         self._began_s = self._clock.now_s()
         self._end = end_kind(request, pose, settings)
@@ -345,22 +378,46 @@ class PreviewRun:
         self._lifecycle.accept()
         self._context.goals.motion.add(self._lifecycle)
 
-    def _with_step(self, refusal: Refusal) -> Refusal:
-        """Prefix a refusal with the plan step that it concerns."""
-        if self._step is None:
-            return refusal
-        return replace(refusal, text=f"{self._step.location.path}: {refusal.text}")
+    def _refuse(self, refusal: Refusal) -> None:
+        """End with a refusal, prefixed by the plan step that it concerns."""
+        if self._step is not None:
+            self._add_step(refusal)
+            refusal = _at(self._step.location.path, refusal)
+        self.result = refusal
 
-    def _late(self, path: str, took_s: float, limit_s: float) -> Refusal:
-        text = f"{path}: duration {took_s:.2f} s exceeds {limit_s:g} s"
-        figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
-        return Refusal(Reason.PLAN_DEADLINE, text, figures)
+    def _add_step(self, refusal: Refusal | None = None) -> None:
+        """Add the step that ends now, if a plan is previewed."""
+        if self._step is None:
+            return
+        track, before, now = self._track, self._before, self._extent()
+        took = replace(
+            now,
+            duration_s=now.duration_s - before.duration_s,
+            length_m=now.length_m - before.length_m,
+            turned_rad=now.turned_rad - before.turned_rad,
+            curved_m=now.curved_m - before.curved_m,
+        )
+        self.steps.append(
+            StepPreview(
+                self._step.location.path,
+                took.duration_s,
+                took.length_m,
+                TimedPose(now.duration_s, track.poses[-1].pose),
+                self._settings.prediction.energy_j(took),
+                track.step_clearance,
+                refusal,
+            )
+        )
+
+    def _extent(self) -> MotionExtent:
+        track = self._track
+        return MotionExtent(
+            self._clock.now_s(), track.length_m, track.turned_rad, track.curved_m, self._end
+        )
 
     def _result(self) -> Preview:
-        track, prediction, duration_s = self._track, self._settings.prediction, self._clock.now_s()
-        extent = MotionExtent(
-            duration_s, track.length_m, track.turned_rad, track.curved_m, self._end
-        )
+        track, prediction, extent = self._track, self._settings.prediction, self._extent()
+        duration_s = extent.duration_s
         every = max(1, ceil((len(track.poses) - 1) / (MAX_POSES - 1)))
         path = track.poses[:-1:every]
         path.append(TimedPose(duration_s, track.poses[-1].pose))
@@ -374,6 +431,17 @@ class PreviewRun:
             prediction.energy_j(extent),
             track.clearance,
         )
+
+
+def _at(path: str, refusal: Refusal) -> Refusal:
+    """Return a refusal, prefixed by the path of the node that it concerns."""
+    return replace(refusal, text=f"{path}: {refusal.text}")
+
+
+def _late(took_s: float, limit_s: float) -> Refusal:
+    text = f"duration {took_s:.2f} s exceeds {limit_s:g} s"
+    figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
+    return Refusal(Reason.PLAN_DEADLINE, text, figures)
 
 
 def end_kind(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:

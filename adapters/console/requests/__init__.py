@@ -7,6 +7,7 @@ through `adapters.console.rovers`.
 
 from adapters.console.requests.alarms import AlarmRequests as AlarmRequests
 from adapters.console.requests.commanding import Commanding as Commanding
+from adapters.console.requests.drafts import DraftRequests as DraftRequests
 from adapters.console.requests.explaining import ExplanationRequests as ExplanationRequests
 from adapters.console.requests.export import ExportRequests as ExportRequests
 from adapters.console.requests.file_store import FileStore as FileStore

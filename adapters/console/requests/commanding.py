@@ -6,10 +6,10 @@ claims none.
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Any, Final, get_args
+from typing import Any, Final, TypeVar, get_args
 
 from adapters.console.archive import ArchiveError
 from adapters.console.command_states import CONSOLE, ORBITER, SENT
@@ -30,9 +30,19 @@ from adapters.console.tasks import start_task
 from adapters.console.web import invalid, is_number, one_of, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
-from adapters.mrs.spec import AreaError, Preview, describe_error
-from executive.commands import Command, Family, Motion, PreemptionPolicy, Request, Stop
+from adapters.mrs.spec import AreaError, PlanPreview, Preview, describe_error
+from executive.commands import (
+    Command,
+    Family,
+    Motion,
+    PlanDefinition,
+    PreemptionPolicy,
+    Request,
+    Stop,
+)
 from executive.settings import Settings
+
+T = TypeVar("T")
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -193,15 +203,25 @@ class Commanding:
         if not isinstance(request, get_args(Motion)):
             text = f"{motion} is no motion: it has no preview"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
-        link = self._link(asset, None)
+        return await self._previewed(name, self.client(name).preview(request))
+
+    async def preview_plan(self, asset: str, plan: PlanDefinition) -> PlanPreview:
+        """Return the preview of a plan and of its steps.
+
+        Raises:
+            RequestError: the preview is not available.
+        """
+        return await self._previewed(asset, self.client(asset).preview_steps(plan))
+
+    async def _previewed(self, asset: str, preview: Awaitable[T]) -> T:
         try:
             async with asyncio.timeout(PREVIEW_S):
-                return await self._desk.client(link).preview(request)
+                return await preview
         except MalError as error:
             text = describe_error(error)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
         except (ConnectionError, TimeoutError) as error:
-            raise _unreachable(name) from error
+            raise _unreachable(asset) from error
 
     def client(self, asset: str) -> MrsClient:
         """Return the session with an asset over its fastest link.

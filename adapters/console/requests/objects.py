@@ -178,7 +178,7 @@ class PlanRequests:
     async def _submit(self, request: web.Request) -> web.Response:
         body = await body_of(request)
         asset, operator = request.match_info["asset"], request[OPERATOR]
-        plan = _plan_of(body)
+        plan = plan_of(body)
         submit = SubmitPlan(plan)
         posted = CommandPost(identifier(body.get("id")), asset, SUBMIT, argument_values(submit))
         status = await self._commanding.send(operator, posted, lambda: submit)
@@ -200,7 +200,12 @@ class PlanRequests:
         return json_response(found)
 
 
-def _plan_of(body: dict[str, Any]) -> PlanDefinition:
+def plan_of(body: dict[str, Any]) -> PlanDefinition:
+    """Return the plan of a body.
+
+    Raises:
+        RequestError: a field is invalid.
+    """
     plan_id = text_of(body, "plan_id")
     content, arguments = body.get("content"), body.get("arguments", {})
     if not isinstance(content, str) or not 0 < len(content.encode()) <= MAX_PLAN_OCTETS:

@@ -5,6 +5,7 @@ So the core's thread meets its ticks, and a stop is served during a preview.
 """
 
 import asyncio
+from collections.abc import Sequence
 from typing import Final
 
 from adapters.mal import CallContext, MalError
@@ -16,11 +17,13 @@ from adapters.mrs.spec import (
     PreviewRequest,
     framed,
     motion_of,
+    refusal_text,
+    wire_plan_preview,
     wire_preview,
     with_text,
 )
 from executive.commands import Motion, PlanDefinition
-from executive.preview import Preview, PreviewRun
+from executive.preview import Preview, PreviewRun, StepPreview
 from executive.values.reasons import Refusal
 
 SLICE_TICKS: Final = 2
@@ -31,13 +34,14 @@ MAX_PREVIEW_S: Final = 60.0
 
 
 class PreviewService:
-    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MAX_CONCURRENT` at the same time."""
+    """Serves `MotionControl.preview` and those of `Plan`, `MAX_CONCURRENT` at a time."""
 
     def __init__(self, served: ServedOperations, gateway: CoreGateway) -> None:
         self._gateway = gateway
         self._running = 0
         served.serve("MotionControl", "preview", self._motion)
         served.serve("Plan", "previewPlan", self._preview_plan)
+        served.serve("Plan", "previewSteps", self._preview_steps)
 
     async def _motion(
         self,
@@ -53,18 +57,33 @@ class PreviewService:
     async def _preview_plan(self, _: CallContext, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
         return (await self._work_out(wire.definition_of(plan)),)
 
+    async def _preview_steps(
+        self, _: CallContext, plan: wire.PlanDefinition
+    ) -> tuple[wire.PlanPreview]:
+        result, steps = await self._run(wire.definition_of(plan))
+        if isinstance(result, Refusal) and _error_of(result) is AreaError.INVALID and not steps:
+            raise _refusal_error(result)
+        return (wire_plan_preview(result, steps),)
+
     async def _work_out(self, request: Motion | PlanDefinition) -> wire.Preview:
+        result, _ = await self._run(request)
+        if isinstance(result, Refusal):
+            raise _refusal_error(result)
+        return wire_preview(result)
+
+    async def _run(
+        self, request: Motion | PlanDefinition
+    ) -> tuple[Preview | Refusal, Sequence[StepPreview]]:
         if self._running >= MAX_CONCURRENT:
             raise with_text(AreaError.BUSY, f"{MAX_CONCURRENT} previews are running: try again")
         self._running += 1
         try:
             run = await self._gateway.query(lambda executive: executive.preview(request))
-            found = run if isinstance(run, Refusal) else await _run_in_slices(run)
+            if isinstance(run, Refusal):
+                return run, ()
+            return await _run_in_slices(run), run.steps
         finally:
             self._running -= 1
-        if isinstance(found, Refusal):
-            raise _refusal_error(found)
-        return wire_preview(found)
 
 
 async def _run_in_slices(run: PreviewRun) -> Preview | Refusal:
@@ -82,9 +101,11 @@ async def _run_in_slices(run: PreviewRun) -> Preview | Refusal:
 
 def _refusal_error(refusal: Refusal) -> MalError:
     """Return the error for a refusal, with its full text: no report follows."""
-    reason = refusal.reason
-    error = _ERRORS.get(reason.value // 100, AreaError.REJECTED)
-    return with_text(error, f"{refusal.text} ({reason.value} {reason.name})")
+    return with_text(_error_of(refusal), refusal_text(refusal))
+
+
+def _error_of(refusal: Refusal) -> AreaError:
+    return _ERRORS.get(refusal.reason.value // 100, AreaError.REJECTED)
 
 
 _ERRORS: Final = {1: AreaError.INVALID, 4: AreaError.NOT_SUPPORTED}

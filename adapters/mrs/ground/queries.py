@@ -16,6 +16,7 @@ from adapters.mrs.spec import (
     Notification,
     ParameterDefinition,
     ParameterValue,
+    PlanPreview,
     Pose,
     Preview,
     ReceivedReport,
@@ -142,6 +143,10 @@ class Queries:
     async def preview_plan(self, plan: PlanDefinition) -> Preview:
         """Return the prediction of a plan, without submitting it."""
         return await self._one(Preview, "Plan", "previewPlan", wire_definition(plan))
+
+    async def preview_steps(self, plan: PlanDefinition) -> PlanPreview:
+        """Return the prediction of a plan and of its steps, without submitting it."""
+        return await self._one(PlanPreview, "Plan", "previewSteps", wire_definition(plan))
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
         """Return the supported text commands, each with its help."""

@@ -75,6 +75,8 @@ from adapters.mrs.spec.mapping import wire_update as wire_update
 from adapters.mrs.spec.previews import PreviewRequest as PreviewRequest
 from adapters.mrs.spec.previews import motion_of as motion_of
 from adapters.mrs.spec.previews import preview_request as preview_request
+from adapters.mrs.spec.previews import refusal_text as refusal_text
+from adapters.mrs.spec.previews import wire_plan_preview as wire_plan_preview
 from adapters.mrs.spec.previews import wire_preview as wire_preview
 from adapters.mrs.spec.specification import find_service as find_service
 from adapters.mrs.spec.specification import mrs_specification as mrs_specification
@@ -99,10 +101,12 @@ from adapters.mrs.spec.types import NotificationKind as NotificationKind
 from adapters.mrs.spec.types import ParameterDefinition as ParameterDefinition
 from adapters.mrs.spec.types import ParameterValue as ParameterValue
 from adapters.mrs.spec.types import PlanDefinition as PlanDefinition
+from adapters.mrs.spec.types import PlanPreview as PlanPreview
 from adapters.mrs.spec.types import PlanUpdate as PlanUpdate
 from adapters.mrs.spec.types import Pose as Pose
 from adapters.mrs.spec.types import Preview as Preview
 from adapters.mrs.spec.types import PreviewPose as PreviewPose
+from adapters.mrs.spec.types import PreviewStep as PreviewStep
 from adapters.mrs.spec.types import ScannedObstacle as ScannedObstacle
 from adapters.mrs.spec.types import ServiceDescriptor as ServiceDescriptor
 from adapters.mrs.spec.types import Severity as Severity

@@ -9,9 +9,10 @@ from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import AreaError, with_text
 from adapters.mrs.spec.mapping import FRAME, REQUESTS, invocation
 from executive.commands import Family, Motion, Waypoint, all_declarations
+from executive.values.reasons import Refusal
 
 if TYPE_CHECKING:
-    from executive.preview import Preview
+    from executive.preview import Preview, StepPreview, TimedPose
 
 _MOTIONS: Final = {
     each.operation: each for each in all_declarations() if each.family is Family.MOTION
@@ -76,18 +77,52 @@ def wire_preview(preview: "Preview") -> types.Preview:
         duration=preview.duration_s,
         length=preview.length_m,
         frame=FRAME,
-        path=tuple(
-            types.PreviewPose(
-                time=each.time_s, x=each.pose.x_m, y=each.pose.y_m, heading=each.pose.heading_rad
-            )
-            for each in preview.path
-        ),
+        path=tuple(map(_pose, preview.path)),
         endUncertainty=preview.within_m,
         headingUncertainty=preview.within_rad,
         energy=preview.energy_j,
         clearance=None if clearance is None else clearance.least_m,
         nearest=None if clearance is None else clearance.obstacle,
     )
+
+
+MAX_STEPS: Final = 1000
+"""Maximum number of steps in a preview: more would exceed a message."""
+
+
+def wire_plan_preview(
+    result: "Preview | Refusal", steps: Sequence["StepPreview"]
+) -> types.PlanPreview:
+    """Return the preview of a plan, or its refusal, with its steps for the wire."""
+    return types.PlanPreview(
+        total=None if isinstance(result, Refusal) else wire_preview(result),
+        steps=tuple(map(_step, steps[:MAX_STEPS])),
+        refusal=refusal_text(result) if isinstance(result, Refusal) else None,
+    )
+
+
+def refusal_text(refusal: Refusal) -> str:
+    """Return a refusal with its number and name, for a peer that receives no report of it."""
+    return f"{refusal.text} ({refusal.reason.value} {refusal.reason.name})"
+
+
+def _step(step: "StepPreview") -> types.PreviewStep:
+    near, refusal = step.clearance, step.refusal
+    return types.PreviewStep(
+        node=step.node,
+        duration=step.duration_s,
+        length=step.length_m,
+        end=_pose(step.end),
+        energy=step.energy_j,
+        clearance=None if near is None else near.least_m,
+        nearest=None if near is None else near.obstacle,
+        refusal=None if refusal is None else refusal_text(refusal),
+    )
+
+
+def _pose(timed: "TimedPose") -> types.PreviewPose:
+    pose = timed.pose
+    return types.PreviewPose(time=timed.time_s, x=pose.x_m, y=pose.y_m, heading=pose.heading_rad)
 
 
 def _require(operation: str, part: str, given: Sequence[object], wanted: Sequence[str]) -> None:

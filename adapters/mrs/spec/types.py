@@ -853,3 +853,43 @@ class ScannedObstacle:
     x: float
     y: float
     radius: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewStep:
+    """Prediction of one step of a plan.
+
+    Attributes:
+        node: Path of the leaf, as in PlanUpdate.
+        duration: Time from its start to its end. 0 for a step without motion. (s)
+        length: m. Length of the path of base_link.
+        end: Pose at its end; the time is from the start of the plan.
+        energy: J, of the battery. NULL: unknown for this asset.
+        clearance: m. Minimum distance as in Preview. NULL: none known, or no motion.
+        nearest: The zone or rock at that distance, for the operator.
+        refusal: Why it would be refused or fail. NULL: it would succeed.
+    """
+
+    node: str
+    duration: float
+    length: float
+    end: PreviewPose
+    energy: float | None = None
+    clearance: float | None = None
+    nearest: str | None = None
+    refusal: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanPreview:
+    """Prediction of a plan and of its steps.
+
+    Attributes:
+        total: Prediction of the plan. NULL: it would be refused or fail.
+        steps: The predicted steps in order, at most 1000.
+        refusal: Why the plan would be refused or fail, with the step. NULL: it would succeed.
+    """
+
+    total: Preview | None = None
+    steps: tuple[PreviewStep, ...]
+    refusal: str | None = None
