@@ -23,6 +23,8 @@ GROUP: Final = "rover.commands"
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 CHECKOUT_COMMANDS: Final = CHECKOUT / "tests" / "commands.toml"
 """List of the commands that need a checkout, as entry points; not in an installed wheel."""
+OPERATIONS: Final = EntryPoint("operations", "adapters.mrs.cli.command_group:operations", GROUP)
+"""Group of the rover's operations, which are commands, too; loaded for names not found else."""
 UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
 
@@ -39,9 +41,11 @@ class EntryPointGroup(click.Group):
         found = _found()
         entry = found.get(cmd_name)
         if entry is None:
-            if ctx.resilient_parsing:
-                return None
-            raise click.exceptions.NoSuchCommand(cmd_name, possibilities=found, ctx=ctx)
+            operations = OPERATIONS.load()
+            operation: click.Command | None = operations.get_command(ctx, cmd_name)
+            if operation is None and not ctx.resilient_parsing:
+                raise operations.unknown(ctx, cmd_name, found)
+            return operation
         command = entry.load()
         if not isinstance(command, click.Command):
             raise TypeError(f"entry point {entry.value} is no click command")
@@ -121,9 +125,12 @@ def main() -> None:
     Examples:
       rover demo                                a mission-control session against a simulated rover
       rover demo --stay                         the same, and leave the rover running
-      rover command moveTo 3 2 --heading 90deg  then, from a second terminal
+      rover moveTo 3 2 --heading 90deg          then, from a second terminal
+      rover stop                                stop it immediately; rover resume releases it
       rover status
       rover watch
+
+    Each operation that `rover command` lists is a command, such as moveTo.
 
     \b
     Exit status:

@@ -102,7 +102,7 @@ class MoveTo:
         return self.target.segments(start, reverse)
 
 
-@command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-1 --replace"))
+@command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-50cm --replace"))
 class MoveForward:
     """Drive straight."""
 
@@ -138,7 +138,7 @@ class RotateBy:
         return (Turn(start, end, self.angle_rad, Reference.START),)
 
 
-@command(Family.MOTION, "MotionControl.drive", name="drive", examples=("0.2 0 5", "0 -0.3 4"))
+@command(Family.MOTION, "MotionControl.drive", name="drive", examples=("0.2 0 5", "0 -20deg/s 4s"))
 class DriveFor:
     """Hold a velocity for a time, then stop."""
 
@@ -194,7 +194,7 @@ class SetTravelSpeed:
     speed_mps: float = argument(bounded(MIN_SPEED, "drive.travel_speed_mps"))
 
 
-@command(Family.SETTING, "MotionControl.setRotateSpeed", examples=("30deg",))
+@command(Family.SETTING, "MotionControl.setRotateSpeed", examples=("30deg/s",))
 class SetRotateSpeed:
     """Set the maximum angular speed."""
 
@@ -247,7 +247,7 @@ class MoveCameraAngles:
     )
 
 
-@command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg",))
+@command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg/s",))
 class SetCameraRotateSpeed:
     """Set the maximum angular speed of the camera."""
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
 from itertools import islice
-from math import isfinite, radians
 from re import IGNORECASE
 from re import compile as pattern
 from types import MappingProxyType
@@ -16,6 +15,7 @@ from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
 from executive.commands import Argument, Waypoint
+from executive.values.quantities import QuantityError, read_quantity
 from executive.values.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -252,7 +252,6 @@ without a bound one plan could block the core, and with it a stop, for minutes."
 MAX_WAYPOINTS: Final = 200
 """Maximum number of waypoints of one leaf; the asset's own bound is lower."""
 
-_NUMBER: Final = pattern(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _COUNT: Final = pattern(r"[+-]?[0-9]{1,9}")
 
 
@@ -288,10 +287,10 @@ class Attributes:
             raise self.error(f"{name} has {len(text)} characters: {MAX_VALUE_LENGTH} at most")
         return text
 
-    def number(self, name: str) -> float | None:
-        """Return a number."""
+    def number(self, name: str, unit: str = "") -> float | None:
+        """Return a number in its SI unit, which may be written with another, as `90deg`."""
         text = self.text(name)
-        return None if text is None else self._number(name, text)
+        return None if text is None else self._number(name, text, unit)
 
     def count(self, name: str) -> int | None:
         """Return a whole number."""
@@ -306,7 +305,7 @@ class Attributes:
         """Return the value of a leaf's argument."""
         name = argument.name
         if argument.kind is float:
-            return self.number(name)
+            return self.number(name, argument.unit)
         if argument.kind is int:
             return self.count(name)
         text = self.text(name)
@@ -349,10 +348,12 @@ class Attributes:
             raise self.error(f"{name}: no value given for {{{wanted[:40]}}}")
         return self._arguments[wanted]
 
-    def _number(self, name: str, text: str) -> float:
-        if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
-            raise self.error(f"{name} {text[:40]!r} is not a number{_in_degrees(text)}")
-        return float(text)
+    def _number(self, name: str, text: str, unit: str) -> float:
+        try:
+            return read_quantity(text, unit)
+        except QuantityError:
+            of_unit = f" in {unit}" if unit else ""
+            raise self.error(f"{name} {text[:40]!r} is not a number{of_unit}") from None
 
     def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
         choices = {str(choice.value): choice for choice in kind}
@@ -367,7 +368,8 @@ class Attributes:
             raise self.error(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
         waypoints = []
         for waypoint in parts:
-            match [self._number(name, part) for part in waypoint.split(",")]:
+            figures = enumerate(waypoint.split(","))
+            match [self._number(name, part, "rad" if at == 2 else "m") for at, part in figures]:
                 case [x_m, y_m]:
                     waypoints.append(Waypoint(x_m, y_m))
                 case [x_m, y_m, heading_rad]:
@@ -375,11 +377,3 @@ class Attributes:
                 case _:
                     raise self.error(f"{name} {waypoint[:40]!r} is neither x,y nor x,y,heading")
         return tuple(waypoints)
-
-
-def _in_degrees(text: str) -> str:
-    """Return a hint for an angle in degrees, which plans do not support."""
-    figure = text.strip().removesuffix("deg").removesuffix("°").strip()
-    if figure == text.strip() or not _NUMBER.fullmatch(figure):
-        return ""
-    return f": angles are in radians, {radians(float(figure)):.4g}"

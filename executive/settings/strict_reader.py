@@ -1,7 +1,8 @@
 """`StrictReader` makes dataclasses from plain YAML data: an error lists every fault with its key.
 
 A key is the name of its field: `x_m`, or `x` for a reader without units. An angle, or an angle per
-second, may be given in degrees. One of several dataclasses is identified by its first field.
+second, may be given in degrees; a length, a speed or a time with its unit. One of several
+dataclasses is identified by its first field.
 """
 
 import re
@@ -10,7 +11,7 @@ from dataclasses import Field, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum, EnumMeta
 from functools import cache
-from math import inf, radians
+from math import inf
 from types import GenericAlias, NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, overload
 
@@ -29,11 +30,13 @@ from cattrs.gen import (
     override,
 )
 
+from executive.values.quantities import QuantityError, read_quantity
+
 T = TypeVar("T")
 
 _UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
-_DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
+_QUANTITIES: Final = {"m": "m", "s": "s", "mps": "m/s"}
 MANY: Final = 30
 """Maximum number of keys that an error lists if it suggests a similar one; chosen."""
 _TYPE_NAMES: Final = {str: "a text", int: "a whole number", bool: "true or false"}
@@ -50,9 +53,11 @@ def angle(least: float = -inf, **settings: Any) -> Any:
 
 
 def in_degrees(text: str) -> float | None:
-    """Return an angle in degrees, as `5deg`, in radians; None for any other text."""
-    found = _DEGREES.fullmatch(text.strip())
-    return radians(float(found[1])) if found else None
+    """Return an angle with its unit, as `5deg`, in radians; None for any other text."""
+    try:
+        return read_quantity(text, "rad", bare=False)
+    except QuantityError:
+        return None
 
 
 def angle_of(raw: object) -> float:
@@ -185,7 +190,7 @@ class StrictReader:
         return {
             each.name: override(
                 rename=self._key(each.name),
-                struct_hook=_angle if _is_angle(each) else None,
+                struct_hook=_angle if _is_angle(each) else _quantity_hook(each),
             )
             for each in fields(kind)
         }
@@ -228,6 +233,20 @@ def _is_one_of(kind: Any) -> bool:
 
 def _is_angle(each: Field[Any]) -> bool:
     return each.name.endswith(_ANGLES) or "angle" in each.metadata
+
+
+def _quantity_hook(each: Field[Any]) -> Callable[[Any, Any], float | None] | None:
+    """Return the reader of a number that may have a unit, by the suffix of its field."""
+    unit = _QUANTITIES.get(each.name.rpartition("_")[2])
+    if unit is None or each.type not in (float, float | None):
+        return None
+
+    def read(raw: Any, kind: Any) -> float | None:
+        if raw is None and NoneType in get_args(kind):
+            return None
+        return read_quantity(raw, unit) if isinstance(raw, str) else _number(raw, kind)
+
+    return read
 
 
 def _joined(path: str, key: str | int) -> str:

@@ -20,6 +20,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import AreaError
 from executive.commands import (
+    ActivatePlan,
     Command,
     DriveFor,
     ExecuteAction,
@@ -29,6 +30,8 @@ from executive.commands import (
     MoveTo,
     PreemptionPolicy,
     Request,
+    Resume,
+    ResumePlan,
     RotateBy,
     RotateTo,
     SetCameraAngles,
@@ -38,6 +41,7 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
     Stop,
+    SubmitPlan,
     TakePicture,
     Waypoint,
     all_declarations,
@@ -46,6 +50,7 @@ from executive.commands import (
 from executive.core.runner import Executive
 from executive.settings import Controller, TargetFrame
 from tests.mrs.aboard import Aboard, rover
+from tests.support.plans import plan
 
 DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
 ROVER = "from adapters.cli.main import main; main()"
@@ -82,12 +87,17 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("followPath --frame odom 1,0", FollowPath((Waypoint(1.0, 0.0),), frame=TargetFrame.ODOM)),
         ("moveForward 1.5", MoveForward(1.5)),
         ("moveForward -1", MoveForward(-1.0)),
+        ("moveForward 50cm", MoveForward(0.5)),
+        ("moveForward 1 m --replace", MoveForward(1.0)),
+        ("moveForward -0,5", MoveForward(-0.5)),
+        ("moveTo 3 2 --tolerance 0,1 --heading 90 deg", MoveTo(Waypoint(3.0, 2.0, pi / 2, 0.1))),
+        ("followPath 1m,0 200cm,0", FollowPath((Waypoint(1.0, 0.0), Waypoint(2.0, 0.0)))),
         ("rotateTo 90deg", RotateTo(pi / 2)),
         ("rotateTo -1.5rad", RotateTo(-1.5)),
         ("rotateBy -90deg", RotateBy(-pi / 2)),
-        ("rotateBy 0.5", RotateBy(0.5)),
-        ("drive -0.2 -0.1 3", DriveFor(-0.2, -0.1, 3.0)),
-        ("drive 0 45deg 3", DriveFor(0.0, pi / 4, 3.0)),
+        ("rotateBy 0.5rad", RotateBy(0.5)),
+        ("drive -0.2 -0.1rad 3", DriveFor(-0.2, -0.1, 3.0)),
+        ("drive 0 45deg 3s", DriveFor(0.0, pi / 4, 3.0)),
         (
             "followPath 1,0 -1,-1,180° 0,1.5",
             FollowPath((Waypoint(1.0, 0.0), Waypoint(-1.0, -1.0, pi), Waypoint(0.0, 1.5))),
@@ -105,9 +115,9 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("setRotateSpeed 45deg", SetRotateSpeed(pi / 4)),
         ("setPositionCompensation 1 -2 0 -10deg", SetPositionCompensation(1, -2, 0, -pi / 18)),
         ("setCameraAngles --pan -45deg", SetCameraAngles(-pi / 4, None)),
-        ("setCameraAngles --tilt 0.1", SetCameraAngles(None, 0.1)),
+        ("setCameraAngles --tilt 0.1rad", SetCameraAngles(None, 0.1)),
         ("moveCameraAngles --pan 9deg", MoveCameraAngles(pi / 20, 0.0)),
-        ("setCameraRotateSpeed 0.5", SetCameraRotateSpeed(0.5)),
+        ("setCameraRotateSpeed 0.5rad/s", SetCameraRotateSpeed(0.5)),
         ("takePicture", TakePicture()),
         ("setStatusInterval 2", SetStatusInterval(2.0)),
         ("action VIDEO ON", ExecuteAction("VIDEO ON")),
@@ -119,15 +129,44 @@ def test_a_typed_command_is_that_received_by_the_core(
     result = command(aboard, "--no-wait", *typed.split())
     assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "acknowledged")
     assert [each.request for each in taken] == [request_]
-    assert taken[0].preemption is PreemptionPolicy.APPEND
+    replaces = "--replace" in typed
+    assert taken[0].preemption is PreemptionPolicy[["APPEND", "REPLACE"][replaces]]
 
 
 def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
-    options = ("--source", "MOE-7", "--id", "42", "--lifetime", "1e9", "--no-wait")
-    assert command(aboard, *options, "moveForward", "1", "--replace").exit_code == DONE
+    before = ("--source", "MOE-7", "--id", "42", "--lifetime", "1e5d")
+    assert command(aboard, *before, "moveForward", "1", "--replace", "--no-wait").exit_code == DONE
     assert str(taken[0].identity) == "MOE-7:42"
-    assert taken[0].lifetime_s == 1e9
+    assert taken[0].lifetime_s == 8.64e9
     assert taken[0].preemption is PreemptionPolicy.REPLACE
+
+
+def test_each_operation_is_a_command_of_its_own(
+    aboard: Aboard, taken: list[Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert rover("moveTo", "3", "2", "--to", aboard.uri, "--no-wait").exit_code == DONE
+    monkeypatch.setenv("ROVER_URI", aboard.uri)
+    assert rover("stop", "--id", "7", "--no-wait").output.splitlines()[-1] == "acknowledged"
+    assert [each.request for each in taken] == [MoveTo(Waypoint(3.0, 2.0)), Stop()]
+    assert taken[1].identity.command_id == 7
+
+
+def test_resume_fits_the_mode(
+    aboard: Aboard, taken: list[Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROVER_URI", aboard.uri)
+    result = rover("resume")
+    assert (result.exit_code, taken) == (FAILED, [])
+    assert "jackal is IDLE: there is nothing to resume" in result.output
+    ahead = plan('<moveForward distance="50" deadline_s="900"/>', "ahead")
+    aboard.carry_out(SubmitPlan(ahead), ActivatePlan("ahead"), Stop())
+    result = rover("resume")
+    assert "jackal is STOPPED: resume releases it" in result.output
+    assert "plan ahead is suspended: `rover resume` again resumes it" in result.output
+    result = rover("resume")
+    assert "jackal is PAUSED: resumes plan ahead" in result.output
+    assert [each.request for each in taken][-2:] == [Resume(), ResumePlan("ahead")]
+    assert result.exit_code == DONE
 
 
 def test_prints_the_life_cycle_of_a_command(aboard: Aboard) -> None:
@@ -272,13 +311,19 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("moveTo 1 1 --no-wait", "write it before the operation, `rover command --no-wait moveTo"),
-        ("moveTo 1 1 --id=5", "write it before the operation, `rover command --id=5 moveTo"),
-        ("action VIDEO ON --to x", "write it before the operation"),
+        ("moveTo 3,2", "'3,2' is one number, 3.2, or two, 3 and 2: write which"),
+        ("drive 0,2 0 5", "'0,2' is one number, 0.2, or two, 0 and 2: write which"),
+        ("rotateBy 5", "5 has no unit: write 5deg or 5rad"),
+        ("setRotateSpeed 5", "5 has no unit: write 5deg/s or 5rad/s"),
+        ("moveTo 3 2 --heading 90", "90 has no unit: write 90deg or 90rad"),
+        ("moveForward 5miles", "'5miles' is no quantity in m: write 0.5, 0.5m or 50cm"),
+        ("stop --asset mocup", "name it by --to HOST:PORT, not by --asset mocup"),
+        ("abort", "No such command 'abort'. Use `rover stop`"),
+        ("pause", "Use `rover plan suspend`"),
+        ("home", "Use `rover moveTo X Y`"),
         ("moveTo 3 2 --headng 90deg", "Did you mean '--heading'?"),
         ("setCameraAngles", "give at least one of --pan, --tilt"),
-        ("rotateBy 90", "90 rad is more than a turn: write 90deg for degrees"),
-        ("followPath 1,0,90", "write 90deg for degrees"),
+        ("followPath 1,0,90", "90 has no unit: write 90deg or 90rad"),
         ("moveto 1 1", "Did you mean 'moveTo'?"),
         ("moveTo 1 1 --controller mcp", "'mcp' is not one of 'turn_drive', 'mpc'"),
     ],
@@ -287,6 +332,21 @@ def test_reports_invalid_options(typed: str, message: str) -> None:
     result = rover("command", *typed.split())
     assert result.exit_code == USAGE
     assert message in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        ("moveto 1 1", "Did you mean 'moveTo'?"),
+        ("comand", "Did you mean 'command'?"),
+        ("stpo", "Did you mean 'stop'?"),
+        ("abort", "Use `rover stop`"),
+    ],
+)
+def test_an_unknown_command_gets_the_nearest_one(typed: str, message: str) -> None:
+    result = rover(*typed.split())
+    assert result.exit_code == USAGE
+    assert message in result.output
 
 
 def test_a_target_in_the_map_is_refused_without_its_transform(

@@ -105,7 +105,7 @@ def test_shows_how_a_stopped_rover_continues(aboard: Aboard) -> None:
     assert not any("to continue" in line for line in shown(aboard))
     command(aboard, "--no-wait", "stop")
     assert shown(aboard)[1].startswith("standing: stopped by MOE:")
-    assert shown(aboard)[3] == "to continue: rover command resume"
+    assert shown(aboard)[3] == "to continue: rover resume"
 
 
 def test_shows_how_a_rover_in_safe_mode_continues(aboard: Aboard) -> None:
@@ -117,7 +117,7 @@ def test_shows_how_a_rover_in_safe_mode_continues(aboard: Aboard) -> None:
     assert lines[0] == "jackal  SAFE"
     assert lines[1].startswith("SAFE: odometry is 0.30 s old")
     assert re.fullmatch(r"ALARM odometry_stale since [\d :-]+ UTC, safe until a resume", lines[2])
-    assert lines[4] == "to continue, once the cause is cleared: rover command resume"
+    assert lines[4] == "to continue, once the cause is cleared: rover resume"
     (fault,) = json.loads(rover("status", "--to", aboard.uri, "--json").output)["faults"]
     assert (fault["name"], fault["reaction"], fault["onResume"]) == ("odometry_stale", "SAFE", True)
     assert fault["parameters"]["age"] > fault["parameters"]["bound"]

@@ -2,7 +2,7 @@
 
 import click
 
-from adapters.mrs.cli.options import json_option, source_option
+from adapters.mrs.cli.options import QuantityType, json_option, source_option
 from adapters.mrs.cli.terminal import echo_json, echo_line, fail, in_session
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus
@@ -79,9 +79,9 @@ async def take(client: MrsClient, hold: bool) -> None:
 @click.option(
     "--lease",
     "lease_s",
-    type=float,
-    metavar="SECONDS",
-    help="Maximum time without a command of TO, e.g. of an orbiter between contacts.",
+    type=QuantityType("s"),
+    metavar="TIME",
+    help="Maximum time without a command of TO, e.g. of an orbiter between contacts: 60 or 1d.",
 )
 @source_option
 @in_session

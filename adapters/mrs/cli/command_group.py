@@ -1,13 +1,22 @@
 """The command `rover command`: a sub-command for each operator request, from its declaration."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from copy import copy
+from difflib import get_close_matches
 from enum import Enum
-from math import isfinite, pi, radians
+from functools import wraps
 from typing import TYPE_CHECKING, Any, Final
 
 import click
+from click.core import ParameterSource
 
-from adapters.mrs.cli.options import RoverTarget, json_option, source_option, to_option
+from adapters.mrs.cli.options import (
+    QuantityType,
+    RoverTarget,
+    json_option,
+    source_option,
+    to_option,
+)
 from adapters.mrs.cli.terminal import connect, echo_line, run
 from executive.commands import (
     Argument,
@@ -19,67 +28,48 @@ from executive.commands import (
     all_declarations,
     arguments_of,
 )
+from executive.values.quantities import UNITS, QuantityError, read_quantity
 
 if TYPE_CHECKING:
     from adapters.mrs.cli.sending import CommandSender
 
 _OTHER_GROUP_FAMILIES: Final = {Family.PLAN, Family.PLAN_START}
 """Families with a separate command, `rover plan`."""
-_UNITS: Final = {"rad": "rad or 90deg", "rad/s": "rad/s or 30deg"}
+_UNITS: Final = {"m": "m or 50cm", "rad": "90deg or 1.57rad", "rad/s": "30deg/s or 0.5rad/s"}
 MAX_ID: Final = (1 << 63) - 1
 
 
-def angle(text: str) -> float:
-    """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`.
+class WaypointType(click.ParamType[Waypoint]):
+    """`X,Y`, `X,Y,HEADING` or `X,Y,HEADING,TOLERANCE`; HEADING may be empty before a tolerance."""
 
-    Raises:
-        click.BadParameter: not an angle, or a number without unit above one turn: likely degrees.
-    """
-    angle_rad = angular_speed(text)
-    if text[-1:].isdigit() and isfinite(angle_rad) and abs(angle_rad) > 2 * pi:
-        raise click.BadParameter(f"{text} rad is more than a turn: write {text}deg for degrees")
-    return angle_rad
+    name = "waypoint"
 
-
-def angular_speed(text: str) -> float:
-    """Return rad/s from an angle text; raises BadParameter."""
-    try:
-        for unit in ("deg", "°"):
-            if text.endswith(unit):
-                return radians(float(text.removesuffix(unit)))
-        return float(text.removesuffix("rad"))
-    except ValueError as error:
-        raise click.BadParameter(f"{text!r} is no angle: write 90deg, 1.57rad or 1.57") from error
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a `Waypoint`."""
+        parts = str(value).split(",")
+        if not 2 <= len(parts) <= len(_WAYPOINT_UNITS):
+            self.fail(f"{value!r} is no waypoint: {_WAYPOINT}", param, ctx)
+        try:
+            read = [
+                read_quantity(text, unit, bare=unit != "rad") if text or unit != "rad" else None
+                for text, unit in zip(parts, _WAYPOINT_UNITS, strict=False)
+            ]
+        except QuantityError as error:
+            self.fail(f"{value!r} is no waypoint: {error}; {_WAYPOINT}", param, ctx)
+        return Waypoint(*read)  # type: ignore[arg-type]
 
 
-def waypoint(text: str) -> Waypoint:
-    """Return a waypoint from `X,Y`, `X,Y,HEADING` or `X,Y,HEADING,TOLERANCE`.
-
-    HEADING may be empty before a tolerance.
-    """
-    try:
-        match text.split(","):
-            case [x, y]:
-                return Waypoint(float(x), float(y))
-            case [x, y, heading]:
-                return Waypoint(float(x), float(y), angle(heading))
-            case [x, y, heading, tolerance]:
-                heading_rad = angle(heading) if heading else None
-                return Waypoint(float(x), float(y), heading_rad, float(tolerance))
-            case _:
-                raise ValueError(text)
-    except ValueError as error:
-        raise click.BadParameter(
-            f"{text!r} is no waypoint: write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, e.g."
-            " 1,0 or 1,0,90deg or 1,0,,0.1"
-        ) from error
-
-
-_TYPES: Final = {"rad": angle, "rad/s": angular_speed}
+_WAYPOINT_UNITS: Final = ("m", "m", "rad", "m")
+_WAYPOINT: Final = (
+    "write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, e.g. 1,0 or 1,0,90deg or 1,0,,0.1"
+)
 
 
 class OperationCommand(click.Command):
-    """A sub-command that accepts negative numbers as arguments, and explains unknown options."""
+    """A sub-command that accepts negative numbers as arguments, and explains unknown options.
+
+    A unit may follow its number as a separate word: `moveForward 1 m`.
+    """
 
     ignore_unknown_options = True
 
@@ -104,8 +94,29 @@ class OperationCommand(click.Command):
                     f" `{group} {word} {self.name} ...`",
                     ctx,
                 )
-            raise click.NoSuchOption(name, possibilities=own, ctx=ctx)
-        return super().parse_args(ctx, args)
+            near = get_close_matches(name, own, 1)
+            raise click.NoSuchOption(name, possibilities=near, ctx=ctx)
+        written = [each for each in self.params if isinstance(each, click.Argument)]
+        is_textual = any(each.type is click.STRING for each in written)
+        return super().parse_args(ctx, args if is_textual else list(_joined(args)))
+
+
+def _joined(texts: Iterable[str]) -> Iterator[str]:
+    """Yield the arguments, each number together with its unit."""
+    number = ""
+    for text in texts:
+        if number and text not in _UNIT_NAMES:
+            yield number
+            number = ""
+        number += text
+        if not number[-1:].isdigit() or number.startswith("--"):
+            yield number
+            number = ""
+    if number:
+        yield number
+
+
+_UNIT_NAMES: Final = {unit for units in UNITS.values() for unit in units}
 
 
 def _names(parameters: list[click.Parameter]) -> set[str]:
@@ -118,7 +129,57 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     return seconds
 
 
-@click.group()
+class OperationGroup(click.Group):
+    """Commands by operation; an unknown name gets the similar ones, or the one that does it."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the named sub-command.
+
+        Raises:
+            click.UsageError: there is none.
+        """
+        if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
+            raise self.unknown(ctx, args[0])
+        return super().resolve_command(ctx, args)
+
+    def unknown(
+        self, ctx: click.Context, name: str, others: Iterable[str] = ()
+    ) -> click.UsageError:
+        """Return the error for an unknown name, which may also be meant for one of `others`."""
+        meant = _SYNONYMS.get(name.lower())
+        if meant is not None:
+            return click.UsageError(f"No such command {name!r}. Use {meant}", ctx)
+        return click.exceptions.NoSuchCommand(
+            name, possibilities=[*self.list_commands(ctx), *others], ctx=ctx
+        )
+
+
+_SYNONYMS: Final = {
+    **dict.fromkeys(
+        ("abort", "halt", "cancel", "estop", "freeze"),
+        "`rover stop`; for a plan `rover plan abort`.",
+    ),
+    **dict.fromkeys(("pause", "suspend", "wait"), "`rover plan suspend`, or `rover stop`."),
+    **dict.fromkeys(("home", "goto", "go", "return"), "`rover moveTo X Y`, e.g. moveTo 0 0."),
+    **dict.fromkeys(("forward", "move", "backward"), "`rover moveForward DISTANCE`."),
+    **dict.fromkeys(("turn", "rotate"), "`rover rotateBy 90deg`, or rotateTo."),
+    **dict.fromkeys(("photo", "picture", "snapshot"), "`rover takePicture`."),
+    **dict.fromkeys(("continue", "release", "unstop"), "`rover resume`."),
+}
+"""What operators of other systems type, and what does it here."""
+
+
+def _refuse_asset(ctx: click.Context, _: click.Parameter, name: str | None) -> None:
+    if name is not None:
+        raise click.UsageError(
+            f"a command goes to one rover: name it by --to HOST:PORT, not by --asset {name};"
+            " `rover status --assets` lists those that a rover knows",
+            ctx,
+        )
+
+
 @to_option
 @source_option
 @click.option(
@@ -130,10 +191,10 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @click.option(
     "--lifetime",
     "lifetime_s",
-    type=float,
+    type=QuantityType("s"),
     callback=_positive,
-    metavar="SECONDS",
-    help="Lifetime from now, after which it must not start.",
+    metavar="TIME",
+    help="Lifetime from now, after which it must not start: 30, 30s or 10min.",
 )
 @click.option(
     "--authority",
@@ -147,9 +208,8 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     help="Return at the acknowledgement: of the rover, or of an orbiter that stores the command.",
 )
 @json_option
-@click.pass_context
-def command(
-    ctx: click.Context,
+@click.option("--asset", callback=_refuse_asset, expose_value=False, hidden=True)
+def _sender(
     to: RoverTarget,
     source: str | None,
     command_id: int | None,
@@ -157,29 +217,67 @@ def command(
     authority: int | None,
     no_wait: bool,
     as_json: bool,
-) -> None:
+) -> "CommandSender":
+    """Return the sender of a command, from the options of `rover command`."""
+    from adapters.mrs.cli.sending import CommandSender
+
+    return CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
+
+
+_SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)
+"""The options of `_sender`, in the order of their help."""
+_SENDING_NAMES: Final = [each.name or "" for each in _SENDING_OPTIONS if each.expose_value]
+
+
+def sending(callback: Callable[..., None]) -> Callable[..., None]:
+    """Pass a `CommandSender` to a command, made from its own options and those of its group."""
+
+    @click.pass_context
+    @wraps(callback)
+    def with_sender(ctx: click.Context, /, **given: Any) -> None:
+        own = {name: given.pop(name) for name in _SENDING_NAMES}
+        above = ctx.parent.params if ctx.parent is not None else {}
+        for name in own:
+            if ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+                own[name] = above.get(name, own[name])
+        callback(_sender(**own), **given)
+
+    return with_sender
+
+
+class SendingCommand(OperationCommand):
+    """An operation, with the options of `rover command`, which its help does not repeat."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        for option in map(copy, _SENDING_OPTIONS):
+            option.hidden = True  # type: ignore[attr-defined]
+            self.params.append(option)
+        self.epilog = "The options of `rover command`, such as --to and --no-wait, work here, too."
+
+
+@click.group(cls=OperationGroup, params=list(_SENDING_OPTIONS))
+def command(**_: Any) -> None:
     """Command a rover and print each stage.
 
-    Lengths are in metres; angles in radians, or as 90deg. Write options of `command` itself before
-    the operation.
+    Lengths are in metres, or as 50cm; angles need a unit: 90deg or 1.57rad. Each operation is also
+    a command of `rover` itself.
 
     \b
     Examples:
       rover command moveTo 3 2 --heading 90deg
-      rover command moveForward -1
-      rover command --no-wait followPath 1,0 1,1,90deg
+      rover moveTo 3 2 --heading 90deg
+      rover command moveForward -50cm
+      rover command followPath 1,0 1,1,90deg --no-wait
       rover command stop
       rover command resume
       rover command setCameraAngles --pan -45deg
-      rover command --to rover.local:21000 takePicture
+      rover command takePicture --to rover.local:21000
       rover command action VIDEO ON
 
     \b
     Exit status: 0 EXECUTED, 1 refused or another result, 2 usage error, 3 rover not reachable.
     """
-    from adapters.mrs.cli.sending import CommandSender
-
-    ctx.obj = CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
 
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
@@ -189,9 +287,9 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     if declaration.family is Family.MOTION:
         parameters.append(_replace())
 
-    @click.pass_obj
+    @sending
     def send(
-        sending: "CommandSender",
+        sender: "CommandSender",
         /,
         preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         **given: Any,
@@ -200,9 +298,9 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
             names = ", ".join(f"--{argument.name}" for argument in written)
             raise click.UsageError(f"give at least one of {names}")
         values = (given[argument.field] for argument in written)
-        sending.send(declaration.build_request(*values), preemption)
+        sender.send(declaration.build_request(*values), preemption)
 
-    return OperationCommand(
+    return SendingCommand(
         declaration.name,
         params=parameters,
         callback=send,
@@ -212,13 +310,17 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:
     """Return the command-line parameters of a request, in the order of its written arguments."""
+    options = declaration.at_least_one
+    required = [each for each in declaration.user_arguments if not (each.optional or options)]
     return [
-        _parameter(argument, declaration.at_least_one) for argument in declaration.user_arguments
+        _parameter(each, options, is_only=[each] == required or each not in required)
+        for each in declaration.user_arguments
     ]
 
 
-def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
-    kind = _type(argument)
+def _parameter(argument: Argument, as_option: bool, is_only: bool) -> click.Parameter:
+    """Return a parameter; `is_only` accepts a decimal comma, as no other number follows it."""
+    kind = _type(argument, is_only)
     if argument.optional or as_option:
         return click.Option(
             [f"--{argument.name}", argument.field], type=kind, help=_meaning(argument) or None
@@ -242,9 +344,9 @@ class _ChoiceOfValues(click.Choice[Enum]):
         return str(choice.value if isinstance(choice, Enum) else choice)
 
 
-def _type(argument: Argument) -> Any:
+def _type(argument: Argument, is_only: bool) -> Any:
     if argument.repeated:
-        return waypoint
+        return WaypointType()
     if issubclass(argument.kind, Enum):
         return _ChoiceOfValues(argument.kind)
     match argument.choices:
@@ -253,7 +355,8 @@ def _type(argument: Argument) -> Any:
         case tuple() as tokens:
             return click.Choice(tokens, case_sensitive=False)
         case None:
-            return _TYPES.get(argument.unit, argument.kind)
+            is_quantity = argument.kind is float
+            return QuantityType(argument.unit, comma=is_only) if is_quantity else argument.kind
 
 
 def _replace() -> click.Option:
@@ -327,10 +430,10 @@ def _action_hints(ctx: click.Context, _: click.Parameter, begun: str) -> list[st
     )
 
 
-@command.command(cls=OperationCommand)
+@command.command(cls=SendingCommand)
 @click.argument("text", metavar="[TEXT]...", nargs=-1, shell_complete=_action_hints)
-@click.pass_obj
-def action(sending: "CommandSender", text: tuple[str, ...]) -> None:
+@sending
+def action(sender: "CommandSender", text: tuple[str, ...]) -> None:
     """Execute a text command; without one, list the supported ones.
 
     \b
@@ -340,13 +443,31 @@ def action(sending: "CommandSender", text: tuple[str, ...]) -> None:
       rover command action VIDEO OFF
     """
     if text:
-        sending.send(ExecuteAction(" ".join(text)))
+        sender.send(ExecuteAction(" ".join(text)))
     else:
-        run(_list(sending))
+        run(_list(sender))
 
 
-async def _list(sending: "CommandSender") -> None:
-    async with await connect(sending.to, sending.source) as client:
+async def _list(sender: "CommandSender") -> None:
+    async with await connect(sender.to, sender.source) as client:
         for offered in await client.list_actions():
             about = "" if offered.value is None else offered.value.value
             echo_line(f"{offered.name:<12} {about}")
+
+
+@click.command(cls=SendingCommand)
+@sending
+def resume(sender: "CommandSender") -> None:
+    """Let a stopped or paused rover continue: by `resume`, or by `resumePlan` of its plan.
+
+    \b
+    Example:
+      rover resume
+    """
+    from adapters.mrs.cli.resuming import request_to_resume
+
+    sender.send_chosen(request_to_resume)
+
+
+operations: Final = OperationGroup("rover", {**command.commands, "resume": resume})
+"""The operations as commands of `rover` itself; its `resume` chooses between two operations."""

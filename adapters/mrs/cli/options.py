@@ -10,6 +10,7 @@ import click
 
 from adapters.mal import Certificates, Encoding
 from adapters.mrs.transport import NAME, PORT, TransportSettings
+from executive.values.quantities import QuantityError, read_quantity
 
 ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 
@@ -24,6 +25,33 @@ def _named(_: click.Context, __: click.Parameter, name: str | None) -> str | Non
     if name == "":
         raise click.BadParameter("the source is empty: give a name")
     return name
+
+
+class QuantityType(click.ParamType[float]):
+    """A number, possibly with a unit; an angle needs one. Its value is in the SI unit.
+
+    Args:
+        unit: the SI unit.
+        comma: whether a decimal comma is accepted: only if no second number may follow.
+    """
+
+    name = "quantity"
+
+    def __init__(self, unit: str, *, comma: bool = True) -> None:
+        self._unit = unit
+        self._comma = comma
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the value in its SI unit."""
+        if isinstance(value, float):
+            return value
+        try:
+            bare = not self._unit.startswith("rad")
+            return read_quantity(str(value), self._unit, bare=bare, comma=self._comma)
+        except QuantityError as error:
+            self.fail(str(error), param, ctx)
 
 
 source_option: Final = click.option(

@@ -2,6 +2,7 @@
 
 import asyncio
 import sys
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +22,8 @@ from adapters.mrs.spec import (
 from executive.commands import Command, PreemptionPolicy, Request, Stop
 from executive.values.reasons import PREDICTED
 from executive.values.reports import TERMINAL, Report, Stage
+
+RequestChoice = Callable[[MrsClient], Awaitable[Request]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +52,22 @@ class CommandSender:
         Raises:
             ConnectionError: the rover is not reachable.
         """
-        if not asyncio.run(self._send(request, preemption)):
+
+        async def choose(_: MrsClient) -> Request:
+            return request
+
+        self.send_chosen(choose, preemption)
+
+    def send_chosen(
+        self, choose: RequestChoice, preemption: PreemptionPolicy = PreemptionPolicy.APPEND
+    ) -> None:
+        """Send the request that is chosen once connected; otherwise as `send`."""
+        if not asyncio.run(self._send(choose, preemption)):
             sys.exit(FAILED)
 
-    async def _send(self, request: Request, preemption: PreemptionPolicy) -> bool:
+    async def _send(self, choose: RequestChoice, preemption: PreemptionPolicy) -> bool:
         async with await connect(self.to, self.source) as client:
+            request = await choose(client)
             if not await self._is_authorized(client, request):
                 return False
             command = client.command(

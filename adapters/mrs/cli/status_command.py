@@ -56,7 +56,7 @@ LATE_TICK_S: Final = 0.15
 """Time between ticks above which the computer aboard is busy: three ticks."""
 MIN_LATE_TICKS: Final = 20
 """Late ticks, those of a second, that may have caused a fault."""
-_RESUME: Final = "rover command resume"
+_RESUME: Final = "rover resume"
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
 
@@ -181,7 +181,7 @@ async def _snapshots(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
         faults = await _answer_or(client.get_faults(), None)
-        suspended = await _suspended_plans(client, status.mode)
+        suspended = await suspended_plans(client, status.mode)
         authority = await _answer_or(client.authority.status(), None)
         yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
         await asyncio.sleep(REFRESH_S)
@@ -195,7 +195,7 @@ async def _answer_or(answer: Awaitable[T], instead: T) -> T:
         return instead
 
 
-async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
+async def suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
     """Return the suspended plans of a stopped rover; none if plans are not supported."""
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()

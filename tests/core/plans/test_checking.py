@@ -57,7 +57,7 @@ FAULTS = [
     ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
     ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': did you mean Main?"),
     (GO.replace("distance", "distanse"), Reason.PLAN_BAD_ARGUMENT, 3, "did you mean distance?"),
-    (GO.replace("1", "45deg"), Reason.PLAN_BAD_ARGUMENT, 3, "0.7854"),
+    (GO.replace("1", "45deg"), Reason.PLAN_BAD_ARGUMENT, 3, "'45deg' is not a number in m"),
     ('<moveTO x="1" y="2"/>', Reason.PLAN_UNKNOWN_NODE, 3, "did you mean moveTo?"),
     ('<SubTree ID="Other"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Other'"),
     ('<SubTree ID="Main"/>', Reason.PLAN_STRUCTURE, 3, "contains itself"),
