@@ -1,11 +1,13 @@
 """A rover behind an orbiter in a real browser: an eclipse, and both links at once."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from playwright.async_api import async_playwright, expect
 
+from adapters.bundle import ContactPlan
 from adapters.console.housekeeping import EVERY_S
 from adapters.mops import LinkHealth
 from executive.values.parameters import Parameter, ParameterValue
@@ -20,7 +22,20 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
+AHEAD = """async shift_s => {
+    const { serverClock } = await import("/app/model/server_clock.js");
+    serverClock.offset_s += shift_s;
+}"""
+DAY_SPAN = "openmct.time.setClockOffsets({ start: -86_400_000, end: 5_000 })"
 PAGE = "#/browse/rover:rovers/rover:{0}/rover:{0}~{1}?hideInspector=true"
+
+
+def day_with_eclipses(clock: Clock) -> ContactPlan:
+    """Return a contact of ten minutes in an hour, and after 20 s another of a day."""
+    (first,) = eclipse(clock).contacts
+    begin_s = first.end_utc_s + 20.0
+    day = replace(first, begin_utc_s=begin_s, end_utc_s=begin_s + 86_400.0)
+    return ContactPlan((first, day))
 
 
 async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
@@ -30,7 +45,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
     errors: list[str] = []
     ARTIFACTS.mkdir(parents=True, exist_ok=True)
     async with (
-        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        orbiting(sky, clock, day_with_eclipses(clock)) as (relay, (station,)),
         landed(sky, "jackal") as far,
         at_console(tmp_path, [str(station.uri), launch("scout").uri], "anna") as (anna,),
         publishing(station),
@@ -63,7 +78,8 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("1")
         await expect(page.get_by_test_id("DTN_ABOARD_RETRANSMITTED")).to_have_text("1")
         await expect(page.get_by_text("rover → orbiter, reported")).to_be_visible()
-        await expect(page.locator("[data-strip=DTN_CONTACTS_UP] [data-contact]")).to_have_count(1)
+        strip = page.locator("[data-strip=DTN_CONTACTS_UP]")
+        await expect(strip.locator("[data-contact]")).to_have_count(1)
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0
         await expect(command).to_have_count(0)
@@ -71,6 +87,18 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         for counter in ("DTN_SENT", "DTN_ACKNOWLEDGED"):
             await expect(page.get_by_test_id(counter)).to_have_text("1")
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("0")
+        await page.evaluate(AHEAD, 3601.0)
+        await expect(path).to_contain_text(re.compile(r"until .*, for another \d+ (min|s)"))
+        await page.evaluate(AHEAD, 620.0)
+        date = r"20\d\d-\d\d-\d\d \d\d:\d\d:\d\d"
+        await expect(path).to_contain_text(re.compile(f"until {date}, for another 23 h 5[0-9] min"))
+        await page.evaluate(DAY_SPAN)
+        await expect(strip.locator(".end")).to_have_text(re.compile(date))
+        gap = await strip.locator("[data-gap]").bounding_box()
+        assert gap is not None
+        assert gap["width"] >= 4.0, "20 s of a day"
+        assert gap["height"] >= 10.0
+        await page.screenshot(path=ARTIFACTS / "console-relay-day.png")
         await page.goto(f"{anna.address}{PAGE.format('jackal', 'layout')}")
         await expect(page.get_by_test_id("value-DTN_CONTACTS_UP")).to_contain_text("/")
         await expect(page.get_by_test_id("value-POS_X")).to_be_in_viewport(ratio=0.95)

@@ -61,7 +61,8 @@ export function eachFrame(draw) {
 }
 
 /**
- * Update the children of a container to a list of items, in its order. The element of an item is reused by its key.
+ * Update the children of a container to a list of items, in its order. The element of an item is reused by its key;
+ * of items with equal keys, that of the first.
  * @template T
  * @param {HTMLElement} container
  * @param {T[]} items
@@ -70,20 +71,25 @@ export function eachFrame(draw) {
  * @param {(element: any, item: T) => void} [update]
  */
 export function reconcile(container, items, keyOf, make, update = () => {}) {
-  const known = new Map([...container.children].map((child) => [child.getAttribute("data-key"), child]));
+  const keys = items.map(keyOf);
+  const wanted = new Set(keys);
+  const known = new Map();
+  for (const child of [...container.children]) {
+    const key = child.getAttribute("data-key");
+    if (wanted.has(key) && !known.has(key)) known.set(key, child);
+    else child.remove();
+  }
   let before = null;
-  for (const item of items) {
-    const key = keyOf(item);
-    let element = known.get(key);
-    known.delete(key);
+  items.forEach((item, index) => {
+    let element = known.get(keys[index]);
+    known.delete(keys[index]);
     if (!element) {
       element = make(item);
-      element.setAttribute("data-key", key);
+      element.setAttribute("data-key", keys[index]);
     }
     update(element, item);
     const next = before ? before.nextSibling : container.firstChild;
     if (next !== element) container.insertBefore(element, next);
     before = element;
-  }
-  for (const unused of known.values()) unused.remove();
+  });
 }

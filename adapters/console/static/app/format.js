@@ -1,5 +1,7 @@
 /** Formats numbers, times and angles for display. Input is in SI units and radians; degrees only appear in the output. */
 
+import { serverClock } from "./model/server_clock.js";
+
 const DEGREES = 180 / Math.PI;
 
 /** @param {number} radians */
@@ -22,10 +24,20 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
+/** Format the date of a time in UTC. @param {number} utc_s */
+export const dateOf = (utc_s) => new Date(utc_s * 1000).toISOString().slice(0, 10);
+
 /** Format the time of day in UTC, to the second or the millisecond. @param {number} utc_s @param {boolean} [exact] */
+export const timeOfDay = (utc_s, exact = false) => new Date(utc_s * 1000).toISOString().slice(11, exact ? 23 : 19);
+
+/** Format a time in UTC, with its date unless it is of today. @param {number} utc_s @param {boolean} [exact] to the millisecond */
 export function clock(utc_s, exact = false) {
-  return new Date(utc_s * 1000).toISOString().slice(11, exact ? 23 : 19);
+  const date = dateOf(utc_s);
+  return `${date === dateOf(serverClock.now_s) ? "" : `${date} `}${timeOfDay(utc_s, exact)}`;
 }
+
+/** Format a time span in UTC. @param {number} start_s @param {number} end_s */
+export const interval = (start_s, end_s) => `${clock(start_s)} to ${dateOf(start_s) === dateOf(end_s) ? timeOfDay(end_s) : clock(end_s)}`;
 
 /** Format an age, with its largest unit. @param {number} age_s */
 export function age(age_s) {
@@ -37,8 +49,13 @@ export function age(age_s) {
   return `${Math.round(age_s / 86400)} d`;
 }
 
-/** Format a duration. @param {number} time_s */
-export const duration = (time_s) => (age(time_s) === "now" ? "0 s" : age(time_s));
+/** Format a duration; from 2 h on with two units, rounded down. @param {number} time_s */
+export function duration(time_s) {
+  if (time_s < 7200) return time_s < 0.95 ? "0 s" : age(time_s);
+  const [large, small, small_s, ratio] = time_s < 172800 ? ["h", "min", 60, 60] : ["d", "h", 3600, 24];
+  const count = Math.floor(time_s / small_s);
+  return [`${Math.floor(count / ratio)} ${large}`, count % ratio ? `${count % ratio} ${small}` : ""].join(" ").trim();
+}
 
 /** Format a number of octets, with its unit. @param {number} count @returns {{text: string, unit: string}} */
 export function octets(count) {

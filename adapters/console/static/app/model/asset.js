@@ -297,6 +297,9 @@ function commandAt(command, utc) {
   return { ...command, history, ended: false, state: states.findLast(Boolean) ?? "sending" };
 }
 
+/** Return the name of a command, also of one that only its number is known of. @param {CommandStatus} command */
+export const nameOf = ({ name, number, source }) => name || `command ${number} of ${source}`;
+
 /** Return a point of a frame in the frame around that. @param {Frame} frame @param {Point} point @returns {Point} */
 export function composed({ x, y, heading }, point) {
   const [cos, sin] = [Math.cos(heading), Math.sin(heading)];

@@ -3,6 +3,8 @@
  * reconnects by itself and requests the missed messages.
  */
 
+import { serverClock } from "./server_clock.js";
+
 const OPERATOR = "rover-console-operator";
 const MIN_RETRY_MS = 300;
 const MAX_RETRY_MS = 5000;
@@ -86,8 +88,6 @@ export class Connection {
   status = "connecting";
   /** when the status began, ms since 1970 UTC */
   since_ms = Date.now();
-  /** server's clock minus this browser's clock, s */
-  clockOffset_s = 0;
 
   /**
    * @param {(message: any) => void} receive called with each message
@@ -122,7 +122,7 @@ export class Connection {
       const data = JSON.parse(event.data);
       for (const message of Array.isArray(data) ? data : [data]) {
         if (message.ty === "hello") {
-          this.clockOffset_s = message.utc - Date.now() / 1000;
+          serverClock.offset_s = message.utc - Date.now() / 1000;
           this.#wait_ms = MIN_RETRY_MS;
           this.#setStatus("open");
         }

@@ -3,6 +3,7 @@
 import { Asset, STORED } from "./asset.js";
 import { Connection, fetchJson, operator } from "./connection.js";
 import { Topics } from "./observable.js";
+import { serverClock } from "./server_clock.js";
 
 /** @import { AlarmStatus, AssetEntry, Message, OpenPage } from "./messages.js" */
 
@@ -61,7 +62,7 @@ export class Session extends Topics {
 
   /** The time by the server's clock, seconds since 1970-01-01 UTC. */
   get now() {
-    return Date.now() / 1000 + this.connection.clockOffset_s;
+    return serverClock.now_s;
   }
 
   /** @param {() => void} listener */

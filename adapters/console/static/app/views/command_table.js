@@ -3,6 +3,7 @@
  * shown as done: only EXECUTED is green, and a command without a report in time is UNKNOWN.
  */
 
+import { nameOf } from "../model/asset.js";
 import { fetchJson } from "../model/connection.js";
 import { html, reconcile, setText, set } from "../dom.js";
 import { View } from "./view.js";
@@ -86,7 +87,7 @@ export class CommandTable extends View {
     row.dataset.state = command.state;
     row.dataset.name = command.name;
     setText(time, clock(command.created));
-    setText(name, command.name || "a command");
+    setText(name, nameOf(command));
     setText(args, argumentSummary(command, this.asset));
     setText(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
     setText(state, label);

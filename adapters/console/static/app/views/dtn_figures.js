@@ -64,7 +64,7 @@ export class RelayFigures {
     if (!next) return { title: "", lines: ["no report yet"], isOpen: false };
     if (next.value === 0) {
       const end = this.contacts("DTN_CONTACTS_UP")?.find(([begin, end]) => begin <= this.now && this.now < end)?.[1];
-      return { title: "contact", lines: [held || (end ? `until ${clock(end)}` : "")], isOpen: true };
+      return { title: "contact", lines: [held || (end ? `until ${clock(end)}, for another ${duration(end - this.now)}` : "")], isOpen: true };
     }
     const begin = typeof next.value === "number" ? next.utc + next.value : null;
     const when = begin === null ? "none planned" : `next at ${clock(begin)}, in ${duration(begin - this.now)}`;

@@ -122,7 +122,7 @@ export class FilesView extends View {
       {},
       html("td", { textContent: file.path }),
       html("td", { className: "figure", textContent: sizeOf(file.size) }),
-      html("td", { textContent: `${new Date(file.modified * 1000).toISOString().slice(0, 10)} ${clock(file.modified)}` }),
+      html("td", { textContent: clock(file.modified) }),
       html(
         "td",
         {},

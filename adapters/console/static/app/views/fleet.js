@@ -3,7 +3,7 @@
 import { button, html, reconcile, setText, tableHead } from "../dom.js";
 import { openRecording } from "./recording.js";
 import { View } from "./view.js";
-import { age, clock, fixed } from "../format.js";
+import { age, fixed, interval } from "../format.js";
 
 /** @import { Asset } from "../model/asset.js" */
 /** @import { RecordingEntry } from "../model/messages.js" */
@@ -72,5 +72,5 @@ export class FleetView extends View {
 
 /** @param {RecordingEntry} recording */
 function recordingTexts({ file, rover, start, end, complete }) {
-  return ["recording", `${file}, of ${rover}`, "", "", "none: recording", `${clock(start)} to ${clock(end)}${complete ? "" : ", incomplete"}`];
+  return ["recording", `${file}, of ${rover}`, "", "", "none: recording", `${interval(start, end)}${complete ? "" : ", incomplete"}`];
 }

@@ -84,7 +84,7 @@ export class LogView extends View {
     return html(
       "div",
       { className: `line ${severity.toLowerCase()}`, title: `${clock(utc, true)} UTC aboard, by ${link}, number ${sequence}`, onclick: select },
-      html("time", { textContent: clock(utc) }),
+      html("time"),
       html("span", { className: `stage ${(stage ?? "").toLowerCase()}`, textContent: stage ?? kind }),
       html("span", { className: "text", textContent: text }),
     );
@@ -93,6 +93,7 @@ export class LogView extends View {
   /** @param {HTMLElement} line @param {NotificationMessage} notice */
   #drawLine(line, { command, utc }) {
     const { utc_s } = this.cursor;
+    setText(line.children[0], clock(utc));
     line.classList.toggle("selected", command !== null && command === this.selection.command);
     line.classList.toggle("later", utc_s !== null && utc > utc_s);
   }

@@ -3,7 +3,7 @@
 import { fetchJson } from "../model/connection.js";
 import { button, html, setText } from "../dom.js";
 import { View } from "./view.js";
-import { age, clock } from "../format.js";
+import { age, clock, interval } from "../format.js";
 
 const STEP_S = 0.05;
 
@@ -54,7 +54,7 @@ export class RecordingView extends View {
     if (!recording) return;
     const { file, rover, start, end, complete, damaged } = recording;
     const now = this.cursor.utc_s ?? end;
-    setText(this.#what, `${file}: a recording of ${rover}, ${new Date(start * 1000).toISOString().slice(0, 10)} from ${clock(start)} to ${clock(end)} UTC (${age(end - start)}). ${complete ? "" : `${damaged ? "Damaged" : "Incomplete"} from there on. `}View only.`);
+    setText(this.#what, `${file}: a recording of ${rover}, ${interval(start, end)} UTC (${age(end - start)}). ${complete ? "" : `${damaged ? "Damaged" : "Incomplete"} from there on. `}View only.`);
     this.#slider.max = String(end - start);
     this.#slider.value = String(now - start);
     setText(this.#at, `${clock(now, true)}, ${(now - start).toFixed(2)} s`);

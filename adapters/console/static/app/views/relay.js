@@ -4,11 +4,12 @@
  * also show the past.
  */
 
+import { nameOf } from "../model/asset.js";
 import { html, reconcile, setText, set, tableHead } from "../dom.js";
 import { RelayFigures } from "./dtn_figures.js";
 import { isLate } from "./values.js";
 import { View } from "./view.js";
-import { clock, duration, number, sizeOf } from "../format.js";
+import { clock, duration, interval, number, sizeOf } from "../format.js";
 
 /** @import { CommandStatus, Sample, StageEntry } from "../model/messages.js" */
 /** @typedef {{kind: string, title: string, lines: string[], isOpen?: boolean}} Part `isOpen` is of a link */
@@ -37,10 +38,9 @@ const DIRECTIONS = [
   ["DTN_CONTACTS_UP", "orbiter → rover"],
   ["DTN_CONTACTS_DOWN", "rover → orbiter"],
 ];
-const MIN_STRIP_S = 600;
-const MAX_STRIP_S = 86_400;
-/** Share of the strip that shows the past. */
-const PAST_SHARE = 0.2;
+/** Limits of the future that the strips show, s. */
+const MIN_AHEAD_S = 300;
+const MAX_AHEAD_S = 86_400;
 const MAX_COMMANDS = 30;
 
 export class RelayView extends View {
@@ -67,13 +67,14 @@ export class RelayView extends View {
   root = html("section", { className: "rover-view dtn-view" }, this.#empty, this.#body);
 
   start() {
-    const { asset, session, selection, cursor, draw } = this;
+    const { asset, session, selection, cursor, span, draw } = this;
     const loadPast = async () => (await this.#figures.loadPast()) && draw();
     loadPast();
     return [
       ...["values", "entry", "links", "commands"].map((topic) => asset.on(topic, draw)),
       session.onSecond(draw),
       selection.on(draw),
+      span.on(draw),
       cursor.on(loadPast),
     ];
   }
@@ -124,28 +125,36 @@ export class RelayView extends View {
       const contacts = this.#figures.contacts(key);
       return contacts === null ? [] : [{ key, title, contacts }];
     });
-    const ends = planned.flatMap((each) => each.contacts).flat();
-    const ahead = Math.max(MIN_STRIP_S, ...ends.map((each) => each - now));
-    const span = Math.min(MAX_STRIP_S, ahead / (1 - PAST_SHARE));
-    const begin = now - span * PAST_SHARE;
-    const position = (utc) => Math.min(100, Math.max(0, ((utc - begin) / span) * 100));
-    const contact = ([from, until]) =>
-      html("i", {
-        title: `${clock(from)} to ${clock(until)} UTC`,
-        style: `left: ${position(from)}%; width: ${position(until) - position(from)}%`,
-        "data-contact": from,
-      });
-    const make = (/** @type {Strip} */ { key }) => html("div", { className: "strip", "data-strip": key }, html("span"), html("div"));
-    reconcile(this.#strips, planned, ({ key }) => key, make, ({ children: [name, line] }, { title, contacts }) => {
+    const [begin, end] = this.#strip(planned);
+    const position = (utc) => Math.min(100, Math.max(0, ((utc - begin) / (end - begin)) * 100));
+    const barsOf = (what, spans) => spans.filter(([from, until]) => until > begin && from < end).map(([from, until]) => ({ what, from, until }));
+    const makeBar = ({ what, from }) => html("i", { className: what, [`data-${what}`]: from });
+    const make = (/** @type {Strip} */ { key }) =>
+      html("div", { className: "strip", "data-strip": key }, html("span"), html("div", {}, html("span"), html("b"), html("small"), html("small", { className: "end" })));
+    reconcile(this.#strips, planned, ({ key }) => key, make, ({ children: [name, { children: [bars, mark, first, last] }] }, { title, contacts }) => {
       setText(name, title);
-      line.replaceChildren(
-        ...contacts.filter(([from, until]) => until > begin && from < begin + span).map(contact),
-        html("b", { title: `now, ${clock(now)} UTC`, style: `left: ${position(now)}%` }),
-        html("small", { textContent: clock(begin) }),
-        html("small", { className: "end", textContent: clock(begin + span) }),
+      reconcile(bars, [...barsOf("contact", contacts), ...barsOf("gap", gapsOf(contacts))], ({ what, from }) => `${what} ${from}`, makeBar, (bar, { what, from, until }) =>
+        set(bar, {
+          title: `${what === "gap" ? "no contact " : ""}${interval(from, until)} UTC, ${duration(until - from)}`,
+          style: `left: ${position(from)}%; width: ${position(until) - position(from)}%`,
+        }),
       );
+      set(mark, { title: `now, ${clock(now)} UTC`, style: `left: ${position(now)}%` });
+      setText(first, clock(begin));
+      setText(last, clock(end));
     });
     this.#strips.hidden = planned.length === 0;
+  }
+
+  /** Begin and end of the strips: the span of the time conductor. Live, they extend as far ahead, and to the next contact. @param {Strip[]} planned */
+  #strip(planned) {
+    const { start_s, end_s } = this.span;
+    const { now } = this.#figures;
+    const begin = Math.min(start_s, now);
+    if (this.cursor.utc_s !== null) return [begin, Math.max(end_s, now)];
+    const ahead = Math.max(now - begin, MIN_AHEAD_S);
+    const next = planned.flatMap(({ contacts }) => contacts.find(([, until]) => until > now)?.[0] ?? []);
+    return [begin, Math.min(now + MAX_AHEAD_S, Math.max(now, ...next) + ahead)];
   }
 
   #drawTraffic() {
@@ -187,7 +196,7 @@ export class RelayView extends View {
     reconcile(this.#commands, shown, (command) => command.id, make, (row, command) => {
       const reached = ["ACKNOWLEDGED", "FORWARDED", "RECEIVED"].map((stage) => command.history.find((each) => each.stage === stage));
       const times = reached.map((each) => (each ? clock(each.utc) : ""));
-      const texts = [command.name, clock(command.created), ...times, this.#whereIs(command, reached)];
+      const texts = [nameOf(command), clock(command.created), ...times, this.#whereIs(command, reached)];
       texts.forEach((text, index) => setText(row.children[index], text));
       set(row, { "data-state": command.state, class: this.selection.command === command.id ? "selected" : "" });
     });
@@ -204,4 +213,11 @@ export class RelayView extends View {
     if (acknowledged) return `at the orbiter for ${since(acknowledged)}`;
     return state === "unknown" ? "unknown" : "in transit to the orbiter";
   }
+}
+
+/** Return the times between contacts, which are in order. @param {[number, number][]} contacts @returns {[number, number][]} */
+function gapsOf(contacts) {
+  /** @type {[number, number][]} */
+  const between = contacts.slice(1).map(([from], index) => [contacts[index][1], from]);
+  return between.filter(([from, until]) => until > from);
 }

@@ -8,7 +8,7 @@ import { exporter } from "./export.js";
 import { ArchivedHistory } from "../model/archive.js";
 import { lanesOf } from "./strip_lanes.js";
 import { View } from "./view.js";
-import { clock } from "../format.js";
+import { dateOf, interval, timeOfDay } from "../format.js";
 
 /** @import { Lane } from "./strip_lanes.js" */
 
@@ -89,8 +89,7 @@ export class TimeStripView extends View {
     this.#drawMoment(this.#at, cursor.utc_s, height);
     const isPast = cursor.utc_s !== null && cursor.utc_s < end_s;
     set(this.#later, { x: xOf(cursor.utc_s ?? end_s), width: isPast ? end_px - xOf(cursor.utc_s) : 0, height: Math.max(height - AXIS_PX, 0) });
-    const day = new Date(start_s * 1000).toISOString().slice(0, 10);
-    setText(this.#spanText, this.#history.problem || `${day}, ${clock(start_s)} to ${clock(end_s)} UTC`);
+    setText(this.#spanText, this.#history.problem || `${interval(start_s, end_s)} UTC`);
   }
 
   /** Draw the lanes below each other; return the lower end, px. */
@@ -136,7 +135,7 @@ export class TimeStripView extends View {
       const [line, text] = tick.children;
       set(line, { x1: xOf(utc), x2: xOf(utc), y1: 0, y2: height });
       set(text, { x: xOf(utc) + 3 });
-      setText(text, clock(utc));
+      setText(text, utc % 86400 ? timeOfDay(utc) : dateOf(utc));
     });
   }
 
@@ -167,8 +166,8 @@ function layOut(lane, { xOf, end_px, start_s, end_s, now_s }) {
   }
   bars.sort((one, other) => one.x - other.x);
   if (!lane.isPacked) {
-    const placed = bars.map((each) => ({ ...each, row: 0, text_px: each.x + 4, anchor: "start", label: each.right - each.x >= each.label_px ? each.bar.label : "" }));
-    return { bars: placed, rows: 1 };
+    const placed = bars.map((each) => ({ ...each, row: each.bar.row ?? 0, text_px: each.x + 4, anchor: "start", label: each.right - each.x >= each.label_px ? each.bar.label : "" }));
+    return { bars: placed, rows: Math.max(0, ...placed.map((each) => each.row)) + 1 };
   }
   const labelled = packed(bars, end_px, true);
   return labelled.rows <= MAX_LABELLED_ROWS ? labelled : packed(bars, end_px, false);
