@@ -1,6 +1,6 @@
 /**
  * The status bar above every page: STOP, authority, states of the links, alarms, open pages, and the
- * connection of this page.
+ * connection of this page. It is in the top layer, above all dialogs and overlays, which begin below it.
  */
 
 import { AlarmsView, isUnacknowledged } from "./alarms.js";
@@ -35,10 +35,11 @@ export class StatusBar extends View {
   #links = html("span", { className: "links" });
   #authority = new Authority((problem) => this.#showMessage(problem, "bad"));
   #pages = html("span", { className: "pages dim" });
-  #name = button("", "operator name; click to change it", rename, { className: "operator" });
+  #name = button("", "operator name; click to change it", () => this.#editName(true), { className: "operator" });
+  #newName = html("input", { type: "text", "aria-label": "operator name", hidden: true, onkeydown: (event) => this.#onNameKey(event), onblur: () => this.#editName(false) });
   #stop = html(
     "button",
-    { type: "button", className: "stop", "data-testid": "stop", onclick: () => this.#onStop() },
+    { type: "button", className: "stop", "data-testid": "stop" },
     html("b", { textContent: "STOP" }),
     html("small", { textContent: STOP_KEYS[0] }),
   );
@@ -46,20 +47,29 @@ export class StatusBar extends View {
   #list = html("div", { className: "alarm-list", hidden: true });
   #message = html("div", { className: "message", role: "alert", hidden: true });
   #lost = html("div", { className: "lost", role: "alert", hidden: true });
-  #identity = html("span", { className: "identity" }, this.#name, this.#pages, themeButton(), html("a", { href: "/help", target: "rover-help", title: "documentation of the console", textContent: "help" }));
-  root = html(
+  #identity = html("span", { className: "identity" }, this.#name, this.#newName, this.#pages, themeButton(), html("a", { href: "/help", target: "rover-help", title: "documentation of the console", textContent: "help" }));
+  #bar = html(
     "header",
-    { className: "rover-bar" },
+    { className: "rover-bar", popover: "manual" },
     html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
     this.#message,
     this.#lost,
   );
+  /** Space of the bar in the page: an element in the top layer takes none. */
+  root = html("div", { className: "bar-space" }, this.#bar);
+  #height = new ResizeObserver(() => document.documentElement.style.setProperty("--bar-height", `${this.#bar.offsetHeight}px`));
 
   start() {
     const { session, draw } = this;
-    const onKey = (event) => this.#onKey(event);
-    addEventListener("keydown", onKey, { capture: true });
+    const ending = new AbortController();
+    const options = { capture: true, signal: ending.signal };
+    addEventListener("keydown", (event) => this.#onKey(event), options);
+    addEventListener("click", (event) => this.#onClick(event), options);
+    addEventListener("toggle", (event) => event.target !== this.#bar && this.#raise(), options);
+    addEventListener("fullscreenchange", () => this.#raise(), options);
+    this.#raise();
+    this.#height.observe(this.#bar);
     this.#watch();
     return [
       session.on("assets", () => this.#watch()),
@@ -67,7 +77,8 @@ export class StatusBar extends View {
       session.on("alarms", draw),
       session.onSecond(draw),
       session.connection.on(draw),
-      () => removeEventListener("keydown", onKey, { capture: true }),
+      () => ending.abort(),
+      () => this.#height.disconnect(),
       () => [...this.#watched.values()].flat().forEach((off) => off()),
       () => clearTimeout(this.#hiding),
       () => this.#unmountAlarms(),
@@ -102,6 +113,23 @@ export class StatusBar extends View {
     this.#onStop();
   }
 
+  /** Put the bar above the elements that have entered the top layer after it. */
+  #raise() {
+    if (this.#bar.matches(":popover-open")) this.#bar.hidePopover();
+    this.#bar.showPopover();
+  }
+
+  /** Stop by a click on STOP. An open modal dialog makes STOP inert, so that the click has another target: its position decides. */
+  #onClick(event) {
+    const { left, right, top, bottom } = this.#stop.getBoundingClientRect();
+    const { clientX: x, clientY: y } = event;
+    const isWithin = left <= x && x <= right && top <= y && y <= bottom;
+    if (this.#stop.disabled || !(isWithin || this.#stop.contains(event.target))) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    this.#onStop();
+  }
+
   async #onStop() {
     const rover = this.#rover;
     if (!rover) return this.#showMessage("There is no rover to stop.", "bad");
@@ -116,6 +144,24 @@ export class StatusBar extends View {
     } finally {
       this.#stop.classList.remove("pressed");
     }
+  }
+
+  /** Show the field of the operator's name instead of the name. A dialog of the browser would disable STOP. @param {boolean} editing */
+  #editName(editing) {
+    this.#newName.value = operator.name;
+    this.#newName.hidden = !editing;
+    this.#name.hidden = editing;
+    if (editing) this.#newName.select();
+  }
+
+  #onNameKey({ key }) {
+    const name = this.#newName.value.trim();
+    if (key === "Escape") this.#editName(false);
+    if (key !== "Enter" || !name) return;
+    this.#editName(false);
+    if (name === operator.name) return;
+    operator.name = name;
+    location.reload();
   }
 
   #toggleAlarms() {
@@ -180,13 +226,6 @@ export class StatusBar extends View {
     const worst = unacknowledged.some((each) => each.severity !== "WARNING") ? "alarm" : unacknowledged.length ? "warning" : "none";
     set(this.#alarm, { "data-worst": worst, "data-open": unacknowledged.length });
   }
-}
-
-function rename() {
-  const next = prompt("Operator name", operator.name)?.trim();
-  if (!next || next === operator.name) return;
-  operator.name = next;
-  location.reload();
 }
 
 /** Send a stop; up to RETRIES attempts while the server is unreachable. @param {string} name */

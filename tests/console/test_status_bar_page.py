@@ -1,0 +1,95 @@
+"""The status bar in a real browser: STOP above all else, and lost links."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Browser, Page, async_playwright, expect
+
+from tests.console.conftest import Launch
+from tests.console.consoles import Operator, at_console
+from tests.console.site import OPTIONS
+from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
+]
+SIZES = ((390, 844), (1280, 800), (1920, 1080))
+OVERLAYS = {
+    "Large View": "document.querySelector('[title=\"Large View\"]').click()",
+    "menu": "document.querySelector('.c-create-button').click()",
+    "form": """document.querySelector('.c-create-button').click();
+        [...document.querySelectorAll('.c-menu li, .c-super-menu li')]
+            .find(each => each.textContent.includes('Overlay Plot')).click()""",
+    "confirm": """{
+        const shown = openmct.overlays.dialog({ iconClass: 'alert', message: 'Remove it?',
+            buttons: [{ label: 'OK', callback: () => shown.dismiss() }] });
+    }""",
+}
+MODAL = {"dialog": "document.body.appendChild(document.createElement('dialog')).showModal()"}
+SHOWN = ".c-overlay, .c-menu, .c-super-menu, dialog[open]"
+CLOSE = """() => {
+    window.openmct?.overlays.dismissLastOverlay();
+    document.body.click();
+    document.querySelectorAll(".c-overlay__button-bar button").forEach(each => each.click());
+    document.querySelectorAll("dialog").forEach(each => each.remove());
+}"""
+UNCOVERED = """() => {
+    const { left, top, width, height } =
+        document.querySelector("[data-testid=stop]").getBoundingClientRect();
+    return left >= 0 && top >= 0 && left + width <= innerWidth && top + height <= innerHeight;
+}"""
+
+
+@asynccontextmanager
+async def browser() -> AsyncIterator[Browser]:
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        yield browser
+        await browser.close()
+
+
+async def stops(anna: Operator) -> int:
+    """Return how many stops the console knows."""
+    return [each["name"] for each in (await anna.get("api/commands"))["commands"]].count("stop")
+
+
+async def click_stop(page: Page) -> None:
+    """Click at the position of STOP, also if it is covered."""
+    assert await page.evaluate(UNCOVERED)
+    box = await page.get_by_test_id("stop").bounding_box()
+    assert box is not None
+    async with page.expect_response("**/api/stop/jackal"):
+        await page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+
+async def test_stop_is_above_all_overlays_and_dialogs(launch: Launch, tmp_path: Path) -> None:
+    async with at_console(tmp_path, launch().uri, "anna") as (anna,), browser() as chromium:
+        pressed = 0
+        for path in ("", "lite"):
+            page = await chromium.new_page()
+            await page.goto(f"{anna.address}{path}")
+            await expect(page.get_by_test_id("value-POS_X")).to_have_text("0")
+            if not path:
+                await expect(page.get_by_role("button", name="Large View").first).to_be_attached()
+            for width, height in SIZES:
+                await page.set_viewport_size({"width": width, "height": height})
+                for name, show in (MODAL if path else OVERLAYS | MODAL).items():
+                    await page.evaluate(show)
+                    shown = page.locator(SHOWN).first
+                    await expect(shown).to_be_attached()
+                    await click_stop(page)
+                    pressed += 1
+                    assert await stops(anna) == pressed, f"/{path}, {width} px, {name}"
+                    await expect(shown).to_be_attached()
+                    await page.screenshot(path=ARTIFACTS / f"stop-{name}-{width}.png")
+                    await page.evaluate(CLOSE)
+                    await expect(page.locator(SHOWN)).to_have_count(0)
+                await page.get_by_test_id("alarms").click()
+                await click_stop(page)
+                pressed += 1
+                assert await stops(anna) == pressed, f"/{path}, {width} px, alarms"
+                await page.get_by_test_id("alarms").click()
+            await page.close()
