@@ -287,6 +287,10 @@ async def _serving(
     recordings = Recordings(_empty_folder(options.data / OPENED), publish, system.utc_s)
     objects = SharedObjectRequests(archive, publish)
     presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
+
+    def entries() -> Iterator[AssetEntry]:
+        return chain(fleet.entries(), recordings.entries())
+
     routes = [
         *OperationRequests(commanding, desk).routes(),
         *DraftRequests(commanding).routes(),
@@ -297,15 +301,11 @@ async def _serving(
         *VideoRequests(options.video, fleet.video_of, system.utc_s).routes(),
         *recordings.routes(),
         *ArchiveRequests(archive, recordings).routes(),
-        *ExportRequests(archive, recordings).routes(),
+        *ExportRequests(archive, recordings, lambda: (*entries(), housekeeping.entry)).routes(),
         *objects.routes(),
         *alarms.routes(),
         *help_routes(shipped_folder("docs")),
     ]
-
-    def entries() -> Iterator[AssetEntry]:
-        return chain(fleet.entries(), recordings.entries())
-
     runner = web.AppRunner(
         Server(hub, entries, housekeeping.entry, access, routes).application(),
         access_log=None,

@@ -121,7 +121,9 @@ def test_the_time_strip_shows_activities_by_time_and_selects_them(page: Page) ->
     page.get_by_label("what to export").select_option("commands")
     with page.expect_download() as saving:
         page.get_by_role("button", name="export CSV").click()
-    assert saving.value.suggested_filename == "commands.csv"
+    time = r"\d{8}T\d{6}Z"
+    name = saving.value.suggested_filename
+    assert re.fullmatch(f"jackal_commands_{time}_{time}.csv", name), name
     assert "moveTo" in Path(saving.value.path()).read_text(encoding="utf-8")
 
     moved.locator("rect").last.click()

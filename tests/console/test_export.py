@@ -53,9 +53,13 @@ async def test_telemetry_is_exported_whole(tmp_path: Path) -> None:
     await fill(tmp_path / "console")
     async with served(tmp_path, UNREACHABLE) as address, operator(address, "anna") as anna:
         header, *lines = (await export(anna, "asset=jackal")).decode().splitlines()
-        assert header == "utc,rx,asset,link,key,value,quality"
-        assert lines[1] == f"{BEGAN_S + 1}.0,{BEGAN_S + 2}.0,jackal,direct,POS_X,1.0,good"
+        assert header == "utc,rx,asset,link,key,value,quality,unit"
+        times = "2096-10-02T07:06:41.000000Z,2096-10-02T07:06:42.000000Z"
+        assert lines[1] == f"{times},jackal,direct,POS_X,1.0,good,"
         assert [float(line.split(",")[5]) for line in lines] == list(range(COUNT))
+
+        units = {each["key"]: each["unit"] for each in await table(anna, "tm", "rover-console")}
+        assert units["CONSOLE_MEMORY"] == "B"
 
         part = io.BytesIO(await export(anna, f"format=mcap&start={BEGAN_S + 7}&end={BEGAN_S + 8}"))
         messages = [message for _, _, message in make_reader(part).iter_messages()]
@@ -169,8 +173,8 @@ async def test_exported_notifications_match_the_archive(tmp_path: Path) -> None:
 
         (line,) = await table(anna, "commands")
         assert line["args"] == '{"distance": 3.0}'
-        assert float(line["started"]) == BEGAN_S + 2.0
-        assert float(line["end"]) == BEGAN_S + 5.0
+        assert line["started"] == "2096-10-02T07:06:42.000000Z"
+        assert line["end"] == "2096-10-02T07:06:45.000000Z"
         assert line["accepted"] == ""
         texts = [each["text"] for each in await table(anna, "reports")]
         assert texts == [each.text for each in REPORTS]
@@ -180,15 +184,21 @@ async def test_exported_notifications_match_the_archive(tmp_path: Path) -> None:
             ("MOVING", "drive"),
         ]
         assert (await table(anna, "plans"))[0]["node"] == "look/drive"
-        assert (await table(anna, "alarms"))[0]["text"] == "hot"
+        (alarm,) = await table(anna, "alarms")
+        assert (alarm["text"], alarm["raised"][-16:]) == ("hot", "07:06:46.000000Z")
         later = f"reports&start={BEGAN_S + 1}&end={BEGAN_S + 1.0015}"
         assert len(await table(anna, later)) == 2
 
+        what = f"asset=../a&content=tm,plans&format=mcap&start={BEGAN_S}&end={BEGAN_S + 0.5}"
+        async with anna.session.get(f"{address}api/export?{what}") as answer:
+            named = answer.content_disposition
+            assert named is not None
+            assert named.filename == ("..-a_telemetry-plans_20961002T070640Z_20961002T070640Z.mcap")
         async with anna.session.get(f"{address}api/export?content=tm,reports") as answer:
             assert answer.status == 422
             assert "a CSV file holds one kind" in (await answer.json())["error"]
 
 
-async def table(anna: Operator, what: str) -> list[dict[str, str]]:
-    octets = await export(anna, f"asset=jackal&content={what}")
+async def table(anna: Operator, what: str, asset: str = "jackal") -> list[dict[str, str]]:
+    octets = await export(anna, f"asset={asset}&content={what}")
     return list(csv.DictReader(io.StringIO(octets.decode())))

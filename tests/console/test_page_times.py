@@ -87,7 +87,7 @@ def test_equal_activities_of_a_plan_are_one_bar(app: Path) -> None:
     ]  # fmt: skip
     other = [{**each, "plan": "survey"} for each in (reports[0], reports[-1])]
     records = {"modes": [], "authority": [], "plans": [*reports, *other]}
-    asset = {"commands": [], "lastCommands": []}
+    asset: dict[str, list[str]] = {"commands": [], "lastCommands": []}
     history = {"records": records, "alarms": []}
     # The commands of an asset are a Map; an empty list has `values()`, too.
     (lanes,) = called(app, ["lanesOf", asset, history, 20.0])

@@ -8,8 +8,10 @@ on `/ASSET/KIND`. The publish time is the time aboard, the log time is the recep
 import csv
 import io
 import json
-from collections.abc import AsyncIterator, Iterable, Sequence
+import re
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime, timedelta
 from enum import Enum, unique
 from functools import partial
 from types import NoneType, UnionType
@@ -40,9 +42,13 @@ from adapters.console.messages import (
     TreeState,
 )
 from adapters.console.recordings import Recordings
+from adapters.console.rovers import AssetEntry
 from adapters.console.web import MAX_NUMBER, invalid, number_of, one_of
 
+Key = tuple[str, str]
+
 LIBRARY: Final = "rover-console"
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 NS_PER_S: Final = 1_000_000_000
 TELEMETRY: Final = {
     "type": "object",
@@ -52,6 +58,13 @@ TELEMETRY: Final = {
     },
 }
 STAGES: Final = ("SENT", "ACKNOWLEDGED", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED")
+_TIMES: Final = frozenset(
+    (
+        *("utc", "rx", "created", "deadline", *(stage.lower() for stage in STAGES), "end"),
+        *("raised", "last", "cleared", "shelved", "shelved_until"),
+    )
+)
+"""Columns with times; `acknowledged` is one of commands and of alarms."""
 _LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CRITICAL": 5}
 """Levels of foxglove.Log: 2 is INFO, 5 is FATAL."""
 
@@ -59,13 +72,17 @@ _LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CR
 class CsvFile:
     """CSV file with a header line and one line for each item.
 
-    A tree has one line for each node. A command has one line with the times of its stages. Values
-    other than numbers and text are JSON.
+    A tree has one line for each node. A command has one line with the times of its stages. Times
+    are ISO 8601 in UTC, telemetry has its unit. Values other than numbers and text are JSON.
+
+    Args:
+        units: unit of each parameter, by asset and key.
     """
 
     content_type = "text/csv"
 
-    def __init__(self) -> None:
+    def __init__(self, units: Mapping[Key, str]) -> None:
+        self._units = units
         self._has_names = False
 
     def begin(self) -> bytes:
@@ -74,13 +91,18 @@ class CsvFile:
 
     def samples(self, rows: Sequence[ExportRow]) -> bytes:
         """Return the lines of samples."""
-        return self._lines(ExportRow._fields, rows)
+        units = self._units
+        lines = (
+            (_iso(each.utc), _iso(each.rx), *each[2:], units.get((each.asset, each.key), ""))
+            for each in rows
+        )
+        return self._lines((*ExportRow._fields, "unit"), lines)
 
     def records(self, _: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
         """Return the lines of records."""
         names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
         rows = (line for each in page for line in lines(each.body))
-        return self._lines(names, ([_cell(row.get(name)) for name in names] for row in rows))
+        return self._lines(names, ([_cell(name, row.get(name)) for name in names] for row in rows))
 
     def end(self) -> bytes:
         """Return no octets: CSV has no trailer."""
@@ -100,8 +122,19 @@ def _names(kind: Any) -> tuple[str, ...]:
     return tuple(each.name for each in fields(kind))
 
 
-def _cell(value: object) -> object:
+def _cell(name: str, value: Any) -> object:
+    if value is not None and name in _TIMES:
+        return _iso(value)
     return json.dumps(value) if isinstance(value, dict | list) else value
+
+
+def _iso(utc_s: float) -> str:
+    """Return a time in ISO 8601, UTC, to the microsecond; beyond the year 9999 the number."""
+    try:
+        at = EPOCH + timedelta(microseconds=to_us(utc_s))
+    except OverflowError:
+        return str(utc_s)
+    return at.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
 def _one_line(body: dict[str, Any]) -> list[dict[str, Any]]:
@@ -308,15 +341,27 @@ class ExportRequests:
     Args:
         archive: archived data of rovers.
         recordings: opened recordings, with their own archives.
+        entries: returns the dictionary entry of each asset.
     """
 
-    def __init__(self, archive: Archive, recordings: Recordings) -> None:
+    def __init__(
+        self,
+        archive: Archive,
+        recordings: Recordings,
+        entries: Callable[[], Iterable[AssetEntry]],
+    ) -> None:
         self._archive = archive
         self._recordings = recordings
+        self._entries = entries
 
     def routes(self) -> list[web.RouteDef]:
         """Return the route."""
         return [web.get("/api/export", self._export, allow_head=False)]
+
+    def _units(self) -> dict[Key, str]:
+        return {
+            (one.asset, each.key): each.unit for one in self._entries() for each in one.parameters
+        }
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
         form = one_of(ExportFormat, "format", request.query.get("format", ExportFormat.CSV.value))
@@ -331,11 +376,11 @@ class ExportRequests:
         recording = self._recordings.find(asset)
         archive = self._archive if recording is None else recording.archive
         await archive.flush()
-        file = CsvFile() if form is ExportFormat.CSV else McapFile()
+        file = CsvFile(self._units()) if form is ExportFormat.CSV else McapFile()
 
         response = web.StreamResponse()
         response.content_type = file.content_type
-        name = "telemetry" if wanted == [ExportKind.TELEMETRY] else "-".join(names)
+        name = _file_name(request, wanted)
         response.headers["Content-Disposition"] = f'attachment; filename="{name}.{form.value}"'
         await response.prepare(request)
         await response.write(file.begin())
@@ -350,6 +395,18 @@ class ExportRequests:
         await response.write(file.end())
         await response.write_eof()
         return response
+
+
+def _file_name(request: web.Request, wanted: Sequence[ExportKind]) -> str:
+    """Return the name of a file without its ending: ASSET_CONTENT_START_END, as far as given."""
+    content = ["telemetry" if each is ExportKind.TELEMETRY else each.value for each in wanted]
+    span = [
+        re.sub(r"[-:]|\.\d+", "", _iso(number_of(request, name, 0.0)))
+        for name in ("start", "end")
+        if name in request.query
+    ]
+    parts = (request.query.get("asset", ""), "-".join(content), *span)
+    return re.sub(r"[^\w.@-]", "-", "_".join(filter(None, parts)), flags=re.ASCII)
 
 
 async def _telemetry_pages(

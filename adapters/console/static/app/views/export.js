@@ -20,7 +20,7 @@ export function exporter(asset, span) {
 
   function save(format) {
     const query = new URLSearchParams({ asset: asset.name, content: what.value, format, start: String(span.start_s), end: String(span.end_s) });
-    html("a", { href: `/api/export?${query}`, download: `${asset.name}-${what.value === ALL ? "all" : what.value}.${format}` }).click();
+    html("a", { href: `/api/export?${query}`, download: "" }).click();
   }
 
   return html("span", { className: "tools" }, what, csv, mcap);
