@@ -14,11 +14,17 @@ import { clock } from "../format.js";
 const SEVERITIES = ["CRITICAL", "SEVERE", "ALARM", "WARNING"];
 
 /** @param {AlarmStatus} alarm */
-export const isUnacknowledged = (alarm) => alarm.acknowledged === null;
+export const isAcknowledged = (alarm) => alarm.acknowledged !== null;
+
+/** @param {AlarmStatus} alarm @param {number} now_s */
+const isShelved = ({ shelved_until: until }, now_s) => until !== null && until > now_s;
+
+/** Whether an operator must act: bar and title count these alarms. @param {AlarmStatus} alarm @param {number} now_s */
+export const needsAction = (alarm, now_s) => !isAcknowledged(alarm) && !isShelved(alarm, now_s);
 
 /** Order: unacknowledged first, then by severity, then newest first. @param {AlarmStatus} one @param {AlarmStatus} other */
 const byUrgency = (one, other) =>
-  Number(isUnacknowledged(other)) - Number(isUnacknowledged(one)) ||
+  Number(isAcknowledged(one)) - Number(isAcknowledged(other)) ||
   SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity) ||
   other.last - one.last;
 
@@ -53,7 +59,7 @@ export class AlarmsView extends View {
 
   /** @param {AlarmStatus[]} alarms as shown here; a recurrence after that stays unacknowledged */
   async #acknowledge(alarms) {
-    const seen = alarms.filter(isUnacknowledged).map((each) => [each.id, each.occurrences]);
+    const seen = alarms.filter((each) => !isAcknowledged(each)).map((each) => [each.id, each.occurrences]);
     try {
       await fetchJson("/api/alarms/acknowledge", { json: { alarms: seen } });
       setText(this.#message, "");
@@ -76,7 +82,7 @@ export class AlarmsView extends View {
 
   render() {
     const now = this.#openAlarms;
-    const unacknowledged = now.filter(isUnacknowledged).length;
+    const unacknowledged = now.filter((each) => !isAcknowledged(each)).length;
     const ids = new Set(now.map((each) => each.id));
     const shown = [...now, ...(this.#closed ?? []).filter((each) => !ids.has(each.id))];
     setText(this.#count, now.length ? `${now.length} open, ${unacknowledged} to acknowledge` : "");
@@ -104,7 +110,7 @@ export class AlarmsView extends View {
   /** @param {HTMLElement} row @param {AlarmStatus} alarm */
   #drawRow(row, alarm) {
     const [severity, , state, time, text, operator] = row.children;
-    const isUnacked = isUnacknowledged(alarm);
+    const isUnacked = !isAcknowledged(alarm);
     const isActive = alarm.cleared === null;
     set(row, {
       class: `${alarm.severity.toLowerCase()}${isUnacked ? " open" : ""}`,

@@ -3,12 +3,13 @@
  * connection of this page. It is in the top layer, above all dialogs and overlays, which begin below it.
  */
 
-import { AlarmsView, isUnacknowledged } from "./alarms.js";
+import { AlarmsView, isAcknowledged, needsAction } from "./alarms.js";
 import { Authority } from "./authority.js";
 import { fetchJson, operator } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
+import { setTitle } from "../title.js";
 import { View } from "./view.js";
 import { age, clock } from "../format.js";
 
@@ -174,6 +175,7 @@ export class StatusBar extends View {
   render() {
     const { session } = this;
     const rover = this.#rover;
+    setTitle("rover", this.shown.name ?? "");
     this.#drawPicker();
     this.#drawMode(rover);
     reconcile(this.#links, [...(rover?.links.values() ?? [])], ({ link }) => link, () => html("span", { className: "link" }), (element, link) => this.#drawLink(element, link));
@@ -220,9 +222,10 @@ export class StatusBar extends View {
 
   #drawAlarms() {
     const openAlarms = [...this.session.alarms.values()];
-    const unacknowledged = openAlarms.filter(isUnacknowledged);
+    const unacknowledged = openAlarms.filter((each) => needsAction(each, this.session.now));
+    setTitle("alarms", unacknowledged.length ? `(${unacknowledged.length})` : "");
     const count = unacknowledged.length || openAlarms.length;
-    setText(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !unacknowledged.length ? " acknowledged" : ""}`);
+    setText(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !unacknowledged.length ? (openAlarms.every(isAcknowledged) ? " acknowledged" : " shelved") : ""}`);
     const worst = unacknowledged.some((each) => each.severity !== "WARNING") ? "alarm" : unacknowledged.length ? "warning" : "none";
     set(this.#alarm, { "data-worst": worst, "data-open": unacknowledged.length });
   }
