@@ -3,12 +3,10 @@
 from math import pi
 from pathlib import Path
 
-import pytest
-
 from adapters.console.requests.map_requests import route_of
 from adapters.mrs.ground import MrsClient
 from executive.commands import FollowPath, PlanDefinition, SubmitPlan, Waypoint
-from executive.plans import PlanNode, check_plan
+from executive.plans import PlanNode, check_plan, steps
 from executive.settings import load_settings
 from executive.values.geometry import Pose
 from tests.console.consoles import JsonMessage, at_console
@@ -64,14 +62,33 @@ def root(definition: PlanDefinition) -> PlanNode:
 def test_the_targets_of_a_plan_follow_one_another() -> None:
     settings = load_settings("jackal")
     start = Pose(1.0, 1.0, heading_rad=-pi / 2)
-    steps = list(route_of(root(plan(SURVEY)), settings, start))
-    assert [each.name for each in steps] == [
-        *("moveForward", "moveTo", "moveTo", "takePicture", "moveForward", "followPath")
+    found = list(route_of(root(plan(SURVEY)), settings, start))
+    assert [(each.number, each.name, each.times, each.at, each.points) for each in found] == [
+        (1, "moveForward", 1, (1.0, 0.0), ((1.0, 0.0),)),
+        (2, "moveTo", 2, (3.0, 0.0), ((3.0, 0.0),)),
+        (3, "takePicture", 1, (3.0, 0.0), ()),
+        (4, "moveForward", 1, (4.0, 0.0), ((4.0, 0.0),)),
+        (5, "followPath", 1, (4.0, 1.0), ((4.0, 1.0),)),
     ]
-    expected = [[(1.0, 0.0)], [(3.0, 0.0)], [], [], [(4.0, 0.0)], [(4.0, 1.0)]]
-    for each, points in zip(steps, expected, strict=True):
-        assert each.points == pytest.approx([pytest.approx(point) for point in points])
+    present = route_of(root(plan(SURVEY)), settings, start, found[2].node)
+    assert [(each.number, each.at) for each in present] == [
+        (3, (1.0, 1.0)),
+        (4, (1.0, 0.0)),
+        (5, (4.0, 1.0)),
+    ]
     assert [each.points for each in route_of(root(plan(SURVEY)), settings, None)][:2] == [
         (),  # a start that is unknown
         ((3.0, 0.0),),
     ]
+
+
+def test_a_loop_of_a_plan_has_a_bounded_route() -> None:
+    body = """<Fallback>
+        <Repeat num_cycles="900"><moveForward distance="1" deadline_s="60"/></Repeat>
+        <rotateBy angle="1" deadline_s="60"/></Fallback>"""
+    settings, loop = load_settings("jackal"), root(plan(f"<Sequence>{body}{body}</Sequence>"))
+    route = list(route_of(loop, settings, Pose()))
+    assert [(each.number, each.times) for each in route] == [(1, 900)] * 20 + [(3, 900)] * 20
+    (turn,) = (each for each in steps(loop) if each.location.number == 5)
+    after = route_of(loop, settings, Pose(), turn.location.path)
+    assert {each.number for each in after} == {3}

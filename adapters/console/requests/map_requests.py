@@ -1,6 +1,7 @@
 """HTTP requests of the map: steps of a plan aboard, and obstacles that the laser detected."""
 
 import asyncio
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -14,7 +15,7 @@ from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
 from executive.commands import FollowPath, Motion, MoveTo, argument_values, declaration_of
-from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps
+from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps
 from executive.settings import Settings, TargetFrame
 from executive.values.geometry import Pose
 from executive.values.reasons import Refusal
@@ -22,6 +23,8 @@ from executive.values.reasons import Refusal
 T = TypeVar("T")
 
 QUERY_TIMEOUT_S: Final = 20.0
+MAX_CYCLES: Final = 20
+"""Maximum number of positions of a leaf in loops; chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,40 +33,78 @@ class RouteStep:
 
     Attributes:
         node: path of its leaf, as in `PlanProgress`.
+        number: number of its leaf, from 1.
         name, args: its request, as in `CommandStatus`.
         frame: frame of the points: odom or map.
         points: positions where it turns, and its end, m; empty without a motion, or if unknown.
+        at: position at its end, m; None if unknown.
+        times: number of remaining executions, those of loops included.
     """
 
     node: str
+    number: int
     name: str
     args: dict[str, Any]
     frame: str
     points: tuple[tuple[float, ...], ...]
+    at: tuple[float, ...] | None
+    times: int
 
 
-def route_of(root: PlanNode, settings: Settings, start: Pose | None) -> Iterator[RouteStep]:
-    """Yield the steps of a plan in order.
+def route_of(
+    root: PlanNode, settings: Settings, start: Pose | None, node: str | None = None
+) -> Iterator[RouteStep]:
+    """Yield the steps of a plan in order; those of a loop once per position.
 
     Args:
         root: root node of the plan.
         settings: settings of the asset.
         start: start pose in the odometry frame; None if unknown.
+        node: path of the present leaf, the first step; None for all steps.
     """
     pose, frame = start, TargetFrame.ODOM
-    for step in nominal_steps(root):
-        if not isinstance(step, PlanStep):
-            continue
+    numbers = {each.location.path: number for number, each in enumerate(steps(root), 1)}
+    known: dict[str, set[object]] = {}
+    remaining = _remaining(root, node)
+    times = Counter(each.location.path for each in remaining)
+    for step in remaining:
         request, points = step.request, []
         if isinstance(request, MoveTo | FollowPath):
             wanted = request.frame or settings.frame
             pose, frame = (pose if wanted is frame else None) or Pose(), wanted
         if isinstance(request, Motion) and pose is not None:
             segments = request.segments(pose)
-            points = [(each.end.x_m, each.end.y_m) for each in segments if each.by_m]
+            points = [_position(each.end) for each in segments if each.by_m]
             pose = segments[-1].end
-        name, args = declaration_of(type(request)).name, argument_values(request)
-        yield RouteStep(step.location.path, name, args, frame.value, tuple(points))
+        path, at = step.location.path, None if pose is None else _position(pose)
+        positions = known.setdefault(path, set())
+        if at in positions or len(positions) == MAX_CYCLES:
+            continue
+        positions.add(at)
+        yield RouteStep(
+            node=path,
+            number=numbers[path],
+            name=declaration_of(type(request)).name,
+            args=argument_values(request),
+            frame=frame.value,
+            points=tuple(points),
+            at=at,
+            times=times[path],
+        )
+
+
+def _remaining(root: PlanNode, node: str | None) -> list[PlanStep]:
+    """Return the nominal steps from a leaf on, or those after it if the leaf is not nominal."""
+    nominal = [each for each in nominal_steps(root) if isinstance(each, PlanStep)]
+    paths = [each.location.path for each in nominal]
+    if node in paths:
+        return nominal[paths.index(node) :]
+    found = [each.location.number for each in steps(root) if each.location.path == node]
+    return [each for each in nominal if not found or each.location.number > found[0]]
+
+
+def _position(pose: Pose) -> tuple[float, float]:
+    return round(pose.x_m, 3), round(pose.y_m, 3)
 
 
 class MapRequests:
@@ -91,7 +132,8 @@ class MapRequests:
         if settings is None or root is None or isinstance(root, Refusal):
             text = f"plan {plan_id} does not fit the settings of {asset} that are installed here"
             raise refused(HTTPStatus.NOT_IMPLEMENTED, text)
-        return json_response({"steps": list(route_of(root, settings, _start_of(request)))})
+        route = route_of(root, settings, _start_of(request), request.query.get("node"))
+        return json_response({"steps": list(route)})
 
     async def _obstacles(self, request: web.Request) -> web.Response:
         found = await self._query(request.match_info["asset"], lambda each: each.get_obstacles())

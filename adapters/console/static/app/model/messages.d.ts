@@ -40,7 +40,7 @@
 /** Prediction of a motion or plan. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endUncertainty: number; headingUncertainty: number; energy: number | null; clearance: number | null; nearest: string | null };
 /** A step of an explanation. */ export type ExplanationStepBody = { utc: number | null; text: string };
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
-/** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; name: string; args: Record<string, any>; frame: string; points: number[][] };
+/** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; number: number; name: string; args: Record<string, any>; frame: string; points: number[][]; at: number[] | null; times: number };
 /** A step of a draft. */ export type DraftStep = { node: string; name: string; operation: string; args: Record<string, any>; deadline: number | null; line: number };
 /** The first reason for which a draft would be refused. */ export type DraftProblem = { text: string; code: number; reason: string; line: number | null; step: number | null };
 /** Prediction of one step of a plan. */ export type PreviewStep = { node: string; duration: number; length: number; end: PreviewPose; energy: number | null; clearance: number | null; nearest: string | null; refusal: string | null };

@@ -5,11 +5,12 @@
 
 import { button, html, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
-import { Goals } from "./route.js";
+import { Goals, Steps } from "./route.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
 import { age, clock, degrees, fixed } from "../format.js";
 import { composed, inverse } from "../model/asset.js";
+import { PlanRoutes } from "../model/routes.js";
 
 /** @import { Fix, Frame } from "../model/asset.js" */
 
@@ -30,8 +31,10 @@ export class MapView extends View {
   #uncertain = new layers.UncertaintyMark();
   #rover = new layers.Rover();
   #goals = new Goals();
+  #steps = new Steps();
+  #routes = new PlanRoutes(this.session, this.asset, this.draw);
   #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
-  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element);
+  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element, this.#steps.element);
   #viewport = new Viewport(this.#picture);
   #poseText = html("span", { className: "pose" });
   #pointed = html("span", { className: "pointed dim" });
@@ -44,6 +47,7 @@ export class MapView extends View {
   /** @type {[any, {element: Element}][]} the legend's entries, each with its layer */
   #entries = [
     [html("span", { className: "commanded", textContent: "commanded" }), this.#goals],
+    [html("span", { className: "plan", textContent: "steps of a plan" }), this.#steps],
     [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
   ];
   root = html(
@@ -63,10 +67,11 @@ export class MapView extends View {
     const resized = new ResizeObserver(draw);
     resized.observe(this.#picture);
     return [
-      ...["track", "commands", "entry", "links"].map((topic) => asset.on(topic, draw)),
+      ...["track", "commands", "entry", "links", "plans"].map((topic) => asset.on(topic, draw)),
       session.onSecond(draw),
       ...[selection, cursor, draft].map((each) => each.on(draw)),
       () => resized.disconnect(),
+      () => this.#routes.close(),
     ];
   }
 
@@ -88,7 +93,9 @@ export class MapView extends View {
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
-    this.#goals.render(asset, cursor.utc_s, pose, viewport);
+    const plans = this.#routes.at(cursor.utc_s);
+    this.#goals.render(asset, cursor.utc_s, pose, viewport, plans);
+    this.#steps.render(asset, cursor.utc_s, pose, viewport, plans);
     this.#drawLegend();
     this.#drawTexts(pose, uncertainty);
   }
@@ -119,7 +126,7 @@ export class MapView extends View {
   /** Fit track, goals, preview and zones into the view. */
   #fit() {
     const { asset, draft } = this;
-    const fixes = [...asset.track, ...this.#goals.points, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
+    const fixes = [...asset.track, ...this.#goals.points, ...this.#steps.points, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
     const points = [...fixes.map(({ x, y }) => [x, y]), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
     if (points.length) {
       this.#viewport.fit(points);

@@ -1,0 +1,93 @@
+/** The remaining steps of the plans aboard, now or at a time. The rover is queried for the steps of each plan that is shown. */
+
+import { ArchivedHistory } from "./archive.js";
+import { fetchJson } from "./connection.js";
+
+/** @import { Asset } from "./asset.js" */
+/** @import { PlanProgress, RouteStep } from "./messages.js" */
+/** @import { Session } from "./session.js" */
+/** @typedef {{progress: PlanProgress, isActive: boolean, steps: RouteStep[]}} PlanRoute */
+
+const ACTIVE = ["ACTIVATED", "EXECUTING"];
+const HISTORY_S = 3600;
+/** Grid of the start positions of plans that have not started, m. */
+const START_M = 0.5;
+const MAX_QUERIES = 100;
+
+export class PlanRoutes {
+  #session;
+  #asset;
+  #changed;
+  #off;
+  /** @type {ArchivedHistory | null} */
+  #history = null;
+  /** @type {Map<string, RouteStep[] | null>} steps by query; null until received */
+  #steps = new Map();
+  /** @type {Map<string, RouteStep[]>} the last received steps of each plan */
+  #last = new Map();
+  /** @type {Map<string, number>} time of the last submission of each plan */
+  #submitted = new Map();
+
+  /** @param {Session} session @param {Asset} asset @param {() => void} changed called after each update */
+  constructor(session, asset, changed) {
+    this.#session = session;
+    this.#asset = asset;
+    this.#changed = changed;
+    // Queries may have failed while the link was down.
+    this.#off = asset.on("links", () => this.#steps.clear());
+  }
+
+  close() {
+    this.#off();
+    this.#history?.close();
+  }
+
+  /** The active and suspended plans, and the last submitted one. @param {number | null} utc_s null for now @returns {PlanRoute[]} */
+  at(utc_s) {
+    const removals = this.#asset.commandsAt(utc_s).filter((each) => each.name === "removePlan" && each.state === "executed");
+    const isRemoved = ({ plan, utc }) => removals.some(({ args, history }) => args?.plan_id === plan && history.at(-1).utc >= utc);
+    const aboard = this.#progressAt(utc_s).filter((each) => !isRemoved(each));
+    const waiting = aboard.filter((each) => each.status === "SUBMITTED").sort((one, other) => other.utc - one.utc);
+    const started = aboard.filter((each) => [...ACTIVE, "SUSPENDED"].includes(each.status));
+    return [...started, ...waiting.slice(0, 1)].map((progress) => ({
+      progress,
+      isActive: ACTIVE.includes(progress.status),
+      steps: this.#stepsOf(progress),
+    }));
+  }
+
+  /** @param {number | null} utc_s @returns {PlanProgress[]} */
+  #progressAt(utc_s) {
+    const now = this.#asset.plans;
+    for (const each of now.values()) if (each.status === "SUBMITTED") this.#submitted.set(each.plan, each.utc);
+    if (utc_s === null) return [...now.values()];
+    this.#history ??= new ArchivedHistory(this.#session, this.#asset, this.#changed);
+    this.#history.load(utc_s - HISTORY_S, Math.max(utc_s, this.#session.now));
+    const records = /** @type {PlanProgress[]} */ (this.#history.records.plans);
+    const found = new Map(records.filter((each) => each.utc <= utc_s).map((each) => [each.plan, each]));
+    // The rover stores the last submission only.
+    const isReplaced = ({ plan, utc }) => records.some((each) => each.plan === plan && each.status === "SUBMITTED" && each.utc > utc);
+    return [...found.values()].filter((each) => !isReplaced(each));
+  }
+
+  /** @param {PlanProgress} progress */
+  #stepsOf({ plan, node, utc }) {
+    const pose = (node === null ? this.#asset.pose : this.#asset.poseAt(utc)) ?? this.#asset.pose;
+    const start = pose && [pose.x, pose.y, pose.heading];
+    const area = node === null && start ? start.map((each) => Math.round(each / START_M)).join() : "";
+    const key = [plan, this.#submitted.get(plan), node, area].join(" ");
+    if (!this.#steps.has(key)) this.#fetch(key, plan, { ...(start && { start: start.join() }), ...(node !== null && { node }) });
+    return this.#steps.get(key) ?? this.#last.get(plan) ?? [];
+  }
+
+  /** @param {string} key @param {string} plan @param {Record<string, string>} query */
+  async #fetch(key, plan, query) {
+    if (this.#steps.size > MAX_QUERIES) this.#steps.clear();
+    this.#steps.set(key, null);
+    const path = `/api/plans/${encodeURIComponent(this.#asset.name)}/${encodeURIComponent(plan)}/steps?${new URLSearchParams(query)}`;
+    const { steps } = await fetchJson(path).catch((error) => (console.info(error.message), { steps: [] }));
+    this.#steps.set(key, steps);
+    this.#last.set(plan, steps);
+    this.#changed();
+  }
+}
