@@ -87,6 +87,15 @@ class CommandLeaf(ContainedNode):
             self._execution.halt_step(self._key)
 
 
+class SkippedNode(ContainedNode):
+    """A node that an operator skipped."""
+
+    def update(self) -> Status:
+        """Succeed at once."""
+        self.feedback_message = "skipped"
+        return Status.SUCCESS
+
+
 class LoopDecorator(Decorator):
     """`Repeat` and `RetryUntilSuccessful`: repeats its child while it has the loop's result."""
 
@@ -221,6 +230,8 @@ def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -
     def below(children: Sequence[PlanNode]) -> list[Behaviour]:
         return [_node(child, execution, cycles) for child in children]
 
+    if execution.skips(node.location):
+        return SkippedNode(node.location.name)
     match node:
         case PlanStep():
             return CommandLeaf(node, execution, cycles)

@@ -353,9 +353,12 @@ class SuspendPlan:
 
 @command(Family.PLAN_START, "Plan.resumePlan")
 class ResumePlan:
-    """Continue a suspended plan."""
+    """Continue a suspended plan, at its interrupted step or at a later one."""
 
     plan_id: str
+    step: str | None = argument(
+        help="name of the step; those before it are skipped", relayed=False, default=None
+    )
 
 
 @command(Family.PLAN, "Plan.abortPlan")

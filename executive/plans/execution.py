@@ -17,13 +17,13 @@ A plan's tree is ticked before the rover's, and its commands start after the com
 the tree requests and drops within one tick is never submitted.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from itertools import islice
 from typing import Final, Protocol
 
 from executive.commands.lifecycle import CommandLifecycle
-from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, steps
+from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, nodes, steps
 from executive.record import PlanStore, StepOutcome
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
@@ -92,7 +92,25 @@ _ANSWER: Final = {
     StepOutcome.SUCCESS: StepStatus.SUCCESS,
     StepOutcome.FAILURE: StepStatus.FAILURE,
     StepOutcome.HALTED: StepStatus.RUNNING,
+    StepOutcome.SKIPPED: StepStatus.SUCCESS,
 }
+
+
+def ended_leaves(root: PlanNode, journal: Mapping[str, StepOutcome]) -> set[int]:
+    """Return the numbers of the leaves that have ended at least once, or were skipped."""
+    leaves = {step.location.number for step in steps(root)}
+    ended = {
+        int(key.partition(":")[0])
+        for key, outcome in journal.items()
+        if outcome is not StepOutcome.HALTED
+    }
+    skipped = [each for each in nodes(root) if is_skipped(each.location, journal)]
+    return (ended & leaves).union(step.location.number for each in skipped for step in steps(each))
+
+
+def is_skipped(location: NodeLocation, journal: Mapping[str, StepOutcome]) -> bool:
+    """Whether an operator skipped a node."""
+    return journal.get(step_key(location, ())) is StepOutcome.SKIPPED
 
 
 class PlanExecution:
@@ -119,13 +137,7 @@ class PlanExecution:
         self._polls = 0
         self._lifecycles: dict[str, CommandLifecycle] = {}
         self._commands = dict(store.commands(plan.plan_id))
-        leaves = {step.location.number for step in steps(root)}
-        self._done = {
-            number
-            for key, outcome in self._known.items()
-            if outcome is not StepOutcome.HALTED
-            and (number := int(key.partition(":")[0])) in leaves
-        }
+        self._done = ended_leaves(root, self._known)
         plan.done = len(self._done)
         self._cancel = cancel
 
@@ -156,6 +168,10 @@ class PlanExecution:
             text = f" ({lifecycle.refusal.text})" if lifecycle.refusal else ""
             self.why = f"{step.location.path}: {lifecycle.stage.name}{text}"
         return _ANSWER[outcome]
+
+    def skips(self, location: NodeLocation) -> bool:
+        """Whether an operator skipped a node."""
+        return is_skipped(location, self._known)
 
     def command_of(self, key: str) -> Identity | None:
         """Return the last command of a step; None before its first."""

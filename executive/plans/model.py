@@ -177,8 +177,13 @@ def nominal_steps(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEn
             assert_never(node)
 
 
+def nodes(root: PlanNode) -> Iterator[PlanNode]:
+    """Yield a node and all nodes below it."""
+    yield root
+    for child in children_of(root):
+        yield from nodes(child)
+
+
 def steps(root: PlanNode) -> tuple[PlanStep, ...]:
     """Return all leaves."""
-    if isinstance(root, PlanStep):
-        return (root,)
-    return tuple(step for child in children_of(root) for step in steps(child))
+    return tuple(each for each in nodes(root) if isinstance(each, PlanStep))

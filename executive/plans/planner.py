@@ -34,9 +34,12 @@ from executive.plans.execution import (
     PlanTree,
     RunningPlan,
     StepStatus,
+    ended_leaves,
+    step_key,
 )
 from executive.plans.model import PlanNode, steps
-from executive.record import Notifications, PlanStore
+from executive.plans.resume import skipped_steps
+from executive.record import Notifications, PlanStore, StepOutcome
 from executive.settings import Settings
 from executive.state import MotionStatistics
 from executive.values.clock import Clock
@@ -102,6 +105,9 @@ _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: S
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
 
+MAX_NAMED: Final = 10
+"""Maximum number of skipped nodes that the report of a resume names."""
+
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
@@ -160,6 +166,8 @@ class Planner:
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
         self._run: _ActiveRun | None = None
         self._total = 0
+        self._skipped: tuple[PlanNode, ...] = ()
+        self._ended: set[int] = set()
         self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
@@ -186,8 +194,9 @@ class Planner:
         match request:
             case ActivatePlan():
                 return self._rover_busy() or _unless(plan, source_states(PlanEvent.ACTIVATE))
-            case ResumePlan():
-                return self._rover_busy() or _unless(plan, source_states(PlanEvent.RESUME))
+            case ResumePlan(step=step):
+                busy = self._rover_busy() or _unless(plan, source_states(PlanEvent.RESUME))
+                return busy or self._check_step(plan, step)
             case SuspendPlan():
                 return _unless(plan, source_states(PlanEvent.SUSPEND))
             case RemovePlan():
@@ -206,8 +215,9 @@ class Planner:
                 return text
             case ActivatePlan(plan_id):
                 return self._start(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
-            case ResumePlan(plan_id):
-                return self._start(self._plans[plan_id], PlanEvent.RESUME, f"resumed by {by}")
+            case ResumePlan(plan_id, step):
+                at = "" if step is None else f" at {step}"
+                return self._resume(self._plans[plan_id], f"resumed by {by}{at}")
             case SuspendPlan(plan_id):
                 text = f"suspended by {by}"
                 self.suspend(Refusal(Reason.PLAN_SUSPENDED, text))
@@ -305,6 +315,32 @@ class Planner:
 
     def _start(self, plan: RunningPlan, event: PlanEvent, text: str) -> str:
         self._change(plan, event, text)
+        return text
+
+    def _check_step(self, plan: RunningPlan, step: str | None) -> Refusal | None:
+        """Return a refusal if a plan cannot be resumed at a step; store which nodes it skips."""
+        self._skipped = ()
+        root = None if step is None else self.root(plan.plan_id)
+        if step is None or root is None:  # a plan that no longer fits fails when it continues
+            return None
+        journal = self._store.journal(plan.plan_id)
+        found = skipped_steps(root, step, plan.node, journal)
+        if isinstance(found, Refusal):
+            return found
+        self._skipped, self._ended = found, ended_leaves(root, journal)
+        return None
+
+    def _resume(self, plan: RunningPlan, text: str) -> str:
+        """Resume a plan without the nodes that `_check_step` has just found."""
+        names = ", ".join(node.location.name for node in self._skipped[:MAX_NAMED])
+        more = len(self._skipped) - MAX_NAMED
+        text += f", skipping {names}{f' and {more} more' if more > 0 else ''}" if names else ""
+        self._change(plan, PlanEvent.RESUME, text)
+        for node in self._skipped:
+            self._store.set_outcome(plan.plan_id, step_key(node.location, ()), StepOutcome.SKIPPED)
+            self._ended |= {step.location.number for step in steps(node)}
+            plan.node, plan.done = node.location.path, len(self._ended)
+            self._notify(plan, f"{node.location.path}: skipped")
         return text
 
     def _abort(self, plan: RunningPlan, text: str) -> str:

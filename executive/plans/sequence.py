@@ -24,14 +24,12 @@ _HEAD: Final = (
 _TAIL: Final = ("    </Sequence>", "  </BehaviorTree>", "</root>", "")
 FIRST_LINE: Final = len(_HEAD) + 1
 """Line of the first step."""
-MAX_WHOLE: Final = 1e15
-"""Figures below it are written without a fraction if they have none."""
 _WAYPOINT: Final = tuple(each.name for each in arguments_of(Waypoint))
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenStep:
-    """A step to write; `check_plan` checks what is written.
+    """A step to write, unchecked.
 
     Attributes:
         operation: name of its leaf.
@@ -72,22 +70,17 @@ def _name(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    return quoteattr(";".join(map(_item, value)) if isinstance(value, list) else _text(value))
+    return quoteattr(";".join(map(_item, value)) if isinstance(value, list) else str(value))
 
 
 def _item(item: Any) -> str:
     """Return a waypoint; a missing part stays empty, which the check refuses."""
     if not isinstance(item, Mapping):
-        return _text(item)
+        return str(item)
     if unknown := item.keys() - set(_WAYPOINT):
         raise ValueError(f"a waypoint has no {min(unknown)[:40]!r}")
-    parts = ["" if item.get(name) is None else _text(item[name]) for name in _WAYPOINT]
+    parts = ["" if item.get(name) is None else str(item[name]) for name in _WAYPOINT]
     return ",".join(parts).rstrip(",")
-
-
-def _text(value: Any) -> str:
-    is_whole = isinstance(value, float) and value.is_integer() and abs(value) < MAX_WHOLE
-    return str(int(value)) if is_whole else str(value)
 
 
 def steps_of(root: PlanNode) -> tuple[PlanStep, ...] | PlanNode:

@@ -34,11 +34,13 @@ class StepOutcome(Enum):
 
     Attributes:
         HALTED: the plan continued without it, and must again when the journal is replayed.
+        SKIPPED: an operator resumed the plan at a later step.
     """
 
     SUCCESS = 1
     FAILURE = 2
     HALTED = 3
+    SKIPPED = 4
 
 
 class PlanStore:

@@ -54,6 +54,7 @@ class Reason(Enum):
 
     NO_SUCH_FILE = 601
     NO_SUCH_PLAN = 602
+    NO_SUCH_STEP = 603
 
     TURN_DEADLINE = 701
     DRIVE_DEADLINE = 711

@@ -143,7 +143,7 @@ class PlanUpdate:
 
     Attributes:
         node: path of the last leaf that started or ended; empty if none did.
-        done: number of leaves that have ended at least once.
+        done: number of leaves that have ended at least once or were skipped.
         total: number of leaves.
     """
 

@@ -27,7 +27,7 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
         await anna.page.is_up()
         draft = await drafted(anna, steps=TRAVERSE)
         assert (draft["problem"], draft["not_steps"], draft["not_previewed"]) == (None, None, None)
-        assert '<moveTo name="wp1" x="2" y="0.5" deadline_s="600"/>' in draft["xml"]
+        assert '<moveTo name="wp1" x="2.0" y="0.5" deadline_s="600.0"/>' in draft["xml"]
         steps = draft["steps"]
         assert [each["name"] for each in steps] == ["wp1", "takePicture", "way"]
         assert [each["deadline"] for each in steps] == [600, 20, 600]

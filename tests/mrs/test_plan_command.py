@@ -50,7 +50,13 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     refused = rover("submit", str(file), "--id", "other", *to)
     assert refused.exit_code == 1
     assert "PLAN_BAD_ARGUMENT: line 3: distance: no value given for {far}" in refused.output
+    readme = tmp_path / "README.md"
+    readme.write_text("# A plan\n")
+    refused = rover("submit", str(readme), *to)
+    assert (refused.exit_code, refused.stdout) == (1, "")
+    assert refused.stderr.startswith(f"{readme}: 113 PLAN_NOT_XML: line 1: invalid XML: ")
     assert rover("suspend", "ahead", *to).exit_code == 1
+    assert "name a plan; suspended: none" in rover("resume", *to).stderr
     surplus = rover("submit", str(file), "--id", "other", "--arg", "far=3", "--arg", "fra=4", *to)
     assert "reads the argument 'fra': did you mean far?" in surplus.output
     assert rover("activate", "ahead", *to).exit_code == 0
@@ -76,6 +82,24 @@ def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> 
     rover("submit", str(file), *to)
     rover("activate", "late", *to)
     assert rover("watch", "late", *to).exit_code == 1
+
+
+def test_the_suspended_plan_is_resumed_at_a_step(running: Aboard, tmp_path: Path) -> None:
+    to = ("--to", running.uri)
+    file = tmp_path / "route.xml"
+    steps = "".join(f'<moveForward name="wp{n}" distance="90" deadline_s="900"/>' for n in (1, 2))
+    file.write_bytes(plan(f"<Sequence>{steps}<takePicture deadline_s='9'/></Sequence>").content)
+    for typed in (("submit", str(file)), ("activate", "route"), ("suspend", "route")):
+        assert rover(*typed, *to).exit_code == 0
+    unknown = rover("resume", "--at", "wp3", *to)
+    assert unknown.exit_code == 1
+    assert "603 NO_SUCH_STEP" in unknown.output
+    assert "remaining steps: Sequence/wp1, Sequence/wp2, Sequence/takePicture" in unknown.output
+    resumed = rover("resume", "--at", "takePicture", *to)
+    assert resumed.exit_code == 0, resumed.output
+    assert "at takePicture, skipping wp1, wp2" in resumed.stdout
+    assert rover("watch", "route", *to).exit_code == 0
+    assert "3 of 3" in rover("status", *to).output
 
 
 def update(node: str, text: str) -> PlanUpdate:

@@ -98,8 +98,13 @@ async def test_a_stop_suspends_and_resume_plan_continues(client: MrsClient) -> N
     await send(client, Resume())
     status = await client.get_status()
     assert (status.mode, status.activePlan) == (AssetMode.PAUSED, None)
-    (outcome,) = await send(client, ResumePlan("survey"))
+    (unknown,) = await send(client, ResumePlan("survey", "wp2"))
+    assert unknown.refusal is not None
+    assert (unknown.refusal.number, unknown.refusal.extra.value) == (5, "wp2")
+    assert unknown.reports[-1].text.endswith("remaining steps: moveForward")
+    (outcome,) = await send(client, ResumePlan("survey", "moveForward"))
     assert outcome.executed
+    assert outcome.reports[-1].text.endswith("at moveForward")
     async for update in updates:
         if update.status is PlanStatus.COMPLETED:
             break

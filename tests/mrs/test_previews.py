@@ -33,7 +33,7 @@ from adapters.mrs.spec import (
 from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, all_declarations
 from executive.values.reports import ReportKind
 from tests.mrs.aboard import Aboard, raises
-from tests.support.plans import AHEAD, plan
+from tests.support.plans import AHEAD, TOO_LATE, plan
 
 HERE = PreviewPose(time=2.0, x=1.0, y=0.0, heading=0.0)
 REPORTED = Preview(
@@ -64,6 +64,17 @@ async def test_a_rover_previews_a_motion_and_a_plan(client: MrsClient) -> None:
     assert reported.duration == end.time
     planned = await client.preview_plan(plan(f"<Sequence>{AHEAD}{AHEAD}</Sequence>"))
     assert planned.length == pytest.approx(8.0, abs=0.1)
+    by_step = await client.preview_steps(plan(f"<Sequence>{AHEAD}{AHEAD}</Sequence>"))
+    assert by_step.total == planned
+    assert [each.length for each in by_step.steps] == pytest.approx([4.0, 4.0], abs=0.05)
+    assert by_step.steps[-1].end.x == planned.path[-1].x
+    late = await client.preview_steps(plan(f"<Sequence>{AHEAD}{TOO_LATE}{AHEAD}</Sequence>"))
+    assert (late.total, len(late.steps), late.steps[0].refusal) == (None, 2, None)
+    assert late.steps[1].refusal is not None
+    assert late.steps[1].refusal.endswith("s exceeds 1 s (761 PLAN_DEADLINE)")
+    assert late.refusal == f"{late.steps[1].node}: {late.steps[1].refusal}"
+    with raises(AreaError.INVALID.value):
+        await client.preview_steps(plan("<fly/>"))
     assert await client.get_plan_status() == ()
     assert await client.get_notifications() == ()
 

@@ -56,7 +56,7 @@ class DraftStep:
 
 @dataclass(frozen=True, slots=True)
 class DraftProblem:
-    """The first reason for which a draft would be refused.
+    """The first reason to refuse a draft.
 
     Attributes:
         text: human-readable reason.
@@ -79,10 +79,11 @@ class PlanDraft:
     Attributes:
         plan: id of the plan.
         xml: its text.
-        steps: its steps, also if bounds are exceeded; None if it is not valid, or no plain
-            sequence, for which `not_steps` gives the reason.
+        steps: its steps, also if bounds are exceeded; None if it is not valid or no sequence.
+        not_steps: why a valid plan has no list of steps.
         problem: why it would be refused; None for a valid plan.
-        preview: its preview by the rover; None if there is none, `not_previewed` has the reason.
+        preview: its preview by the rover, if there is no problem.
+        not_previewed: why there is no preview that was requested.
     """
 
     plan: str
@@ -130,22 +131,21 @@ class DraftRequests:
     async def _draft(self, request: web.Request) -> web.Response:
         asset, body = request.match_info["asset"], await body_of(request)
         definition = _definition_of(body)
-        is_written = "xml" not in body
-        settings = self._commanding.settings(asset)
-        root = read_plan(definition)
-        refusal = root if isinstance(root, Refusal) else None
-        steps, not_steps = (None, None) if isinstance(root, Refusal) else _steps(root)
-        if settings is not None and not isinstance(root, Refusal):
-            refusal = check_bounds(root, settings)
-        problem = None if refusal is None else _problem(refusal, steps, is_written)
+        settings, root = self._commanding.settings(asset), read_plan(definition)
+        refusal: Refusal | None
+        if isinstance(root, Refusal):
+            refusal, steps, not_steps = root, None, None
+        else:
+            refusal = None if settings is None else check_bounds(root, settings)
+            steps, not_steps = _steps(root)
+        problem = None if refusal is None else _problem(refusal, steps, "xml" not in body)
         preview, not_previewed = None, None
         if problem is None and body.get("preview", True):
             preview, not_previewed = await self._preview(asset, definition)
-        xml = definition.content.decode()
-        draft = PlanDraft(
-            definition.plan_id, xml, steps, not_steps, problem, preview, not_previewed
+        plan_id, xml = definition.plan_id, definition.content.decode()
+        return json_response(
+            PlanDraft(plan_id, xml, steps, not_steps, problem, preview, not_previewed)
         )
-        return json_response(draft)
 
     async def _preview(
         self, asset: str, plan: PlanDefinition

@@ -4,14 +4,20 @@ import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final, NoReturn, get_args
 from xml.sax.saxutils import quoteattr
 
 import click
 
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.sending import CommandSender
-from adapters.mrs.cli.terminal import FAILED, echo_json, echo_line, in_session, print_table
+from adapters.mrs.cli.terminal import (
+    FAILED,
+    echo_json,
+    echo_line,
+    in_session,
+    print_table,
+)
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import wire_update
 from adapters.process import asset_option
@@ -20,6 +26,8 @@ from executive.commands import (
     PlanArgument,
     PlanDefinition,
     PlanRequest,
+    Request,
+    ResumePlan,
     SubmitPlan,
     declaration_of,
 )
@@ -30,6 +38,7 @@ from executive.plans import (
     attribute_help,
     check_plan,
     max_commands,
+    read_plan,
     steps,
 )
 from executive.settings import SettingsError, load_settings
@@ -97,10 +106,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
     definition = definition_of(file, plan_id, arguments)
     checked = check_plan(definition, settings)
     if isinstance(checked, Refusal):
-        click.echo(
-            f"{file}: {checked.reason.value} {checked.reason.name}: {checked.text}", err=True
-        )
-        sys.exit(FAILED)
+        _refuse(file, checked)
     leaves, commands = len(steps(checked)), max_commands(checked)
     click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
 
@@ -113,14 +119,24 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
 def submit(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: RoverTarget
 ) -> None:
-    """Submit FILE to a rover, which checks and stores it.
+    """Check FILE, and submit it to a rover, which checks its own bounds and stores it.
 
     \b
     Examples:
       rover plan submit config/plans/look-around.xml
       rover plan submit there-and-back.xml --id survey-2 --arg far=3
     """
-    CommandSender(to).send(SubmitPlan(definition_of(file, plan_id, arguments)))
+    definition = definition_of(file, plan_id, arguments)
+    read = read_plan(definition)
+    if isinstance(read, Refusal):
+        _refuse(file, read)
+    CommandSender(to).send(SubmitPlan(definition))
+
+
+def _refuse(file: Path, refusal: Refusal) -> NoReturn:
+    reason = refusal.reason
+    click.echo(f"{file}: {reason.value} {reason.name}: {refusal.text}", err=True)
+    sys.exit(FAILED)
 
 
 def _add_control_command(
@@ -138,8 +154,33 @@ def _add_control_command(
 
 
 for _kind in get_args(PlanRequest):
-    if _kind is not SubmitPlan:
+    if _kind not in {SubmitPlan, ResumePlan}:
         _add_control_command(_kind, declaration_of(_kind))
+
+
+@plan.command()
+@click.argument("plan_id", metavar="[PLAN]", required=False)
+@click.option(
+    "--at", "step", metavar="STEP", help="Step to continue at; those before it are skipped."
+)
+@to_option
+def resume(plan_id: str | None, step: str | None, to: RoverTarget) -> None:
+    """Continue PLAN, or the plan that is suspended, at its interrupted step.
+
+    \b
+    Examples:
+      rover plan resume
+      rover plan resume traverse --at wp3
+    """
+
+    async def choose(client: MrsClient) -> Request:
+        plans = [] if plan_id else await client.get_plan_status()
+        found = [each.plan_id for each in plans if each.status is PlanStatus.SUSPENDED]
+        if plan_id is None and len(found) != 1:
+            raise click.ClickException(f"name a plan; suspended: {', '.join(found) or 'none'}")
+        return ResumePlan(plan_id or found[0], step)
+
+    CommandSender(to).send_chosen(choose)
 
 
 @plan.command()

@@ -402,7 +402,7 @@ class PlanUpdate:
         status: Its stage of the life cycle.
         timestamp: On-board time of the event. (ns since 1970 UTC)
         node: Path of the active node.
-        done: Number of leaves that have ended at least once.
+        done: Number of leaves that have ended at least once or were skipped.
         total: Number of leaves of the plan.
         text: For the operator.
     """

@@ -42,7 +42,7 @@
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
 /** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; number: number; name: string; args: Record<string, any>; frame: string; points: number[][]; at: number[] | null; times: number };
 /** A step of a draft. */ export type DraftStep = { node: string; name: string; operation: string; args: Record<string, any>; deadline: number | null; line: number };
-/** The first reason for which a draft would be refused. */ export type DraftProblem = { text: string; code: number; reason: string; line: number | null; step: number | null };
+/** The first reason to refuse a draft. */ export type DraftProblem = { text: string; code: number; reason: string; line: number | null; step: number | null };
 /** Prediction of one step of a plan. */ export type PreviewStep = { node: string; duration: number; length: number; end: PreviewPose; energy: number | null; clearance: number | null; nearest: string | null; refusal: string | null };
 /** Prediction of a plan and of its steps. */ export type PlanPreview = { total: Preview | null; steps: PreviewStep[]; refusal: string | null };
 /** A draft with its check and its preview. */ export type PlanDraft = { plan: string; xml: string; steps: DraftStep[] | null; not_steps: string | null; problem: DraftProblem | null; preview: PlanPreview | null; not_previewed: string | null };
