@@ -1,9 +1,10 @@
 /**
  * The context of a view. `mount(element, context)` puts the view into an element and returns a function that
- * removes it. Views of the same asset share selection, time cursor and draft.
+ * removes it. Views of the same asset share selection, time cursor, draft and plan.
  */
 
 import { Draft } from "./draft.js";
+import { PlanDraft } from "./plan_draft.js";
 import { Cursor, Selection, Span } from "./selection.js";
 
 /**
@@ -14,7 +15,8 @@ import { Cursor, Selection, Span } from "./selection.js";
  * @property {Selection} [selection]
  * @property {Cursor} [cursor]
  * @property {Span} [span]
- * @property {Draft} [draft]
+ * @property {Draft & import("../views/plan_marks.js").Marked & {hint?: string}} [draft] `hint`: effect of a click on the map
+ * @property {PlanDraft} [plan]
  */
 
 /** @type {Map<string, Context>} */
@@ -32,7 +34,7 @@ export function contextOf(session, name) {
   const asset = session.asset(name);
   let context = contexts.get(name);
   if (context?.asset !== asset) {
-    context = { session, asset, cursor, span, selection: new Selection(), draft: new Draft(asset) };
+    context = { session, asset, cursor, span, selection: new Selection(), draft: new Draft(asset), plan: new PlanDraft(asset) };
     contexts.set(name, context);
   }
   return context;

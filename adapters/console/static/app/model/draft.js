@@ -27,10 +27,11 @@ export class Draft extends Observable {
   /** whether a preview is pending */
   waits = false;
 
-  /** @param {import("./asset.js").Asset} asset */
-  constructor(asset) {
+  /** @param {import("./asset.js").Asset} asset @param {boolean} [isPreviewed] whether it requests its preview; a plan does for its steps */
+  constructor(asset, isPreviewed = true) {
     super();
     this.asset = asset;
+    this.isPreviewed = isPreviewed;
   }
 
   /** Start a draft with another command. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
@@ -40,7 +41,7 @@ export class Draft extends Observable {
     this.replace = false;
     for (const argument of this.entry?.arguments ?? []) {
       this.typed[argument.name] =
-        argument.type === "list" ? (values[argument.name] ?? [{}]) : typedText(argument, values[argument.name]);
+        argument.type === "list" ? typedItems(argument, values[argument.name]) : typedText(argument, values[argument.name]);
     }
     this.#edited();
   }
@@ -77,7 +78,7 @@ export class Draft extends Observable {
     this.#edits++;
     this.preview = null;
     this.objection = "";
-    this.waits = Boolean(this.entry?.motion) && this.problems.size === 0;
+    this.waits = this.isPreviewed && Boolean(this.entry?.motion) && this.problems.size === 0;
     if (this.waits) this.#timer = setTimeout(() => this.#fetchPreview(this.#edits), DEBOUNCE_MS);
     this.changed();
   }
@@ -134,12 +135,16 @@ export class Draft extends Observable {
     return values;
   }
 
+  /** The typed waypoints in the odometry frame. @returns {{x: number, y: number, item: number}[]} `item`: its index in the list */
+  get waypoints() {
+    const { x, y, waypoints, frame } = this.values;
+    const typed = (waypoints ?? [{ x, y }]).map((each, item) => ({ ...each, item }));
+    return this.asset.inOdometry(typed.filter((each) => Number.isFinite(each.x) && Number.isFinite(each.y)), frame, null);
+  }
+
   /** The target of the motion in the odometry frame: the last typed waypoint, or null. */
   get target() {
-    const { x, y, waypoints, frame } = this.values;
-    const last = waypoints?.at(-1) ?? { x, y };
-    if (!Number.isFinite(last.x) || !Number.isFinite(last.y)) return null;
-    return this.asset.inOdometry([last], frame, null)[0] ?? null;
+    return this.waypoints.at(-1) ?? null;
   }
 }
 
@@ -154,6 +159,11 @@ function valueOf(argument, text) {
   if (text === undefined || text === "") return undefined;
   if (argument.type === "text" || argument.type === "choice") return text;
   return Number(text) / (argument.display_unit?.per_unit ?? 1);
+}
+
+/** @param {ArgumentEntry} list @param {Record<string, any>[]} [items] in SI units */
+function typedItems({ items: parts }, items = [{}]) {
+  return items.map((item) => Object.fromEntries(parts.map((part) => [part.name, typedText(part, item[part.name])])));
 }
 
 /** @param {ArgumentEntry} argument @param {any} value in SI units */

@@ -181,8 +181,8 @@ export function comparison(command) {
   );
 }
 
-/** Format the arguments in one line. @param {CommandStatus} command @param {import("../model/asset.js").Asset} asset */
-function argumentSummary(command, asset) {
+/** Format the arguments in one line. @param {Pick<CommandStatus, "name" | "args">} command @param {import("../model/asset.js").Asset} asset */
+export function argumentSummary(command, asset) {
   const entry = asset.entry?.commands.find((each) => each.name === command.name);
   return Object.entries(command.args ?? {})
     .map(([name, value]) => {

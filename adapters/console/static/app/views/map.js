@@ -5,6 +5,7 @@
 
 import { button, html, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
+import { Marks } from "./plan_marks.js";
 import { Goals, Steps } from "./route.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
@@ -36,6 +37,7 @@ export class MapView extends View {
   #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
   #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element, this.#steps.element);
   #viewport = new Viewport(this.#picture);
+  #marks = new Marks(this.#viewport);
   #poseText = html("span", { className: "pose" });
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
@@ -59,6 +61,7 @@ export class MapView extends View {
 
   start() {
     const { asset, session, selection, cursor, draft, draw } = this;
+    this.#picture.append(this.#marks.element);
     this.#picture.addEventListener("pointerdown", (event) => this.#onDown(event));
     this.#picture.addEventListener("pointermove", (event) => this.#onMove(event));
     this.#picture.addEventListener("pointerup", (event) => this.#onUp(event));
@@ -96,6 +99,7 @@ export class MapView extends View {
     const plans = this.#routes.at(cursor.utc_s);
     this.#goals.render(asset, cursor.utc_s, pose, viewport, plans);
     this.#steps.render(asset, cursor.utc_s, pose, viewport, plans);
+    this.#marks.render(draft);
     this.#drawLegend();
     this.#drawTexts(pose, uncertainty);
   }
@@ -110,9 +114,9 @@ export class MapView extends View {
     const { asset, cursor, draft, session } = this;
     this.#empty.hidden = pose !== null;
     setText(this.#empty, asset.isReached ? "No position received yet." : session.unreached(asset));
-    const isElsewhere = draft.entry !== null && document.querySelector(".form-view") === null;
-    this.#hint.hidden = !pose || asset.recording !== null || (draft.entry !== null && !isElsewhere);
-    setText(this.#hint, isElsewhere ? `${draft.entry.name} is prepared: send it under “Command”.` : "Click the map to prepare a move there.");
+    const isElsewhere = !draft.hint && draft.entry !== null && document.querySelector(".form-view") === null;
+    this.#hint.hidden = !pose || asset.recording !== null || (draft.entry !== null && !isElsewhere && !draft.hint);
+    setText(this.#hint, isElsewhere ? `${draft.entry.name} is prepared: send it under “Command”.` : draft.hint || "Click the map to prepare a move there.");
     if (!pose) return setText(this.#poseText, "");
     const origin = asset.mapOriginAt(cursor.utc_s);
     const inMap = origin && `${poseText({ ...composed(inverse(origin), pose), heading: pose.heading - origin.heading })} in map`;

@@ -1,14 +1,18 @@
 /**
- * Plans: submit one from a file, activate, suspend, resume or abort it, and see its progress. Each action
- * is a command, and appears in the command table.
+ * Plans: steps by clicks on the map and from the catalogue, or XML; checked and previewed as they are edited,
+ * stored as drafts and templates, submitted and commanded. Each action is a command, and appears in the
+ * command table.
  */
 
 import { fetchJson, newId } from "../model/connection.js";
+import { PlanLibrary } from "../model/plan_library.js";
+import { PlanSteps } from "./plan_steps.js";
+import { MapView } from "./map.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { View } from "./view.js";
-import { clock } from "../format.js";
+import { clock, degrees, duration, number } from "../format.js";
 
-/** @import { PlanProgress, PlanRevision } from "../model/messages.js" */
+/** @import { CommandStatus, PlanProgress, PlanRevision } from "../model/messages.js" */
 
 /** Commands for a plan, by its state. */
 const ACTS = {
@@ -20,105 +24,343 @@ const ACTS = {
   FAILED: ["removePlan"],
   ABORTED: ["removePlan"],
 };
+const LABELS = { activatePlan: "run", suspendPlan: "suspend", resumePlan: "resume", abortPlan: "abort", removePlan: "remove" };
+const UNANSWERED = ["unknown", "lost"];
 
 export class PlansView extends View {
-  /** @type {PlanRevision[]} plans submitted at the console, newest first */
-  #submitted = [];
-  #path = `/api/plans/${encodeURIComponent(this.asset.name)}`;
+  #library = new PlanLibrary(this.asset.name);
+  /** @type {Map<number, string>} XML of submitted revisions; empty until received */
+  #sentXml = new Map();
+  /** whether the XML is shown instead of the steps */
+  #showsXml = false;
+  /** id of the command that this page sent last */
+  #sent = "";
+  /** refusal, the reason why it may not have been sent, or the result of storing a plan */
+  #message = "";
 
-  #file = html("input", { type: "file", accept: ".xml", "aria-label": "file of a plan", onchange: () => this.#read(this.#file.files[0]) });
-  #name = html("input", { type: "text", "aria-label": "name of the plan", placeholder: "name", oninput: this.draw });
-  #content = html("textarea", { "aria-label": "plan", rows: 8, spellcheck: false, placeholder: "XML of a plan: choose a file, or write it here.", oninput: this.draw });
-  #submit = html("button", { type: "submit", className: "send" });
-  #message = html("p", { className: "message", role: "status" });
+  #name = html("input", { type: "text", "aria-label": "name of the plan", placeholder: "name", maxLength: 64, oninput: () => this.plan.rename(this.#name.value.trim()) });
+  #open = html("select", { "aria-label": "open a plan", onchange: () => this.#read(this.#open.value) });
+  #file = html("input", { type: "file", accept: ".xml", hidden: true, "aria-label": "file of a plan", onchange: () => this.#readFile(this.#file.files[0]) });
+  #saveDraft = button("save draft", "store the plan for all consoles, to continue later", () => this.#save("draft"));
+  #saveTemplate = button("save as template", "store the plan for all consoles, to begin others with", () => this.#save("template"));
+  #delete = button("delete", "", () => this.#deleteStored());
+  #undo = button("undo", "return to the plan before the last change", () => this.plan.undo());
+  #asSteps = button("steps", "edit the plan as a list", () => this.#show(false));
+  #asXml = button("XML", "edit the plan as XML", () => this.#show(true));
+  #mapBox = html("div", { className: "map-box" });
+  #steps = new PlanSteps(this);
+  #xml = html("textarea", { "aria-label": "plan", spellcheck: false, placeholder: "XML of a plan", oninput: () => this.#typeXml() });
+  #notSteps = html("p", { className: "empty" });
+  #check = html("div", { className: "preview-text", role: "status", "data-testid": "plan-check" });
+  #submit = button("", "", () => this.#onSubmit(), { className: "send" });
+  #acts = html("span", { className: "buttons" });
+  #outcome = html("div", { className: "outcome", role: "status", "data-testid": "plan-outcome" });
   #rows = html("tbody");
-  #table = html("table", {}, tableHead("plan", "state", "progress", "", "submitted"), this.#rows);
-  #form = html(
-    "form",
-    { onsubmit: (event) => (event.preventDefault(), this.#send()) },
-    html("div", { className: "buttons" }, this.#file, this.#name, this.#submit),
-    this.#content,
+  #table = html("table", {}, tableHead("plan aboard", "state", "progress", "", "submitted"), this.#rows);
+  root = html(
+    "section",
+    { className: "rover-view plans-view" },
+    html(
+      "header",
+      {},
+      this.#name,
+      this.#open,
+      button("file …", "open a plan from a file", () => this.#file.click()),
+      this.#file,
+      button("new", "begin an empty plan", () => this.plan.load({})),
+      this.#saveDraft,
+      this.#saveTemplate,
+      this.#delete,
+      html("span", { className: "tools" }, this.#undo, this.#asSteps, this.#asXml),
+    ),
+    html(
+      "div",
+      { className: "columns" },
+      html("div", { className: "column" }, this.#mapBox, html("div", { className: "scroll aboard", tabIndex: 0 }, this.#table)),
+      html(
+        "div",
+        { className: "column side" },
+        html("div", { className: "scroll", tabIndex: 0 }, this.#steps.root, this.#notSteps, this.#xml),
+        this.#steps.adders,
+        this.#check,
+        html("div", { className: "buttons" }, this.#submit, this.#acts),
+        this.#outcome,
+      ),
+    ),
   );
-  #empty = html("p", { className: "empty" });
-  root = html("section", { className: "rover-view plans-view" }, html("div", { className: "scroll" }, this.#table, this.#empty, this.#form, this.#message));
 
   start() {
-    this.#refresh();
-    return [this.asset.on("plans", this.draw), this.asset.on("links", this.draw)];
+    const { asset, session, plan, draw } = this;
+    let mode = asset.mode;
+    plan.restore();
+    if (!plan.isEmpty) plan.check();
+    this.#library.refresh();
+    this.#steps.stateOf = (step, index) => this.#stateOf(step, index);
+    const onMode = () => {
+      if (mode === asset.mode) return;
+      mode = asset.mode;
+      if (mode === "IDLE" && !plan.isEmpty) plan.check();
+    };
+    return [
+      MapView.mount(this.#mapBox, /** @type {any} */ ({ ...this, draft: plan })),
+      ...this.#steps.start(),
+      plan.on(draw),
+      this.#library.on(draw),
+      ...["plans", "links", "commands"].map((topic) => asset.on(topic, draw)),
+      asset.on("entry", () => plan.restore()),
+      ...["status", "tree"].map((topic) => asset.on(topic, onMode)),
+      session.on("object", () => this.#library.refresh()),
+    ];
+  }
+
+  #typeXml() {
+    this.#showsXml = true;
+    this.plan.typeXml(this.#xml.value);
+  }
+
+  /** @param {boolean} showsXml */
+  #show(showsXml) {
+    this.#showsXml = showsXml;
+    this.draw();
+  }
+
+  /** @param {string} index of an entry of the library */
+  async #read(index) {
+    this.#open.value = "";
+    const entry = this.#library.entries[Number(index)];
+    await this.#attempt(async () => {
+      this.plan.load(await entry.read());
+      return "";
+    });
   }
 
   /** @param {File | undefined} chosen */
-  async #read(chosen) {
+  async #readFile(chosen) {
     if (!chosen) return;
     const octets = await chosen.arrayBuffer();
+    this.#file.value = "";
     const known = /^<\?xml[^>]*encoding=["'](iso-8859-(?:[1-9]|1[0134-6])|windows-125\d)["']/i;
     const declared = known.exec(new TextDecoder("ascii").decode(octets));
-    this.#fill(chosen.name.replace(/\.xml$/i, ""), new TextDecoder(declared ? declared[1] : "utf-8").decode(octets));
+    this.plan.load({ name: chosen.name.replace(/\.xml$/i, ""), xml: new TextDecoder(declared ? declared[1] : "utf-8").decode(octets) });
   }
 
-  /** @param {string} name @param {string} content */
-  #fill(name, content) {
-    this.#name.value = name;
-    this.#content.value = content;
+  /** @param {"draft" | "template"} kind */
+  #save(kind) {
+    return this.#attempt(async () => {
+      await this.#library.save(kind, this.plan.content);
+      return `${kind} ${this.plan.name} is stored for all consoles`;
+    });
+  }
+
+  #deleteStored() {
+    return this.#attempt(async () => {
+      await this.#library.remove(this.#storedKind, this.plan.name);
+      return "deleted";
+    });
+  }
+
+  /** The kind of the stored plan of this name that this page may delete. */
+  get #storedKind() {
+    return /** @type {const} */ (["draft", "template"]).find((kind) => this.#library.has(kind, this.plan.name));
+  }
+
+  /** @param {() => Promise<string>} act returns the message */
+  async #attempt(act) {
+    this.#sent = "";
+    this.#message = await act().catch((error) => error.message);
     this.draw();
   }
 
-  async #send() {
-    const plan = { id: newId(), plan_id: this.#name.value.trim(), content: this.#content.value };
-    await this.#attempt(fetchJson(this.#path, { json: plan }), `${plan.plan_id} was sent; see the commands.`);
-    this.#refresh();
+  /** Submit the plan; remove a former one of this name first. */
+  async #onSubmit() {
+    const { name, xml } = this.plan;
+    if (this.asset.plans.has(name) && (await this.#act("removePlan", name))?.state !== "executed") return;
+    await this.#send(`${this.#library.path}`, { plan_id: name, content: xml });
+    this.#library.refresh();
   }
 
-  #act(name, plan) {
-    const posted = { id: newId(), asset: this.asset.name, name, args: { plan_id: plan } };
-    return this.#attempt(fetchJson("/api/commands", { json: posted }), `${name} ${plan} was sent; see the commands.`);
+  /** @param {string} act name of a command @param {string} plan @param {object} [more] arguments */
+  #act(act, plan, more = {}) {
+    return this.#send("/api/commands", { asset: this.asset.name, name: act, args: { plan_id: plan, ...more } });
   }
 
-  /** @param {Promise<any>} request @param {string} text */
-  async #attempt(request, text) {
-    setText(this.#message, await request.then(() => text, (error) => error.message));
-  }
-
-  async #refresh() {
-    const answer = await fetchJson(this.#path).catch(() => null);
-    if (answer) this.#submitted = answer.plans;
+  /** Send a command and wait for its end. @param {string} path @param {object} json @returns {Promise<CommandStatus | null>} null if it was not sent */
+  async #send(path, json) {
+    const id = newId();
+    this.#sent = id;
+    this.#message = "";
     this.draw();
+    try {
+      await fetchJson(path, { json: { id, ...json } });
+    } catch (error) {
+      this.#message = error.message;
+      this.draw();
+      return null;
+    }
+    return this.#endOf(id);
   }
 
-  async #show(revision) {
-    const { plan, content } = await fetchJson(`${this.#path}/${revision}`);
-    this.#fill(plan, content);
+  /** @param {string} id of a command @returns {Promise<CommandStatus>} */
+  #endOf(id) {
+    const ended = () => [this.asset.commands.get(id)].find((each) => each && (each.ended || UNANSWERED.includes(each.state)));
+    return new Promise((resolve) => {
+      const off = this.asset.on("commands", () => {
+        const command = ended();
+        if (!command) return;
+        off();
+        resolve(command);
+      });
+    });
+  }
+
+  get #progress() {
+    return this.asset.plans.get(this.plan.name);
+  }
+
+  /** The last revision of the plan's name that was submitted at the console. */
+  get #revision() {
+    return this.#library.submitted.find((each) => each.plan === this.plan.name);
+  }
+
+  /** Whether the plan differs from the one of its name aboard, as far as known. */
+  get #differs() {
+    const revision = this.#revision?.revision;
+    if (revision === undefined || !this.plan.isChecked) return false;
+    if (!this.#sentXml.has(revision)) {
+      this.#sentXml.set(revision, "");
+      this.#library.readRevision(revision).then(({ xml }) => (this.#sentXml.set(revision, xml), this.draw()), () => this.#sentXml.delete(revision));
+    }
+    const sent = this.#sentXml.get(revision);
+    return sent !== "" && sent !== this.plan.xml;
+  }
+
+  /** The state aboard of a step. @param {import("../model/plan_draft.js").PlanStep} step @param {number} index */
+  #stateOf(step, index) {
+    const progress = this.#progress;
+    if (!progress || this.#differs || progress.done === null) return "";
+    if (index < progress.done) return "done";
+    return progress.node === step.node && progress.status === "EXECUTING" ? "active" : "";
   }
 
   render() {
-    const { asset, session } = this;
-    // Plans submitted at the console or reported by the rover, the last revision of each.
-    const known = [...new Set([...this.#submitted.map((each) => each.plan), ...asset.plans.keys()])];
+    const { asset, plan } = this;
+    const progress = this.#progress;
+    if (this.#name.value.trim() !== plan.name) this.#name.value = plan.name;
+    this.#drawLibrary();
+    const showsXml = this.#showsXml || plan.notSteps !== "" || (plan.isTyped && plan.steps.length === 0);
+    for (const [each, isOn] of /** @type {const} */ ([[this.#asSteps, !showsXml], [this.#asXml, showsXml]])) {
+      each.classList.toggle("on", isOn);
+      set(each, { "aria-pressed": isOn });
+    }
+    this.#asSteps.disabled = showsXml && !this.#showsXml;
+    this.#undo.disabled = !plan.canUndo;
+    const canChoose = asset.entry?.commands.some((each) => each.name === "resumePlan" && each.arguments.some(({ name }) => name === "step"));
+    this.#steps.resumeAt = canChoose && progress?.status === "SUSPENDED" && !this.#differs ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
+    this.#steps.root.hidden = this.#steps.adders.hidden = showsXml;
+    this.#steps.draw();
+    this.#xml.hidden = !showsXml;
+    if (this.#xml.value !== plan.xml) this.#xml.value = plan.xml;
+    this.#notSteps.hidden = !showsXml || !plan.notSteps;
+    setText(this.#notSteps, `This plan is no list of steps: ${plan.notSteps}.`);
+    this.#drawCheck();
+    this.#drawButtons(progress);
+    this.#drawOutcome();
+    const known = [...new Set([...asset.plans.keys(), ...this.#library.submitted.map((each) => each.plan)])];
     this.#table.hidden = known.length === 0;
-    this.#empty.hidden = known.length > 0;
-    setText(this.#empty, asset.isReached ? "No plan yet. Choose a file below: config/plans/look-around.xml is an example." : session.unreached(asset));
     const make = () => html("tr", {}, html("td"), html("td"), html("td"), html("td"), html("td", { className: "dim" }));
-    reconcile(this.#rows, known, String, make, (row, plan) => this.#drawRow(row, plan, asset.plans.get(plan), this.#submitted.find((each) => each.plan === plan)));
-    this.#submit.disabled = !asset.isReached || !this.#name.value.trim() || !this.#content.value.trim();
-    setText(this.#submit, `Submit to ${asset.name}`);
+    reconcile(this.#rows, known, String, make, (row, name) => this.#drawRow(row, name));
   }
 
-  /** @param {HTMLElement} row @param {string} plan @param {PlanProgress | undefined} progress @param {PlanRevision | undefined} revision */
-  #drawRow(row, plan, progress, revision) {
-    const [title, state, progressCell, acts, when] = /** @type {any} */ (row.children);
-    const status = progress?.status ?? "";
-    setText(title, plan);
-    setText(state, status.toLowerCase());
-    setText(progressCell, [progress?.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress?.text ?? ""].filter(Boolean).join(", "));
-    set(progressCell, { title: progress?.node ?? "" });
+  #drawLibrary() {
+    const { plan } = this;
+    const { entries } = this.#library;
+    const groups = [...new Set(entries.map((each) => each.group))];
+    const isListed = this.#open.dataset.listed === (this.#open.dataset.listed = JSON.stringify(entries));
+    if (!isListed) {
+      const option = (entry) => html("option", { value: String(entries.indexOf(entry)), textContent: entry.name });
+      const parts = groups.map((label) => html("optgroup", { label }, ...entries.filter((each) => each.group === label).map(option)));
+      this.#open.replaceChildren(html("option", { value: "", textContent: "open …" }), ...parts);
+    }
+    this.#saveDraft.disabled = this.#saveTemplate.disabled = plan.isEmpty || !plan.name;
+    const kind = this.#storedKind;
+    this.#delete.hidden = !kind;
+    setText(this.#delete, `delete ${kind}`);
+  }
+
+  #drawCheck() {
+    const { plan } = this;
+    const objections = plan.steps.map((each) => each.objection);
+    const at = objections.findIndex(Boolean);
+    const refused = at >= 0 ? `Step ${at + 1}: ${objections[at]}` : plan.problem;
+    this.#check.hidden = plan.isEmpty;
+    this.#check.classList.toggle("refused", !plan.waits && refused !== "");
+    setText(this.#check, plan.waits ? "check pending …" : refused || this.#previewed());
+  }
+
+  #previewed() {
+    const { preview, notPreviewed } = this.plan;
+    if (!preview) return `Valid. No preview: ${notPreviewed}`;
+    const end = preview.path.at(-1);
+    const parts = [
+      `Valid: takes ${duration(preview.duration)}, ${preview.length.toFixed(2)} m`,
+      preview.energy == null ? "" : `, ${number(preview.energy)} J`,
+      end ? `; ends at x ${end.x.toFixed(2)} m, y ${end.y.toFixed(2)} m, ${degrees(end.heading).toFixed(0)}°` : "",
+      preview.clearance == null ? "" : `; minimum clearance ${preview.clearance.toFixed(2)} m, to ${preview.nearest}`,
+    ];
+    return parts.join("");
+  }
+
+  /** @param {PlanProgress | undefined} progress */
+  #drawButtons(progress) {
+    const { plan, asset } = this;
+    const acts = ACTS[progress?.status ?? ""] ?? [];
+    const canReplace = acts.includes("removePlan");
+    const why = !asset.isReached
+      ? this.session.unreached(asset)
+      : !plan.name
+        ? "give the plan a name"
+        : plan.isEmpty || !plan.xml
+          ? "a plan needs a step"
+          : progress && !canReplace
+            ? `${plan.name} is ${progress.status.toLowerCase()}`
+            : "";
+    this.#submit.disabled = why !== "" || (plan.waits && !plan.isTyped);
+    this.#submit.title = why;
+    setText(this.#submit, progress && canReplace ? `Replace on ${asset.name}` : `Submit to ${asset.name}`);
+    reconcile(this.#acts, acts, String, (act) => this.#makeAct(act, () => plan.name));
+  }
+
+  #drawOutcome() {
+    const command = this.asset.commands.get(this.#sent);
+    const state = command?.state ?? (this.#message && this.#sent ? "rejected" : "sending");
+    const text = command ? `${command.name}: ${state}. ${command.history.at(-1)?.detail ?? ""}` : this.#message || (this.#sent && "sending …");
+    this.#outcome.hidden = !text && !this.#differsText;
+    this.#outcome.className = `outcome ${text ? state : ""}`;
+    setText(this.#outcome, text || this.#differsText);
+  }
+
+  get #differsText() {
+    return this.#progress && this.#differs ? `This is not the ${this.plan.name} aboard.` : "";
+  }
+
+  /** @param {any} row @param {string} name */
+  #drawRow(row, name) {
+    const progress = this.asset.plans.get(name);
+    const revision = this.#library.submitted.find((each) => each.plan === name);
+    const [title, state, done, acts, when] = row.children;
+    setText(title, name);
+    setText(state, (progress?.status ?? "").toLowerCase());
+    setText(done, [progress?.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress?.text ?? ""].filter(Boolean).join(", "));
+    set(done, { title: progress?.node ?? "" });
     setText(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "not at this console");
-    const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
-    reconcile(acts, offered, String, (each) => this.#makeAct(each, plan, revision));
+    const offered = [...(ACTS[progress?.status ?? ""] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
+    reconcile(acts, offered, String, (act) => this.#makeAct(act, () => name, revision));
   }
 
-  /** @param {string} act name of a command, or `show` with a revision */
-  #makeAct(act, plan, revision) {
-    if (act.startsWith("show")) return button("show", "", () => this.#show(revision.revision));
-    return button(act.replace("Plan", ""), "", () => this.#act(act, plan));
+  /** @param {string} act name of a command, or `show` with a revision @param {() => string} nameOf the plan @param {PlanRevision} [revision] */
+  #makeAct(act, nameOf, revision) {
+    if (!act.startsWith("show")) return button(LABELS[act], act, () => this.#act(act, nameOf()), { className: act });
+    const show = async () => (this.plan.load(await this.#library.readRevision(revision.revision)), "");
+    return button("show", "open this plan above", () => this.#attempt(show));
   }
 }

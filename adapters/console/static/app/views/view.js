@@ -14,7 +14,7 @@ export class View {
   draw = eachFrame(() => this.render());
 
   /** @param {Context} context */
-  constructor({ session, shown, asset, selection, cursor, span, draft }) {
+  constructor({ session, shown, asset, selection, cursor, span, draft, plan }) {
     this.session = session;
     this.shown = shown;
     this.asset = asset;
@@ -22,6 +22,7 @@ export class View {
     this.cursor = cursor;
     this.span = span;
     this.draft = draft;
+    this.plan = plan;
   }
 
   /** Create a view in an element. @param {HTMLElement} element @param {Context} context @returns {() => void} removes it */

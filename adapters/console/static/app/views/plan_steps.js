@@ -1,0 +1,180 @@
+/** The steps of a plan in preparation: a list; its rows are dragged, moved by buttons, edited and removed. */
+
+import { argumentSummary } from "./command_table.js";
+import { Field, ListField } from "./forms.js";
+import { View } from "./view.js";
+import { button, html, reconcile, setText, set } from "../dom.js";
+import { duration } from "../format.js";
+
+/** @import { PlanStep } from "../model/plan_draft.js" */
+
+/** Commands with a button of their own; all others are in a list. */
+const FREQUENT = ["takePicture", "setCameraAngles"];
+const MARKS = { done: "✓", active: "▶" };
+
+export class PlanSteps extends View {
+  /** @type {PlanStep | null} the step that is being dragged */
+  #dragged = null;
+  /** @type {WeakMap<Element, StepRow>} */
+  #rows = new WeakMap();
+  /** @type {(step: PlanStep, index: number) => string} the state of a step aboard: done, active or empty */
+  stateOf = () => "";
+  /** @type {((step: PlanStep) => void) | null} resumes the plan at a step; null unless it is suspended */
+  resumeAt = null;
+
+  #list = html("ol", { className: "steps", "aria-label": "steps" });
+  #empty = html("p", { className: "empty", textContent: "No step yet. Click the map for a move, or add a command." });
+  #frequent = html("span", { className: "buttons" });
+  #others = html("select", { "aria-label": "add a step", onchange: () => this.#add(this.#others.value) });
+  /** the buttons that add steps */
+  adders = html("div", { className: "buttons adders" }, this.#frequent, this.#others);
+  root = html("div", {}, this.#list, this.#empty);
+
+  start() {
+    return [this.plan.on(this.draw), this.asset.on("entry", this.draw)];
+  }
+
+  /** @param {string} operation */
+  #add(operation) {
+    this.plan.add(operation);
+    this.#others.value = "";
+  }
+
+  render() {
+    const { plan } = this;
+    this.#empty.hidden = plan.steps.length > 0 || plan.isTyped;
+    const names = plan.offered.map((each) => each.name);
+    const make = (name) => button(`+ ${name}`, `add ${name} after the selected step`, () => this.#add(name));
+    reconcile(this.#frequent, FREQUENT.filter((each) => names.includes(each)), String, make);
+    const makeOption = (value) => html("option", { value, textContent: value || "+ other command" });
+    reconcile(this.#others, ["", ...names.filter((each) => !FREQUENT.includes(each))], String, makeOption);
+    this.#list.classList.toggle("old", !plan.isChecked);
+    reconcile(this.#list, plan.steps, (each) => each.key, (step) => this.#makeRow(step), (element) => this.#rows.get(element).render());
+  }
+
+  /** @param {PlanStep} step */
+  #makeRow(step) {
+    const row = new StepRow(this, step);
+    const { element, handle } = row;
+    handle.ondragstart = ({ dataTransfer }) => {
+      this.#dragged = step;
+      dataTransfer.setData("text/plain", step.draft.entry.name);
+      dataTransfer.setDragImage(element, 8, 8);
+    };
+    handle.ondragend = () => this.#markTarget(null);
+    element.ondragover = (event) => {
+      if (!this.#dragged) return;
+      event.preventDefault();
+      this.#markTarget(element);
+    };
+    element.ondrop = (event) => {
+      event.preventDefault();
+      if (this.#dragged) this.plan.move(this.#dragged, this.plan.steps.indexOf(step));
+      this.#markTarget(null);
+    };
+    this.#rows.set(element, row);
+    return element;
+  }
+
+  /** Mark the row that a drop replaces by the dragged step; null at the end of dragging. @param {Element | null} target */
+  #markTarget(target) {
+    for (const each of this.#list.children) each.classList.toggle("target", each === target);
+    if (target === null) this.#dragged = null;
+  }
+}
+
+/** One step: its number, command, arguments and figures; its fields if it is selected. */
+class StepRow {
+  #list;
+  #step;
+  /** @type {Record<string, any> | null} the typed arguments of the present fields */
+  #typed = null;
+  /** @type {(Field | ListField)[]} */
+  #fields = [];
+  handle = html("span", { className: "handle", draggable: true, textContent: "⠿", title: "drag to another row", "aria-hidden": "true" });
+  #number = html("b");
+  #title = html("span", { className: "what" });
+  #arguments = html("span", { className: "arguments dim" });
+  #choose = html("button", { type: "button", className: "choose", onclick: () => this.#toggle() }, this.#number, this.#title, this.#arguments);
+  #figures = html("span", { className: "figures dim" });
+  #resume = button("resume here", "resume the plan at this step", () => this.#list.resumeAt?.(this.#step));
+  #up = button("▲", "", () => this.#move(-1, this.#up));
+  #down = button("▼", "", () => this.#move(1, this.#down));
+  #remove = button("×", "", () => this.#list.plan.remove(this.#step));
+  #problem = html("p", { className: "problem" });
+  #fieldBox = html("div", { className: "fields" });
+  element = html(
+    "li",
+    { className: "step" },
+    html("div", { className: "head" }, this.handle, this.#choose, this.#figures, this.#resume, this.#up, this.#down, this.#remove),
+    this.#problem,
+    this.#fieldBox,
+  );
+
+  /** @param {PlanSteps} list @param {PlanStep} step */
+  constructor(list, step) {
+    this.#list = list;
+    this.#step = step;
+  }
+
+  #toggle() {
+    const { plan } = this.#list;
+    plan.select(plan.selected === this.#step ? null : this.#step);
+  }
+
+  /** Move the step; the button retains the focus. @param {number} by @param {HTMLElement} pressed */
+  #move(by, pressed) {
+    const { plan } = this.#list;
+    plan.move(this.#step, plan.steps.indexOf(this.#step) + by);
+    requestAnimationFrame(() => pressed.focus());
+  }
+
+  render() {
+    const { plan, asset, resumeAt } = this.#list;
+    const { draft, name, preview, objection } = this.#step;
+    const index = plan.steps.indexOf(this.#step);
+    const isSelected = plan.selected === this.#step;
+    const state = this.#list.stateOf(this.#step, index);
+    this.element.classList.toggle("selected", isSelected);
+    this.element.classList.toggle("refused", objection !== "");
+    set(this.element, { "data-state": state });
+    setText(this.#number, MARKS[state] ?? String(index + 1));
+    setText(this.#title, name || draft.entry.name);
+    setText(this.#arguments, [name && draft.entry.name, argumentSummary({ name: draft.entry.name, args: draft.values }, asset)].filter(Boolean).join("  "));
+    setText(this.#figures, preview && !objection ? figuresOf(preview) : "");
+    setText(this.#problem, objection);
+    set(this.#choose, { "aria-expanded": isSelected });
+    for (const [each, act] of /** @type {const} */ ([[this.#up, "move up"], [this.#down, "move down"], [this.#remove, "remove"]])) set(each, { "aria-label": `${act} step ${index + 1}`, title: act });
+    this.#up.disabled = index === 0;
+    this.#down.disabled = index === plan.steps.length - 1;
+    this.#resume.hidden = !resumeAt;
+    this.#fieldBox.hidden = !isSelected;
+    if (!isSelected) return;
+    if (this.#typed !== draft.typed) this.#makeFields();
+    for (const field of this.#fields) field.render(draft.problems);
+  }
+
+  #makeFields() {
+    const { draft, name, deadline } = this.#step;
+    this.#typed = draft.typed;
+    this.#fields = draft.entry.arguments.map((each) => (each.type === "list" ? new ListField(draft, each) : new Field(draft, each, draft.typed)));
+    this.#fieldBox.replaceChildren(
+      ...this.#fields.map((each) => each.element),
+      this.#makeField("deadline", deadline, "s", "the step fails when it takes longer"),
+      this.#makeField("name", name, "", "in reports and on the map"),
+    );
+  }
+
+  /** Create a field of the step itself. @param {"name" | "deadline"} field @param {string} value @param {string} unit @param {string} help */
+  #makeField(field, value, unit, help) {
+    const input = html("input", { type: "text", value, "aria-label": `step ${field}`, placeholder: "default", oninput: () => this.#list.plan.describe(this.#step, field, input.value.trim()) });
+    const texts = [html("span", { className: "unit", textContent: unit }), html("span", { className: "help dim", textContent: help })];
+    return html("label", { className: "field" }, html("span", { className: "name", textContent: field }), input, ...texts);
+  }
+}
+
+/** Format time, length and clearance of a step's preview. */
+function figuresOf({ duration: time_s, length: length_m, clearance: clearance_m }) {
+  const parts = [time_s && duration(time_s), length_m && `${length_m.toFixed(1)} m`, clearance_m != null && `clearance ${clearance_m.toFixed(2)} m`];
+  return parts.filter(Boolean).join(", ");
+}
