@@ -8,12 +8,25 @@ import { Observable } from "./observable.js";
 import { number, unitOf } from "../format.js";
 
 const DEBOUNCE_MS = 250;
+/** Minimum time from a send until the same form can be sent again. */
+const REARM_MS = 1000;
+/** Motion of the rover after which a preview is requested again, and the minimum time between such requests. */
+const MOVED_M = 0.05;
+const MOVED_RAD = 0.035;
+const REFRESH_MS = 2000;
+const MOVING_MODES = ["MOVING", "TELEOP", "PLAN"];
 
 /** @import { ArgumentEntry, CommandEntry, Preview } from "./messages.js" */
 
 export class Draft extends Observable {
   #timer = 0;
   #edits = 0;
+  #rearmed_ms = 0;
+  #refreshed_ms = 0;
+  /** @type {import("./asset.js").Fix | null} the pose of the rover when the preview was requested */
+  #from = null;
+  /** whether it was sent as it is now; an edit arms it again */
+  isSent = false;
   /** @type {CommandEntry | null} the entry of the command in the dictionary; null for none */
   entry = null;
   /** @type {Record<string, any>} as typed: texts; of a list, one such record an item */
@@ -73,11 +86,44 @@ export class Draft extends Observable {
     this.#edited();
   }
 
-  #edited() {
+  /** Whether it can be sent: it was edited since it was sent, at least REARM_MS ago. */
+  get isArmed() {
+    return !this.isSent && Date.now() >= this.#rearmed_ms;
+  }
+
+  /** Disarm it, since it is sent now, and end its preview. */
+  disarm() {
+    this.#discard();
+    this.isSent = true;
+    this.#rearmed_ms = Date.now() + REARM_MS;
+    setTimeout(() => this.changed(), REARM_MS);
+    this.changed();
+  }
+
+  /** Arm it again without an edit, for example after a refusal. */
+  rearm() {
+    this.#rearmed_ms = 0;
+    this.#edited();
+  }
+
+  /** Request the preview again if the rover has moved since, and is stationary now. */
+  refresh() {
+    const { pose, mode } = this.asset;
+    if (!this.#from || !pose || this.waits || this.isSent || MOVING_MODES.includes(mode) || Date.now() < this.#refreshed_ms + REFRESH_MS) return;
+    const turn = Math.abs(Math.atan2(Math.sin(pose.heading - this.#from.heading), Math.cos(pose.heading - this.#from.heading)));
+    if (Math.hypot(pose.x - this.#from.x, pose.y - this.#from.y) > MOVED_M || turn > MOVED_RAD) this.#fetchPreview(this.#edits);
+  }
+
+  #discard() {
     clearTimeout(this.#timer);
     this.#edits++;
-    this.preview = null;
-    this.objection = "";
+    Object.assign(this, { preview: null, objection: "", waits: false });
+    this.#from = null;
+  }
+
+  #edited() {
+    this.#discard();
+    this.isSent = false;
     this.waits = this.isPreviewed && Boolean(this.entry?.motion) && this.problems.size === 0;
     if (this.waits) this.#timer = setTimeout(() => this.#fetchPreview(this.#edits), DEBOUNCE_MS);
     this.changed();
@@ -86,6 +132,8 @@ export class Draft extends Observable {
   async #fetchPreview(edit) {
     let preview = null;
     let objection = "";
+    this.#from = this.asset.pose;
+    this.#refreshed_ms = Date.now();
     try {
       preview = await fetchJson("/api/preview", {
         json: { asset: this.asset.name, name: this.entry.name, args: this.values },
@@ -135,8 +183,9 @@ export class Draft extends Observable {
     return values;
   }
 
-  /** The typed waypoints in the odometry frame. @returns {{x: number, y: number, item: number}[]} `item`: its index in the list */
+  /** The typed waypoints in the odometry frame; none once they were sent. @returns {{x: number, y: number, item: number}[]} `item`: its index in the list */
   get waypoints() {
+    if (this.isSent) return [];
     const { x, y, waypoints, frame } = this.values;
     const typed = (waypoints ?? [{ x, y }]).map((each, item) => ({ ...each, item }));
     return this.asset.inOdometry(typed.filter((each) => Number.isFinite(each.x) && Number.isFinite(each.y)), frame, null);

@@ -14,7 +14,7 @@ import { VIEWS, viewsOf } from "./views.js";
  * @type {[number, [string, number][]][]}
  */
 const LAYOUT = [
-  [40, [["map", 60], ["commands", 40]]],
+  [40, [["map", 54], ["commands", 46]]],
   [31, [["tree", 58], ["log", 42]]],
   [29, [["form", 56], ["values", 44]]],
 ];

@@ -12,6 +12,8 @@ import { clock, degrees, number } from "../format.js";
 
 /** @import { AssetEntry, CommandEntry } from "../model/messages.js" */
 
+const SENT = "sent; change a field to send another";
+
 export class CommandForm extends View {
   /** @type {string | null} id of the command that this form sent last */
   #sent = null;
@@ -32,28 +34,28 @@ export class CommandForm extends View {
   #link = html("select", { "aria-label": "link" });
   #linkLine = html("label", { className: "check" }, "send by", this.#link);
   #preview = html("div", { className: "preview-text", "data-testid": "preview" });
-  #send = html("button", { type: "submit", className: "send", textContent: "Send" });
+  #send = html("button", { type: "submit", className: "send", textContent: "Send", title: "Ctrl+Enter sends; Enter in a field only moves to this button" });
+  #again = button("again", "arm the same command again", () => this.draft.rearm(), { className: "again" });
   #clear = button("clear", "", () => this.#prepare(null));
   #hindrance = html("span", { className: "hindrance" });
   #outcome = html("div", { className: "outcome", "data-testid": "outcome" });
   #empty = html("p", { className: "empty" });
   #form = html(
     "form",
-    { autocomplete: "off", onsubmit: (event) => (event.preventDefault(), this.#submit()) },
-    this.#chooser,
-    this.#summary,
-    this.#fieldBox,
-    this.#replaceLine,
-    this.#linkLine,
+    {
+      autocomplete: "off",
+      onsubmit: (event) => (event.preventDefault(), this.#submit()),
+      onkeydown: (event) => this.#onKey(event),
+    },
+    html("div", { className: "scroll" }, this.#chooser, this.#summary, this.#fieldBox, this.#replaceLine, this.#linkLine, this.#outcome),
     this.#preview,
-    html("div", { className: "buttons" }, this.#send, this.#clear, this.#hindrance),
-    this.#outcome,
+    html("div", { className: "buttons" }, this.#send, this.#again, this.#clear, this.#hindrance),
   );
-  root = html("section", { className: "rover-view form-view" }, this.#empty, html("div", { className: "scroll" }, this.#form));
+  root = html("section", { className: "rover-view form-view" }, this.#empty, this.#form);
 
   start() {
     const topics = ["entry", "commands", "authority", "status", "tree", "links"];
-    return [this.draft.on(this.draw), ...topics.map((topic) => this.asset.on(topic, this.draw)), this.session.connection.on(this.draw)];
+    return [this.draft.on(this.draw), this.asset.on("track", () => this.draft.refresh()), ...topics.map((topic) => this.asset.on(topic, this.draw)), this.session.connection.on(this.draw)];
   }
 
   /** @param {string | null} name */
@@ -62,24 +64,37 @@ export class CommandForm extends View {
     this.draft.prepare(name);
   }
 
+  /** Ctrl+Enter sends; Enter in a field moves to the send button, or to the first wrong field, and sends nothing. @param {KeyboardEvent} event */
+  #onKey(event) {
+    if (event.key !== "Enter" || event.isComposing) return;
+    const isField = event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement;
+    if (!isField && !event.ctrlKey && !event.repeat) return;
+    event.preventDefault();
+    if (event.repeat) return;
+    this.render();
+    if (event.ctrlKey) this.#submit();
+    else if (!this.#send.disabled) this.#send.focus();
+    else this.#form.querySelector("input.wrong, .fields input:placeholder-shown")?.focus();
+  }
+
   async #submit() {
     const { asset, draft } = this;
-    if (draft.entry === null || draft.problems.size) return;
+    if (draft.entry === null || this.#hindranceOf(draft.entry)) return;
     const id = newId();
     this.#trouble = "";
     this.#sent = id;
-    this.draw();
+    const json = {
+      ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
+      ...(draft.replace ? { preemption: "replace" } : {}),
+      ...(this.#link.value ? { link: this.#link.value } : {}),
+    };
+    draft.disarm();
     try {
-      const answer = await fetchJson("/api/commands", {
-        json: {
-          ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
-          ...(draft.replace ? { preemption: "replace" } : {}),
-          ...(this.#link.value ? { link: this.#link.value } : {}),
-        },
-      });
+      const answer = await fetchJson("/api/commands", { json });
       this.#sent = answer.id; // the server gives a stop another id
     } catch (error) {
       this.#trouble = error.status === 0 ? `${error.message}. It may have been sent: check the commands.` : error.message;
+      if (error.status !== 0 && draft.isSent) draft.rearm();
     }
     this.draw();
   }
@@ -99,7 +114,7 @@ export class CommandForm extends View {
     this.#replaceLine.hidden = !draft.entry?.motion;
     this.#replace.checked = draft.replace;
     this.#drawLinks();
-    this.#preview.hidden = !draft.entry?.motion;
+    this.#preview.hidden = !draft.entry?.motion || draft.isSent;
     this.#preview.classList.toggle("refused", Boolean(draft.objection));
     setText(this.#preview, draft.objection || this.#previewed());
     this.#drawSend();
@@ -147,17 +162,20 @@ export class CommandForm extends View {
   #drawSend() {
     const { entry } = this.draft;
     this.#send.hidden = this.#clear.hidden = entry === null;
-    if (entry === null) return setText(this.#hindrance, "");
-    const why = this.#hindranceOf(entry);
+    const why = entry && this.#hindranceOf(entry);
+    this.#again.hidden = why !== SENT;
+    setText(this.#hindrance, why ?? "");
+    if (entry === null) return;
     this.#send.disabled = why !== "";
     setText(this.#send, `Send ${entry.name} to ${this.asset.name}`);
-    setText(this.#hindrance, why);
   }
 
   /** Return why it cannot be sent now, and the remedy; empty if it can. @param {CommandEntry} entry */
   #hindranceOf({ modes }) {
     const { asset, draft } = this;
     const { authority: held, mode } = asset;
+    if (draft.isSent) return SENT;
+    if (!draft.isArmed) return "sent a moment ago";
     if (!asset.isReached) return `${asset.name} cannot be reached`;
     if (draft.problems.size) return draft.problems.get("") ?? "fill in the marked fields";
     if (held?.holder && held.holder !== operator.name) return `${held.holder} commands: request the authority above`;

@@ -1,17 +1,20 @@
 /**
- * The commands of an asset, newest first, and the life cycle of each, stage by stage. A sent command is not
- * shown as done: only EXECUTED is green, and a command without a report in time is UNKNOWN.
+ * The commands of an asset, newest first, in two lines each, and the life cycle of each, stage by stage. A sent
+ * command is not shown as done: only EXECUTED is green, and a command without a report in time is UNKNOWN. The
+ * arrow keys move through the rows, and Enter opens one.
  */
 
 import { nameOf } from "../model/asset.js";
-import { fetchJson } from "../model/connection.js";
-import { html, reconcile, setText, set } from "../dom.js";
+import { fetchJson, operator } from "../model/connection.js";
+import { button, html, reconcile, setText, set } from "../dom.js";
 import { View } from "./view.js";
 import { clock, number, unitOf } from "../format.js";
 
 /** @import { CommandStatus, ExplanationBody } from "../model/messages.js" */
 
 const MAX_ROWS = 100;
+/** New commands are in view while the list is scrolled by less, in pixels. */
+const TOP_PX = 10;
 /** Stages of an executed command, by link. A recording has the rover's reports only. */
 const STAGES = {
   recording: ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
@@ -37,9 +40,16 @@ export class CommandTable extends View {
   /** @type {Map<string, ExplanationBody | null>} explanations, by command and whether it had ended */
   #explanations = new Map();
 
-  #rows = html("div", { className: "commands", role: "list" });
+  /** @type {Set<string>} ids of the commands up to the last one that was in view */
+  #seen = new Set();
+  /** @type {string | undefined} id of the command with the tab stop */
+  #current;
+
+  #rows = html("div", { className: "commands", role: "list", onkeydown: (event) => this.#onKey(event) });
+  #scroll = html("div", { className: "scroll", onscroll: this.draw }, this.#rows);
+  #jump = button("", "go to the newest command", () => (this.#scroll.scrollTop = 0), { className: "jump", "data-testid": "new-commands" });
   #empty = html("p", { className: "empty" });
-  root = html("section", { className: "rover-view commands-view" }, this.#empty, html("div", { className: "scroll", tabIndex: 0 }, this.#rows));
+  root = html("section", { className: "rover-view commands-view" }, this.#empty, this.#jump, this.#scroll);
 
   start() {
     const { asset, selection, cursor, draw } = this;
@@ -54,7 +64,36 @@ export class CommandTable extends View {
     const shown = all.slice(Math.max(0, first)).slice(0, MAX_ROWS);
     this.#empty.hidden = shown.length > 0;
     setText(this.#empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
+    if (!shown.some((each) => each.id === this.#current)) this.#current = shown[0]?.id;
     reconcile(this.#rows, shown, (command) => command.id, (command) => this.#makeRow(command), (row, command) => this.#drawRow(row, command));
+    if (utc_s === null) this.#showNew(shown);
+  }
+
+  /** Scroll to a new command of this operator; announce those of others while they are out of view. @param {CommandStatus[]} shown newest first */
+  #showNew(shown) {
+    const unseen = shown.filter((each) => !this.#seen.has(each.id));
+    const own = unseen.find((each) => each.by === operator.name);
+    if (own) this.#rows.children[shown.indexOf(own)].scrollIntoView({ block: "nearest" });
+    const isInView = this.#scroll.scrollTop < TOP_PX;
+    if (isInView || own) this.#seen = new Set(shown.map((each) => each.id));
+    this.#jump.hidden = isInView || own !== undefined || unseen.length === 0;
+    setText(this.#jump, `↑ ${unseen.length} new`);
+  }
+
+  /** Move through the rows by arrow keys. @param {KeyboardEvent} event of a row */
+  #onKey(event) {
+    const heads = [...this.#rows.querySelectorAll(".head")];
+    const index = heads.indexOf(event.target);
+    const next = { ArrowDown: index + 1, ArrowUp: index - 1, Home: 0, End: heads.length - 1 }[event.key];
+    if (index < 0 || next === undefined) return;
+    event.preventDefault();
+    heads[Math.max(0, Math.min(next, heads.length - 1))].focus();
+  }
+
+  /** @param {string} id of the command that is focused */
+  #onFocus(id) {
+    this.#current = id;
+    this.draw();
   }
 
   /** @param {CommandStatus} command @returns {string[]} */
@@ -64,21 +103,21 @@ export class CommandTable extends View {
 
   /** @param {CommandStatus} command */
   #makeRow(command) {
-    const parts = [html("time"), html("b"), ...["arguments", "by dim", "state"].map((className) => html("span", { className }))];
+    const span = (className) => html("span", { className });
     return html(
       "div",
       { role: "listitem", onclick: () => this.selection.selectCommand(command.id) },
-      html("div", { className: "head" }, ...parts),
-      lifecycleLine(this.#stagesOf(command)),
-      html("p", { className: "detail" }),
+      html("button", { type: "button", className: "head", onfocus: () => this.#onFocus(command.id) }, html("time"), html("b"), span("arguments")),
+      html("div", { className: "course" }, lifecycleLine(this.#stagesOf(command)), span("detail"), span("by dim"), span("state")),
       html("div", { className: "whole", hidden: true, onclick: (event) => event.stopPropagation() }),
     );
   }
 
   /** @param {any} row @param {CommandStatus} command */
   #drawRow(row, command) {
-    const [head, lifecycle, detail, whole] = row.children;
-    const [time, name, args, by, state] = head.children;
+    const [head, course, whole] = row.children;
+    const [lifecycle, detail, by, state] = course.children;
+    const [time, name, args] = head.children;
     const [label, meaning] = STATE_LABELS[command.state] ?? [command.state, ""];
     const { utc_s } = this.cursor;
     const isChosen = this.selection.command === command.id;
@@ -86,16 +125,20 @@ export class CommandTable extends View {
     row.className = `command ${command.state}${isChosen ? " selected" : ""}${isLater ? " later" : ""}`;
     row.dataset.state = command.state;
     row.dataset.name = command.name;
+    head.tabIndex = command.id === this.#current ? 0 : -1;
+    set(head, { "aria-expanded": isChosen });
     setText(time, clock(command.created));
     setText(name, nameOf(command));
     setText(args, argumentSummary(command, this.asset));
+    set(args, { title: args.textContent });
     setText(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
-    setText(state, label);
+    setText(state, label + stepsOf(command));
     set(state, { title: meaning });
     drawLifecycle(lifecycle, command, this.#stagesOf(command));
     const last = command.history.at(-1);
     const awaited = command.deadline !== null && !command.ended ? `; unknown after ${clock(command.deadline)} without a report` : "";
     setText(detail, ["sending", "acknowledged"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
+    set(detail, { title: detail.textContent });
     whole.hidden = !isChosen;
     if (isChosen) whole.replaceChildren(this.#why(command), comparison(command) ?? "", stageTable(command));
   }
@@ -119,13 +162,19 @@ export class CommandTable extends View {
 /** @param {string[]} texts of its cells @param {string} [name] of their element */
 const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
 
-/** Create dots for the stages, each with the time since the first. @param {string[]} stages */
+/** Create dots for the stages, each with the time since the first; a narrow list shows the time of the last reached one only. @param {string[]} stages */
 function lifecycleLine(stages) {
   return html(
     "div",
-    { className: "lifecycle" },
+    { className: stages.length > STAGES.direct.length ? "lifecycle long" : "lifecycle" },
     ...stages.map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
   );
+}
+
+/** The progress of an active command, such as " 2/3"; empty if unknown. @param {CommandStatus} command */
+function stepsOf({ ended, history }) {
+  const { step, steps } = history.findLast((each) => typeof each.step === "number") ?? {};
+  return ended || step === undefined ? "" : ` ${step}${steps ? `/${steps}` : ""}`;
 }
 
 /** @param {any} lifecycle @param {CommandStatus} command @param {string[]} stages */
@@ -133,21 +182,21 @@ function drawLifecycle(lifecycle, command, stages) {
   const reached = new Map(command.history.map((each) => [each.stage, each]));
   const last = command.history.at(-1)?.stage;
   const end = stages.includes(last ?? "") ? null : command.ended || ["unknown", "lost"].includes(command.state) ? last : null;
+  const isAt = (stage, index) => reached.get(index === stages.length - 1 && end ? end : stage);
+  const current = stages.findLastIndex(isAt);
   stages.forEach((stage, index) => {
     const [, what, when] = lifecycle.children[index].children;
     const isEnd = index === stages.length - 1;
     const shown = isEnd && end ? end : stage;
-    const at = reached.get(shown);
-    const progress = stage === "STARTED" ? command.history.findLast((each) => each.step !== null && each.step !== undefined) : undefined;
-    const steps = progress && !command.ended ? ` ${progress.step}${progress.steps ? `/${progress.steps}` : ""}` : "";
+    const at = isAt(stage, index);
     set(lifecycle.children[index], {
-      class: `step ${at ? "reached" : ""} ${shown.toLowerCase()}`,
+      class: `step ${at ? "reached" : ""} ${index === current ? "current" : ""} ${shown.toLowerCase()}`,
       "data-stage": shown,
       "data-reached": String(Boolean(at)),
       title: at ? `${shown}: ${clock(at.utc, true)} by the clock of ${at.node}, received ${clock(at.rx, true)}` : `${shown}: not yet`,
     });
-    setText(what, shown.toLowerCase().replace("_", " ") + steps);
-    setText(when, !at ? "" : index === 0 ? "" : `+${(at.rx - command.created).toFixed(2)} s`);
+    setText(what, shown.toLowerCase().replace("_", " "));
+    setText(when, !at || index === 0 || at.rx < command.created ? "" : `+${(at.rx - command.created).toFixed(2)} s`);
   });
 }
 
@@ -190,8 +239,8 @@ export function argumentSummary(command, asset) {
       const argument = entry?.arguments.find((each) => each.name === name);
       if (typeof value !== "number") return `${name} ${value}`;
       const factor = argument?.display_unit?.per_unit ?? 1;
-      const unit = argument?.display_unit ? unitOf(argument) : "";
-      return `${name} ${Math.round(value * factor * 1000) / 1000}${unit}`;
+      const [unit, scale] = argument?.display_unit ? [unitOf(argument), 100] : ["", 1000];
+      return `${name} ${Math.round(value * factor * scale) / scale}${unit}`;
     })
     .join("  ");
 }

@@ -83,7 +83,7 @@ export class LogView extends View {
     const select = () => (command ? this.selection.selectCommand(command) : this.cursor.set(this.cursor.utc_s === utc ? null : utc));
     return html(
       "div",
-      { className: `line ${severity.toLowerCase()}`, title: `${clock(utc, true)} UTC aboard, by ${link}, number ${sequence}`, onclick: select },
+      { className: `line ${severity.toLowerCase()}`, title: `${text}\n${clock(utc, true)} UTC aboard, by ${link}, number ${sequence}`, onclick: select },
       html("time"),
       html("span", { className: `stage ${(stage ?? "").toLowerCase()}`, textContent: stage ?? kind }),
       html("span", { className: "text", textContent: text }),
