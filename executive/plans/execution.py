@@ -23,7 +23,7 @@ from itertools import islice
 from typing import Final, Protocol
 
 from executive.commands.lifecycle import CommandLifecycle
-from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, nodes, steps
+from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, steps
 from executive.record import PlanStore, StepOutcome
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
@@ -104,13 +104,7 @@ def ended_leaves(root: PlanNode, journal: Mapping[str, StepOutcome]) -> set[int]
         for key, outcome in journal.items()
         if outcome is not StepOutcome.HALTED
     }
-    skipped = [each for each in nodes(root) if is_skipped(each.location, journal)]
-    return (ended & leaves).union(step.location.number for each in skipped for step in steps(each))
-
-
-def is_skipped(location: NodeLocation, journal: Mapping[str, StepOutcome]) -> bool:
-    """Whether an operator skipped a node."""
-    return journal.get(step_key(location, ())) is StepOutcome.SKIPPED
+    return ended & leaves
 
 
 class PlanExecution:
@@ -171,7 +165,7 @@ class PlanExecution:
 
     def skips(self, location: NodeLocation) -> bool:
         """Whether an operator skipped a node."""
-        return is_skipped(location, self._known)
+        return self._known.get(step_key(location, ())) is StepOutcome.SKIPPED
 
     def command_of(self, key: str) -> Identity | None:
         """Return the last command of a step; None before its first."""

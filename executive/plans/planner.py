@@ -37,8 +37,8 @@ from executive.plans.execution import (
     ended_leaves,
     step_key,
 )
-from executive.plans.model import PlanNode, steps
-from executive.plans.resume import skipped_steps
+from executive.plans.model import PlanNode, nodes, steps
+from executive.plans.resume import skipped_nodes
 from executive.record import Notifications, PlanStore, StepOutcome
 from executive.settings import Settings
 from executive.state import MotionStatistics
@@ -324,7 +324,7 @@ class Planner:
         if step is None or root is None:  # a plan that no longer fits fails when it continues
             return None
         journal = self._store.journal(plan.plan_id)
-        found = skipped_steps(root, step, plan.node, journal)
+        found = skipped_nodes(root, step, plan.node, journal)
         if isinstance(found, Refusal):
             return found
         self._skipped, self._ended = found, ended_leaves(root, journal)
@@ -337,7 +337,9 @@ class Planner:
         text += f", skipping {names}{f' and {more} more' if more > 0 else ''}" if names else ""
         self._change(plan, PlanEvent.RESUME, text)
         for node in self._skipped:
-            self._store.set_outcome(plan.plan_id, step_key(node.location, ()), StepOutcome.SKIPPED)
+            for each in nodes(node):
+                key = step_key(each.location, ())
+                self._store.set_outcome(plan.plan_id, key, StepOutcome.SKIPPED)
             self._ended |= {step.location.number for step in steps(node)}
             plan.node, plan.done = node.location.path, len(self._ended)
             self._notify(plan, f"{node.location.path}: skipped")

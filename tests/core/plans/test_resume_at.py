@@ -124,7 +124,7 @@ def test_resumed_anywhere_a_step_is_executed_or_skipped_once(
         bench.go(plan(ROUTE))
         root = check_plan(plan(ROUTE), bench.executive.settings)
         assert isinstance(root, SequenceNode)
-        points = [each.node.location.path for each in resume_points(root)]
+        points = [each.location.path for each, _ in resume_points(root)]
         for steps, how, point in breaks:
             for _ in range(steps):
                 bench.step()
