@@ -86,8 +86,10 @@ class PlanProgress:
     """Progress of a plan.
 
     Attributes:
-        node: path of the leaf that started or ended last.
-        done, total: numbers of leaves.
+        node: path of the leaf that started or ended last, or of the node that was skipped.
+        done: number of leaves that have ended or were skipped: in a sequence the index of the
+            present step, also while suspended.
+        total: number of leaves.
     """
 
     ty: ClassVar[str] = "plan"
