@@ -4,6 +4,7 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from playwright.async_api import Page, async_playwright, expect
@@ -18,6 +19,7 @@ from executive.commands import (
     SuspendPlan,
     Waypoint,
 )
+from executive.obstacles.zones import ScannedObstacle
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
 from tests.console.site import OPTIONS
@@ -71,9 +73,10 @@ async def map_of(rover: Aboard, folder: Path) -> AsyncIterator[tuple[Page, MrsCl
 
 
 async def test_goals_and_plans_of_another_client_are_on_the_map(
-    launch: Launch, tmp_path: Path
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rover = launch()
+    laser = SimpleNamespace(circles=(ScannedObstacle("scanned", 9.0, 2.0, 0.4),))
     async with map_of(rover, tmp_path) as (page, terminal):
 
         async def send(*requests: Request) -> None:
@@ -99,7 +102,11 @@ async def test_goals_and_plans_of_another_client_are_on_the_map(
         await expect(numbers).to_have_text(["1–2", "3", "4", "5"])
         await expect(route).to_have_class("waiting")
         await expect(route).to_contain_text("survey  not active")
+        monkeypatch.setattr(rover.do(lambda bench: bench.executive.status), "_local_map", laser)
+        await expect(page.locator(".map .scanned circle")).to_have_attribute("cx", "9")
         await page.screenshot(path=ARTIFACTS / "console-plan-waiting.png")
+        monkeypatch.undo()
+        await expect(page.locator(".map .scanned circle")).to_have_count(0)
         rover.run(3.0)
         await send(ActivatePlan("survey"))
         rover.run(1.0)

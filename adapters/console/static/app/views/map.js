@@ -11,6 +11,7 @@ import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
 import { age, clock, degrees, fixed } from "../format.js";
 import { composed, inverse } from "../model/asset.js";
+import { ScannedObstacles } from "../model/obstacles.js";
 import { PlanRoutes } from "../model/routes.js";
 
 /** @import { Fix, Frame } from "../model/asset.js" */
@@ -27,6 +28,7 @@ export class MapView extends View {
 
   #grid = new layers.Grid();
   #zones = new layers.Zones();
+  #scanned = new layers.Scanned();
   #tracks = new layers.Tracks();
   #preview = new layers.Preview();
   #uncertain = new layers.UncertaintyMark();
@@ -34,7 +36,8 @@ export class MapView extends View {
   #goals = new Goals();
   #steps = new Steps();
   #routes = new PlanRoutes(this.session, this.asset, this.draw);
-  #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
+  #obstacles = new ScannedObstacles(this.session, this.asset, this.draw);
+  #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
   #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element, this.#steps.element);
   #viewport = new Viewport(this.#picture);
   #marks = new Marks(this.#viewport);
@@ -42,7 +45,7 @@ export class MapView extends View {
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
   #follow = button("follow", "centre the map on the rover", () => ((this.#follows = !this.#follows), this.draw()));
-  #whole = button("show all", "fit the whole track, all goals and all zones", () => this.#fit());
+  #whole = button("show all", "fit the whole track, all goals, obstacles and zones", () => this.#fit());
   #empty = html("p", { className: "empty over" });
   #hint = html("p", { className: "hint" });
   #menu = html("div", { className: "menu", hidden: true });
@@ -50,6 +53,7 @@ export class MapView extends View {
   #entries = [
     [html("span", { className: "commanded", textContent: "commanded" }), this.#goals],
     [html("span", { className: "plan", textContent: "steps of a plan" }), this.#steps],
+    [html("span", { className: "scan", textContent: "scanned obstacle" }), this.#scanned],
     [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
   ];
   root = html(
@@ -75,6 +79,7 @@ export class MapView extends View {
       ...[selection, cursor, draft].map((each) => each.on(draw)),
       () => resized.disconnect(),
       () => this.#routes.close(),
+      () => this.#obstacles.close(),
     ];
   }
 
@@ -92,6 +97,7 @@ export class MapView extends View {
     set(this.#world, { transform: viewport.transform });
     this.#grid.render(viewport);
     this.#zones.render(asset.zones);
+    this.#scanned.render(this.#obstacles.at(cursor.utc_s));
     this.#tracks.render(asset.track, cursor.utc_s, selection.spanOf(asset));
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
@@ -127,11 +133,11 @@ export class MapView extends View {
     this.root.classList.toggle("past", cursor.utc_s !== null);
   }
 
-  /** Fit track, goals, preview and zones into the view. */
+  /** Fit track, goals, preview, obstacles and zones into the view. */
   #fit() {
-    const { asset, draft } = this;
+    const { asset, cursor, draft } = this;
     const fixes = [...asset.track, ...this.#goals.points, ...this.#steps.points, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
-    const points = [...fixes.map(({ x, y }) => [x, y]), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
+    const points = [...fixes.map(({ x, y }) => [x, y]), ...this.#obstacles.at(cursor.utc_s), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
     if (points.length) {
       this.#viewport.fit(points);
       this.#follows = false;

@@ -51,6 +51,20 @@ export class Zones {
   }
 }
 
+/** Obstacles that the laser has detected. */
+export class Scanned {
+  element = svg("g", { class: "scanned" });
+
+  /** @param {import("../model/obstacles.js").Circle[]} circles */
+  render(circles) {
+    const make = () => svg("circle", {}, svg("title"));
+    reconcile(this.element, circles, String, make, (made, [cx, cy, r]) => {
+      set(made, { cx, cy, r });
+      setText(made.firstChild, `scanned obstacle at ${fixed(cx, 2)}, ${fixed(cy, 2)}, radius ${fixed(r, 2)} m`);
+    });
+  }
+}
+
 /** The driven track: before and after the displayed time, and during the selected command. */
 export class Tracks {
   #before = svg("polyline", { class: "track" });
