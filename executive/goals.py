@@ -28,6 +28,7 @@ from executive.values.facts import Source
 from executive.values.geometry import Point, Pose
 from executive.values.identity import Identity
 from executive.values.ports import Video
+from executive.values.quantities import rate_text
 from executive.values.reasons import Figure, Refusal
 
 
@@ -404,7 +405,9 @@ class Context:
         latches, active, status = self.latches, self.goals.motion.active, self.status
         moving = status.odometry_fresh and not status.standing
         velocity = status.velocity
-        moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
+        moves = (
+            f"moves at {velocity.travel_mps:+.2f} m/s, {rate_text(velocity.rotate_radps, '+.1f')}"
+        )
         held = f"{moves}, but should be stationary" if moving else self._slides or "standing"
         if latches.hazard is not None:
             text = f"{self.mode.name}: {latches.hazard.text}; {self._recovery_hint}"

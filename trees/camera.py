@@ -8,6 +8,7 @@ from executive.safety import frame_fault
 from executive.state import store_picture
 from executive.values.facts import CameraAngles, Source
 from executive.values.ports import CameraIntent
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 
@@ -48,7 +49,7 @@ class PanTilt(GoalLeaf):
             abs(self._target.tilt_rad - measured.tilt_rad),
         )
         self._allow(left_rad)
-        self.feedback_message = f"{left_rad:.3f} rad left"
+        self.feedback_message = f"{angle_text(left_rad)} left"
         if left_rad > self.context.settings.camera.angle_tolerance_rad:
             return Status.RUNNING
         self.queue.complete_active(

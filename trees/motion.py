@@ -47,6 +47,7 @@ from executive.obstacles.zones import ClearanceViolation
 from executive.settings import Controller
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfirmed
@@ -439,7 +440,7 @@ class FinishLeg(_MotionLeaf):
             relative = not isinstance(request, MoveTo | FollowPath)
             if not relative and progress.attempts < MAX_ATTEMPTS:
                 return Status.FAILURE
-            text = f"off target by {position_error_m:.3f} m and {heading_rad:.3f} rad"
+            text = f"off target by {position_error_m:.3f} m and {angle_text(heading_rad)}"
             figures = (
                 Figure("position error", position_error_m, "m"),
                 Figure("bound", near_m, "m"),
@@ -578,9 +579,9 @@ class HoldVelocity(_MotionLeaf):
         )
         return Refusal(
             Reason.OFF_TARGET,
-            f"moved {distance_m:.2f} m and turned {turn_rad:.2f} rad, commanded {wanted_m:.2f} m"
-            " and"
-            f" {wanted_rad:.2f} rad; {off_m:.2f} m from the end of the arc",
+            f"moved {distance_m:.2f} m and turned {angle_text(turn_rad)},"
+            f" commanded {wanted_m:.2f} m and {angle_text(wanted_rad)};"
+            f" {off_m:.2f} m from the end of the arc",
             (
                 Figure("commanded", wanted_m, "m"),
                 Figure("odometry", distance_m, "m"),

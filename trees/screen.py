@@ -77,8 +77,8 @@ def render(
     nodes, lines = snapshot.nodes, list(map(str, snapshot.faults))
     if snapshot.unmonitored:
         lines.append(f"not monitored: {snapshot.unmonitored}")
-    if height is not None and len(nodes) + len(lines) + _HEAD_LINES >= height:
-        nodes = collapse(nodes)
+    is_full = height is not None and len(nodes) + len(lines) + _HEAD_LINES >= height
+    shown = collapse(nodes) if is_full else nodes
     minutes, second = divmod(int(snapshot.utc_s) % 86400, 60)
     at = f"{minutes // 60:02}:{minutes % 60:02}:{second:02}"
     head = Text.assemble(
@@ -88,21 +88,30 @@ def render(
         f"  {snapshot.active}" if snapshot.active is not None else "",
         (f"  tick {snapshot.tick}  {at} UTC", "dim"),
     )
-    return Group(head, *map(Text, (snapshot.why, *lines)), Text(), render_nodes(nodes, notes))
+    return Group(
+        head, *map(Text, (snapshot.why, *lines)), Text(), render_nodes(nodes, notes, shown)
+    )
 
 
 def render_nodes(
-    nodes: Sequence[TreeNodeSnapshot], notes: Mapping[str, str] = _NONE
+    nodes: Sequence[TreeNodeSnapshot],
+    notes: Mapping[str, str] = _NONE,
+    shown: Sequence[TreeNodeSnapshot] | None = None,
 ) -> RenderableType:
-    """Render nodes for the terminal, one per line, followed by their notes."""
+    """Render nodes for the terminal, one per line, followed by their notes.
+
+    The status of a branch depends on all nodes below it, including those that are not shown.
+    """
+    displays = dict(zip((each.path for each in nodes), display_statuses(nodes), strict=True))
+    shown = nodes if shown is None else shown
     return Group(
         *(
             Text.assemble(
-                (branch, "dim"), (line(node, display), STYLES[display]), (_note(node, notes), "dim")
+                (branch, "dim"),
+                (line(node, displays[node.path]), STYLES[displays[node.path]]),
+                (_note(node, notes), "dim"),
             )
-            for branch, node, display in zip(
-                branches(nodes), nodes, display_statuses(nodes), strict=True
-            )
+            for branch, node in zip(branches(shown), shown, strict=True)
         )
     )
 

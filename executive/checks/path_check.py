@@ -42,6 +42,7 @@ from executive.obstacles.zones import (
 from executive.settings import Controller, LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose, Velocity, arc
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
 DETOUR_CLEARANCE_M: Final = 0.02
@@ -120,7 +121,7 @@ def check_turns(request: Motion, pose: Pose, settings: Settings, zones: Zones) -
         turns_rad = [each.by_rad for each in detoured_segments(request, pose, settings, zones)]
         first_rad = next((each for each in turns_rad if abs(each) > tolerance_rad), None)
         if first_rad is not None:
-            text = f"turns by {first_rad:.2f} rad on the spot: controller mpc drives curves"
+            text = f"turns by {angle_text(first_rad)} on the spot: controller mpc drives curves"
     if not text:
         return None
     figures = Figure("radius", needed_m, "m"), Figure("bound", radius_m, "m")

@@ -8,6 +8,7 @@ from executive.commands import Line, Motion, Reference, Request
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, RECOVERY, Uncertainty
 from executive.values.geometry import Pose
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
 
@@ -56,9 +57,9 @@ def check_target(
     if not uncertainty:
         return None
     if uncertainty.heading_rad > bound_rad:
-        text = f"the heading is uncertain by {uncertainty.heading_rad:.2f} rad, above"
+        text = f"the heading is uncertain by {angle_text(uncertainty.heading_rad)}, above"
         bound = Figure("heading bound", bound_rad, "rad")
-        return _uncertain(uncertainty, f"{text} {bound_rad:.2f} rad", bound)
+        return _uncertain(uncertainty, f"{text} {angle_text(bound_rad)}", bound)
     if position_m > bound_m:
         text = f"the position is uncertain by {position_m:.2f} m at the target, above"
         bound = Figure("position bound", bound_m, "m")

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from enum import Enum
-from math import degrees
 from typing import Any, Final
 
 from executive.commands.catalogue import Request, SubmitPlan
@@ -12,6 +11,7 @@ from executive.commands.declaration import (
     arguments_of,
     declaration_of,
 )
+from executive.values.quantities import quantity_text
 
 MAX_VALUE_LENGTH: Final = 40
 """Maximum length in characters of a displayed argument, such as a path."""
@@ -42,8 +42,8 @@ def _argument(
             return ""
         case Enum():
             shown = str(value.value)
-        case float() | int() if unit == "rad":
-            return f"{name} {degrees(value):.4g}°"
+        case float() | int() if unit in {"rad", "rad/s"}:
+            return f"{name} {quantity_text(value, unit)}"
         case float():
             shown = f"{value:.4g}"
         case tuple():

@@ -41,6 +41,7 @@ from executive.settings import Controller, LocomotionKind, Settings, TargetFrame
 from executive.state import Status, check_path
 from executive.values.facts import Source
 from executive.values.geometry import Point
+from executive.values.quantities import quantity_text
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import printable
 
@@ -123,7 +124,7 @@ def _range(
     side = "below" if value < low else "above"
     return Refusal(
         Reason.OUT_OF_RANGE,
-        f"{name} {value:g} {unit} is {side} its bound of {bound:g} {unit}",
+        f"{name} {quantity_text(value, unit)} is {side} its bound of {quantity_text(bound, unit)}",
         (Figure(name, value, unit), Figure("bound", bound, unit)),
         argument,
     )

@@ -20,6 +20,7 @@ from executive.values.ports import (
     TurnBy,
     VelocityHold,
 )
+from executive.values.quantities import angle_text
 from executive.values.reasons import Reason, Refusal
 
 MAX_START_DELAY_S: Final = 4.0
@@ -115,7 +116,7 @@ class PendingMotion(Motion):
         """The motion in execution, for display."""
         match self._motion.primitive:
             case TurnBy(angle_rad):
-                return f"rover turns by {angle_rad:+.3f} rad"
+                return f"rover turns by {angle_text(angle_rad, '+.1f')}"
             case DriveBy(distance_m):
                 return f"rover drives {distance_m:+.3f} m"
             case VelocityHold(_, duration_s):

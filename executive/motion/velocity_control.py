@@ -27,6 +27,7 @@ from executive.state import Status
 from executive.values.clock import Clock
 from executive.values.geometry import STANDING, Point, Velocity, arc_end, wrap_rad
 from executive.values.ports import MotionIntent, VelocityRover
+from executive.values.quantities import quantity_text
 
 STEER_PER_M = 2.0
 STEER_PER_S = 3.0
@@ -94,7 +95,7 @@ class _Law(Motion):
     @property
     def remaining_text(self) -> str:
         """The remaining distance or angle, for display."""
-        return f"{self.remaining:+.3f} {self.unit} left"
+        return f"{quantity_text(self.remaining, self.unit, '+.3f')} left"
 
     def update_limits(self, now_s: float) -> bool:
         """Plan again if the speed limit changed; return whether it did."""

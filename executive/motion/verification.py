@@ -10,6 +10,7 @@ from typing import Final
 
 from executive.settings import Settings
 from executive.state import FramePair, Status, disagreement
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
 WAIT_S: Final = 6.0
@@ -86,7 +87,7 @@ class MotionVerification:
         fusion.unconfirmed_since = self._first
         text = (
             f"the second odometry disagrees with the motion by {apart.off_m:.2f} m and"
-            f" {apart.off_rad:.2f} rad"
+            f" {angle_text(apart.off_rad)}"
         )
         return Refusal(Reason.NOT_CONFIRMED, text, figures)
 

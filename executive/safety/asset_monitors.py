@@ -6,6 +6,7 @@ from executive.faults import Window
 from executive.safety.evidence import Evidence
 from executive.safety.motion_history import MotionHistory
 from executive.values.facts import Source
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure
 
 
@@ -18,7 +19,7 @@ def tilt_limit(history: MotionHistory, window: Window, _: float) -> Evidence | N
     if tilt_rad <= window.bound:
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
-    return Evidence(f"tilt {tilt_rad:.2f} rad exceeds {window.bound:.2f} rad", figures)
+    return Evidence(f"tilt {angle_text(tilt_rad)} exceeds {angle_text(window.bound)}", figures)
 
 
 def emergency_stop(history: MotionHistory, _: Window, __: float) -> Evidence | None:

@@ -7,6 +7,7 @@ from typing import Final
 
 from executive.faults import Window
 from executive.safety.motion_history import MotionHistory
+from executive.values.quantities import quantity_text
 from executive.values.reasons import Figure
 
 DISCOVERY_GRACE_S: Final = 10.0
@@ -36,7 +37,9 @@ def disagreement_evidence(
         bound: of the difference, in that unit.
         window_s: length of the window.
     """
-    text = ", ".join(f"{each.name} {each.value:.2f} {each.unit}" for each in figures)
+    text = ", ".join(
+        f"{each.name} {quantity_text(each.value, each.unit, '.2f')}" for each in figures
+    )
     limits = Figure("bound", bound, figures[-1].unit), Figure("window", window_s, "s")
     return Evidence(f"{what}: {text} over {window_s:.1f} s", (*figures, *limits))
 

@@ -10,6 +10,7 @@ from executive.faults import Window
 from executive.safety.evidence import Evidence, disagreement_evidence, silent_sensor, turn_evidence
 from executive.safety.gyro_heading import BY_GYRO
 from executive.safety.motion_history import MotionHistory
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
@@ -131,7 +132,7 @@ def tilt_limit_imu(history: MotionHistory, window: Window, now_s: float) -> Evid
     if not tilt_rad > window.bound:  # also false if it is not measured
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
-    return Evidence(f"tilt {tilt_rad:.2f} rad exceeds {window.bound:.2f} rad", figures)
+    return Evidence(f"tilt {angle_text(tilt_rad)} exceeds {angle_text(window.bound)}", figures)
 
 
 def imu_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:

@@ -12,6 +12,7 @@ from executive.faults import Window
 from executive.safety.evidence import Evidence, speed_evidence, turn_evidence
 from executive.safety.motion_history import MotionHistory, OdometryWindow, PoseJump
 from executive.safety.rest_track import FIRST_RATIO
+from executive.values.quantities import angle_text, quantity_text
 from executive.values.reasons import Figure
 
 EVIDENCE_HOLD_S: Final = 0.1
@@ -48,7 +49,7 @@ def _recent(jump: PoseJump | None, now_s: float) -> TypeGuard[PoseJump]:
 
 def _jump_evidence(jump: PoseJump) -> Evidence:
     return Evidence(
-        f"odometry jumped by {jump.step_m:.2f} m and {jump.turn_rad:.2f} rad",
+        f"odometry jumped by {jump.step_m:.2f} m and {angle_text(jump.turn_rad)}",
         (
             Figure("jump", jump.step_m, "m"),
             Figure("bound", jump.bound_m, "m"),
@@ -184,7 +185,7 @@ def odometry_heading_off_twist(history: MotionHistory, window: Window, _: float)
     if off_rad <= bound_rad:
         return None
     return Evidence(
-        f"odometry heading and yaw rate disagree by {off_rad:.2f} rad",
+        f"odometry heading and yaw rate disagree by {angle_text(off_rad)}",
         (
             Figure("by rate", moved.twist_turn_rad, "rad"),
             Figure("by heading", moved.pose_rad, "rad"),
@@ -257,7 +258,8 @@ def _range_evidence(
     if abs(measured - nearest) <= bound:
         return None
     return Evidence(
-        f"the rover does not {verb} as commanded: {measured:+.2f} {unit} instead of {nearest:+.2f}",
+        f"the rover does not {verb} as commanded: {quantity_text(measured, unit, '+.2f')}"
+        f" instead of {quantity_text(nearest, unit, '+.2f')}",
         (
             Figure("commanded", nearest, unit),
             Figure("odometry", measured, unit),
@@ -324,7 +326,8 @@ def turn_angle_off_command(history: MotionHistory, window: Window, _: float) -> 
     if off_rad <= bound_rad:
         return None
     return Evidence(
-        f"the rover turned by {moved.pose_rad:+.2f} rad instead of {wanted.twist_turn_rad:+.2f}",
+        f"the rover turned by {angle_text(moved.pose_rad, '+.1f')} instead of"
+        f" {angle_text(wanted.twist_turn_rad, '+.1f')}",
         (
             Figure("commanded", wanted.twist_turn_rad, "rad"),
             Figure("odometry", moved.pose_rad, "rad"),
@@ -340,7 +343,7 @@ def uncommanded_travel(history: MotionHistory, window: Window, _: float) -> Evid
     if moved is None or moved.pose_path_m <= COMPARED_RATIO * window.bound * window.length_s:
         return None
     speed_mps = history.poses.speed_mps(window.length_s, window.bound)
-    return _uncommanded_evidence(history, window, speed_mps, "drives at {:.2f} m/s")
+    return _uncommanded_evidence(history, window, speed_mps, "drives", "m/s")
 
 
 def uncommanded_turn(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -349,7 +352,7 @@ def uncommanded_turn(history: MotionHistory, window: Window, _: float) -> Eviden
     if moved is None:
         return None
     rate_radps = history.poses.rate_radps(window.length_s, window.bound)
-    return _uncommanded_evidence(history, window, rate_radps, "turns at {:.3f} rad/s")
+    return _uncommanded_evidence(history, window, rate_radps, "turns", "rad/s")
 
 
 def _moved_at_rest(history: MotionHistory, window: Window) -> OdometryWindow | None:
@@ -360,7 +363,7 @@ def _moved_at_rest(history: MotionHistory, window: Window) -> OdometryWindow | N
 
 
 def _uncommanded_evidence(
-    history: MotionHistory, window: Window, rate: float | None, what: str
+    history: MotionHistory, window: Window, rate: float | None, verb: str, unit: str
 ) -> Evidence | None:
     """Return evidence of motion in a window of commanded standstill.
 
@@ -370,9 +373,9 @@ def _uncommanded_evidence(
         return None
     names = ", ".join((*map(str, history.mux_inputs), *history.foreign_publishers))
     by = f" (velocity publishers: {names})" if names else ""
-    unit = what.rpartition(" ")[2]
     figures = Figure("odometry", rate, unit), Figure("bound", window.bound, unit)
-    return Evidence(f"the rover {what.format(rate)} without a command{by}", figures)
+    shown = quantity_text(rate, unit, ".2f")
+    return Evidence(f"the rover {verb} at {shown} without a command{by}", figures)
 
 
 def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -392,8 +395,8 @@ def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | 
         return None
     return Evidence(
         f"no progress in {window.length_s:g} s: {moved.pose_path_m:.2f} m and"
-        f" {moved.turned_rad:.2f} rad, commanded {wanted.driven_m:.2f} m and"
-        f" {wanted.turned_rad:.2f} rad",
+        f" {angle_text(moved.turned_rad)}, commanded {wanted.driven_m:.2f} m and"
+        f" {angle_text(wanted.turned_rad)}",
         (
             Figure("commanded", wanted.driven_m, "m"),
             Figure("odometry", moved.pose_path_m, "m"),

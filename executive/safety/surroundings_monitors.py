@@ -7,6 +7,7 @@ from executive.safety.evidence import Evidence
 from executive.safety.motion_history import MotionHistory
 from executive.safety.surroundings import STANDSTILL_MPS
 from executive.values.geometry import arc
+from executive.values.quantities import rate_text
 from executive.values.reasons import Figure
 
 
@@ -48,7 +49,7 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
     speed_mps, rate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
     if speed_mps < STANDSTILL_MPS:
         return Evidence(
-            f"obstacle {met.gap_m:.2f} m from the rover turning at {rate_radps:.2f} rad/s",
+            f"obstacle {met.gap_m:.2f} m from the rover turning at {rate_text(rate_radps)}",
             (
                 Figure("distance", met.gap_m, "m"),
                 Figure("rate", rate_radps, "rad/s"),

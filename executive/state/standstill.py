@@ -14,6 +14,7 @@ from typing import Final
 from executive.values.clock import Clock
 from executive.values.facts import Imu, Joints, Odometry, SecondOdometry
 from executive.values.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
+from executive.values.quantities import quantity_text
 from executive.values.reasons import Figure
 
 WINDOW_S: Final = 0.2
@@ -54,7 +55,9 @@ class SourceMotion:
     awaited: bool = False
 
     def __str__(self) -> str:
-        speeds = ", ".join(f"{figure.value:.2f} {figure.unit}" for figure in self.figures)
+        speeds = ", ".join(
+            quantity_text(figure.value, figure.unit, ".2f") for figure in self.figures
+        )
         since = ", not received since standstill" if self.awaited else ""
         return f"{speeds} by {self.source}{since}"
 

@@ -68,6 +68,21 @@ def read_quantity(text: str, unit: str, *, bare: bool = True, comma: bool = Fals
     return radians(value) if per_unit == _DEGREES else value / per_unit
 
 
+def display_unit(unit: str) -> tuple[float, str]:
+    """Return the number of display units per SI unit, and their symbol: degrees for angles."""
+    if unit in {"rad", "rad/s"}:
+        return _DEGREES, f"°{unit.removeprefix('rad')}"
+    return 1.0, unit
+
+
+def quantity_text(value: float, unit: str, spec: str | None = None) -> str:
+    """Return a value with its unit, for display: angles in degrees, other values in SI units."""
+    per_unit, shown = display_unit(unit)
+    if per_unit != 1.0:
+        return f"{value * per_unit:{spec or '.4g'}}{shown}"
+    return f"{value:{spec or 'g'}} {unit}".rstrip()
+
+
 def angle_text(angle_rad: float, spec: str = "z.1f") -> str:
     """Return an angle in degrees, formatted by `spec`."""
     return f"{degrees(angle_rad):{spec}}°"

@@ -8,6 +8,7 @@ from enum import Enum, unique
 from typing import Final
 
 from executive.values.identity import Identity
+from executive.values.quantities import quantity_text
 
 
 @unique
@@ -152,7 +153,7 @@ class Figure:
     unit: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} {self.value:g} {self.unit}".rstrip()
+        return f"{self.name} {quantity_text(self.value, self.unit)}"
 
 
 @dataclass(frozen=True, slots=True)

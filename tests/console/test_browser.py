@@ -257,7 +257,7 @@ def test_the_map_shows_how_uncertain_the_pose_is_and_was(
     page.get_by_role("button", name="Send moveTo to jackal").click()
     refused = commands(page, "moveTo").first
     expect(refused).to_have_attribute("data-state", "rejected")
-    expect(refused).to_contain_text("the heading is uncertain by 0.21 rad")
+    expect(refused).to_contain_text("the heading is uncertain by 12.0°")
     page.screenshot(path=picture("console-uncertain"))
     then_ms = page.evaluate("Date.now()")
     light = people.visit(f"{site.url}lite", "bert", (420, 800))

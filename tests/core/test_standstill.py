@@ -45,7 +45,7 @@ def test_a_stop_is_not_done_while_the_pose_moves_without_a_twist(sliding: Slidin
     assert sliding.finish(1) is Stage.FAILED
     reported = [r for r in sliding.received.reports if r.stage is Stage.PROGRESS]
     assert [report.step for report in reported] == [1, 2, 3, 4]
-    assert "0.40 m/s, 0.00 rad/s by odometry" in reported[0].text
+    assert "0.40 m/s, 0.00°/s by odometry" in reported[0].text
     last = sliding.last(1)
     assert last.reason is Reason.STOP_DEADLINE
     assert "0.40 m/s" in last.text
@@ -74,7 +74,7 @@ def test_a_stop_waits_for_stationary_frames_of_a_second_odometry(sliding: Slidin
         sliding.run(0.5)
         if halves == 2:
             assert sliding.stages(1)[-1] is Stage.PROGRESS
-            assert "m/s, 0.00 rad/s by second odometry" in sliding.last(1).text
+            assert "m/s, 0.00°/s by second odometry" in sliding.last(1).text
     assert sliding.stages(1)[-1] is Stage.EXECUTED
     assert "by odometry and second odometry" in sliding.last(1).text
 
@@ -95,7 +95,7 @@ def test_a_stop_is_not_done_while_wheels_or_gyro_turn(bench: Bench, source: str)
     for _ in range(30):
         log(turning=True)
     assert bench.stages(1)[-1] is Stage.PROGRESS
-    assert f"rad/s by {source}" in bench.last(1).text
+    assert f"°/s by {source}" in bench.last(1).text
     for _ in range(5):
         log(turning=False)
     assert bench.stages(1)[-1] is Stage.EXECUTED
@@ -157,7 +157,7 @@ def test_why_reports_motion_without_a_command_here(bench: Bench) -> None:
     bench.run(1.0)
     bench.rover.velocity = Velocity(0.0, 0.7)  # another node spins it
     bench.run(0.5)
-    moves = "moves at +0.00 m/s, +0.70 rad/s, but should be stationary: "
+    moves = "moves at +0.00 m/s, +40.1°/s, but should be stationary: "
     assert bench.executive.why.startswith(moves + "no motion goal")
     bench.submit(Stop(), 1)
     for _ in range(4):
@@ -168,7 +168,7 @@ def test_why_reports_motion_without_a_command_here(bench: Bench) -> None:
     assert Identity("MOE", 1) == bench.last(1).identity
     bench.drive_on()
     assert bench.executive.why.startswith("STOPPED: the rover turns at ")
-    assert "rad/s without a command" in bench.executive.why
+    assert "°/s without a command" in bench.executive.why
 
 
 def test_a_publisher_that_sends_nothing_does_not_excuse_motion(bench: Bench) -> None:

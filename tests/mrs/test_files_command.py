@@ -42,7 +42,7 @@ def test_files_are_listed_and_described(aboard: Aboard, picture: str) -> None:
     assert {"commandId", "POS_X", "CAM_PAN"} <= set(reported.output.split())
     assert re.search(r"modified +[-0-9]+ [:0-9]+ UTC\n", reported.output)
     assert re.search(r"POS_X +[-.0-9e]+ m\n", reported.output)
-    assert re.search(r"CAM_PAN +[-.0-9e]+ rad\n", reported.output)
+    assert re.search(r"CAM_PAN +[-.0-9e]+°\n", reported.output)
 
 
 def test_a_file_is_fetched_to_where_it_is_wanted(

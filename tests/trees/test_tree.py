@@ -1,9 +1,11 @@
 import xml.etree.ElementTree as ET
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
+from rich.console import Console
 
 from executive.commands import CameraWork, Motion, MoveTo, Request, Stop, TakePicture, Waypoint
 from executive.settings import load_settings
@@ -16,6 +18,7 @@ from trees import (
     NodeStatus,
     RoverTree,
     TreeNodeSnapshot,
+    TreeSnapshot,
     as_svg,
     commands_by_node,
     display_statuses,
@@ -23,6 +26,7 @@ from trees import (
 from trees.cli import tree
 from trees.motion import Turn
 from trees.rover import preview
+from trees.screen import render
 from trees.snapshot import as_mermaid, as_text, nodes
 
 
@@ -193,3 +197,13 @@ def test_rover_tree_reports_an_invalid_asset_file(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "speed" in result.output
     assert "mine.yaml" in result.output
+
+
+def test_a_small_terminal_shows_no_failure_of_an_idle_rover(bench: Bench) -> None:
+    found = tuple(snapshot(bench).values())
+    console = Console(record=True, file=StringIO(), width=100)
+    console.print(render("jackal", TreeSnapshot(1, 0.0, "IDLE", "no goal", found), height=20))
+    shown = console.export_text()
+    assert "priority stop –" in shown
+    assert "stopping?" not in shown, "it is collapsed"
+    assert "✕" not in shown

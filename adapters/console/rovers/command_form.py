@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntry
 from executive.commands import Argument, Request, arguments_of
+from executive.values.quantities import quantity_text
 
 MAX_TEXT_LENGTH: Final = 1024
 """Maximum length of a text argument."""
@@ -110,13 +111,12 @@ def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
         entry.high is not None and value > entry.high
     ):
         low, high = entry.low, entry.high
-        bounds = (
-            f"{low:g} to {high:g}"
-            if low is not None and high is not None
-            else (f"at least {low:g}" if low is not None else f"at most {high:g}")
-        )
-        unit = f" {entry.unit}" if entry.unit else ""
-        raise _invalid(field, f"{field} {value:g}{unit} is out of range, {bounds}{unit}", entry)
+        ends = [quantity_text(each, entry.unit) for each in (low, high) if each is not None]
+        bounds = " to ".join(ends)
+        if len(ends) == 1:
+            bounds = f"at most {bounds}" if low is None else f"at least {bounds}"
+        shown = quantity_text(value, entry.unit)
+        raise _invalid(field, f"{field} {shown} is out of range, {bounds}", entry)
     return float(value)
 
 

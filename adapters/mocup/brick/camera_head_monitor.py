@@ -13,6 +13,7 @@ from adapters.mops import Dictionary, Message, MopsError, parameters_of
 from executive.commands import MoveCameraAngles, SetCameraAngles
 from executive.values.clock import Clock
 from executive.values.parameters import Parameter
+from executive.values.quantities import angle_text
 
 ANGLE_TOLERANCE_RAD: Final = 0.02
 """Equal to `camera.angle_tolerance_rad` of the executive."""
@@ -126,8 +127,10 @@ class CameraHeadMonitor:
     def overdue(self) -> list[PointingResult]:
         """Return the commands after their deadline, with the last angles in telemetry."""
         late = [each for each in self._waiting() if self._clock.now_s() > each.until_s]
-        shown = ", ".join("unknown" if seen is None else f"{seen:.3f}" for seen in self._seen_rad)
-        text = f"the camera did not reach its angles in time: it is at {shown} rad"
+        shown = ", ".join(
+            "unknown" if seen is None else angle_text(seen) for seen in self._seen_rad
+        )
+        text = f"the camera did not reach its angles in time: it is at {shown}"
         return [PointingResult(each.command, self._executed_reply(each), text) for each in late]
 
     def _waiting(self) -> list[_Pointing]:

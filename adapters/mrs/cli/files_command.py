@@ -20,6 +20,7 @@ from adapters.mrs.cli.terminal import (
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
 from executive.values.parameters import Parameter
+from executive.values.quantities import quantity_text
 
 MAX_CHUNK_OCTETS: Final = 1 << 18
 
@@ -150,7 +151,7 @@ async def cancel(client: MrsClient, path: str) -> None:
 def _described(file: FileInfo) -> dict[str, str]:
     units = {each.value: each.unit for each in Parameter}
     known = {
-        each.name: f"{value:g} {units.get(each.name, '')}".rstrip()
+        each.name: quantity_text(value, units.get(each.name, ""))
         if isinstance(value := each.value.value, float)
         else str(value)
         for each in file.metaData or ()

@@ -20,6 +20,7 @@ from adapters.mrs.spec import (
     notification_of,
 )
 from executive.commands import Command, PreemptionPolicy, Request, Stop
+from executive.values.quantities import quantity_text
 from executive.values.reasons import PREDICTED
 from executive.values.reports import TERMINAL, Report, Stage
 
@@ -172,22 +173,35 @@ def report_line(report: Report) -> str:
     if report.reason is not None:
         parts.append(f"{report.reason.value} {report.reason.name}:")
     parts.append(report.text)
-    figures = _figures(report)
-    if figures and report.stage is not None:
+    if figures := _figures(report):
         parts.append(f"[{', '.join(figures)}]")
     return f"{clock(report.utc_s)}  {name:<9}  {' '.join(parts)}"
 
 
 def _figures(report: Report) -> list[str]:
-    """Return the figures of a report, each with its prediction, if any."""
+    """Return the figures of a motion that an operator compares, each with its prediction, if any.
+
+    Other figures are in the text, with their units, which a notification does not carry.
+    """
     known = {figure.name: figure.value for figure in report.figures}
     return [
-        f"{name} {value:g} (predicted {known[PREDICTED + name]:g})"
-        if PREDICTED + name in known
-        else f"{name} {value:g}"
-        for name, value in known.items()
-        if not (name.startswith(PREDICTED) and name.removeprefix(PREDICTED) in known)
+        f"{name} {quantity_text(known[name], unit, '.2f')}"
+        + (
+            f" (predicted {quantity_text(known[PREDICTED + name], unit, '.2f')})"
+            if PREDICTED + name in known
+            else ""
+        )
+        for name, unit in _MOTION_FIGURES.items()
+        if name in known and report.stage is Stage.EXECUTED
     ]
+
+
+_MOTION_FIGURES: Final = {
+    "duration": "s",
+    "length": "m",
+    "position error": "m",
+    "heading error": "rad",
+}
 
 
 def _stage_word(report: Report) -> tuple[str, str | None]:

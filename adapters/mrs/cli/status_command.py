@@ -44,6 +44,7 @@ from adapters.mrs.spec import (
 from executive.faults import summary
 from executive.state import RECOVERY, Uncertainty
 from executive.values.geometry import Pose
+from executive.values.quantities import display_unit
 from executive.values.reports import PlanStatus, PlanUpdate, printable
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ class _StatusSnapshot:
             f"{utc(self.status.timestamp)} UTC aboard",
         )
         rows = (
-            (each.name, _shown(values.get(each.name)), each.unit or "", each.description)
+            (each.name, *_shown(values.get(each.name), each.unit or ""), each.description)
             for each in self.definitions
         )
         return Group(
@@ -330,20 +331,18 @@ async def _show_asset(to: RoverTarget, asset: str, as_json: bool) -> None:
         echo_json({"asset": asset, "parameters": found})
         return
     rows = (
-        (each.name, _shown(each.value), units.get(each.name, ""), iso(each.utc_s))
+        (each.name, *_shown(each.value, units.get(each.name, "")), iso(each.utc_s))
         for each in values
     )
     print_table(rows, "parameter", "value", "unit", "sampled, UTC")
 
 
-def _shown(figure: float | str | None) -> str:
-    match figure:
-        case None:
-            return "unknown"
-        case str():
-            return printable(figure)
-        case _:
-            return f"{figure:z.3f}"
+def _shown(figure: float | str | None, unit: str) -> tuple[str, str]:
+    """Return a value and its unit, for display: angles in degrees."""
+    if figure is None or isinstance(figure, str):
+        return "unknown" if figure is None else printable(figure), unit
+    per_unit, shown_unit = display_unit(unit)
+    return f"{figure * per_unit:z.3f}", shown_unit
 
 
 @click.command()
