@@ -1,6 +1,7 @@
 """The page of plans in a real browser: steps by clicks, checked, submitted, run and resumed."""
 
 import asyncio
+import gzip
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -12,6 +13,7 @@ from playwright.async_api import Locator, Page, async_playwright, expect
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
 from tests.console.site import OPTIONS
+from tests.console.test_theme_page import AXE, violations
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -26,7 +28,7 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
     launch: Launch, tmp_path: Path
 ) -> None:
     rover = launch()
-    async with page_of_plans(tmp_path, rover.uri) as (_, page):
+    async with page_of_plans(tmp_path, rover.uri) as (anna, page):
         operations = page.locator(".steps .what")
         picture = page.get_by_role("button", name="+ takePicture")
         for x_m, y_m in ((1.0, 1.0), (2.0, 0.0), (3.0, 1.0)):
@@ -48,28 +50,92 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
         await expect(outcome).to_contain_text("activatePlan: executed")
         await asyncio.to_thread(rover.run, 2.0)
         await expect(steps(page).first).to_have_attribute("data-state", "active")
-        await page.locator(".side .suspendPlan").click()
-        await expect(outcome).to_contain_text("suspendPlan: executed")
-        await page.locator(".side .resumePlan").click()
+
+        other = await page.context.new_page()
+        await other.goto(f"{anna.address}{ROVER}~commands{SHOWN}")
+        strip = other.get_by_test_id("plan-strip")
+        await expect(strip).to_contain_text(re.compile("plan-1executing.*step 1 of 6: moveTo"))
+        await strip.get_by_role("button", name="suspend").click()
+        await expect(strip).to_contain_text("suspended")
+
+        await steps(page).nth(3).get_by_role("button", name="resume here").click()
         await expect(outcome).to_contain_text("resumePlan: executed")
+        await asyncio.to_thread(rover.run, 0.2)
+        await expect(strip).to_contain_text(re.compile("executing.*step [45] of 6"))
         rover.runs = True
-        await expect(page.locator(".aboard tr").filter(has_text="plan-1")).to_contain_text(
-            "completed"
-        )
+        row = page.locator(".aboard tr").filter(has_text="plan-1")
+        await expect(row).to_contain_text("completed")
+        await expect(page.locator(".steps [data-state=done]")).to_have_count(6)
+        await expect(strip).to_be_empty()
+
+
+async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
+    launch: Launch, tmp_path: Path
+) -> None:
+    async with page_of_plans(tmp_path, launch().uri) as (anna, page):
+        check, outcome = page.get_by_test_id("plan-check"), page.get_by_test_id("plan-outcome")
+        await click_map(page, 1.0, 0.0)
+        await page.get_by_label("add a step").select_option("moveForward")
+        await expect(steps(page).nth(1)).to_contain_text("fill in distance")
+        await page.get_by_label("distance", exact=True).fill("500")
+        await expect(steps(page).nth(1).locator("> .problem")).to_contain_text("distance")
+        await expect(check).to_contain_text("Step 2: ")
+        await page.get_by_label("distance", exact=True).fill("1")
+        await page.get_by_label("step name").fill("ahead")
+        await expect(check).to_contain_text("Valid")
+        await page.get_by_role("button", name="save draft").click()
+        await expect(outcome).to_contain_text("draft plan-1 is stored")
+        assert await violations(page) == []
+
+        await page.get_by_role("button", name="XML", exact=True).click()
+        text = page.get_by_label("plan", exact=True)
+        await expect(text).to_have_value(re.compile('<moveForward name="ahead" distance="1"'))
+        await text.fill("<root><takePictur/></root>")
+        await page.evaluate(f"location.hash = '{ROVER}~map{SHOWN}'")
+        await expect(text).to_be_hidden()
+        await page.evaluate(f"location.hash = '{ROVER}~plans{SHOWN}'")
+        await expect(text).to_have_value("<root><takePictur/></root>")
+        await page.get_by_role("button", name="Submit to jackal").click()
+        await expect(outcome).to_contain_text("submitPlan: rejected")
+        await page.reload()
+        await expect(text).to_have_value("<root><takePictur/></root>")
+        assert await violations(page) == []
+
+        await page.get_by_label("open a plan").select_option(label="look-around")
+        await expect(page.get_by_text("This plan is no list of steps")).to_be_visible()
+        await page.get_by_label("open a plan").select_option(label="plan-1")
+        await expect(steps(page).nth(1)).to_contain_text("ahead")
+        await drag_on_map(page, (1.0, 0.0), (1.0, 2.0))
+        await expect(steps(page).first).to_contain_text(re.compile(r"y (2|2\.0.|1\.9.)"))
+        await page.get_by_role("button", name="undo").click()
+        await page.get_by_role("button", name="delete draft").click()
+        stored = await anna.get("api/objects")
+        assert [each for each in stored["objects"] if each["key"].startswith("plan")] == []
 
 
 def steps(page: Page) -> Locator:
     return page.locator(".steps .step")
 
 
-async def click_map(page: Page, x_m: float, y_m: float) -> None:
-    """Click a point of the map, with the rover at the origin in its centre."""
+async def on_map(page: Page, x_m: float, y_m: float) -> tuple[float, float]:
+    """Return the px of a point of the map, with the rover at the origin in its centre."""
     picture = page.locator(".plans-view svg.map")
     box, scale = await picture.bounding_box(), await picture.get_attribute("data-scale")
     assert box is not None
     assert scale is not None
     x_px = box["x"] + box["width"] / 2 + x_m * float(scale)
-    await page.mouse.click(x_px, box["y"] + box["height"] / 2 - y_m * float(scale))
+    return x_px, box["y"] + box["height"] / 2 - y_m * float(scale)
+
+
+async def click_map(page: Page, x_m: float, y_m: float) -> None:
+    await page.mouse.click(*await on_map(page, x_m, y_m))
+
+
+async def drag_on_map(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    await page.mouse.move(*await on_map(page, *start))
+    await page.mouse.down()
+    await page.mouse.move(*await on_map(page, *end), steps=3)
+    await page.mouse.up()
 
 
 @asynccontextmanager
@@ -83,7 +149,9 @@ async def page_of_plans(folder: Path, uri: str) -> AsyncIterator[tuple[Operator,
     ):
         await anna.page.is_up()
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
-        page = await browser.new_page(viewport={"width": 1280, "height": 800})
+        context = await browser.new_context(viewport={"width": 1280, "height": 800})
+        page = await context.new_page()
+        await page.add_init_script(gzip.decompress(AXE.read_bytes()).decode())
         page.on("pageerror", lambda error: errors.append(str(error)))
         await page.goto(f"{anna.address}{ROVER}~plans{SHOWN}")
         await expect(page.locator(".plans-view [data-testid=rover]")).to_be_visible()

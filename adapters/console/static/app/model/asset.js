@@ -190,6 +190,13 @@ export class Asset extends Topics {
     return origin && composed(inverse(origin), point);
   }
 
+  /** The plans aboard: the reported ones that were not removed since. @returns {Map<string, PlanProgress>} */
+  get plansAboard() {
+    const removals = [...this.commands.values()].filter((each) => each.name === "removePlan" && each.state === "executed");
+    const isRemoved = ({ plan, utc }) => removals.some(({ args, history }) => args?.plan_id === plan && history.at(-1).utc >= utc);
+    return new Map([...this.plans].filter(([, each]) => !isRemoved(each)));
+  }
+
   /** @param {CommandStatus} command */
   setCommand(command) {
     const former = this.commandOf(`${command.source}:${command.number}`);

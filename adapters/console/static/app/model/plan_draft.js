@@ -144,7 +144,7 @@ export class PlanDraft extends Observable {
 
   #freeName() {
     let number = 1;
-    while (this.asset.plans.has(`plan-${number}`)) number++;
+    while (this.asset.plansAboard.has(`plan-${number}`)) number++;
     return `plan-${number}`;
   }
 
@@ -279,7 +279,8 @@ export class PlanDraft extends Observable {
     draft.prepare(operation, args);
     if (!draft.entry) return null;
     draft.on(() => this.#editedSteps());
-    return new PlanStep(draft, name === operation ? "" : name, deadline === null ? "" : String(deadline));
+    const isDefault = name.replace(/ \d+$/, "") === operation;
+    return new PlanStep(draft, isDefault ? "" : name, deadline === null ? "" : String(deadline));
   }
 
   get #storageKey() {

@@ -7,6 +7,7 @@
 import { nameOf } from "../model/asset.js";
 import { fetchJson, operator } from "../model/connection.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
+import { PlanStrip } from "./plan_strip.js";
 import { View } from "./view.js";
 import { clock, number, unitOf } from "../format.js";
 
@@ -49,11 +50,12 @@ export class CommandTable extends View {
   #scroll = html("div", { className: "scroll", onscroll: this.draw }, this.#rows);
   #jump = button("", "go to the newest command", () => (this.#scroll.scrollTop = 0), { className: "jump", "data-testid": "new-commands" });
   #empty = html("p", { className: "empty" });
-  root = html("section", { className: "rover-view commands-view" }, this.#empty, this.#jump, this.#scroll);
+  #plans = html("div");
+  root = html("section", { className: "rover-view commands-view" }, this.#plans, this.#empty, this.#jump, this.#scroll);
 
   start() {
     const { asset, selection, cursor, draw } = this;
-    return [asset.on("commands", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
+    return [PlanStrip.mount(this.#plans, this), asset.on("commands", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
   }
 
   render() {

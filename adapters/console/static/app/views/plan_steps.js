@@ -147,11 +147,16 @@ class StepRow {
     for (const [each, act] of /** @type {const} */ ([[this.#up, "move up"], [this.#down, "move down"], [this.#remove, "remove"]])) set(each, { "aria-label": `${act} step ${index + 1}`, title: act });
     this.#up.disabled = index === 0;
     this.#down.disabled = index === plan.steps.length - 1;
-    this.#resume.hidden = !resumeAt;
-    this.#fieldBox.hidden = !isSelected;
-    if (!isSelected) return;
-    if (this.#typed !== draft.typed) this.#makeFields();
+    this.#resume.hidden = !resumeAt || state === "done";
+    if (!isSelected) this.#clearFields();
+    else if (this.#typed !== draft.typed) this.#makeFields();
     for (const field of this.#fields) field.render(draft.problems);
+  }
+
+  #clearFields() {
+    this.#typed = null;
+    this.#fields = [];
+    this.#fieldBox.replaceChildren();
   }
 
   #makeFields() {

@@ -174,7 +174,7 @@ export class PlansView extends View {
   /** Submit the plan; remove a former one of this name first. */
   async #onSubmit() {
     const { name, xml } = this.plan;
-    if (this.asset.plans.has(name) && (await this.#act("removePlan", name))?.state !== "executed") return;
+    if (this.asset.plansAboard.has(name) && (await this.#act("removePlan", name))?.state !== "executed") return;
     await this.#send(`${this.#library.path}`, { plan_id: name, content: xml });
     this.#library.refresh();
   }
@@ -214,7 +214,7 @@ export class PlansView extends View {
   }
 
   get #progress() {
-    return this.asset.plans.get(this.plan.name);
+    return this.asset.plansAboard.get(this.plan.name);
   }
 
   /** The last revision of the plan's name that was submitted at the console. */
@@ -254,8 +254,7 @@ export class PlansView extends View {
     }
     this.#asSteps.disabled = showsXml && !this.#showsXml;
     this.#undo.disabled = !plan.canUndo;
-    const canChoose = asset.entry?.commands.some((each) => each.name === "resumePlan" && each.arguments.some(({ name }) => name === "step"));
-    this.#steps.resumeAt = canChoose && progress?.status === "SUSPENDED" && !this.#differs ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
+    this.#steps.resumeAt = progress?.status === "SUSPENDED" && !this.#differs ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
     this.#steps.root.hidden = this.#steps.adders.hidden = showsXml;
     this.#steps.draw();
     this.#xml.hidden = !showsXml;
@@ -265,10 +264,10 @@ export class PlansView extends View {
     this.#drawCheck();
     this.#drawButtons(progress);
     this.#drawOutcome();
-    const known = [...new Set([...asset.plans.keys(), ...this.#library.submitted.map((each) => each.plan)])];
+    const known = [...asset.plansAboard.values()];
     this.#table.hidden = known.length === 0;
     const make = () => html("tr", {}, html("td"), html("td"), html("td"), html("td"), html("td", { className: "dim" }));
-    reconcile(this.#rows, known, String, make, (row, name) => this.#drawRow(row, name));
+    reconcile(this.#rows, known, (each) => each.plan, make, (row, each) => this.#drawRow(row, each));
   }
 
   #drawLibrary() {
@@ -343,17 +342,17 @@ export class PlansView extends View {
     return this.#progress && this.#differs ? `This is not the ${this.plan.name} aboard.` : "";
   }
 
-  /** @param {any} row @param {string} name */
-  #drawRow(row, name) {
-    const progress = this.asset.plans.get(name);
+  /** @param {any} row @param {PlanProgress} progress */
+  #drawRow(row, progress) {
+    const { plan: name, status } = progress;
     const revision = this.#library.submitted.find((each) => each.plan === name);
     const [title, state, done, acts, when] = row.children;
     setText(title, name);
-    setText(state, (progress?.status ?? "").toLowerCase());
-    setText(done, [progress?.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress?.text ?? ""].filter(Boolean).join(", "));
-    set(done, { title: progress?.node ?? "" });
+    setText(state, status.toLowerCase());
+    setText(done, [progress.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress.text].filter(Boolean).join(", "));
+    set(done, { title: progress.node ?? "" });
     setText(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "not at this console");
-    const offered = [...(ACTS[progress?.status ?? ""] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
+    const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
     reconcile(acts, offered, String, (act) => this.#makeAct(act, () => name, revision));
   }
 
