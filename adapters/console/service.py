@@ -62,6 +62,7 @@ from adapters.console.web import (
     error_middleware,
     help_routes,
     json_response,
+    page_routes,
     read_tokens,
     refused,
 )
@@ -74,7 +75,7 @@ from adapters.system import System
 from executive.settings import shipped_folder
 
 STATIC: Final = Path(__file__).parent / "static"
-_PAGES: Final = {"/": "index.html", "/lite": "lite.html"}
+_TEXTS: Final = {"application/json", "text/html"}
 _CONDITIONS: Final = ("If-None-Match", "If-Modified-Since")
 READ_RETRY_S: Final = 1.0
 """Retry interval for reads of the archive that must succeed, s."""
@@ -124,7 +125,7 @@ class Server:
                 *self._routes,
                 web.get("/ws", sockets.serve),
                 web.get("/api/{rest:.*}", _empty_response),
-                *(web.get(path, self._page) for path in _PAGES),
+                *page_routes(STATIC, self._access),
                 web.static("/", STATIC, append_version=False),
             ]
         )
@@ -137,12 +138,6 @@ class Server:
         assets = {each.asset: each for each in self._entries()}
         return json_response({"assets": assets, "console": self._own})
 
-    async def _page(self, request: web.Request) -> web.StreamResponse:
-        response = web.FileResponse(STATIC / _PAGES[request.path])
-        if request.path == "/":
-            self._access.allow_templates(response)
-        return response
-
 
 @web.middleware
 async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -154,9 +149,9 @@ async def _compressed(request: web.Request, handler: Handler) -> web.StreamRespo
     response = await handler(request)
     is_conditional = any(name in request.headers for name in _CONDITIONS)
     is_file = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
-    is_page = is_file and not is_conditional
-    is_json = isinstance(response, web.Response) and response.content_type == "application/json"
-    if not response.prepared and (is_page or is_json) and request.method != "HEAD":
+    is_whole_file = is_file and not is_conditional
+    is_text = isinstance(response, web.Response) and response.content_type in _TEXTS
+    if not response.prepared and (is_whole_file or is_text) and request.method != "HEAD":
         response.enable_compression()
     return response
 

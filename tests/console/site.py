@@ -91,7 +91,7 @@ class Visitors:
     requests: list[str] = field(default_factory=list)
 
     def visit(self, url: str, operator: str, size: tuple[int, int] = SIZE) -> Page:
-        """Open a page under a name, in a browser profile of its own."""
+        """Open a page under a name, in a browser profile of its own; wait for Open MCT on it."""
         context = self.browser.new_context(viewport={"width": size[0], "height": size[1]})
         context.set_default_timeout(LIMIT_MS)
         context.add_init_script(_NAMED.format(name=operator))
@@ -100,6 +100,9 @@ class Visitors:
         page.on("console", lambda message: self._receive(message))
         page.on("request", lambda request: self._note(request))
         page.goto(url)
+        if url.startswith("http") and not url.endswith("/lite"):
+            page.locator(".l-shell").wait_for()  # of Open MCT
+            page.locator("#operations").wait_for(state="detached")
         return page
 
     def _receive(self, message: ConsoleMessage) -> None:

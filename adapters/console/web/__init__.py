@@ -9,6 +9,7 @@ from adapters.console.web.hub import MAX_QUEUED_SAMPLES as MAX_QUEUED_SAMPLES
 from adapters.console.web.hub import MAX_REPLAYED_COMMANDS as MAX_REPLAYED_COMMANDS
 from adapters.console.web.hub import REPLAY_BUFFER as REPLAY_BUFFER
 from adapters.console.web.hub import Hub as Hub
+from adapters.console.web.pages import page_routes as page_routes
 from adapters.console.web.responses import MAX_BODY_OCTETS as MAX_BODY_OCTETS
 from adapters.console.web.responses import MAX_NUMBER as MAX_NUMBER
 from adapters.console.web.responses import Handler as Handler

@@ -125,10 +125,11 @@ class Access:
             request[OPERATOR] = await self._operator(request)
         response = await handler(request)
         if not response.prepared:
-            response.headers.setdefault(_POLICY_HEADER, _POLICY.format(scripts=""))
             response.headers["X-Content-Type-Options"] = "nosniff"
-            response.headers["Referrer-Policy"] = "no-referrer"
-            response.headers.setdefault("Cache-Control", "no-cache")
+            if "Cache-Control" not in response.headers:  # a file of a page has the page's policy
+                response.headers.setdefault(_POLICY_HEADER, _POLICY.format(scripts=""))
+                response.headers["Referrer-Policy"] = "no-referrer"
+                response.headers["Cache-Control"] = "no-cache"
         return response
 
     def allow_templates(self, page: web.StreamResponse) -> None:

@@ -2,6 +2,8 @@
 
 import { button, set, setText } from "./dom.js";
 
+/** Folder of Open MCT's files. */
+export const OPENMCT = new URL("../vendor/openmct/", import.meta.url).pathname;
 const CHOICE = "rover-console-theme";
 /** Labels of the choices; without a choice the page follows the browser. @type {Record<string, string>} */
 const LABELS = { "": "auto", light: "light", dark: "dark" };
@@ -10,15 +12,15 @@ const browserIsLight = matchMedia("(prefers-color-scheme: light)");
 /** The choice; empty to follow the browser. */
 const choice = () => Object.keys(LABELS).find((each) => each === localStorage.getItem(CHOICE)) ?? "";
 
-/** Apply the theme to our styles and to those of Open MCT. */
-function apply() {
+/** Apply the theme to our styles, and to those of Open MCT once its link is in the page. */
+export function applyTheme() {
   document.documentElement.dataset.theme = choice();
   const isLight = choice() ? choice() === "light" : browserIsLight.matches;
   const link = document.querySelector("link[data-openmct]");
-  if (link) set(link, { href: `/vendor/openmct/${isLight ? "snow" : "espresso"}Theme.css` });
+  if (link) set(link, { href: `${OPENMCT}${isLight ? "snow" : "espresso"}Theme.css` });
 }
-apply();
-browserIsLight.addEventListener("change", apply);
+applyTheme();
+browserIsLight.addEventListener("change", applyTheme);
 
 /** Return the button that changes the theme: as the browser, light, dark. */
 export function themeButton() {
@@ -30,7 +32,7 @@ export function themeButton() {
   function next() {
     const names = Object.keys(LABELS);
     localStorage.setItem(CHOICE, names[(names.indexOf(choice()) + 1) % names.length]);
-    apply();
+    applyTheme();
     label();
   }
   label();

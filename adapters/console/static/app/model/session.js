@@ -6,6 +6,7 @@ import { Topics } from "./observable.js";
 import { serverClock } from "./server_clock.js";
 
 /** @import { AlarmStatus, AssetEntry, Message, OpenPage } from "./messages.js" */
+/** @typedef {{assets: Record<string, AssetEntry>, console: AssetEntry}} Dictionary */
 
 /** Topics of a page that shows neither log nor tree. */
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
@@ -20,6 +21,7 @@ const POSE = ["POS_X", "POS_Y", "HEAD"];
 export class Session extends Topics {
   #resume = { instance: "", seq: 0 };
   #tried = new Map();
+  #topics;
   /** @type {(value?: any) => void} */
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
@@ -31,9 +33,10 @@ export class Session extends Topics {
   /** resolves when the dictionary was read for the first time */
   ready = new Promise((resolve) => (this.#becomeReady = resolve));
 
-  /** @param {string[]} [topics] to subscribe to */
-  constructor(topics = TOPICS) {
+  /** @param {Dictionary | null} dictionary if it was read already @param {string[]} [topics] to subscribe to */
+  constructor(dictionary, topics = TOPICS) {
     super();
+    this.#topics = topics;
     this.hasLog = topics.includes("ntf");
     this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
     this.connection = new Connection(
@@ -42,11 +45,12 @@ export class Session extends Topics {
         op: "hello",
         console: this.name,
         operator: operator.name,
-        topics,
+        topics: this.#topics,
         resume: this.#resume,
       }),
     );
     setInterval(() => this.changed("second"), 1000);
+    if (dictionary) this.#take(dictionary);
   }
 
   /** The rovers and recordings, by their names. @returns {Asset[]} */
@@ -70,6 +74,15 @@ export class Session extends Topics {
     return this.on("second", listener);
   }
 
+  /** Subscribe to further topics; notifications are read from the archive, too. @param {string[]} topics */
+  subscribe(topics) {
+    const added = topics.filter((each) => !this.#topics.includes(each));
+    if (added.length === 0) return;
+    this.#topics = [...this.#topics, ...added];
+    this.connection.send({ op: "sub", topics: this.#topics });
+    if (added.includes("ntf")) for (const asset of this.assets.values()) this.#readNotices(asset);
+  }
+
   /** Return an asset, created if unknown. @param {string} name @param {AssetEntry | null} [entry] of the dictionary, if known */
   asset(name, entry = null) {
     let asset = this.assets.get(name);
@@ -77,7 +90,7 @@ export class Session extends Topics {
       asset = new Asset(name, entry);
       this.assets.set(name, asset);
       this.changed("assets");
-      this.#readHistory(asset);
+      if (this.connection.status === "open") this.#readHistory(asset);
     }
     return asset;
   }
@@ -162,9 +175,9 @@ export class Session extends Topics {
     }
   }
 
-  /** Reload the data that the socket will not send again. */
+  /** Reload the data that the socket will not send again. The dictionary may have been read just before. */
   #reload() {
-    this.readDictionary();
+    if (this.#resume.instance || this.assets.size === 0) this.readDictionary();
     for (const asset of this.assets.values()) this.#readHistory(asset);
   }
 
@@ -181,22 +194,26 @@ export class Session extends Topics {
     asset.changed(field);
   }
 
-  /** Read the assets of the dictionary. A page without a log omits recordings. */
+  /** Read the assets of the dictionary. */
   async readDictionary() {
     try {
-      const { assets, console: own } = await fetchJson("/api/dictionary");
-      for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
-      for (const [name, entry] of [...Object.entries(assets), [own.asset, own]]) {
-        if (entry.recording && !this.hasLog) continue;
-        const asset = this.asset(name, entry);
-        asset.entry = entry;
-        asset.changed("entry");
-      }
-      this.#becomeReady();
-      this.changed("assets");
+      this.#take(await fetchJson("/api/dictionary"));
     } catch (error) {
       console.warn(error.message);
     }
+  }
+
+  /** Take the assets of a dictionary. A page without a log omits recordings. @param {Dictionary} dictionary */
+  #take({ assets, console: own }) {
+    for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
+    for (const [name, entry] of Object.entries({ ...assets, [own.asset]: own })) {
+      if (entry.recording && !this.hasLog) continue;
+      const asset = this.asset(name, entry);
+      asset.entry = entry;
+      asset.changed("entry");
+    }
+    this.#becomeReady();
+    this.changed("assets");
   }
 
   /** Read the track, the notifications and a recording's commands from the archive. @param {Asset} asset */
@@ -208,12 +225,9 @@ export class Session extends Topics {
       if (asset.recording) {
         const { commands } = await fetchJson(`/api/commands?asset=${name}&limit=${MAX_RECORDING_ITEMS}`);
         for (const command of commands.reverse()) asset.setCommand(command);
-        const answer = await fetchJson(`/api/notifications?asset=${name}&limit=${MAX_RECORDING_ITEMS}`);
-        asset.addNotices(answer.notifications.reverse());
-      } else if (this.hasLog) {
-        const answer = await fetchJson(`/api/notifications?asset=${name}&limit=${MAX_NOTICES}`);
-        asset.addNotices(answer.notifications.reverse());
       }
+      if (this.#topics.includes("ntf")) await this.#readNotices(asset, asset.recording ? MAX_RECORDING_ITEMS : MAX_NOTICES);
+      if (asset.isConsole) return; // it has no pose
       const read = (key) => fetchJson(`/api/tm/${name}/${key}?start=${start}&size=${size}`);
       const [xs, ys, headings] = await Promise.all(POSE.map(read));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
@@ -221,6 +235,12 @@ export class Session extends Topics {
     } catch (error) {
       console.warn(error.message);
     }
+  }
+
+  /** @param {Asset} asset */
+  async #readNotices(asset, limit = MAX_NOTICES) {
+    const answer = await fetchJson(`/api/notifications?asset=${encodeURIComponent(asset.name)}&limit=${limit}`).catch(() => null);
+    if (answer) asset.addNotices(answer.notifications.reverse());
   }
 }
 

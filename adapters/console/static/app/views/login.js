@@ -3,12 +3,14 @@
 import { fetchJson, operator } from "../model/connection.js";
 import { html, setText } from "../dom.js";
 
-/** Resolve once the server accepts requests of this browser. */
+/** Return the dictionary once the server accepts requests of this browser; null if it does not answer. */
 export async function login() {
   try {
-    await fetchJson("/api/dictionary");
+    return await fetchJson("/api/dictionary");
   } catch (error) {
-    if (error.status === 401) await requestToken();
+    if (error.status !== 401) return null;
+    await requestToken();
+    return login();
   }
 }
 
