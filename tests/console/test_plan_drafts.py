@@ -69,6 +69,11 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
             "line 3: Fallback is no step of a single sequence",
         )
         assert other["preview"]["total"]
+        asked = tree.replace('"4"', '"{far}"', 2).replace('format="{far}"', 'format="4"')
+        problem = (await drafted(anna, xml=asked))["problem"]
+        assert problem["text"] == "distance: no value given for {far}"
+        filled = await drafted(anna, xml=asked, arguments={"far": "1"})
+        assert abs(filled["preview"]["total"]["length"] - 1.0) < 0.05
         typo = await drafted(anna, xml=tree.replace("moveForward", "moveForwrd"))
         assert (typo["problem"]["line"], typo["problem"]["step"]) == (3, None)
         for body, field in (

@@ -160,7 +160,7 @@ def templates(folder: Path) -> list[PlanTemplate]:
     """Return the plans of a folder, by name."""
     found = []
     for path in sorted(folder.glob("*.xml")):
-        xml = path.read_text(encoding="utf-8")
+        xml = path.read_text(encoding="utf-8", errors="replace")
         comment = _COMMENT.search(xml)
         found.append(PlanTemplate(path.stem, "" if comment is None else comment[1], xml))
     return found
