@@ -161,8 +161,8 @@ class _PathTrace:
     length_m: float = 0.0
     turned_rad: float = 0.0
     curved_m: float = 0.0
-    clearance: Clearance | None = None
     step_clearance: Clearance | None = None
+    _earlier: Clearance | None = None
     _radius_m: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -185,13 +185,16 @@ class _PathTrace:
     def _update_clearance(self, before: Pose, pose: Pose) -> None:
         for obstacle in self.settings.zones:
             left_m = obstacle.clearance_m(before.point, pose.point) - self._radius_m
-            found = Clearance(left_m, obstacle.label)
-            self.clearance = _nearest(self.clearance, found)
-            self.step_clearance = _nearest(self.step_clearance, found)
+            if self.step_clearance is None or left_m < self.step_clearance.least_m:
+                self.step_clearance = Clearance(left_m, obstacle.label)
 
+    def begin_step(self) -> None:
+        self._earlier, self.step_clearance = self.clearance, None
 
-def _nearest(known: Clearance | None, found: Clearance) -> Clearance:
-    return found if known is None or found.least_m < known.least_m else known
+    @property
+    def clearance(self) -> Clearance | None:
+        found = [each for each in (self._earlier, self.step_clearance) if each is not None]
+        return min(found, key=lambda each: each.least_m, default=None)
 
 
 class PreviewRun:
@@ -337,7 +340,7 @@ class PreviewRun:
                         self.result = _at(node.location.path, _late(took_s, node.duration_s))
                 case PlanStep(request=request):
                     self._step, self._before = each, self._extent()
-                    self._track.step_clearance = None
+                    self._track.begin_step()
                     self._set_or_begin(request)
             if self._lifecycle is not None or self.result is not None:
                 return

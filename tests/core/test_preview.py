@@ -242,6 +242,36 @@ def test_a_plan_that_would_not_do_is_refused_by_its_step(
         assert message in found.text
 
 
+def test_the_steps_of_a_plan_are_previewed(tmp_path: Path) -> None:
+    def at(step: str) -> str:
+        return f'<moveForward name="{step}" distance="{{}}" deadline_s="60"/>'
+
+    body = at("near").format(1.5) + "<takePicture deadline_s='9'/>" + at("away").format(-1)
+    with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(ROCK,)))) as bench:
+        run = bench.executive.preview(plan(f"<Sequence>{body}{at('far').format(60)}</Sequence>"))
+        assert isinstance(run, PreviewRun)
+        run.set_up()
+        while not run.advance(100):
+            pass
+        near, picture, away, far = run.steps
+        assert (near.length_m, away.length_m) == pytest.approx((1.5, 1.0), abs=0.05)
+        assert (picture.duration_s, picture.length_m, picture.clearance) == (0.0, 0.0, None)
+        assert near.end.pose.x_m == pytest.approx(1.5, abs=0.05)
+        assert near.clearance is not None
+        assert away.clearance is not None
+        assert near.clearance.least_m == pytest.approx(3.0 - 1.5 - 0.5 - 0.3335, abs=0.02)
+        assert away.clearance.least_m == pytest.approx(near.clearance.least_m, abs=0.05)
+        assert far.refusal is not None
+        assert isinstance(run.result, Refusal)
+        assert run.result.text == f"{far.node}: {far.refusal.text}"
+        whole = previewed(bench, plan(f"<Sequence>{body}</Sequence>"))
+        each = [near, picture, away]
+        assert whole.duration_s == pytest.approx(sum(step.duration_s for step in each))
+        assert whole.energy_j == pytest.approx(sum(step.energy_j or 0.0 for step in each))
+        assert whole.clearance is not None
+        assert whole.clearance.least_m == min(near.clearance.least_m, away.clearance.least_m)
+
+
 def test_an_impossible_preview_is_reported(bench: Bench) -> None:
     assert "does not offer it" in refused(bench, MoveTo(ASIDE, Controller.MPC)).text
 
