@@ -39,6 +39,7 @@ from executive.motion import (
     MotionVerification,
     Step,
     Verified,
+    hold_extent,
     leg_errors,
     passes_within,
     plan_leg,
@@ -510,21 +511,19 @@ class HoldVelocity(_MotionLeaf):
 
     def begin(self) -> float:
         """Allow the time of the wait for odometry."""
-        self._begun = False
+        self._begun = self._held = False
         return self._deadline_for(0.0)
 
     def _hold(self) -> None:
         command, request = self.goal.command, self.goal.command.request
-        if not isinstance(request, DriveFor):
-            raise TypeError(f"{request} holds no velocity")
-        pose, settings = self.context.status.pose, self.context.settings
-        obstacles = self.context.status.obstacles
+        assert isinstance(request, DriveFor)
+        status, settings = self.context.status, self.context.settings
+        pose, obstacles = status.pose, status.obstacles
         self._blocked = check_request(request, pose, settings, obstacles) or self._check_begin()
-        self.goal.verification = MotionVerification.begin(settings, self.context.status)
+        self.goal.verification = MotionVerification.begin(settings, status)
         self.goal.slid_m = self._slid_m
-        self._held, self._begun = False, True
-        self._request, self._from = request, self.context.safety.history.total_motion
-        self._start = pose
+        self._begun, self._wanted = True, hold_extent(request, status, settings)
+        self._start, self._from = pose, self.context.safety.history.total_motion
         self.set_deadline(self._begin(self.context.locomotion.make_velocity_hold(command, request)))
 
     def act(self) -> Status:
@@ -559,11 +558,11 @@ class HoldVelocity(_MotionLeaf):
 
     def _shortfall(self) -> Refusal | None:
         """Return a refusal if the motion by odometry deviates from the velocity, or None."""
-        request, (way0_m, turn0_rad) = self._request, self._from
+        if self._wanted is None:
+            return None
+        (wanted_m, wanted_rad), (way0_m, turn0_rad) = self._wanted, self._from
         way1_m, turn1_rad = self.context.safety.history.total_motion
         distance_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
-        wanted_m = request.travel_mps * request.duration_s
-        wanted_rad = request.rotate_radps * request.duration_s
         end = arc_end(self._start, wanted_m, wanted_rad).point
         off_m = end.distance_m(self.context.status.pose.point)
         bound_m = HOLD_TRAVEL_TOLERANCE_M + HOLD_TRAVEL_TOLERANCE_PER_M * abs(wanted_m)

@@ -37,6 +37,7 @@ from executive.motion.trajectory import TrajectoryProblem as TrajectoryProblem
 from executive.motion.trajectory import TrajectorySolver as TrajectorySolver
 from executive.motion.trajectory import TrajectoryTarget as TrajectoryTarget
 from executive.motion.velocity_control import VelocityLocomotion as VelocityLocomotion
+from executive.motion.velocity_control import hold_extent as hold_extent
 from executive.motion.verification import FUSED_TOLERANCE_M as FUSED_TOLERANCE_M
 from executive.motion.verification import TURN_TOLERANCE_M as TURN_TOLERANCE_M
 from executive.motion.verification import WAIT_S as WAIT_S

@@ -296,6 +296,50 @@ class VelocityLocomotion(Locomotion):
         return HoldLaw(request, self._clock, self._settings, self._status)
 
 
+def hold_extent(
+    request: DriveFor, status: Status, settings: Settings
+) -> tuple[float, float] | None:
+    """Return the distance and the angle until standstill of a velocity hold that begins now.
+
+    In motion the velocity changes from the present one, and braking is not balanced by a start.
+    Zero velocity promises a standstill only: None.
+    """
+    if not (request.travel_mps or request.rotate_radps):
+        return None
+    begun, drive = STANDING if status.standing else status.velocity, settings.drive
+    distance_m = _extent(
+        begun.travel_mps, request.travel_mps, drive.travel_acceleration_mps2, request, settings
+    )
+    if begun == STANDING:
+        return distance_m, request.rotate_radps * request.duration_s
+    if request.travel_mps:
+        return distance_m, request.rotate_radps / request.travel_mps * distance_m
+    return distance_m, _extent(
+        begun.rotate_radps,
+        request.rotate_radps,
+        drive.rotate_acceleration_radps2,
+        request,
+        settings,
+    )
+
+
+def _extent(
+    begun: float, wanted: float, acceleration: float, request: DriveFor, settings: Settings
+) -> float:
+    ramped, reached = _ramp(begun, wanted, acceleration, request.duration_s)
+    braking = reached * abs(reached) / (2 * acceleration)
+    return begun * settings.turn_drive.latency_s + ramped + braking
+
+
+def _ramp(
+    begun: float, wanted: float, acceleration: float, elapsed_s: float
+) -> tuple[float, float]:
+    """Return the integral of a velocity that approaches another one, and the velocity reached."""
+    ramp_s = min(elapsed_s, abs(wanted - begun) / acceleration)
+    reached = _approach(begun, wanted, acceleration * ramp_s)
+    return (begun + reached) / 2 * ramp_s + reached * (elapsed_s - ramp_s), reached
+
+
 class HoldLaw(Motion):
     """Holds a velocity for a duration, then stops; `VelocityDriver` limits the speed.
 
@@ -313,9 +357,11 @@ class HoldLaw(Motion):
         self._settings = settings
         self._status = status
         self._from = self._last = status.pose
+        self._begun = STANDING if status.standing else status.velocity
+        _, self._wanted_rad = hold_extent(request, status, settings) or (0.0, 0.0)
         self._distance_m = self._turned_rad = 0.0
         self._turn: TurnLaw | None = None
-        on_spot = settings.drive.min_turning_radius_m is None
+        on_spot = settings.drive.min_turning_radius_m is None and self._velocity != STANDING
         self._max_turn_rad = MAX_FINAL_TURN_RAD if on_spot else 0.0
 
     @property
@@ -352,8 +398,7 @@ class HoldLaw(Motion):
     def _turn_left_rad(self) -> float:
         """The angle from the present heading to that of the arc's end."""
         since_rad = wrap_rad(self._status.pose.heading_rad - self._last.heading_rad)
-        wanted_rad = self._velocity.rotate_radps * self._request.duration_s
-        return wanted_rad - self._turned_rad - since_rad
+        return self._wanted_rad - self._turned_rad - since_rad
 
     def _integrate(self) -> None:
         """Integrate the distance and the angle of the motion."""
@@ -365,11 +410,13 @@ class HoldLaw(Motion):
 
     def _in_place_radps(self) -> float:
         """Return the rotation that corrects the accumulated error of the turn."""
-        rotate_radps, settings = self._velocity.rotate_radps, self._settings
-        ramp_s = abs(rotate_radps) / (2 * settings.drive.rotate_acceleration_radps2)
+        begun_radps, rotate_radps = self._begun.rotate_radps, self._velocity.rotate_radps
+        acceleration_radps2 = self._settings.drive.rotate_acceleration_radps2
         elapsed_s = self._request.duration_s - self._left_s
-        since_s = max(0.0, elapsed_s - ramp_s - settings.turn_drive.latency_s)
-        return rotate_radps + ARC_CORRECTION_PER_S * (rotate_radps * since_s - self._turned_rad)
+        before_s = min(elapsed_s, self._settings.turn_drive.latency_s)
+        turned_rad, _ = _ramp(begun_radps, rotate_radps, acceleration_radps2, elapsed_s - before_s)
+        off_rad = begun_radps * before_s + turned_rad - self._turned_rad
+        return rotate_radps + ARC_CORRECTION_PER_S * off_rad
 
     def _along_radps(self, continues: bool) -> float:
         """Return the rotation that holds the control point on the arc, up to its final heading.
@@ -378,7 +425,7 @@ class HoldLaw(Motion):
             continues: whether braking has not begun yet.
         """
         pose, speed_mps = self._status.pose, self._status.velocity.travel_mps
-        travel_mps, duration_s = self._velocity.travel_mps, self._request.duration_s
+        travel_mps = self._velocity.travel_mps
         turn_radpm = self._velocity.rotate_radps / travel_mps
         turn_rad, slant_rad = turn_radpm * self._distance_m, 0.0
         if continues:
@@ -394,7 +441,7 @@ class HoldLaw(Motion):
         else:
             braking_mps2 = self._settings.drive.travel_acceleration_mps2
             rest_m = speed_mps * abs(speed_mps) / (2 * braking_mps2)
-            turn_rad = self._velocity.rotate_radps * duration_s - turn_radpm * rest_m
+            turn_rad = self._wanted_rad - turn_radpm * rest_m
         off_rad = turn_rad + slant_rad - self._turned_rad
         return turn_radpm * speed_mps + STEER_PER_S * off_rad
 

@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.async_api import Locator, Page, WebSocketRoute, async_playwright, expect
+from playwright.async_api import (
+    Locator,
+    Page,
+    ViewportSize,
+    WebSocketRoute,
+    async_playwright,
+    expect,
+)
 
 from executive.commands import MoveForward, MoveTo, Waypoint
 from tests.console.conftest import Launch
@@ -21,7 +28,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
-LAPTOP = {"width": 1280, "height": 800}
+LAPTOP: ViewportSize = {"width": 1280, "height": 800}
 OVERLAPS = """rows => rows.flatMap(row => {
     const names = [...row.querySelectorAll('.what, .when, .detail, .by')]
         .map(each => [each.textContent, each.getBoundingClientRect()])

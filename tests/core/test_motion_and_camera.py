@@ -256,6 +256,35 @@ def test_a_replacing_velocity_acts_without_standstill(bench: Bench) -> None:
     assert min(v.travel_mps for v in bench.rover.sent[-20:]) > 0.3
 
 
+@pytest.mark.parametrize("wanted", [(0.5, 0.0), (0.0, 1.0), (0.5, 0.4), (-0.3, 0.6)])
+def test_a_repeated_velocity_is_held_and_ended_by_zero(
+    bench: Bench, wanted: tuple[float, float]
+) -> None:
+    velocity = Velocity(*wanted)
+    for number in range(1, 13):
+        bench.replace(DriveFor(*wanted, 0.8), number)
+        bench.run(0.25)
+        if number > 4:
+            assert bench.rover.velocity.travel_mps == pytest.approx(velocity.travel_mps, abs=0.02)
+            assert bench.rover.velocity.rotate_radps == pytest.approx(wanted[1], abs=0.1)
+    first = len(bench.rover.sent)
+    bench.replace(DriveFor(0.0, 0.0, 0.0), 13)
+    assert bench.finish(13) is Stage.EXECUTED, bench.last(13).text
+    ended = bench.rover.sent[first:]
+    assert min(each.travel_mps * velocity.travel_mps for each in ended) >= 0.0
+    assert min(each.rotate_radps * velocity.rotate_radps for each in ended) >= -1e-9
+    assert not bench.executive.status.uncertainty
+    assert bench.executive.mode is Mode.IDLE
+
+
+def test_a_velocity_without_repetition_ends_by_itself(bench: Bench) -> None:
+    for number in (1, 2, 3):
+        bench.replace(DriveFor(0.5, 0.3, 0.8), number)
+        bench.run(0.25)
+    assert bench.finish(3) is Stage.EXECUTED, bench.last(3).text
+    assert bench.rover.velocity == STANDING
+
+
 def test_the_camera_works_while_stopped(bench: Bench) -> None:
     bench.execute(Stop(), 1)
     bench.execute(SetCameraAngles(0.5, None), 2)
