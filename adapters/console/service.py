@@ -39,6 +39,7 @@ from adapters.console.requests import (
     OperationRequests,
     PlanRequests,
     SharedObjectRequests,
+    Stops,
     Transfers,
     VideoRequests,
 )
@@ -276,7 +277,9 @@ async def _serving(
         raise StartError(f"TLS: {error}") from error
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample, system)
     alarms = AlarmRequests(archive, publish, limits_of)
-    commanding = Commanding(fleet, tracker, commands, desk, CommandIdGenerator(system))
+    numbers = CommandIdGenerator(system)
+    stops = Stops(tracker, desk, numbers, publish, system.utc_s)
+    commanding = Commanding(fleet, tracker, commands, desk, numbers, stops)
     store = FileStore(options.data / FILES)
     transfers = Transfers(commanding.file_client, store, hub.transfer, system)
     recordings = Recordings(_empty_folder(options.data / OPENED), publish, system.utc_s)
@@ -287,7 +290,7 @@ async def _serving(
         return chain(fleet.entries(), recordings.entries())
 
     routes = [
-        *OperationRequests(commanding, desk).routes(),
+        *OperationRequests(commanding, stops, desk).routes(),
         *DraftRequests(commanding).routes(),
         *PlanRequests(commanding, archive).routes(),
         *ExplanationRequests(commanding, recordings).routes(),
@@ -336,6 +339,7 @@ async def _serving(
         transfers.start()
         yield _address(options, runner)
     finally:
+        await stops.close()
         await commanding.close()
         await transfers.close()
         await cancel_tasks(tasks)

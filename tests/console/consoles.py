@@ -21,6 +21,7 @@ ALL = (
     "ntf",
     "alarm",
     "auth",
+    "stop",
     "link",
     "asset",
     "plan",

@@ -10,6 +10,7 @@ from playwright.async_api import Browser, Page, async_playwright, expect
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
 from tests.console.site import OPTIONS
+from tests.mrs.aboard import Aboard
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -93,3 +94,31 @@ async def test_stop_is_above_all_overlays_and_dialogs(launch: Launch, tmp_path: 
                 assert await stops(anna) == pressed, f"/{path}, {width} px, alarms"
                 await page.get_by_test_id("alarms").click()
             await page.close()
+
+
+async def test_a_stop_without_a_link_stays_until_it_is_answered(
+    rover: Aboard, tmp_path: Path
+) -> None:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,), browser() as chromium:
+        page = await chromium.new_page()
+        await page.goto(f"{anna.address}lite")
+        await expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+        rover.hang_up()
+        await anna.page.until(lambda message: message.get("state") == "down")
+        await click_stop(page)
+        waiting, call_off = (
+            page.get_by_text("no answer of jackal for"),
+            page.get_by_role("button", name="call off"),
+        )
+        await expect(waiting).to_be_visible()
+        await page.reload()
+        await expect(waiting).to_be_visible()
+        await call_off.click()
+        await expect(page.locator(".rover-bar").get_by_text("called off by")).to_be_visible()
+        await expect(waiting).to_be_hidden()
+        await page.keyboard.press("F8")
+        await expect(waiting).to_be_visible()
+        rover.listen()
+        await expect(page.get_by_text("reached jackal")).to_be_visible()
+        await expect(waiting).to_be_hidden()
+        await expect(page.get_by_test_id("mode")).to_have_text("STOPPED")

@@ -43,6 +43,7 @@ from adapters.console.messages import (
     Presence,
     Quality,
     Sample,
+    StopStatus,
     TreeState,
     decode_command,
     encode,
@@ -233,7 +234,13 @@ class Archive:
                     records.append(_record(message, message.since, rx_us))
                 case FileChanged():
                     records.append(_record(message, message.rx, rx_us))
-                case AlarmStatus() | Presence() | DictionaryChanged() | ObjectChanged():
+                case (
+                    AlarmStatus()
+                    | StopStatus()
+                    | Presence()
+                    | DictionaryChanged()
+                    | ObjectChanged()
+                ):
                     pass
                 case _:
                     assert_never(message)

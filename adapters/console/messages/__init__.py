@@ -9,6 +9,8 @@ from adapters.console.messages.commands import AuthorityMessage as AuthorityMess
 from adapters.console.messages.commands import CommandState as CommandState
 from adapters.console.messages.commands import CommandStatus as CommandStatus
 from adapters.console.messages.commands import StageEntry as StageEntry
+from adapters.console.messages.commands import StopState as StopState
+from adapters.console.messages.commands import StopStatus as StopStatus
 from adapters.console.messages.pages import PROTOCOL as PROTOCOL
 from adapters.console.messages.pages import DictionaryChanged as DictionaryChanged
 from adapters.console.messages.pages import Hello as Hello

@@ -93,6 +93,45 @@ class CommandStatus:
     history: tuple[StageEntry, ...]
 
 
+@unique
+class StopState(Enum):
+    """State of a stop that an operator pressed.
+
+    Attributes:
+        WAITING: without an answer of the asset; the console repeats it.
+        EXPIRED: without an answer at its maximum age.
+    """
+
+    WAITING = "waiting"
+    ANSWERED = "answered"
+    REFUSED = "refused"
+    CALLED_OFF = "called_off"
+    EXPIRED = "expired"
+
+
+@dataclass(frozen=True, slots=True)
+class StopStatus:
+    """The last stop that an operator pressed at this console.
+
+    Attributes:
+        command: id of its command.
+        operator: its operator.
+        pressed: time of the press.
+        utc: start time of the state.
+        detail: human-readable reason of the state.
+    """
+
+    ty: ClassVar[str] = "stop"
+
+    asset: str
+    command: str
+    operator: str
+    pressed: float
+    utc: float
+    state: StopState
+    detail: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class AuthorityMessage:
     """The authority over an asset.

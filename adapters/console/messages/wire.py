@@ -11,6 +11,7 @@ from adapters.console.messages.commands import (
     CommandState,
     CommandStatus,
     StageEntry,
+    StopStatus,
 )
 from adapters.console.messages.pages import DictionaryChanged, Hello, ObjectChanged, Presence
 from adapters.console.messages.reports import (
@@ -32,6 +33,7 @@ from adapters.console.messages.telemetry import (
 
 Broadcast = (
     CommandStatus
+    | StopStatus
     | AuthorityMessage
     | NotificationMessage
     | AlarmStatus

@@ -17,5 +17,6 @@ from adapters.console.requests.map_requests import MapRequests as MapRequests
 from adapters.console.requests.objects import PlanRequests as PlanRequests
 from adapters.console.requests.objects import SharedObjectRequests as SharedObjectRequests
 from adapters.console.requests.operations import OperationRequests as OperationRequests
+from adapters.console.requests.stops import Stops as Stops
 from adapters.console.requests.transfers import Transfers as Transfers
 from adapters.console.requests.video import VideoRequests as VideoRequests

@@ -1,7 +1,6 @@
-"""`Commanding` sends commands, stops and preview requests of operators to assets.
+"""`Commanding` sends commands and preview requests of operators to assets; `stops` sends stops.
 
-The asset decides on the authority: a command claims the epoch that its operator holds there, a stop
-claims none.
+The asset decides on the authority: a command claims the epoch that its operator holds there.
 """
 
 import asyncio
@@ -12,11 +11,10 @@ from http import HTTPStatus
 from typing import Any, Final, TypeVar, get_args
 
 from adapters.console.archive import ArchiveError
-from adapters.console.command_states import CONSOLE, ORBITER, SENT
-from adapters.console.messages import CommandState, CommandStatus, LinkKind, LinkState, StageEntry
+from adapters.console.command_states import ORBITER
+from adapters.console.messages import CommandStatus, LinkKind, LinkState
+from adapters.console.requests.stops import STOP, Stops
 from adapters.console.rovers import (
-    FORMS,
-    REPORT_TIMEOUT_S,
     CommandTracker,
     ConnectedAsset,
     Fleet,
@@ -25,6 +23,7 @@ from adapters.console.rovers import (
     RoverLink,
     SharedCommands,
     request_of,
+    sent_status,
 )
 from adapters.console.tasks import start_task
 from adapters.console.web import invalid, is_number, one_of, refused
@@ -33,12 +32,10 @@ from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, PlanPreview, Preview, describe_error
 from executive.commands import (
     Command,
-    Family,
     Motion,
     PlanDefinition,
     PreemptionPolicy,
     Request,
-    Stop,
 )
 from executive.settings import Settings
 
@@ -99,6 +96,7 @@ class Commanding:
         commands: commands of all consoles.
         desk: holders of the authority.
         numbers: command ids: one sequence for all links of an asset.
+        stops: sends the stops.
     """
 
     def __init__(
@@ -108,8 +106,9 @@ class Commanding:
         commands: SharedCommands,
         desk: OperatorAuthority,
         numbers: CommandIdGenerator,
+        stops: Stops,
     ) -> None:
-        self._fleet, self._tracker, self._desk = fleet, tracker, desk
+        self._fleet, self._tracker, self._desk, self._stops = fleet, tracker, desk, stops
         self._commands, self._numbers = commands, numbers
         self._sending: set[asyncio.Task[None]] = set()
 
@@ -120,7 +119,7 @@ class Commanding:
             RequestError: it is not sent.
         """
         if posted.name == STOP:  # sent without any check
-            return await self.stop(operator, posted.asset)
+            return self.stop(operator, posted.asset)
         return await self.send(
             operator,
             posted,
@@ -155,42 +154,21 @@ class Commanding:
                 preemption=posted.preemption,
                 authority=self._desk.claim(link, operator),
             )
-            status = _status(operator, posted, link, command)
+            args = posted.args if isinstance(posted.args, dict) else {}
+            status = sent_status(posted.id, posted.asset, operator, link.kind, command, args)
             claimed = await self._claim(status)
         _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
         self._tracker.register(status)
         self._send(client, link, status.id, command)
         return status
 
-    async def stop(self, operator: str, asset: str) -> CommandStatus:
-        """Stop an asset without the authority, over the direct link if that is up.
-
-        Otherwise all connected links send it. Over a relay a stop may arrive much later, and would
-        stop a rover that was resumed in between. Each call sends a new stop.
-
-        Args:
-            operator: operator who stops it.
-            asset: its name.
+    def stop(self, operator: str, asset: str) -> CommandStatus:
+        """Stop an asset, over any link and without the authority.
 
         Raises:
-            RequestError: it cannot be reached.
+            RequestError: it is unknown.
         """
-        links = self._asset(asset).links
-        direct = links.get(LinkKind.DIRECT)
-        by = [direct] if direct is not None and direct.state is LinkState.UP else links.values()
-        found = [(link, link.client) for link in by if link.client is not None]
-        if not found:
-            raise _unreachable(asset)
-        link, client = found[0]
-        source = self._desk.source(link, operator)
-        command = client.command(Stop(), source=source, command_id=self._numbers.next_id())
-        _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
-        name = f"{asset}:{command.identity}"  # not claimed first; other consoles derive the same id
-        status = _status(operator, CommandPost(name, asset, STOP, {}), link, command)
-        self._tracker.register(status)
-        for link, client in found:
-            self._send(client, link, name, command)
-        return status
+        return self._stops.send(operator, self._asset(asset))
 
     async def preview(self, name: str, motion: str, args: object) -> Preview:
         """Return the preview of a motion.
@@ -343,30 +321,6 @@ class Commanding:
             self._tracker.mark_unknown(name, f"the link was lost before the answer: {error}")
         else:
             self._tracker.on_acknowledged(name, node)
-
-
-def _status(operator: str, posted: CommandPost, link: RoverLink, command: Command) -> CommandStatus:
-    """Return the status of a command that is about to be sent."""
-    now_s = command.created_utc_s
-    assert now_s is not None, "MrsClient.command sets the creation time"
-    return CommandStatus(
-        id=posted.id,
-        asset=posted.asset,
-        name=posted.name,
-        args=posted.args if isinstance(posted.args, dict) else {},
-        by=operator,
-        source=command.identity.source,
-        number=command.identity.command_id,
-        link=link.kind,
-        state=CommandState.SENDING,
-        ended=False,
-        created=now_s,
-        deadline=now_s + REPORT_TIMEOUT_S,
-        history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
-    )
-
-
-STOP: Final = next(each.name for each in FORMS.values() if each.family is Family.STOP)
 
 
 def _duplicate_post(known: CommandStatus) -> Exception:

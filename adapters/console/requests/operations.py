@@ -7,6 +7,7 @@ from aiohttp import web
 
 from adapters.console.messages import LinkKind
 from adapters.console.requests.commanding import Commanding, parse_command_post
+from adapters.console.requests.stops import Stops
 from adapters.console.rovers import OperatorAuthority
 from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
 from executive.core.authority import AuthorityAction, AuthorityRequest
@@ -20,17 +21,19 @@ class OperationRequests:
 
     Args:
         commanding: sends commands, stops and preview requests.
+        stops: calls stops off.
         desk: performs actions on the authority.
     """
 
-    def __init__(self, commanding: Commanding, desk: OperatorAuthority) -> None:
-        self._commanding, self._desk = commanding, desk
+    def __init__(self, commanding: Commanding, stops: Stops, desk: OperatorAuthority) -> None:
+        self._commanding, self._stops, self._desk = commanding, stops, desk
 
     def routes(self) -> list[web.RouteDef]:
         """Return the routes."""
         return [
             web.post("/api/commands", self._command),
             web.post("/api/stop/{asset}", self._stop),
+            web.delete("/api/stop/{asset}", self._call_off),
             web.post("/api/preview", self._preview),
             web.get("/api/authority", self._authority),
             web.post("/api/authority/{asset}", self._change_authority),
@@ -42,8 +45,12 @@ class OperationRequests:
         return json_response(status, HTTPStatus.ACCEPTED)
 
     async def _stop(self, request: web.Request) -> web.Response:
-        status = await self._commanding.stop(request[OPERATOR], request.match_info["asset"])
+        status = self._commanding.stop(request[OPERATOR], request.match_info["asset"])
         return json_response(status, HTTPStatus.ACCEPTED)
+
+    async def _call_off(self, request: web.Request) -> web.Response:
+        asset = request.match_info["asset"]
+        return json_response(self._stops.call_off(request[OPERATOR], asset))
 
     async def _preview(self, request: web.Request) -> web.Response:
         body = await body_of(request)

@@ -30,11 +30,19 @@ from adapters.console.command_states import (
     PREDICTED,
     RECEIVED,
     REJECTED,
+    SENT,
     UNKNOWN,
     apply_stage,
     merge,
 )
-from adapters.console.messages import CommandState, CommandStatus, NotificationMessage, StageEntry
+from adapters.console.messages import (
+    CommandState,
+    CommandStatus,
+    LinkKind,
+    NotificationMessage,
+    StageEntry,
+)
+from executive.commands import Command
 from executive.values.reports import Identity
 
 REPORT_TIMEOUT_S: Final = 10.0
@@ -42,6 +50,38 @@ REPORT_TIMEOUT_S: Final = 10.0
 CHECK_S: Final = 1.0
 MAX_COMMANDS: Final = 5000
 """Maximum number of tracked commands; beyond it the earliest ended ones are dropped."""
+
+
+def sent_status(
+    name: str, asset: str, by: str, link: LinkKind, command: Command, args: dict[str, Any]
+) -> CommandStatus:
+    """Return the status of a command that is about to be sent.
+
+    Args:
+        name: its id.
+        asset: its asset.
+        by: its operator.
+        link: link over which it is sent.
+        command: the command, with its creation time.
+        args: its posted arguments.
+    """
+    now_s = command.created_utc_s
+    assert now_s is not None, "a command of the console has its creation time"
+    return CommandStatus(
+        id=name,
+        asset=asset,
+        name=command.name,
+        args=args,
+        by=by,
+        source=command.identity.source,
+        number=command.identity.command_id,
+        link=link,
+        state=CommandState.SENDING,
+        ended=False,
+        created=now_s,
+        deadline=now_s + REPORT_TIMEOUT_S,
+        history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {by}"),),
+    )
 
 
 class CommandTracker:

@@ -31,6 +31,8 @@ from adapters.console.messages import (
     Quality,
     Sample,
     SamplesDropped,
+    StopState,
+    StopStatus,
     Transfer,
     TransferState,
     TreeState,
@@ -263,6 +265,10 @@ class Hub:
                 self._standing[message.ty, uri] = message
             case AssetState(asset=asset, link=link) | AuthorityMessage(asset=asset, link=link):
                 self._standing[message.ty, asset, link] = message
+            case StopStatus(asset=asset, state=state):
+                self._standing[message.ty, asset] = message
+                if state is not StopState.WAITING:
+                    del self._standing[message.ty, asset]
             case PlanProgress(asset=asset, plan=plan):
                 self._standing[message.ty, asset, plan] = message
             case DictionaryChanged(asset=asset):

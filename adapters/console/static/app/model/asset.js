@@ -2,7 +2,7 @@
 
 import { Topics } from "./observable.js";
 
-/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
+/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, NotificationMessage, PlanProgress, Sample, StopStatus, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the previous sample */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 /** @typedef {{x: number, y: number}} Point */
@@ -46,6 +46,8 @@ export class Asset extends Topics {
   links = new Map();
   /** @type {AuthorityMessage | null} the authority over it; null until received */
   authority = null;
+  /** @type {StopStatus | null} the last stop that an operator pressed; null until received */
+  stop = null;
   /** @type {AssetState | null} mode, active command, plan; null until received */
   status = null;
   /** @type {TreeState | null} */

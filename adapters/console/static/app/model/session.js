@@ -9,7 +9,7 @@ import { serverClock } from "./server_clock.js";
 /** @typedef {{assets: Record<string, AssetEntry>, console: AssetEntry}} Dictionary */
 
 /** Topics of a page that shows neither log nor tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
 const MAX_SAMPLES = 20000;
@@ -115,6 +115,7 @@ export class Session extends Topics {
         if (!message.resumed) this.#reload();
         if (!message.resumed) this.alarms.clear();
         for (const asset of this.assets.values()) {
+          if (!message.resumed) asset.stop = null;
           asset.transfers.clear(); // the present ones follow
           asset.changed("transfers");
         }
@@ -136,6 +137,9 @@ export class Session extends Topics {
         break;
       case "auth":
         this.#set(message, "authority");
+        break;
+      case "stop":
+        this.#set(message, "stop");
         break;
       case "asset":
         this.#set(message, "status");

@@ -5,11 +5,12 @@
 
 import { AlarmsView, isAcknowledged, needsAction } from "./alarms.js";
 import { Authority } from "./authority.js";
-import { fetchJson, operator } from "../model/connection.js";
+import { operator } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
 import { setTitle } from "../title.js";
+import { Stops } from "./stops.js";
 import { View } from "./view.js";
 import { age, clock } from "../format.js";
 
@@ -19,8 +20,6 @@ import { age, clock } from "../format.js";
 const STOP_KEYS = ["F8", "Pause"];
 const RESUMABLE_MODES = ["STOPPED", "SAFE", "PAUSED"];
 const TOPICS = ["links", "authority", "status", "tree", "commands", "entry"];
-const RETRIES = 5;
-const RETRY_MS = 400;
 const MESSAGE_MS = 8000;
 
 export class StatusBar extends View {
@@ -35,6 +34,7 @@ export class StatusBar extends View {
   #resume = button("resume …", "open the resume command", () => contextOf(this.session, this.shown.name ?? "").draft.prepare("resume"), { className: "resume" });
   #links = html("span", { className: "links" });
   #authority = new Authority((problem) => this.#showMessage(problem, "bad"));
+  #stops = new Stops(this.draw, (text, level) => this.#showMessage(text, level));
   #pages = html("span", { className: "pages dim" });
   #name = button("", "operator name; click to change it", () => this.#editName(true), { className: "operator" });
   #newName = html("input", { type: "text", "aria-label": "operator name", hidden: true, onkeydown: (event) => this.#onNameKey(event), onblur: () => this.#editName(false) });
@@ -54,6 +54,7 @@ export class StatusBar extends View {
     { className: "rover-bar", popover: "manual" },
     html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
+    this.#stops.element,
     this.#message,
     this.#lost,
   );
@@ -89,7 +90,9 @@ export class StatusBar extends View {
   /** Subscribe to new rovers. */
   #watch() {
     for (const rover of this.session.rovers) {
-      if (!this.#watched.has(rover)) this.#watched.set(rover, TOPICS.map((topic) => rover.on(topic, this.draw)));
+      if (this.#watched.has(rover)) continue;
+      const onStop = () => (this.#stops.onChange(rover.stop), this.draw());
+      this.#watched.set(rover, [rover.on("stop", onStop), ...TOPICS.map((topic) => rover.on(topic, this.draw))]);
     }
     this.draw();
   }
@@ -131,20 +134,11 @@ export class StatusBar extends View {
     this.#onStop();
   }
 
-  async #onStop() {
+  #onStop() {
     const rover = this.#rover;
     if (!rover) return this.#showMessage("There is no rover to stop.", "bad");
     if (rover.recording) return this.#showMessage(`${rover.name} is a recording: choose the rover to stop.`, "bad");
-    this.#stop.classList.add("pressed");
-    this.#showMessage(`Sending STOP to ${rover.name} …`, "bad");
-    try {
-      await stopRover(rover.name);
-      this.#showMessage(`STOP was sent to ${rover.name}. It stays stopped until “resume”.`, "good");
-    } catch (error) {
-      this.#showMessage(`STOP may not have reached ${rover.name}: ${error.message}. Press it again.`, "bad");
-    } finally {
-      this.#stop.classList.remove("pressed");
-    }
+    this.#stops.press(rover.name);
   }
 
   /** Show the field of the operator's name instead of the name. A dialog of the browser would disable STOP. @param {boolean} editing */
@@ -180,6 +174,7 @@ export class StatusBar extends View {
     this.#drawMode(rover);
     reconcile(this.#links, [...(rover?.links.values() ?? [])], ({ link }) => link, () => html("span", { className: "link" }), (element, link) => this.#drawLink(element, link));
     this.#authority.render(rover, session.now);
+    this.#stops.render(session);
     this.#drawAlarms();
     setText(this.#name, operator.name);
     const others = session.presence.length - 1;
@@ -228,18 +223,6 @@ export class StatusBar extends View {
     setText(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !unacknowledged.length ? (openAlarms.every(isAcknowledged) ? " acknowledged" : " shelved") : ""}`);
     const worst = unacknowledged.some((each) => each.severity !== "WARNING") ? "alarm" : unacknowledged.length ? "warning" : "none";
     set(this.#alarm, { "data-worst": worst, "data-open": unacknowledged.length });
-  }
-}
-
-/** Send a stop; up to RETRIES attempts while the server is unreachable. @param {string} name */
-async function stopRover(name) {
-  for (let attempt = 1; ; attempt++) {
-    try {
-      return await fetchJson(`/api/stop/${encodeURIComponent(name)}`, { json: {}, keepalive: true });
-    } catch (error) {
-      if (error.status !== 0 || attempt === RETRIES) throw error;
-      await new Promise((done) => setTimeout(done, RETRY_MS));
-    }
   }
 }
 
