@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from playwright import async_api
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
 from tests.support.browser import BROWSER
@@ -112,6 +113,13 @@ class Visitors:
     def _note(self, request: Request) -> None:
         if not re.match(r"(https?|wss?)://127\.0\.0\.1:|data:|blob:", request.url):
             self.requests.append(request.url)
+
+
+async def open_whole(page: async_api.Page, address: str) -> None:
+    """Open a full console; wait for Open MCT, which replaces the light page of operations."""
+    await page.goto(address)
+    await page.locator(".l-shell").wait_for()
+    await page.locator("#operations").wait_for(state="detached")
 
 
 @contextmanager

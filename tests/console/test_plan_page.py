@@ -12,7 +12,7 @@ from playwright.async_api import Locator, Page, async_playwright, expect
 
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
-from tests.console.site import OPTIONS
+from tests.console.site import OPTIONS, open_whole
 from tests.console.test_theme_page import AXE, violations
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
@@ -52,7 +52,7 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
         await expect(steps(page).first).to_have_attribute("data-state", "active")
 
         other = await page.context.new_page()
-        await other.goto(f"{anna.address}{ROVER}~commands{SHOWN}")
+        await open_whole(other, f"{anna.address}{ROVER}~commands{SHOWN}")
         strip = other.get_by_test_id("plan-strip")
         await expect(strip).to_contain_text(re.compile("plan-1executing.*step 1 of 6: moveTo"))
         await strip.get_by_role("button", name="suspend").click()
@@ -153,7 +153,7 @@ async def page_of_plans(folder: Path, uri: str) -> AsyncIterator[tuple[Operator,
         page = await context.new_page()
         await page.add_init_script(gzip.decompress(AXE.read_bytes()).decode())
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(f"{anna.address}{ROVER}~plans{SHOWN}")
+        await open_whole(page, f"{anna.address}{ROVER}~plans{SHOWN}")
         await expect(page.locator(".plans-view [data-testid=rover]")).to_be_visible()
         yield anna, page
         await browser.close()

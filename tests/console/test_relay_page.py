@@ -13,7 +13,7 @@ from adapters.mops import LinkHealth
 from executive.values.parameters import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
-from tests.console.site import OPTIONS
+from tests.console.site import OPTIONS, open_whole
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, publishing, until
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.certificates import certified
@@ -23,7 +23,8 @@ pytestmark = [
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
 AHEAD = """async shift_s => {
-    const { serverClock } = await import("/app/model/server_clock.js");
+    const module = document.querySelector("link[href$='server_clock.js']");
+    const { serverClock } = await import(module.href);
     serverClock.offset_s += shift_s;
 }"""
 DAY_SPAN = "openmct.time.setClockOffsets({ start: -86_400_000, end: 5_000 })"
@@ -54,7 +55,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(f"{anna.address}{PAGE.format('scout', 'dtn')}")
+        await open_whole(page, f"{anna.address}{PAGE.format('scout', 'dtn')}")
         await expect(page.get_by_text("No orbiter serves scout")).to_be_visible()
         await page.goto(f"{anna.address}{PAGE.format('rover-console', 'values')}")
         own_pages = page.get_by_test_id("value-CONSOLE_PAGES")
@@ -118,7 +119,7 @@ async def test_commands_and_values_use_the_chosen_link(launch: Launch, tmp_path:
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1600, "height": 1000})
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(anna.address)
+        await open_whole(page, anna.address)
         await page.get_by_label("command", exact=True).select_option("moveForward")
         await page.get_by_label("distance", exact=True).fill("1")
         await page.get_by_label("link", exact=True).select_option("relay")

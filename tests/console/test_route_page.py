@@ -22,7 +22,7 @@ from executive.commands import (
 from executive.obstacles.zones import ScannedObstacle
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS
+from tests.console.site import OPTIONS, open_whole
 from tests.mrs.aboard import Aboard
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.plans import plan
@@ -65,7 +65,7 @@ async def map_of(rover: Aboard, folder: Path) -> AsyncIterator[tuple[Page, MrsCl
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(f"{anna.address}{PAGE.format('map')}")
+        await open_whole(page, f"{anna.address}{PAGE.format('map')}")
         await anna.page.is_up()
         yield page, terminal
         await browser.close()

@@ -40,8 +40,8 @@ try {
     loaded(html("script", { src: `${OPENMCT}openmct.js` })),
     loaded(html("link", { rel: "stylesheet", "data-openmct": "" })),
   ]);
-  await start(session, shown);
   if (isUsed) await new Promise((resolve) => state.replaceChildren(button("show the full console", "Open MCT is loaded; the typed command stays", resolve)));
+  await start(session, shown);
   unmount();
   pane.remove();
 } catch (error) {
