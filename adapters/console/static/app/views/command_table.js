@@ -155,14 +155,18 @@ export class CommandTable extends View {
         .catch(() => {});
     }
     const known = this.#explanations.get(key);
-    if (!known) return "";
-    const steps = known.steps.map(({ utc, text }) => [utc === null ? "" : clock(utc, true), text]);
-    return html("table", { className: "why-steps" }, ...[...steps, ...known.evidence.map((text) => ["evidence", text])].map((texts) => row(texts)));
+    return known ? explanationTable(known) : "";
   }
 }
 
+/** Create the table of an explanation: its steps and their evidence. @param {ExplanationBody} explanation */
+export function explanationTable({ steps, evidence }) {
+  const texts = [...steps.map(({ utc, text }) => [utc === null ? "" : clock(utc, true), text]), ...evidence.map((text) => ["evidence", text])];
+  return html("table", { className: "why-steps" }, ...texts.map((each) => row(each)));
+}
+
 /** @param {string[]} texts of its cells @param {string} [name] of their element */
-const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
+export const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
 
 /** Create dots for the stages, each with the time since the first; a narrow list shows the time of the last reached one only. @param {string[]} stages */
 function lifecycleLine(stages) {
