@@ -223,10 +223,20 @@ class Consumer:
         await self._single(service, operation, InteractionStage.SUBMIT, parts, supplements)
 
     async def request(
-        self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
+        self,
+        service: str,
+        operation: str,
+        *parts: Any,
+        supplements: Supplements = (),
+        timeout_s: float | None = None,
     ) -> tuple[Any, ...]:
-        """Send a REQUEST, and return the parts of the response; raises as `submit` does."""
-        return await self._single(service, operation, InteractionStage.REQUEST, parts, supplements)
+        """Send a REQUEST, and return the parts of the response; raises as `submit` does.
+
+        `timeout_s` is the timeout of the response; None for that of all replies.
+        """
+        stage = InteractionStage.REQUEST
+        transaction = self._begin(service, operation, stage, parts, supplements)
+        return await self._reply(transaction, timeout_s)
 
     async def invoke(
         self,
@@ -373,9 +383,12 @@ class Consumer:
         number: int | None = None,
     ) -> Parts:
         """Run an interaction with one reply, and return its parts."""
-        transaction = self._begin(service, name, stage, parts, supplements, number)
+        return await self._reply(self._begin(service, name, stage, parts, supplements, number))
+
+    async def _reply(self, transaction: Transaction, timeout_s: float | None = None) -> Parts:
+        timeout_s = self._timeout_s if timeout_s is None else timeout_s
         try:
-            _, reply = await transaction.next(self._timeout_s, StandardError.DELIVERY_TIMEDOUT)
+            _, reply = await transaction.next(timeout_s, StandardError.DELIVERY_TIMEDOUT)
             return reply
         finally:
             transaction.end()

@@ -20,6 +20,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     Controller,
+    PlanPreview,
     Preview,
     PreviewPose,
     PreviewRequest,
@@ -196,3 +197,16 @@ async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsCli
     assert values["duration"] == pytest.approx(values["predicted duration"], abs=0.2)
     past = await client.get_notifications(command_id=predicted.identity.command_id)
     assert predicted in [each.report for each in past]
+
+
+def test_a_preview_may_take_longer_than_other_answers(
+    running: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preview_service, "PAUSE_S", 1.2)
+    monkeypatch.setattr(preview_service, "SLICE_TICKS", 10_000)
+
+    async def previewed() -> PlanPreview:
+        async with await MrsClient.connect(running.uri, timeout_s=1.0) as client:
+            return await client.preview_steps(plan(AHEAD))
+
+    assert asyncio.run(previewed()).total is not None

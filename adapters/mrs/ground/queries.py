@@ -42,6 +42,9 @@ T = TypeVar("T")
 LINK_LOST_ERRORS: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
 """Errors of an interaction if the link or the rover is lost before the answer."""
 
+PREVIEW_TIMEOUT_S: Final = 70.0
+"""Timeout of a preview, s; the rover aborts it after 60 s."""
+
 MAX_COMMAND_ID: Final = (1 << 63) - 1
 
 
@@ -136,17 +139,24 @@ class Queries:
         """Return the prediction of a motion command, without sending it."""
         wanted = preview_request(motion)
         parts = (wanted.operation, wanted.waypoints, wanted.figures, wanted.controller)
-        options = {"supplements": frame_supplements(motion)}
-        preview: Preview = await self._query("MotionControl", "preview", *parts, **options)
+        preview: Preview = await self._query(
+            *("MotionControl", "preview", *parts),
+            supplements=frame_supplements(motion),
+            timeout_s=PREVIEW_TIMEOUT_S,
+        )
         return preview
 
     async def preview_plan(self, plan: PlanDefinition) -> Preview:
         """Return the prediction of a plan, without submitting it."""
-        return await self._one(Preview, "Plan", "previewPlan", wire_definition(plan))
+        wanted = ("Plan", "previewPlan", wire_definition(plan))
+        preview: Preview = await self._query(*wanted, timeout_s=PREVIEW_TIMEOUT_S)
+        return preview
 
     async def preview_steps(self, plan: PlanDefinition) -> PlanPreview:
         """Return the prediction of a plan and of its steps, without submitting it."""
-        return await self._one(PlanPreview, "Plan", "previewSteps", wire_definition(plan))
+        wanted = ("Plan", "previewSteps", wire_definition(plan))
+        preview: PlanPreview = await self._query(*wanted, timeout_s=PREVIEW_TIMEOUT_S)
+        return preview
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
         """Return the supported text commands, each with its help."""

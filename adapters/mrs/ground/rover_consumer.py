@@ -187,11 +187,11 @@ class RoverConsumer:
         await provider.submit(service, operation, *parts, supplements=supplements)
 
     async def request(
-        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+        self, service: str, operation: str, *parts: Any, **options: Any
     ) -> tuple[Any, ...]:
-        """Send a REQUEST, and return the parts of the response."""
+        """Send a REQUEST with the options of `Consumer.request`, and return the response."""
         provider = await self._consumer_of(service, operation)
-        return await provider.request(service, operation, *parts, supplements=supplements)
+        return await provider.request(service, operation, *parts, **options)
 
     @asynccontextmanager
     async def progress(
