@@ -95,7 +95,8 @@ class _Law(Motion):
     @property
     def remaining_text(self) -> str:
         """The remaining distance or angle, for display."""
-        return f"{quantity_text(self.remaining, self.unit, '+.3f')} left"
+        spec = "+.1f" if self.unit == "rad" else "+.3f"
+        return f"{quantity_text(self.remaining, self.unit, spec)} left"
 
     def update_limits(self, now_s: float) -> bool:
         """Plan again if the speed limit changed; return whether it did."""

@@ -203,7 +203,9 @@ def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
     camera.goto(f"{address}files?hideInspector=true")
     camera.get_by_role("button", name="show", exact=True).first.click()
     expect(camera.get_by_role("figure").locator("img")).to_have_js_property("naturalWidth", 640)
-    expect(camera.get_by_text(re.compile(r"POS_X -?[0-9.]+ m; .*CAM_PAN -[1-9]0"))).to_be_visible()
+    expect(
+        camera.get_by_text(re.compile(r"Position X -?[0-9.]+ m; .*Pan angle .* -[1-9]0"))
+    ).to_be_visible()
     camera.get_by_role("button", name="fetch", exact=True).first.click()
     fetched = camera.locator(".transfers [data-state=done]").first
     expect(fetched).to_contain_text(re.compile("pictures/anna-.*jpg.*kB.*anna"))

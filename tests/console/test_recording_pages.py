@@ -60,6 +60,11 @@ def test_a_recording_is_displayed_in_the_same_views_and_not_commanded(page: Page
     marker = page.get_by_test_id("rover")
     expect(marker).to_have_attribute("data-x", re.compile(r"^3\.0"))
 
+    expect(commands(page, "rotateBy")).to_contain_text("angle 90°")
+    expect(page.locator(".values tr").filter(has_text="Battery voltage")).to_contain_text(
+        re.compile(r"Battery voltage.*V")
+    )
+
     page.get_by_label("moment").fill("3.5")
     expect(marker).to_have_attribute("data-x", re.compile(r"^[12]\."))
     why = page.locator(".tree-view .why")
@@ -122,6 +127,11 @@ def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
     # Open MCT writes the span that is looked at into the address, a moment after it came there.
     page.wait_for_url(re.compile("POS_X.*tc[.]startBound"))
     page.evaluate("hash => { location.hash = hash }", layout)
+    page.get_by_label("OpenMCT Search").get_by_label("Search Input").fill("battery")
+    found = page.get_by_label("Search Results Dropdown")
+    expect(found.get_by_text("Battery voltage (BATERY_VOLTAGE)")).to_be_visible()
+    page.screenshot(path=picture("console-search"))
+    page.keyboard.press("Escape")
     page.get_by_role("button", name="close", exact=True).click()
     expect(page.get_by_text("No rover is connected").last).to_be_visible()
     expect(page.get_by_role("treeitem").filter(has_text="jackal@run")).to_have_count(0)

@@ -86,7 +86,9 @@ def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
     assert (first, work) == ("jackal  MOVING", "active command 77, 1 queued")
     assert re.fullmatch(r"moves at \+\d\.\d\d m/s, [+-]0\.0°/s for MOE:77 moveForward", why)
     assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
-    assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
+    assert re.search(r"Battery voltage +26\.000 +V +BATERY_VOLTAGE", result.output)
+    assert re.search(r"Heading +0\.000 +° +HEAD", result.output)
+    assert re.search(r"Maximum angular speed +\d+\.\d{3} +°/s +ROTATE_SPEED", result.output)
 
 
 def shown(aboard: Aboard) -> list[str]:

@@ -17,6 +17,7 @@ from adapters.console.rovers import (
     AssetEntry,
     CommandTracker,
     RecordingEntry,
+    command_entries,
     notification_message,
     parameter_entries,
     plan_progress,
@@ -117,7 +118,7 @@ class RecordedRun:
             parameters=parameter_entries(
                 (*DEFINED, *(each.definition for each in POSE_HOUSEKEEPING)), settings
             ),
-            commands=(),
+            commands=command_entries(settings),
             zones=zone_entries(settings),
             footprint=settings.footprint,
             frame=settings.frame,

@@ -11,7 +11,7 @@ from math import degrees
 from operator import attrgetter
 from typing import Any, Final, assert_never
 
-from adapters.mrs.spec import ParameterDefinition, housekeeping_limits
+from adapters.mrs.spec import ParameterDefinition, display_name, housekeeping_limits
 from executive.commands import (
     ACCEPTED,
     Argument,
@@ -46,12 +46,14 @@ class ParameterEntry:
     """A telemetry parameter.
 
     Attributes:
+        name: for operators, such as Battery voltage; `key` is that of the wire.
         type: name of the MAL type.
         low, high: limits by the asset's settings; None for no limit.
         writable: whether a command sets it.
     """
 
     key: str
+    name: str
     description: str
     type: str
     unit: str
@@ -214,6 +216,7 @@ def parameter_entries(
         entries.append(
             ParameterEntry(
                 each.name,
+                display_name(each),
                 each.description,
                 each.type.name,
                 unit,

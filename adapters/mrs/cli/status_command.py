@@ -38,6 +38,7 @@ from adapters.mrs.spec import (
     FaultStatus,
     ParameterDefinition,
     ServiceDescriptor,
+    display_name,
     find_service,
     received_value,
 )
@@ -145,13 +146,13 @@ class _StatusSnapshot:
             f"{utc(self.status.timestamp)} UTC aboard",
         )
         rows = (
-            (each.name, *_shown(values.get(each.name), each.unit or ""), each.description)
+            (display_name(each), *_shown(values.get(each.name), each.unit or ""), each.name)
             for each in self.definitions
         )
         return Group(
             Text(printable(f"{self.asset.asset}  {mode.name}"), style="bold"),
             *(Text(printable(line)) for line in lines),
-            table(rows, "parameter", "value", "unit", "meaning"),
+            table(rows, "parameter", "value", "unit", "name"),
         )
 
 

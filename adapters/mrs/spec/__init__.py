@@ -37,6 +37,7 @@ from adapters.mrs.spec.housekeeping import ORBITER_HOUSEKEEPING as ORBITER_HOUSE
 from adapters.mrs.spec.housekeeping import POSE_HOUSEKEEPING as POSE_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import HousekeepingParameter as HousekeepingParameter
 from adapters.mrs.spec.housekeeping import camera_state as camera_state
+from adapters.mrs.spec.housekeeping import display_name as display_name
 from adapters.mrs.spec.housekeeping import housekeeping_limits as housekeeping_limits
 from adapters.mrs.spec.housekeeping import housekeeping_values as housekeeping_values
 from adapters.mrs.spec.housekeeping import map_figures as map_figures

@@ -48,6 +48,12 @@ class HousekeepingParameter:
         )
 
 
+def display_name(definition: ParameterDefinition) -> str:
+    """Return the name of a parameter for operators, by its description: Battery voltage."""
+    name = definition.description.removeprefix("Current ") or definition.name
+    return name[0].upper() + name[1:]
+
+
 def _of_process(prefix: str, component: str) -> tuple[HousekeepingParameter, ...]:
     return (
         HousekeepingParameter(f"{prefix}_MEMORY", f"Memory of {component}", "B"),

@@ -49,7 +49,8 @@ export class Draft extends Observable {
 
   /** Start a draft with another command. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
   prepare(name, values = {}) {
-    this.entry = this.asset.entry?.commands.find((each) => each.name === name) ?? null;
+    const offered = this.asset.recording ? [] : (this.asset.entry?.commands ?? []);
+    this.entry = offered.find((each) => each.name === name) ?? null;
     this.typed = {};
     this.replace = false;
     for (const argument of this.entry?.arguments ?? []) {

@@ -28,7 +28,7 @@
 /** The dictionary entry of an asset has changed: request the dictionary again. */ export type DictionaryChanged = { ty: "dictionary"; asset: string };
 /** A stored object has a new revision; None if it was deleted. */ export type ObjectChanged = { ty: "obj"; key: string; revision: number | null };
 /** Display unit of a value, and the number of display units per SI unit. */ export type DisplayUnit = { unit: string; per_unit: number };
-/** A telemetry parameter. */ export type ParameterEntry = { key: string; description: string; type: string; unit: string; display_unit: DisplayUnit | null; low: number | null; high: number | null; writable: boolean };
+/** A telemetry parameter. */ export type ParameterEntry = { key: string; name: string; description: string; type: string; unit: string; display_unit: DisplayUnit | null; low: number | null; high: number | null; writable: boolean };
 /** An argument of a command. */ export type ArgumentEntry = { name: string; type: string; unit: string; display_unit: DisplayUnit | null; optional: boolean; help: string; low: number | null; high: number | null; or_zero: boolean; choices: string[] | null; items: ArgumentEntry[]; min_items: number | null; max_items: number | null };
 /** A command as a form. */ export type CommandEntry = { name: string; summary: string; service: string; operation: string; family: string; modes: string[]; motion: boolean; at_least_one: boolean; arguments: ArgumentEntry[]; examples: string[] };
 /** A zone or rock of an asset, in the frame of its odometry, m. */ export type ZoneEntry = { kind: string; title: string; corners: number[][]; x: number | null; y: number | null; radius: number | null };

@@ -88,13 +88,13 @@ function telemetryOf(identifier, key, entry, location) {
   const unit = unitOf(entry ?? {});
   return {
     identifier,
-    name: key,
+    name: entry ? `${entry.name} (${key})` : key,
     type: "rover.telemetry",
     location,
     telemetry: {
       values: [
         { key: "utc", name: "Time aboard", source: "utc", format: "utc", hints: { domain: 1 } },
-        { key: "value", name: key, unit, format: isText ? "string" : "number", hints: { range: 1 } },
+        { key: "value", name: entry?.name ?? key, unit, format: isText ? "string" : "number", hints: { range: 1 } },
         { key: "rx", name: "Received", format: "utc", hints: { domain: 2 } },
       ],
     },

@@ -9,7 +9,7 @@ import { fetchJson, operator } from "../model/connection.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { PlanStrip } from "./plan_strip.js";
 import { View } from "./view.js";
-import { clock, number, unitOf } from "../format.js";
+import { clock, degrees, fixed, number, unitOf } from "../format.js";
 
 /** @import { CommandStatus, ExplanationBody } from "../model/messages.js" */
 
@@ -69,6 +69,7 @@ export class CommandTable extends View {
     if (!shown.some((each) => each.id === this.#current)) this.#current = shown[0]?.id;
     reconcile(this.#rows, shown, (command) => command.id, (command) => this.#makeRow(command), (row, command) => this.#drawRow(row, command));
     if (utc_s === null) this.#showNew(shown);
+    else this.#jump.hidden = true;
   }
 
   /** Scroll to a new command of this operator; announce those of others while they are out of view. @param {CommandStatus[]} shown newest first */
@@ -225,13 +226,16 @@ export function comparison(command) {
     ? names.map((name) => [name, figures[`predicted ${name}`], figures[name]])
     : Object.entries(predicted).map(([name, value]) => [name.replace(/^predicted /, ""), value, null]);
   if (!rows.length) return null;
-  const format = (value) => (value === null ? "" : typeof value === "number" ? number(value) : String(value));
+  const format = (name, value) => {
+    if (typeof value !== "number") return String(value ?? "");
+    return name.includes("heading") ? `${fixed(degrees(value), 1)}°` : number(value);
+  };
   return html(
     "table",
     { className: "comparison" },
     row(["", "predicted", "measured"], "th"),
     ...rows.map(([name, before, after]) =>
-      html("tr", {}, html("td", { textContent: name }), html("td", { className: "figure", textContent: format(before) }), html("td", { className: "figure", textContent: format(after) })),
+      html("tr", {}, html("td", { textContent: name }), html("td", { className: "figure", textContent: format(name, before) }), html("td", { className: "figure", textContent: format(name, after) })),
     ),
   );
 }

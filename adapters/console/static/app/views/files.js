@@ -78,7 +78,7 @@ export class FilesView extends View {
     const entries = new Map(this.asset.entry?.parameters.map((each) => [each.key, each]));
     return Object.entries(meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
       const { text, unit } = inDisplayUnit(value, entries.get(key));
-      return `${key} ${text} ${unit}`.trim();
+      return `${entries.get(key)?.name} ${text} ${unit}`.trim();
     });
   }
 

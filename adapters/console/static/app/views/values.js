@@ -89,11 +89,11 @@ export class ValuesView extends View {
   }
 }
 
-const makeRow = ({ key, description = "" }) =>
+const makeRow = ({ key, name = "", description = "" }) =>
   html(
     "tr",
     {},
-    html("td", { title: description }, ...key.split(/(?<=_)/).flatMap((part) => [part, html("wbr")])),
+    html("td", { title: `${key}: ${description}` }, `${name} `, html("span", { className: "key dim" }, ...key.split(/(?<=_)/).flatMap((part) => [part, html("wbr")]))),
     html("td", { className: "figure", "data-testid": `value-${key}` }),
     html("td", { className: "unit" }),
     html("td", { className: "limits" }),
