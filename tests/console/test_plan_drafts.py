@@ -1,5 +1,6 @@
 """Drafts of plans: steps become XML and XML becomes steps, checked and previewed, never sent."""
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,7 @@ async def test_steps_are_written_read_back_and_previewed(rover: Aboard, tmp_path
         again = await drafted(anna, xml=draft["xml"], preview=False)
         assert (again["steps"], again["preview"]) == (steps, None)
 
+        await asyncio.gather(*(drafted(anna, steps=TRAVERSE) for _ in range(4)))
         fast = [*TRAVERSE, {"operation": "setTravelSpeed", "args": {"speed": 50}}]
         draft = await drafted(anna, steps=fast)
         problem = draft["problem"]

@@ -4,7 +4,9 @@ A draft is a list of steps or the XML of a plan; the answer has both. The check 
 `rover plan check`, the preview is computed aboard.
 """
 
+import asyncio
 import re
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,6 +119,7 @@ class DraftRequests:
 
     def __init__(self, commanding: Commanding) -> None:
         self._commanding = commanding
+        self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def routes(self) -> list[web.RouteDef]:
         """Return the routes."""
@@ -151,7 +154,8 @@ class DraftRequests:
         self, asset: str, plan: PlanDefinition
     ) -> tuple[PlanPreview | None, str | None]:
         try:
-            return await self._commanding.preview_plan(asset, plan), None
+            async with self._turns[asset]:  # an asset computes few previews at the same time
+                return await self._commanding.preview_plan(asset, plan), None
         except RequestError as error:
             return None, error.problem.error
 
