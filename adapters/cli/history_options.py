@@ -1,9 +1,10 @@
 """Shared by `rover log` and `rover why`: reads the history from a file or by MRS, formats times."""
 
 from collections.abc import Callable
-from datetime import UTC, datetime
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 from click.core import ParameterSource
@@ -11,6 +12,7 @@ from click.core import ParameterSource
 from adapters.explanation import UnknownCommandError
 from adapters.mal import MalError
 from executive.history import RunHistory
+from executive.values.quantities import QuantityError, read_quantity
 
 if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
@@ -23,6 +25,40 @@ file_option: Final = click.option(
     type=click.Path(path_type=Path),
     help="Read a recorded run instead of the rover.",
 )
+
+
+Moment = float | datetime
+"""Seconds before now, or after the start of a recording; or a time."""
+
+
+class MomentType(click.ParamType[Moment]):
+    """A duration, such as 10min; today, yesterday; or a time of ISO 8601, in UTC unless given."""
+
+    name = "TIME"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Moment:
+        """Return a duration in seconds, or a time."""
+        today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
+        days = {"today": today, "yesterday": today - timedelta(days=1)}
+        if (day := days.get(value)) is not None:
+            return day
+        with suppress(QuantityError):
+            return read_quantity(value, "s", comma=True)
+        try:
+            time = datetime.fromisoformat(value)
+        except ValueError:
+            forms = "write 90, 10min, today, yesterday or 2026-05-04T10:30"
+            self.fail(f"{value!r} is no time: {forms}", param, ctx)
+        return time if time.tzinfo is not None else time.replace(tzinfo=UTC)
+
+
+def utc_of(moment: Moment | None, origin_utc_s: float, sign: float) -> float | None:
+    """Return a UTC time in seconds; a duration counts from an origin, before it if negative."""
+    if isinstance(moment, datetime):
+        return moment.timestamp()
+    return None if moment is None else origin_utc_s + sign * moment
 
 
 def read_file(recording: Path, until_s: float | None = None) -> tuple[RunHistory, float]:

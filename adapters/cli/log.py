@@ -3,16 +3,19 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from adapters.cli.history_options import (
+    Moment,
+    MomentType,
     date_and_time,
     file_option,
     query_history,
     read_file,
     since_began,
+    utc_of,
 )
 from adapters.explanation import Entry, LogFilter, TimeFormatter, entries, entry_line
 from adapters.mrs.cli import RoverTarget, connect, echo_json, echo_line, json_option, run, to_option
@@ -27,6 +30,15 @@ PAGE: Final = 1000
 """Maximum reports of one query."""
 
 
+class _SeverityType(click.Choice[str]):
+    """A severity, or the beginning of its name."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the whole name."""
+        begun = [each for each in self.choices if each.startswith(str(value).lower())]
+        return super().convert(begun[0] if len(begun) == 1 else value, param, ctx)
+
+
 @click.command()
 @to_option
 @file_option
@@ -35,13 +47,13 @@ PAGE: Final = 1000
 @click.option("--source", help="Commands of this source.")
 @click.option(
     "--severity",
-    type=click.Choice([each.name.lower() for each in Severity], case_sensitive=False),
+    type=_SeverityType([each.name.lower() for each in Severity], case_sensitive=False),
     default=Severity.INFORMATIONAL.name.lower(),
     show_default=True,
-    help="Minimum severity.",
+    help="Minimum severity; its beginning is enough, as warn.",
 )
-@click.option("--since", "since_s", type=float, metavar="SECONDS", help="From this time on.")
-@click.option("--until", "until_s", type=float, metavar="SECONDS", help="Up to this time.")
+@click.option("--since", type=MomentType(), help="From this time on.")
+@click.option("--until", type=MomentType(), help="Up to this time.")
 @click.option(
     "--mode",
     type=click.Choice([each.name.lower() for each in Mode], case_sensitive=False),
@@ -56,22 +68,22 @@ def log(
     command: str | None,
     source: str | None,
     severity: str,
-    since_s: float | None,
-    until_s: float | None,
+    since: Moment | None,
+    until: Moment | None,
     mode: str | None,
     unfold: bool,
     as_json: bool,
 ) -> None:
     """List commands, each with its life cycle on one line, and events.
 
-    A command is listed if one of its reports matches. For a recording, times are seconds since its
-    start. For a rover, --since and --until are seconds before now; without --since its last 1000
-    reports are read.
+    A command is listed if one of its reports matches. --since and --until are a time before now,
+    such as 10min, for a recording after its start; or today, yesterday, or a time in UTC, such as
+    2026-05-04T10:30. Without --since the last 1000 reports of a rover are read.
 
     \b
     Examples:
       rover log
-      rover log --since 600 --severity warning
+      rover log --since 10min --severity warn
       rover log --follow
       rover log --file run.mcap
       rover log --file run.mcap --command MOE:1 --unfold
@@ -80,18 +92,18 @@ def log(
     """
     in_mode = None if mode is None else Mode[mode.upper()]
     wanted = LogFilter(command, source, Severity[severity.upper()], mode=in_mode)
-    if follow and (recording is not None or until_s is not None or mode is not None):
+    if follow and (recording is not None or until is not None or mode is not None):
         raise click.UsageError("--follow excludes --file, --until and --mode")
     if recording is None:
-        run(_query(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
+        run(_query(to, wanted, since, until, _Printer(unfold or follow, as_json), follow))
         return
     history, began_utc_s = read_file(recording)
     _Printer(unfold, as_json, since_began(began_utc_s)).list_all(
         history,
         replace(
             wanted,
-            since_utc_s=None if since_s is None else began_utc_s + since_s,
-            until_utc_s=None if until_s is None else began_utc_s + until_s,
+            since_utc_s=utc_of(since, began_utc_s, 1.0),
+            until_utc_s=utc_of(until, began_utc_s, 1.0),
         ),
     )
 
@@ -116,8 +128,8 @@ class _Printer:
 async def _query(
     to: RoverTarget,
     wanted: LogFilter,
-    since_s: float | None,
-    until_s: float | None,
+    since: Moment | None,
+    until: Moment | None,
     printer: _Printer,
     follow: bool,
 ) -> None:
@@ -127,8 +139,8 @@ async def _query(
         now_utc_s = history.until_utc_s
         wanted = replace(
             wanted,
-            since_utc_s=None if since_s is None else now_utc_s - since_s,
-            until_utc_s=None if until_s is None else now_utc_s - until_s,
+            since_utc_s=utc_of(since, now_utc_s, -1.0),
+            until_utc_s=utc_of(until, now_utc_s, -1.0),
         )
         if wanted.since_utc_s is not None and wanted.command is None:
             history = await _with_older(client, history, wanted.since_utc_s)

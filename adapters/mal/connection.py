@@ -117,6 +117,8 @@ class Framer:
             raise DecodeError(
                 f"first octet {begin[0]:#04x}: the header of 521.0-B-2, not of 521.0-B-3"
             )
+        if bytes(begin) == b"HTTP":
+            raise DecodeError("it is a web server, such as a console")
         if not MIN_MESSAGE_OCTETS <= length <= MESSAGE_CAP:
             raise DecodeError(
                 f"message length {length} is outside {MIN_MESSAGE_OCTETS} to {MESSAGE_CAP}"
@@ -250,6 +252,7 @@ class Connection(asyncio.BufferedProtocol):
 
     Attributes:
         lost: Completes when the connection is closed, by either end.
+        refusal: The invalid message for which this end closed it; None for another cause.
         peer: The peer, for logs.
         peer_host: The host address of the peer.
         peer_name: The name in the peer's certificate; empty if it has none, None without a
@@ -275,6 +278,7 @@ class Connection(asyncio.BufferedProtocol):
         self._jobs = (self._receive_one, self._notifications.send_one)
         self._loop = loop = asyncio.get_running_loop()
         self.lost: asyncio.Future[None] = loop.create_future()
+        self.refusal: str | None = None
         self.peer = "unknown"
         self.peer_host = ""
         self.peer_name: str | None = None
@@ -377,6 +381,7 @@ class Connection(asyncio.BufferedProtocol):
     def refuse(self, reason: str) -> None:
         """Close the connection because of an invalid message, with the reason in the log."""
         if self.is_open:
+            self.refusal = reason
             self._guard.warn("connection with %s closed: %s", self.peer, reason)
             self._write_gathered()
             assert self._transport is not None

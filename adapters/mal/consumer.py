@@ -395,7 +395,7 @@ class Consumer:
 
     def _lose(self, _lost: asyncio.Future[None]) -> None:
         for transaction in list(self._pending.values()):
-            transaction.fail(MalError(StandardError.DESTINATION_LOST))
+            transaction.fail(MalError(StandardError.DESTINATION_LOST, self._connection.refusal))
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.stage is InteractionStage.NOTIFY:

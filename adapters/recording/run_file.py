@@ -59,6 +59,8 @@ def first_parts(folder: Path) -> list[Path]:
 def _mismatch(profile: str) -> str:
     if profile.startswith(_FAMILY):
         return f"is a recording of another version ({profile}, not {PROFILE}): record the run again"
+    if not profile:
+        return "is an export of telemetry, or of another program, not a recording of a run"
     return f"is no recording of this version ({PROFILE}), but MCAP of profile {profile!r}"
 
 

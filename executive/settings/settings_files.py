@@ -70,7 +70,9 @@ def faults_of(origin: object) -> Iterator[None]:
     try:
         yield
     except FormatError as error:
-        raise SettingsError(f"{origin}: {error}") from error
+        faults = "\n  ".join(f"{at}: {text}" if at else text for at, text in error.faults)
+        inset = "\n  " if len(error.faults) > 1 else " "
+        raise SettingsError(f"{origin}:{inset}{faults}") from error
 
 
 @cache

@@ -57,6 +57,17 @@ def test_several_faults_are_one_error(tmp_path: Path) -> None:
     )
 
 
+def test_each_fault_has_its_own_line(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError) as caught:
+        changed(tmp_path, "safety", {"watchdog_s": "1 mile", "watchdogs": 2})
+    first, *faults = str(caught.value).splitlines()
+    assert first.endswith("mine.yaml:")
+    assert faults == [
+        "  safety.watchdog_s: '1 mile' is no quantity in s: write 10, 10s or 2min",
+        "  safety: unknown key 'watchdogs' (did you mean watchdog_s?); known are watchdog_s",
+    ]
+
+
 def test_an_angle_may_be_in_degrees(tmp_path: Path) -> None:
     settings = changed(tmp_path, "camera.pan_min_rad", "-90deg")
     usual = load_settings("jackal")

@@ -188,8 +188,10 @@ def test_the_log_has_each_command_on_a_line(run: Path) -> None:
         (("--command", "3"), 2),
         (("--command", "MOE:1", "--unfold"), 4),
         (("--source", "LAB"), 1),
-        (("--severity", "warning"), 2),
-        (("--since", "2"), 2),
+        (("--severity", "warn"), 2),
+        (("--since", "2s"), 2),
+        (("--since", "2999-05-04"), 0),
+        (("--since", "1990-05-04T10:30"), 4),
         (("--until", "0.5"), 1),
         (("--mode", "stopped"), 2),
         (("--source", "nobody"), 0),
@@ -225,6 +227,7 @@ def test_bad_input_is_reported(run: Path, tmp_path: Path) -> None:
         (why, ("--file", tmp_path / "none.mcap"), "cannot be read"),
         (log, ("--file", tmp_path / "none.mcap"), "cannot be read"),
         (log, ("--file", run, "--severity", "loud"), "'loud' is not one of"),
+        (log, ("--file", run, "--since", "noon"), "'noon' is no time: write 90, 10min, today"),
     ):
         result = typed(command, *arguments)
         assert result.exit_code == 2, result.output

@@ -147,7 +147,7 @@ def test_commands_beyond_its_memory_are_shown_from_the_ledger(tmp_path: Path) ->
         bench.run(1.0)
         bench.submit(Resume(), 3)
         assert len(typed(bench, "log").output.splitlines()) == 1
-        assert len(typed(bench, "log", "--since", "60").output.splitlines()) == 3
+        assert len(typed(bench, "log", "--since", "1min").output.splitlines()) == 3
         reported = typed(bench, "why", "MOE:1").output
         assert reported.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
         assert "MOE requested stop over the direct link" in reported

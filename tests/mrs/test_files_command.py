@@ -52,14 +52,14 @@ def test_a_file_is_fetched_to_where_it_is_wanted(
     here.mkdir()
     monkeypatch.chdir(here)
     name = Path(picture).name
-    assert files(aboard, "get", picture).exit_code == 0
+    assert files(aboard, "fetch", picture).exit_code == 0
     assert (here / name).read_bytes() == PICTURE
-    assert files(aboard, "get", picture, "rock.jpg").exit_code == 0
-    again = files(aboard, "get", picture, "rock.jpg")
+    assert files(aboard, "fetch", picture, "rock.jpg").exit_code == 0
+    again = files(aboard, "fetch", picture, "rock.jpg")
     assert again.exit_code == 2
     assert "--force" in again.output
     (here / "rock.jpg").write_bytes(b"old")
-    assert files(aboard, "get", picture, "rock.jpg", "--force", "--chunk", "2").exit_code == 0
+    assert files(aboard, "fetch", picture, "rock.jpg", "--force", "--chunk", "2").exit_code == 0
     assert (here / "rock.jpg").read_bytes() == PICTURE
     assert sorted(path.name for path in here.iterdir()) == sorted([name, "rock.jpg"])
 
@@ -76,7 +76,7 @@ def test_an_absent_file_fails_with_a_text(aboard: Aboard, typed: str) -> None:
 
 @pytest.mark.usefixtures("picture")
 def test_a_folder_cannot_be_fetched_and_is_called_so(aboard: Aboard) -> None:
-    failed = files(aboard, "get", "pictures", "there")
+    failed = files(aboard, "fetch", "pictures", "there")
     assert failed.exit_code == 1
     assert failed.output.startswith("Error: pictures is a folder: `rover files list pictures`")
 
@@ -85,14 +85,14 @@ def test_a_file_that_cannot_be_stored_here_fails_with_a_text(
     aboard: Aboard, picture: str, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_bytes(b"")
-    failed = files(aboard, "get", picture, str(tmp_path / "file" / "rock.jpg"))
+    failed = files(aboard, "fetch", picture, str(tmp_path / "file" / "rock.jpg"))
     assert failed.exit_code == 1
     assert "Error: " in failed.output
     assert "file" in failed.output
 
 
 def test_a_folder_that_is_not_here_is_no_file(aboard: Aboard, picture: str, tmp_path: Path) -> None:
-    result = files(aboard, "get", picture, f"{tmp_path}/none/")
+    result = files(aboard, "fetch", picture, f"{tmp_path}/none/")
     assert result.exit_code == 2
     assert f"folder {tmp_path}/none/ does not exist" in result.output
     assert list(tmp_path.glob("none*")) == []

@@ -229,6 +229,24 @@ def test_an_absent_rover_is_a_connection_error(aboard: Aboard) -> None:
         asyncio.run(MrsClient.connect(aboard.uri))
 
 
+def test_a_web_server_is_no_rover() -> None:
+    async def session() -> None:
+        def answer(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n")
+            writer.close()
+
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        async with server:
+            await MrsClient.connect(f"127.0.0.1:{port}")
+
+    with pytest.raises(
+        ConnectionError,
+        match=r"a web server, such as a console; the rover is at 127\.0\.0\.1:21000",
+    ):
+        asyncio.run(session())
+
+
 def test_another_name_is_no_rover(aboard: Aboard) -> None:
     with pytest.raises(ConnectionError, match="does not answer like a rover"):
         asyncio.run(MrsClient.connect(aboard.uri + "X"))

@@ -308,6 +308,7 @@ def _with_message(topic: str, plain: dict[str, object]) -> Callable[[Path], None
         (lambda _: None, "cannot be read (No such file or directory)"),
         (lambda path: path.write_bytes(b""), "contains no run"),
         (lambda path: path.write_bytes(b"text, and no recording"), "is no MCAP file"),
+        (_with_profile(""), "is an export of telemetry, or of another program, not a recording"),
         (
             _with_profile("ros2"),
             f"is no recording of this version ({PROFILE}), but MCAP of profile 'ros2'",

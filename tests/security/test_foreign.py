@@ -101,7 +101,7 @@ def foreign() -> Iterator[str]:
         ("status", "Camera"),
         ("status --assets", "MonitoringClient"),
         ("files info a.jpg", "FileManagement"),
-        ("files get a.jpg", "FileManagement"),
+        ("files fetch a.jpg", "FileManagement"),
         ("files cancel a.jpg", "FileTransfer.cancelTransfer"),
         ("files watch", "FileManagement"),
         ("plan status", "Plan"),

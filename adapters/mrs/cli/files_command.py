@@ -1,5 +1,6 @@
 """The command `rover files`: lists, describes, fetches and watches the files of a rover."""
 
+from copy import copy
 from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -35,7 +36,7 @@ def files() -> None:
     Examples:
       rover files list pictures
       rover files info pictures/MOE-1.jpg
-      rover files get pictures/MOE-1.jpg
+      rover files fetch pictures/MOE-1.jpg
       rover files watch
     """
 
@@ -93,7 +94,7 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
     help="Octets of a chunk; smaller for a slow link. The rover's default if omitted.",
 )
 @to_option
-def get(path: str, target: str | None, force: bool, chunk: int | None, to: RoverTarget) -> None:
+def fetch(path: str, target: str | None, force: bool, chunk: int | None, to: RoverTarget) -> None:
     """Fetch a file into TARGET, a folder or a name; into the current folder by default.
 
     Received octets are stored in TARGET.CHECKSUM.part until the file is complete with a correct
@@ -101,8 +102,8 @@ def get(path: str, target: str | None, force: bool, chunk: int | None, to: Rover
 
     \b
     Examples:
-      rover files get pictures/MOE-1.jpg
-      rover files get pictures/MOE-1.jpg rock.jpg
+      rover files fetch pictures/MOE-1.jpg
+      rover files fetch pictures/MOE-1.jpg rock.jpg
     """
     here = Path(target or ".")
     if here.is_dir():
@@ -112,6 +113,10 @@ def get(path: str, target: str | None, force: bool, chunk: int | None, to: Rover
     if here.exists() and not force:
         raise click.UsageError(f"{here} exists: give another name, or use --force")
     run(_get(to, path, here, chunk))
+
+
+files.add_command(copy(fetch), "get")
+files.commands["get"].hidden = True  # the name in scripts
 
 
 @files.command()

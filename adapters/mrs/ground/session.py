@@ -184,6 +184,9 @@ class RoverSession:
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:
+            if error.extra is not None:
+                text = f"{self.uri} does not answer like a rover: {error.extra.value}"
+                return ConnectionError(f"{text}; the rover is at {self.uri.host}:{PORT}")
             if self._terms.certificates is None:
                 return TransportMismatchError(f"{self.uri} closed the connection: is TLS needed?")
             return TransportMismatchError(
