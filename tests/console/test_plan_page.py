@@ -36,6 +36,8 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
             await picture.click()
         check, outcome = page.get_by_test_id("plan-check"), page.get_by_test_id("plan-outcome")
         await expect(check).to_contain_text(re.compile(r"takes [0-9]+ s, [0-9.]+ m"))
+        name = page.get_by_label("name of the plan")
+        await expect(name).to_have_css("font-weight", "700")  # our styles, not Open MCT's
         await expect(operations).to_have_text(["moveTo", "takePicture"] * 3)
         await expect(steps(page).first).to_contain_text(re.compile(r"x (1|1\.0.|0\.9.) "))
         await page.screenshot(path=ARTIFACTS / "console-plan.png")
@@ -109,6 +111,7 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         await expect(steps(page).first).to_contain_text(re.compile(r"y (2|2\.0.|1\.9.)"))
         await page.get_by_role("button", name="undo").click()
         await page.get_by_role("button", name="delete draft").click()
+        await expect(outcome).to_contain_text("deleted")
         stored = await anna.get("api/objects")
         assert [each for each in stored["objects"] if each["key"].startswith("plan")] == []
 

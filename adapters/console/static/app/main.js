@@ -26,11 +26,11 @@ document.querySelector("#shell").append(pane);
 let isUsed = false;
 for (const each of ["pointerdown", "keydown", "input"]) pane.addEventListener(each, () => (isUsed = true), { once: true });
 
-/** Add an element to the head; resolves when its file is loaded. @param {HTMLElement} element */
+/** Add an element to the head, before our styles; resolves when its file is loaded. @param {HTMLElement} element */
 const loaded = (element) =>
   new Promise((resolve, reject) => {
     Object.assign(element, { onload: resolve, onerror: reject });
-    document.head.append(element);
+    document.head.prepend(element);
     applyTheme();
   });
 

@@ -187,7 +187,7 @@ export class PlanDraft extends Observable {
 
   /** Effect of a click on the map. */
   get hint() {
-    if (this.notSteps) return "";
+    if (this.notSteps) return "This plan is edited as XML.";
     return this.entry ? "Click the map to add a waypoint." : "Click the map to add a move; drag a waypoint to move it.";
   }
 

@@ -10,14 +10,14 @@ import { duration } from "../format.js";
 
 /** Commands with a button of their own; all others are in a list. */
 const FREQUENT = ["takePicture", "setCameraAngles"];
-const MARKS = { done: "✓", active: "▶" };
+const MARKS = { done: "✓", active: "▶", held: "‖" };
 
 export class PlanSteps extends View {
   /** @type {PlanStep | null} the step that is being dragged */
   #dragged = null;
   /** @type {WeakMap<Element, StepRow>} */
   #rows = new WeakMap();
-  /** @type {(step: PlanStep, index: number) => string} the state of a step aboard: done, active or empty */
+  /** @type {(index: number) => string} the state of a step aboard: done, active, held or empty */
   stateOf = () => "";
   /** @type {((step: PlanStep) => void) | null} resumes the plan at a step; null unless it is suspended */
   resumeAt = null;
@@ -46,7 +46,7 @@ export class PlanSteps extends View {
     const names = plan.offered.map((each) => each.name);
     const make = (name) => button(`+ ${name}`, `add ${name} after the selected step`, () => this.#add(name));
     reconcile(this.#frequent, FREQUENT.filter((each) => names.includes(each)), String, make);
-    const makeOption = (value) => html("option", { value, textContent: value || "+ other command" });
+    const makeOption = (value) => html("option", { value, textContent: value || "+ other …" });
     reconcile(this.#others, ["", ...names.filter((each) => !FREQUENT.includes(each))], String, makeOption);
     this.#list.classList.toggle("old", !plan.isChecked);
     reconcile(this.#list, plan.steps, (each) => each.key, (step) => this.#makeRow(step), (element) => this.#rows.get(element).render());
@@ -134,7 +134,7 @@ class StepRow {
     const { draft, name, preview, objection } = this.#step;
     const index = plan.steps.indexOf(this.#step);
     const isSelected = plan.selected === this.#step;
-    const state = this.#list.stateOf(this.#step, index);
+    const state = this.#list.stateOf(index);
     this.element.classList.toggle("selected", isSelected);
     this.element.classList.toggle("refused", objection !== "");
     set(this.element, { "data-state": state });

@@ -28,17 +28,15 @@ export class PlanStrip extends View {
   /** @param {PlanProgress} progress */
   #make({ plan }) {
     const [suspend, resume] = ["suspendPlan", "resumePlan"].map((act) => button(act.replace("Plan", ""), `${act} ${plan}`, () => this.#act(act, plan)));
-    return html("p", {}, html("b", { textContent: plan }), html("span"), html("progress"), html("span", { className: "step" }), suspend, resume);
+    return html("p", {}, html("b", { textContent: plan }), html("span"), html("span", { className: "step" }), suspend, resume);
   }
 
   /** @param {any} line @param {PlanProgress} progress */
   #drawLine(line, progress) {
-    const [, state, bar, step, suspend, resume] = line.children;
+    const [, state, step, suspend, resume] = line.children;
     const { status, done, total, node } = progress;
     set(line, { class: status.toLowerCase() });
     setText(state, status.toLowerCase());
-    bar.hidden = !total;
-    set(bar, { max: total || 1, value: done ?? 0, "aria-label": "steps that have ended" });
     const left_s = this.#left_s(progress);
     const name = node?.split("/").at(-1) ?? "";
     const at = total ? `step ${Math.min((done ?? 0) + 1, total)} of ${total}` : "";

@@ -30,7 +30,7 @@ const UNANSWERED = ["unknown", "lost"];
 export class PlansView extends View {
   #library = new PlanLibrary(this.asset.name);
   /** @type {Map<number, string>} XML of submitted revisions; empty until received */
-  #sentXml = new Map();
+  #received = new Map();
   /** whether the XML is shown instead of the steps */
   #showsXml = false;
   /** id of the command that this page sent last */
@@ -56,7 +56,7 @@ export class PlansView extends View {
   #acts = html("span", { className: "buttons" });
   #outcome = html("div", { className: "outcome", role: "status", "data-testid": "plan-outcome" });
   #rows = html("tbody");
-  #table = html("table", {}, tableHead("plan aboard", "state", "progress", "", "submitted"), this.#rows);
+  #table = html("table", {}, tableHead("plan aboard", "state", "progress", "commands"), this.#rows);
   root = html(
     "section",
     { className: "rover-view plans-view" },
@@ -95,7 +95,7 @@ export class PlansView extends View {
     plan.restore();
     if (!plan.isEmpty) plan.check();
     this.#library.refresh();
-    this.#steps.stateOf = (step, index) => this.#stateOf(step, index);
+    this.#steps.stateOf = (index) => this.#stateOf(index);
     const onMode = () => {
       if (mode === asset.mode) return;
       mode = asset.mode;
@@ -222,24 +222,27 @@ export class PlansView extends View {
     return this.#library.submitted.find((each) => each.plan === this.plan.name);
   }
 
-  /** Whether the plan differs from the one of its name aboard, as far as known. */
-  get #differs() {
+  /** The XML of that revision; empty until received. */
+  get #sentXml() {
     const revision = this.#revision?.revision;
-    if (revision === undefined || !this.plan.isChecked) return false;
-    if (!this.#sentXml.has(revision)) {
-      this.#sentXml.set(revision, "");
-      this.#library.readRevision(revision).then(({ xml }) => (this.#sentXml.set(revision, xml), this.draw()), () => this.#sentXml.delete(revision));
+    if (revision === undefined) return "";
+    if (!this.#received.has(revision)) {
+      this.#received.set(revision, "");
+      this.#library.readRevision(revision).then(({ xml }) => (this.#received.set(revision, xml), this.draw()), () => this.#received.delete(revision));
     }
-    const sent = this.#sentXml.get(revision);
-    return sent !== "" && sent !== this.plan.xml;
+    return this.#received.get(revision);
   }
 
-  /** The state aboard of a step. @param {import("../model/plan_draft.js").PlanStep} step @param {number} index */
-  #stateOf(step, index) {
-    const progress = this.#progress;
-    if (!progress || this.#differs || progress.done === null) return "";
-    if (index < progress.done) return "done";
-    return progress.node === step.node && progress.status === "EXECUTING" ? "active" : "";
+  /** Progress of the plan, if it is the one of its name aboard; undefined if it was changed since. */
+  get #ownProgress() {
+    return this.plan.isChecked && this.#sentXml === this.plan.xml ? this.#progress : undefined;
+  }
+
+  /** The state aboard of a step. @param {number} index */
+  #stateOf(index) {
+    const { done = null, status = "" } = this.#ownProgress ?? {};
+    if (done === null || index > done) return "";
+    return index < done ? "done" : { EXECUTING: "active", SUSPENDED: "held" }[status] ?? "";
   }
 
   render() {
@@ -254,7 +257,7 @@ export class PlansView extends View {
     }
     this.#asSteps.disabled = showsXml && !this.#showsXml;
     this.#undo.disabled = !plan.canUndo;
-    this.#steps.resumeAt = progress?.status === "SUSPENDED" && !this.#differs ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
+    this.#steps.resumeAt = this.#ownProgress?.status === "SUSPENDED" ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
     this.#steps.root.hidden = this.#steps.adders.hidden = showsXml;
     this.#steps.draw();
     this.#xml.hidden = !showsXml;
@@ -266,7 +269,7 @@ export class PlansView extends View {
     this.#drawOutcome();
     const known = [...asset.plansAboard.values()];
     this.#table.hidden = known.length === 0;
-    const make = () => html("tr", {}, html("td"), html("td"), html("td"), html("td"), html("td", { className: "dim" }));
+    const make = () => html("tr", {}, html("td"), html("td"), html("td"), html("td"));
     reconcile(this.#rows, known, (each) => each.plan, make, (row, each) => this.#drawRow(row, each));
   }
 
@@ -293,7 +296,8 @@ export class PlansView extends View {
     const refused = at >= 0 ? `Step ${at + 1}: ${objections[at]}` : plan.problem;
     this.#check.hidden = plan.isEmpty;
     this.#check.classList.toggle("refused", !plan.waits && refused !== "");
-    setText(this.#check, plan.waits ? "check pending …" : refused || this.#previewed());
+    const isOther = this.#progress && plan.isChecked && !this.#ownProgress && this.#sentXml;
+    setText(this.#check, plan.waits ? "check pending …" : refused || this.#previewed() + (isOther ? ". It differs from the plan aboard." : ""));
   }
 
   #previewed() {
@@ -333,25 +337,22 @@ export class PlansView extends View {
     const command = this.asset.commands.get(this.#sent);
     const state = command?.state ?? (this.#message && this.#sent ? "rejected" : "sending");
     const text = command ? `${command.name}: ${state}. ${command.history.at(-1)?.detail ?? ""}` : this.#message || (this.#sent && "sending …");
-    this.#outcome.hidden = !text && !this.#differsText;
-    this.#outcome.className = `outcome ${text ? state : ""}`;
-    setText(this.#outcome, text || this.#differsText);
-  }
-
-  get #differsText() {
-    return this.#progress && this.#differs ? `This is not the ${this.plan.name} aboard.` : "";
+    this.#outcome.hidden = !text;
+    this.#outcome.className = `outcome ${state}`;
+    setText(this.#outcome, text);
   }
 
   /** @param {any} row @param {PlanProgress} progress */
   #drawRow(row, progress) {
     const { plan: name, status } = progress;
     const revision = this.#library.submitted.find((each) => each.plan === name);
-    const [title, state, done, acts, when] = row.children;
+    const [title, state, done, acts] = row.children;
     setText(title, name);
+    set(title, { title: revision ? `submitted ${clock(revision.utc)}` : "not submitted at this console" });
     setText(state, status.toLowerCase());
-    setText(done, [progress.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress.text].filter(Boolean).join(", "));
+    const parts = [progress.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress.text, revision ? `by ${revision.operator}, revision ${revision.revision}` : ""];
+    setText(done, parts.filter(Boolean).join(", "));
     set(done, { title: progress.node ?? "" });
-    setText(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "not at this console");
     const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
     reconcile(acts, offered, String, (act) => this.#makeAct(act, () => name, revision));
   }
