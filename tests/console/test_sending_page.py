@@ -101,6 +101,40 @@ async def test_a_laptop_shows_six_commands_and_announces_new_ones(
         await page.screenshot(path=ARTIFACTS / "console-relay-rows.png")
 
 
+async def test_keys_alone_send_a_command_and_open_its_explanation(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch(explains=True)
+    rover.runs = True
+    async with page_of(tmp_path, rover.uri) as page:
+        keys = page.keyboard
+        await keys.press("?")
+        await expect(page.get_by_text("Ctrl+Enter in the form")).to_be_visible()
+        await page.screenshot(path=ARTIFACTS / "console-shortcuts.png")
+        await keys.press("Escape")
+        await expect(page.get_by_text("Ctrl+Enter in the form")).to_be_hidden()
+        await keys.press("Alt+C")
+        await keys.type("moveT")
+        for value in ("1", "0.5"):
+            await keys.press("Tab")
+            await keys.type(value)
+        await keys.press("Enter")
+        await expect(page.get_by_role("button", name="Send moveTo to jackal")).to_be_focused()
+        await expect(commands(page)).to_have_count(0)
+        await keys.press("Enter")
+        await expect(commands(page)).to_have_attribute("data-state", "executed")
+        await keys.press("Control+Space")
+        await expect(page.get_by_test_id("mode")).to_have_text("STOPPED")
+        await expect(commands(page)).to_have_count(2)
+        await keys.press("Alt+L")
+        await expect(page.locator(".command[data-name=stop] .head")).to_be_focused()
+        await keys.press("ArrowDown")
+        await keys.press("Enter")
+        moved = page.locator(".command[data-name=moveTo]")
+        await expect(moved.locator(".why-steps")).to_contain_text("was executed")
+        await page.screenshot(path=ARTIFACTS / "console-why-by-keys.png")
+
+
 @asynccontextmanager
 async def page_of(folder: Path, uri: str, path: str = "") -> AsyncIterator[Page]:
     """Give the whole console of a rover on a small screen, as anna sees it."""
@@ -136,3 +170,4 @@ async def by_relay(page: Page) -> None:
 
     await page.route_web_socket(re.compile("/ws$"), relayed)
     await page.reload()
+    await page.locator("#operations").wait_for(state="detached")

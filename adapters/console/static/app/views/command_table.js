@@ -66,7 +66,7 @@ export class CommandTable extends View {
     const shown = all.slice(Math.max(0, first)).slice(0, MAX_ROWS);
     this.#empty.hidden = shown.length > 0;
     setText(this.#empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
-    if (!shown.some((each) => each.id === this.#current)) this.#current = shown[0]?.id;
+    if (!this.#rows.contains(document.activeElement) || !shown.some((each) => each.id === this.#current)) this.#current = shown[0]?.id;
     reconcile(this.#rows, shown, (command) => command.id, (command) => this.#makeRow(command), (row, command) => this.#drawRow(row, command));
     if (utc_s === null) this.#showNew(shown);
     else this.#jump.hidden = true;

@@ -10,6 +10,7 @@ import { contextOf } from "../model/context.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
 import { setTitle } from "../title.js";
+import { Shortcuts, isStopKey } from "./shortcuts.js";
 import { Stops } from "./stops.js";
 import { View } from "./view.js";
 import { age, clock } from "../format.js";
@@ -17,7 +18,6 @@ import { age, clock } from "../format.js";
 /** @import { Asset } from "../model/asset.js" */
 /** @import { LinkStatus } from "../model/messages.js" */
 
-const STOP_KEYS = ["F8", "Pause"];
 const RESUMABLE_MODES = ["STOPPED", "SAFE", "PAUSED"];
 const TOPICS = ["links", "authority", "status", "tree", "commands", "entry"];
 const MESSAGE_MS = 8000;
@@ -40,21 +40,23 @@ export class StatusBar extends View {
   #newName = html("input", { type: "text", "aria-label": "operator name", hidden: true, onkeydown: (event) => this.#onNameKey(event), onblur: () => this.#editName(false) });
   #stop = html(
     "button",
-    { type: "button", className: "stop", "data-testid": "stop" },
+    { type: "button", className: "stop", "data-testid": "stop", title: "F8, Pause or Ctrl+Space" },
     html("b", { textContent: "STOP" }),
-    html("small", { textContent: STOP_KEYS[0] }),
+    html("small", { textContent: "F8" }),
   );
   #alarm = button("", "alarms of all rovers; click to show and acknowledge them", () => this.#toggleAlarms(), { className: "alarms", "data-testid": "alarms" });
   #list = html("div", { className: "alarm-list", hidden: true });
+  #shortcuts = new Shortcuts();
   #message = html("div", { className: "message", role: "alert", hidden: true });
   #lost = html("div", { className: "lost", role: "alert", hidden: true });
-  #identity = html("span", { className: "identity" }, this.#name, this.#newName, this.#pages, themeButton(), html("a", { href: "/help", target: "rover-help", title: "documentation of the console", textContent: "help" }));
+  #identity = html("span", { className: "identity" }, this.#name, this.#newName, this.#pages, themeButton(), this.#shortcuts.button, html("a", { href: "/help", target: "rover-help", title: "documentation of the console", textContent: "help" }));
   #bar = html(
     "header",
     { className: "rover-bar", popover: "manual" },
     html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
     this.#stops.element,
+    this.#shortcuts.element,
     this.#message,
     this.#lost,
   );
@@ -111,10 +113,10 @@ export class StatusBar extends View {
   }
 
   #onKey(event) {
-    if (!STOP_KEYS.includes(event.key) || event.repeat) return;
+    if (!isStopKey(event)) return this.#shortcuts.onKey(event);
     event.preventDefault();
     event.stopPropagation();
-    this.#onStop();
+    if (!event.repeat) this.#onStop();
   }
 
   /** Put the bar above the elements that have entered the top layer after it. */
