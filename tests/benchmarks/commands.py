@@ -235,6 +235,19 @@ def console_fleet(rovers: int, values: float, pages: int, seconds: float) -> "li
     return console_fleet.measure(rovers, values, pages, seconds, log)
 
 
+@benchmark(
+    "console-soak --seconds 300 --commands 80",
+    click.option("--values", type=click.FloatRange(1.0), default=10.0, help="A second."),
+    click.option("--commands", type=click.IntRange(1), default=1000, show_default=True),
+    click.option("--seconds", type=click.FloatRange(1.0), default=3600.0, show_default=True),
+)
+def console_soak(values: float, commands: int, seconds: float) -> "list[Figure]":
+    """Heap, elements and CPU of a page of the console that stays open, in a browser."""
+    from tests.benchmarks import console_soak
+
+    return console_soak.measure(values, commands, seconds, log)
+
+
 @benchmark("hostile --connections 200", count("--connections", 1000))
 def hostile(count: int) -> "list[Figure]":
     """Memory, and the round trip of who was there first, while a thousand connections attack."""

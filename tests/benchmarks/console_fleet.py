@@ -53,7 +53,7 @@ def measure(
     rovers: int, values_hz: float, pages: int, duration_s: float, progress: Callable[[str], None]
 ) -> list[Figure]:
     """Measure a console of so many rovers, with some pages, each of which hears all."""
-    with tempfile.TemporaryDirectory() as folder, _fleet(Path(folder), rovers, values_hz) as uri:
+    with tempfile.TemporaryDirectory() as folder, rovers_of(Path(folder), rovers, values_hz) as uri:
         progress(f"console: {rovers} rovers, {pages} pages, {duration_s:g} s ...")
         began_s = time.monotonic()
         with console_of(uri, Path(folder)) as (log, pid):
@@ -61,7 +61,7 @@ def measure(
 
 
 @contextmanager
-def _fleet(folder: Path, rovers: int, values_hz: float) -> Iterator[str]:
+def rovers_of(folder: Path, rovers: int, values_hz: float) -> Iterator[str]:
     """Run rovers in a few processes; gives the address of the first, where all register."""
     shares = [len(range(each, rovers, PROCESSES)) for each in range(PROCESSES)]
     with ExitStack() as running:

@@ -13,7 +13,7 @@ from rich.console import Console
 from executive.motion.locomotion import Bounds
 from executive.motion.polylines import initial_guesses
 from executive.values.geometry import Pose
-from tests.benchmarks import console_fleet, mal
+from tests.benchmarks import console_fleet, console_soak, mal
 from tests.benchmarks.commands import bench
 from tests.benchmarks.competitors import COMPETITORS
 from tests.benchmarks.locomotion import OWN_GOALS, read_goals
@@ -302,6 +302,22 @@ def test_a_console_is_measured_with_many_rovers(
     assert values["fleet: values"] > 0
     assert -1e-9 < values["fleet: CPU"] < 100  # told in steps of 10 ms: a second may show none
     assert values["fleet: memory"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
+def test_a_page_that_stays_open_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console_soak, "SETTLE_S", 0.2)
+    out = tmp_path / "figures.json"
+    arguments = ["console-soak", "--commands", "2", "--seconds", "2", "--json", str(out)]
+    result = CliRunner().invoke(bench, arguments)
+    assert result.exit_code in (0, 1), result.output
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert 1.0 < values["soak: heap at last"] < 100.0
+    assert values["soak: elements at last"] > 100
+    assert values["soak: CPU at last"] > 0
 
 
 @pytest.mark.ros

@@ -23,6 +23,14 @@ SHOWN = """async samples => {
     return [x.value, x.utc, x.interval ?? null, asset.pose?.utc ?? null];
 }"""
 
+RETAINED = """async count => {
+    const { Asset } = await import("/app/model/asset.js");
+    const asset = new Asset("rover");
+    for (let number = 0; number < count; number++)
+        asset.setCommand({ id: `${number}`, number, ended: number > 0, history: [] });
+    return [asset.commands.size, ...["0", "1", "2", "3"].map(id => asset.commands.has(id))];
+}"""
+
 
 def fix(utc: float, x: float, q: str = "good", link: str = "direct") -> list[list[object]]:
     return [[key, link, utc, x, q] for key in ("HEAD", "POS_Y", "POS_X")]
@@ -43,4 +51,5 @@ async def test_the_newest_value_is_shown_despite_a_clock_set_back(tmp_path: Path
         assert await page.evaluate(SHOWN, [*before, *back]) == [2.0, 100.0, None, 100.0]
         after = [*back, *fix(102.0, 3.0), *late]
         assert await page.evaluate(SHOWN, [*before, *after]) == [3.0, 102.0, 2.0, 102.0]
+        assert await page.evaluate(RETAINED, 3002) == [3000, True, False, False, True]
         await browser.close()

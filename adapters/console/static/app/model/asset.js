@@ -20,6 +20,8 @@ export const STORED = [...UNCERTAINTY, ...MAP_ORIGIN];
 const MIN_UNCERTAINTY = [0.01, 0.005];
 const MAX_FIXES = 20000;
 const MAX_NOTICES = 2000;
+/** Limit of the commands; beyond it the earliest received one that has ended is discarded. */
+const MAX_COMMANDS = 3000;
 const UNKNOWN_FOOTPRINT = { length_m: 0.5, width_m: 0.4 };
 const MAX_PENDING_FIXES = 50;
 
@@ -204,6 +206,7 @@ export class Asset extends Topics {
     const former = this.commandOf(`${command.source}:${command.number}`);
     if (former && former.id !== command.id) this.commands.delete(former.id); // received before its sender was known
     this.commands.set(command.id, command);
+    if (this.commands.size > MAX_COMMANDS) this.commands.delete([...this.commands.values()].find((each) => each.ended)?.id);
     this.changed("commands", command);
   }
 
@@ -218,6 +221,7 @@ export class Asset extends Topics {
     for (const { command, path } of tree.nodes) {
       if (command === null) continue;
       if (!this.#nodes.has(command)) this.#nodes.set(command, new Set());
+      if (this.#nodes.size > MAX_COMMANDS) this.#nodes.delete(this.#nodes.keys().next().value);
       this.#nodes.get(command).add(path);
     }
   }
