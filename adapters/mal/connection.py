@@ -252,7 +252,7 @@ class Connection(asyncio.BufferedProtocol):
 
     Attributes:
         lost: Completes when the connection is closed, by either end.
-        refusal: The invalid message for which this end closed it; None for another cause.
+        refusal: The error of the message because of which this end closed it; None otherwise.
         peer: The peer, for logs.
         peer_host: The host address of the peer.
         peer_name: The name in the peer's certificate; empty if it has none, None without a

@@ -89,7 +89,7 @@ async def test_a_laptop_shows_six_commands_and_announces_new_ones(
         await expect(page.get_by_test_id("new-commands")).to_be_hidden()
         await shown.evaluate("each => each.scrollTop = 60")
         await page.get_by_label("command", exact=True).select_option("moveForward")
-        await page.get_by_label("distance", exact=True).fill("0.5")
+        await page.get_by_label("distance", exact=True).fill("50 cm")
         await page.keyboard.press("Control+Enter")
         await expect(page.locator("[data-name=moveForward]")).to_be_in_viewport(ratio=0.9)
         await page.screenshot(path=ARTIFACTS / "console-laptop.png")

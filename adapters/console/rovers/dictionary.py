@@ -29,6 +29,7 @@ from executive.commands import (
 from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock
 from executive.settings import Settings, TargetFrame
 from executive.values.parameters import Parameter
+from executive.values.quantities import UNITS
 
 _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -70,6 +71,7 @@ class ArgumentEntry:
     Attributes:
         name: key in the posted `args`.
         type: `number`, `integer`, `text`, `choice`, `list` (of objects of `items`).
+        units: units in which it may be typed, with their number per SI unit.
         low, high: bounds, included; None if only the asset knows them.
         or_zero: whether 0 is accepted outside the bounds.
         choices: permitted values; None for any.
@@ -83,6 +85,7 @@ class ArgumentEntry:
     display_unit: DisplayUnit | None
     optional: bool
     help: str
+    units: dict[str, float]
     low: float | None = None
     high: float | None = None
     or_zero: bool = False
@@ -271,6 +274,7 @@ def _argument(
         display_unit=_display_unit(argument.unit),
         optional=argument.optional or at_least_one,
         help=argument.help,
+        units=UNITS.get(argument.unit, {}),
         low=None if is_list else low,
         high=None if is_list else high,
         or_zero=isinstance(argument.bound, ValueRange) and argument.bound.or_zero,

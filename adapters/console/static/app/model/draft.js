@@ -208,7 +208,13 @@ function valuesOf(parts, item) {
 function valueOf(argument, text) {
   if (text === undefined || text === "") return undefined;
   if (argument.type === "text" || argument.type === "choice") return text;
-  return Number(text) / (argument.display_unit?.per_unit ?? 1);
+  return quantityOf(argument, text);
+}
+
+/** Read a number, in the display unit or with one of `units`. @param {ArgumentEntry} argument @param {string} text @returns {number} in SI units; NaN if it is none */
+function quantityOf({ display_unit: display, units }, text) {
+  const [, figure, unit] = /^\s*([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[-+]?\d+)?)\s*(\D*?)\s*$/i.exec(text) ?? [];
+  return Number(figure?.replace(",", ".")) / (unit ? units[unit] : (display?.per_unit ?? 1));
 }
 
 /** @param {ArgumentEntry} list @param {Record<string, any>[]} [items] in SI units */
@@ -227,14 +233,13 @@ function typedText(argument, value) {
 function problemOf(argument, text) {
   if (text === undefined || text === "") return argument.optional ? "" : "needed";
   if (argument.type === "text" || argument.type === "choice") return "";
-  const value = Number(text);
+  const value = quantityOf(argument, text);
   if (!Number.isFinite(value)) return "not a number";
   if (argument.type === "integer" && !Number.isInteger(value)) return "not a whole number";
   const { low, high } = argument;
-  const factor = argument.display_unit?.per_unit ?? 1;
   const slack = 1e-9 + 1e-6 * Math.abs(value);
   if (argument.or_zero && value === 0) return "";
-  if ((low !== null && value < low * factor - slack) || (high !== null && value > high * factor + slack)) {
+  if ((low !== null && value < low - slack) || (high !== null && value > high + slack)) {
     return `not in ${rangeOf(argument)}`;
   }
   return "";

@@ -98,7 +98,7 @@ function inputOf(draft, { name, type, choices, optional }, record, key) {
   const typed = (text) => draft.type(record, name, text);
   if (type !== "choice") {
     const inputMode = type === "text" ? "text" : "decimal";
-    const oninput = (event) => typed(event.target.value.replace(",", "."));
+    const oninput = (event) => typed(event.target.value);
     return html("input", { ...common, type: "text", inputMode, value: record[name] ?? "", oninput });
   }
   if (!optional && !record[name]) record[name] = choices?.[0] ?? "";
