@@ -30,13 +30,12 @@ from cattrs.gen import (
     override,
 )
 
-from executive.values.quantities import QuantityError, read_quantity
+from executive.values.quantities import QuantityError, read_quantity, unit_of
 
 T = TypeVar("T")
 
 _UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
-_QUANTITIES: Final = {"m": "m", "s": "s", "mps": "m/s"}
 MANY: Final = 30
 """Maximum number of keys that an error lists if it suggests a similar one; chosen."""
 _TYPE_NAMES: Final = {str: "a text", int: "a whole number", bool: "true or false"}
@@ -237,8 +236,8 @@ def _is_angle(each: Field[Any]) -> bool:
 
 def _quantity_hook(each: Field[Any]) -> Callable[[Any, Any], float | None] | None:
     """Return the reader of a number that may have a unit, by the suffix of its field."""
-    unit = _QUANTITIES.get(each.name.rpartition("_")[2])
-    if unit is None or each.type not in (float, float | None):
+    unit = unit_of(each.name)
+    if not unit or each.type not in (float, float | None):
         return None
 
     def read(raw: Any, kind: Any) -> float | None:

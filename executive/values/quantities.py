@@ -20,6 +20,7 @@ UNITS: Final = MappingProxyType(
     }
 )
 """Accepted units of a quantity, by its SI unit, with their number per SI unit."""
+_SUFFIXES: Final = {"m": "m", "s": "s", "rad": "rad", "mps": "m/s", "radps": "rad/s"}
 _EXAMPLES: Final = {
     "m": "0.5, 0.5m or 50cm",
     "s": "10, 10s or 2min",
@@ -35,6 +36,11 @@ _DECIMAL_COMMA: Final = re.compile(r"([-+]?\d*),(\d+)(\D*)", re.ASCII)
 
 class QuantityError(ValueError):
     """A text that is no quantity of the unit; the message has the accepted forms."""
+
+
+def unit_of(field: str) -> str:
+    """Return the SI unit that the suffix of a field names, as `x_m`; empty for none."""
+    return _SUFFIXES.get(field.rpartition("_")[2], "")
 
 
 def read_quantity(text: str, unit: str, *, bare: bool = True, comma: bool = False) -> float:

@@ -5,6 +5,7 @@ import shlex
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
+from itertools import cycle
 from typing import Final
 
 from adapters.mops import Dictionary, Message, MopsError, encoded
@@ -12,6 +13,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import DEFINED, ReceivedValue, describe_error, forwarded_command
 from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
+from executive.values.quantities import read_quantity, unit_of
 from executive.values.reports import Report
 
 MISSING_VALUE: Final = "-"
@@ -89,7 +91,7 @@ class Console:
         entry = self._dictionary.commands.get(name)
         if entry is None:
             raise MopsError(f"unknown command {name}: help lists the commands")
-        given = tuple("" if value == MISSING_VALUE else encoded(value) for value in values)
+        given = tuple(map(_input, cycle(entry.inputs or ("",)), values))
         return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
 
     async def _run(self, command: Command) -> None:
@@ -167,6 +169,19 @@ def _written(value: float | str | None) -> str:
     return repr(value) if isinstance(value, str) else format(value, "z.3f")
 
 
+def _input(field: str, text: str) -> str:
+    """Return an input as in a message, where quantities are in SI units.
+
+    Raises:
+        QuantityError: an angle without a unit, or no quantity of the field.
+    """
+    if text == MISSING_VALUE:
+        return ""
+    if unit := unit_of(field):
+        return repr(read_quantity(text, unit, bare=not unit.startswith("rad")))
+    return encoded(text)
+
+
 def help_lines(dictionary: Dictionary) -> list[str]:
     """Return the lines of the command `help`."""
     commands = dictionary.commands.items()
@@ -176,5 +191,6 @@ def help_lines(dictionary: Dictionary) -> list[str]:
         "  status    present telemetry and state of the relay",
         "  help      this list",
         "  quit      end at once, even with open commands",
-        "units m, rad, s; - for an omitted value; values with spaces in quotes",
+        "metres and seconds, or as 50cm; angles as 90deg or 1.57rad;",
+        "- for an omitted value; values with spaces in quotes",
     ]

@@ -1,6 +1,7 @@
 """`rover mops`, as typed."""
 
 import json
+from math import pi
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,9 @@ from executive.values.reports import Identity, Report, ReportKind, Severity, Sta
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, ground, landed, orbiting, rover
 
 TYPED = """
-moveForward 1.5    # a comment
-setCameraAngles - 0.25
+moveForward 150cm    # a comment
+setCameraAngles - 0.25rad
+followPath 1 2 90deg - 0 1m - 0.1
 executeAction "VIDEO ON"
 deleteFile "a, 100 %/ü#|.png"
 """
@@ -27,6 +29,7 @@ async def test_lines_command_a_rover_and_report_on_it(tmp_path: Path) -> None:
         assert [(m.source, m.command, m.inputs) for m in far.commands] == [
             ("MOPS", "MOVE_FORWARD", ("1.5",)),
             ("MOPS", "SET_CAMERA_ANGLES", ("", "0.25")),
+            ("MOPS", "FOLLOW_PATH", ("1.0", "2.0", str(pi / 2), "", "0.0", "1.0", "", "0.1")),
             ("MOPS", "EXECUTE_ACTION", ("VIDEO ON",)),
             ("MOPS", "DELETE_FILE", ("a%2C 100 %25/%C3%BC%23%7C.png",)),
         ]
@@ -43,13 +46,14 @@ async def test_lines_command_a_rover_and_report_on_it(tmp_path: Path) -> None:
 
 async def test_an_unknown_line_is_refused_and_the_rest_continues(tmp_path: Path) -> None:
     sky = Sky(tmp_path, "jackal")
-    typed = 'moveForwards 1\nmoveForward far\nmoveForward\n"\nhelp\nstop\n'
+    typed = 'moveForwards 1\nmoveForward far\nrotateBy 5\nmoveForward\n"\nhelp\nstop\n'
     async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
         status, text = await rover("mops", "--to", str(station.uri), typed=typed)
         assert status == 1
-        assert text.count("REFUSED") == 4
+        assert text.count("REFUSED") == 5
         assert "moveForward DISTANCE_M" in text
-        assert "distance_m: 'far' is no number" in text
+        assert "'far' is no quantity in m: write 0.5, 0.5m or 50cm" in text
+        assert "5 has no unit: write 5deg or 5rad" in text
         assert [m.command for m in far.commands] == ["STOP"]
 
 
