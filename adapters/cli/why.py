@@ -19,12 +19,27 @@ from adapters.explanation import (
     explain_now,
     explanation_lines,
 )
-from adapters.mrs.cli import RoverTarget, connect, echo_json, echo_line, json_option, run, to_option
+from adapters.mrs.cli import (
+    RoverTarget,
+    command_numbers,
+    completion,
+    connect,
+    echo_json,
+    echo_line,
+    json_option,
+    run,
+    to_option,
+)
 from executive.history import RunHistory
 
 
 @click.command()
-@click.argument("command", required=False, metavar="[COMMAND]")
+@click.argument(
+    "command",
+    required=False,
+    metavar="[COMMAND]",
+    shell_complete=completion(command_numbers),
+)
 @to_option
 @file_option
 @click.option(

@@ -11,6 +11,7 @@ from subprocess import PIPE
 
 import click
 import pytest
+from click.shell_completion import BashComplete
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
@@ -378,6 +379,25 @@ def test_actions_are_completed() -> None:
         assert [each.value for each in text.shell_complete(ctx, "vi")] == ["VIDEO"]
         ctx.params["text"] = ("VIDEO",)
         assert [each.value for each in text.shell_complete(ctx, "")] == ["OFF", "ON"]
+
+
+def test_plans_files_and_commands_of_the_rover_are_completed(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def completed(*typed: str) -> list[str]:
+        found = BashComplete(main, {}, "rover", "_ROVER_COMPLETE")
+        return [each.value for each in found.get_completions(list(typed[:-1]), typed[-1])]
+
+    monkeypatch.setenv("ROVER_URI", aboard.uri)
+    aboard.carry_out(SubmitPlan(plan("<takePicture deadline_s='9'/>", "survey")))
+    aboard.put("pictures/rock.jpg", b"rock")
+    assert command(aboard, "--id", "77", "setTravelSpeed", "0.5").exit_code == DONE
+    assert completed("plan", "watch", "su") == ["survey"]
+    assert completed("files", "fetch", "pict") == ["pictures/rock.jpg"]
+    assert completed("why", "77") == ["77"]
+    assert completed("moveTo", "--fr") == ["--frame"]
+    aboard.hang_up()
+    assert completed("files", "fetch", "pict") == []
 
 
 @pytest.mark.parametrize("arguments", [("command", "stop"), ("status",)])

@@ -10,6 +10,8 @@ from adapters.mrs.cli.options import json_option as json_option
 from adapters.mrs.cli.options import to_option as to_option
 from adapters.mrs.cli.options import to_options as to_options
 from adapters.mrs.cli.terminal import FAILED as FAILED
+from adapters.mrs.cli.terminal import command_numbers as command_numbers
+from adapters.mrs.cli.terminal import completion as completion
 from adapters.mrs.cli.terminal import connect as connect
 from adapters.mrs.cli.terminal import echo_json as echo_json
 from adapters.mrs.cli.terminal import echo_line as echo_line

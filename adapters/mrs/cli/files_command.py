@@ -10,9 +10,11 @@ import click
 from adapters.mal import MalError
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.terminal import (
+    completion,
     connect,
     echo_json,
     echo_line,
+    file_paths,
     in_session,
     print_table,
     run,
@@ -65,7 +67,7 @@ async def list_files(client: MrsClient, folder: str | None, as_json: bool) -> No
 
 
 @files.command()
-@click.argument("path")
+@click.argument("path", shell_complete=completion(file_paths))
 @json_option
 @in_session
 async def info(client: MrsClient, path: str, as_json: bool) -> None:
@@ -84,7 +86,7 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
 
 
 @files.command()
-@click.argument("path")
+@click.argument("path", shell_complete=completion(file_paths))
 @click.argument("target", required=False)
 @click.option("--force", is_flag=True, help="Replace TARGET if it exists.")
 @click.option(
@@ -141,7 +143,7 @@ async def watch(client: MrsClient, as_json: bool) -> None:
 
 
 @files.command()
-@click.argument("path")
+@click.argument("path", shell_complete=completion(file_paths))
 @in_session
 async def cancel(client: MrsClient, path: str) -> None:
     """Cancel your transfers of a file; with TLS and the authority, those of all.

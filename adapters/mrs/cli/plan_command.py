@@ -13,9 +13,11 @@ from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import (
     FAILED,
+    completion,
     echo_json,
     echo_line,
     in_session,
+    plan_ids,
     print_table,
 )
 from adapters.mrs.ground import MrsClient
@@ -147,7 +149,7 @@ def _add_control_command(
     @plan.command(
         name, help=f"{declaration.summary}\n\n\b\nExample:\n  rover plan {name} look-around"
     )
-    @click.argument("plan_id", metavar="PLAN")
+    @click.argument("plan_id", metavar="PLAN", shell_complete=completion(plan_ids))
     @to_option
     def steer(plan_id: str, to: RoverTarget) -> None:
         CommandSender(to).send(kind(plan_id))
@@ -159,7 +161,7 @@ for _kind in get_args(PlanRequest):
 
 
 @plan.command()
-@click.argument("plan_id", metavar="[PLAN]", required=False)
+@click.argument("plan_id", metavar="[PLAN]", required=False, shell_complete=completion(plan_ids))
 @click.option(
     "--at", "step", metavar="STEP", help="Step to continue at; those before it are skipped."
 )
@@ -184,7 +186,7 @@ def resume(plan_id: str | None, step: str | None, to: RoverTarget) -> None:
 
 
 @plan.command()
-@click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
+@click.argument("plan_ids", metavar="[PLAN]...", nargs=-1, shell_complete=completion(plan_ids))
 @json_option
 @in_session
 async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
@@ -206,7 +208,7 @@ async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) ->
 
 
 @plan.command()
-@click.argument("plan_id", metavar="[PLAN]", required=False)
+@click.argument("plan_id", metavar="[PLAN]", required=False, shell_complete=completion(plan_ids))
 @json_option
 @in_session
 async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:

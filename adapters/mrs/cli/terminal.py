@@ -6,7 +6,7 @@ The client is imported at first use, so that `--help` is fast.
 import asyncio
 import json
 import sys
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
 from enum import Enum
@@ -16,9 +16,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mal import CertificateError, MalError, NamedValue, TypedAttribute
-from adapters.mrs.cli.options import RoverTarget, to_option
-from adapters.mrs.transport import TransportMismatchError
+from adapters.mal import (
+    CertificateError,
+    Certificates,
+    Encoding,
+    MalError,
+    NamedValue,
+    TypedAttribute,
+)
+from adapters.mrs.cli.options import ADDRESS, RoverTarget, to_option
+from adapters.mrs.transport import TransportMismatchError, TransportSettings
 from executive.values.reasons import UnknownReason
 from executive.values.reports import printable
 
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
 
 FAILED: Final = 1
+COMPLETION_TIMEOUT_S: Final = 1.0
+COMPLETED_REPORTS: Final = 200
 HINT: Final = (
     "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or give its"
     " address with --to"
@@ -75,6 +84,46 @@ def in_session(function: Callable[..., Coroutine[Any, Any, None]]) -> Callable[.
         run(session())
 
     return callback
+
+
+def completion(
+    query: Callable[["MrsClient"], Awaitable[Iterable[str]]],
+) -> Callable[[click.Context, click.Parameter, str], list[str]]:
+    """Return the completion of an argument by names from the rover; without an answer, none."""
+
+    async def names(to: RoverTarget) -> list[str]:
+        async with asyncio.timeout(COMPLETION_TIMEOUT_S), await connect(to) as client:
+            return list(await query(client))
+
+    def complete(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
+        files: list[Any] = [ctx.params.get(name) for name in ("certificate", "key", "authorities")]
+        own = Certificates(*files) if all(files) else None
+        terms = TransportSettings(Encoding(ctx.params.get("encoding")), own)
+        try:
+            found = asyncio.run(names(RoverTarget(ctx.params.get("to") or ADDRESS, terms)))
+        except (OSError, MalError, click.ClickException):
+            return []
+        return [name for name in found if name.startswith(begun)]
+
+    return complete
+
+
+async def plan_ids(client: "MrsClient") -> list[str]:
+    """Return the ids of the plans of a rover, to complete them."""
+    return [plan.plan_id for plan in await client.get_plan_status()]
+
+
+async def file_paths(client: "MrsClient") -> list[str]:
+    """Return the paths of the files of a rover, to complete them."""
+    return [file.path for file in await client.list_files()]
+
+
+async def command_numbers(client: "MrsClient") -> list[str]:
+    """Return the numbers of the last commands of a rover, to complete them; newest first."""
+    last = await client.get_last_notification()
+    since = None if last is None else max(1, last.cursor - COMPLETED_REPORTS)
+    found = [each.report.identity for each in await client.get_notifications(since)]
+    return list(dict.fromkeys(str(each.command_id) for each in reversed(found) if each))
 
 
 def run(session: Coroutine[Any, Any, None]) -> None:
