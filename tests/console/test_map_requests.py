@@ -51,6 +51,9 @@ async def test_a_page_gets_what_another_client_commanded(rover: Aboard, tmp_path
         assert (await anna.request("GET", "api/plans/jackal/none/steps"))[0] == 501
         wrong = await anna.request("GET", "api/plans/jackal/survey/steps?start=1,2")
         assert (wrong[0], wrong[1]["field"]) == (422, "start")
+        wrong = await anna.request("GET", "api/plans/jackal/survey/steps?done=all")
+        assert (wrong[0], wrong[1]["field"]) == (422, "done")
+        assert (await anna.get("api/plans/jackal/survey/steps?done=1")) == {"steps": []}
 
 
 def root(definition: PlanDefinition) -> PlanNode:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final, TypeVar
@@ -15,7 +15,7 @@ from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
 from executive.commands import FollowPath, Motion, MoveTo, argument_values, declaration_of
-from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps
+from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps, steps_of
 from executive.settings import Settings, TargetFrame
 from executive.values.geometry import Pose
 from executive.values.reasons import Refusal
@@ -52,7 +52,7 @@ class RouteStep:
 
 
 def route_of(
-    root: PlanNode, settings: Settings, start: Pose | None, node: str | None = None
+    root: PlanNode, settings: Settings, start: Pose | None, node: str | None = None, done: int = 0
 ) -> Iterator[RouteStep]:
     """Yield the steps of a plan in order; those of a loop once per position.
 
@@ -61,11 +61,12 @@ def route_of(
         settings: settings of the asset.
         start: start pose in the odometry frame; None if unknown.
         node: path of the present leaf, the first step; None for all steps.
+        done: number of leaves that have ended or were skipped.
     """
     pose, frame = start, TargetFrame.ODOM
     numbers = {each.location.path: number for number, each in enumerate(steps(root), 1)}
     known: dict[str, set[object]] = {}
-    remaining = _remaining(root, node)
+    remaining = _remaining(root, node, done)
     times = Counter(each.location.path for each in remaining)
     for step in remaining:
         request, points = step.request, []
@@ -93,8 +94,11 @@ def route_of(
         )
 
 
-def _remaining(root: PlanNode, node: str | None) -> list[PlanStep]:
+def _remaining(root: PlanNode, node: str | None, done: int) -> Sequence[PlanStep]:
     """Return the nominal steps from a leaf on, or those after it if the leaf is not nominal."""
+    listed = steps_of(root)
+    if isinstance(listed, tuple):  # a suspended sequence may continue after its last leaf
+        return listed[done:]
     nominal = [each for each in nominal_steps(root) if isinstance(each, PlanStep)]
     paths = [each.location.path for each in nominal]
     if node in paths:
@@ -132,7 +136,8 @@ class MapRequests:
         if settings is None or root is None or isinstance(root, Refusal):
             text = f"plan {plan_id} does not fit the settings of {asset} that are installed here"
             raise refused(HTTPStatus.NOT_IMPLEMENTED, text)
-        route = route_of(root, settings, _start_of(request), request.query.get("node"))
+        node, done = request.query.get("node"), _done_of(request)
+        route = route_of(root, settings, _start_of(request), node, done)
         return json_response({"steps": list(route)})
 
     async def _obstacles(self, request: web.Request) -> web.Response:
@@ -160,3 +165,10 @@ def _start_of(request: web.Request) -> Pose | None:
     except ValueError:
         raise invalid("start", "x,y,heading are needed, in m and rad") from None
     return Pose(x_m, y_m, heading_rad=heading_rad)
+
+
+def _done_of(request: web.Request) -> int:
+    try:
+        return max(int(request.query.get("done", "0")), 0)
+    except ValueError:
+        raise invalid("done", "a number of leaves is needed") from None

@@ -71,12 +71,12 @@ export class PlanRoutes {
   }
 
   /** @param {PlanProgress} progress */
-  #stepsOf({ plan, node, utc }) {
+  #stepsOf({ plan, node, done, utc }) {
     const pose = (node === null ? this.#asset.pose : this.#asset.poseAt(utc)) ?? this.#asset.pose;
     const start = pose && [pose.x, pose.y, pose.heading];
     const area = node === null && start ? start.map((each) => Math.round(each / START_M)).join() : "";
-    const key = [plan, this.#submitted.get(plan), node, area].join(" ");
-    if (!this.#steps.has(key)) this.#fetch(key, plan, { ...(start && { start: start.join() }), ...(node !== null && { node }) });
+    const key = [plan, this.#submitted.get(plan), node, done, area].join(" ");
+    if (!this.#steps.has(key)) this.#fetch(key, plan, { ...(start && { start: start.join() }), ...(node !== null && { node }), ...(done && { done: String(done) }) });
     return this.#steps.get(key) ?? this.#last.get(plan) ?? [];
   }
 
