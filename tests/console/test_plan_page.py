@@ -35,7 +35,7 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
             await click_map(page, x_m, y_m)
             await picture.click()
         check, outcome = page.get_by_test_id("plan-check"), page.get_by_test_id("plan-outcome")
-        await expect(check).to_contain_text(re.compile(r"takes [0-9]+ s, [0-9.]+ m"))
+        await expect(check).to_contain_text(re.compile(r"takes [0-9.]+ s, [0-9.]+ m"))
         name = page.get_by_label("name of the plan")
         await expect(name).to_have_css("font-weight", "700")  # our styles, not Open MCT's
         await expect(operations).to_have_text(["moveTo", "takePicture"] * 3)
@@ -84,6 +84,9 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         await expect(check).to_contain_text("Step 2: ")
         await page.get_by_label("distance", exact=True).fill("1")
         await page.get_by_label("step name").fill("ahead")
+        await page.get_by_label("step deadline").fill("soon")
+        await expect(check).to_contain_text("seconds are needed")
+        await page.get_by_label("step deadline").fill("30")
         await expect(check).to_contain_text("Valid")
         await page.get_by_role("button", name="save draft").click()
         await expect(outcome).to_contain_text("draft plan-1 is stored")

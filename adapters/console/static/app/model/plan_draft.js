@@ -35,12 +35,18 @@ export class PlanStep {
     this.deadline = deadline;
   }
 
-  /** The missing or wrong fields, or why it would be refused. */
-  get objection() {
+  /** The missing or wrong fields. */
+  get incomplete() {
     const { problems } = this.draft;
     const [[field, problem] = []] = problems;
-    if (problem === undefined) return this.problem;
-    return problem === "needed" ? `fill in ${[...problems.keys()].join(", ")}` : `${field} ${problem}`.trim();
+    if (problem === "needed") return `fill in ${[...problems.keys()].join(", ")}`;
+    if (problem) return `${field} ${problem}`.trim();
+    return this.deadline && !(Number(this.deadline) > 0) ? "deadline: seconds are needed" : "";
+  }
+
+  /** The missing or wrong fields, or why it would be refused. */
+  get objection() {
+    return this.incomplete || this.problem;
   }
 
   /** @returns {StepContent} */
@@ -223,7 +229,7 @@ export class PlanDraft extends Observable {
   check() {
     clearTimeout(this.#timer);
     this.#edits++;
-    this.waits = !this.isEmpty && this.steps.every((each) => each.draft.problems.size === 0);
+    this.waits = !this.isEmpty && this.steps.every((each) => !each.incomplete);
     if (this.waits) this.#timer = setTimeout(() => this.#fetchCheck(this.#edits), DEBOUNCE_MS);
     else this.#receive({ xml: "" });
     this.changed();

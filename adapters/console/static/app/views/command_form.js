@@ -150,13 +150,7 @@ export class CommandForm extends View {
     const { waits, preview } = this.draft;
     if (waits) return "preview pending …";
     if (!preview) return "Fill in the required fields to see a preview.";
-    const end = preview.path.at(-1);
-    const energy = preview.energy == null ? "" : `, ${number(preview.energy)} J`;
-    const nearest = preview.clearance == null ? "" : `; minimum clearance ${preview.clearance.toFixed(2)} m, to ${preview.nearest}`;
-    return (
-      `Preview: takes ${preview.duration.toFixed(1)} s, ${preview.length.toFixed(2)} m${energy};` +
-      ` ends at x ${end.x.toFixed(2)} m, y ${end.y.toFixed(2)} m, ${degrees(end.heading).toFixed(0)}°${nearest}`
-    );
+    return `Preview: ${predictionText(preview)}`;
   }
 
   #drawSend() {
@@ -193,6 +187,16 @@ export class CommandForm extends View {
     const label = this.#trouble || (command ? `${command.name}, ${clock(command.created)}: ${command.state.replace("_", " ")}. ${last?.detail ?? ""}` : "sending …");
     this.#outcome.replaceChildren(html("p", { textContent: label }), (command && comparison(command)) || "");
   }
+}
+
+/** Format a prediction in one line. @param {import("../model/messages.js").Preview} preview */
+export function predictionText({ duration, length, energy, path, clearance, nearest }) {
+  const end = path.at(-1);
+  return (
+    `takes ${duration.toFixed(1)} s, ${length.toFixed(2)} m${energy == null ? "" : `, ${number(energy)} J`};` +
+    ` ends at x ${end.x.toFixed(2)} m, y ${end.y.toFixed(2)} m, ${degrees(end.heading).toFixed(0)}°` +
+    (clearance == null ? "" : `; minimum clearance ${clearance.toFixed(2)} m, to ${nearest}`)
+  );
 }
 
 /** @param {CommandEntry[]} commands @returns {Map<string, CommandEntry[]>} by family */

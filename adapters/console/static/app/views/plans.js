@@ -6,11 +6,12 @@
 
 import { fetchJson, newId } from "../model/connection.js";
 import { PlanLibrary } from "../model/plan_library.js";
-import { PlanSteps } from "./plan_steps.js";
+import { predictionText } from "./command_form.js";
 import { MapView } from "./map.js";
+import { PlanSteps } from "./plan_steps.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { View } from "./view.js";
-import { clock, degrees, duration, number } from "../format.js";
+import { clock } from "../format.js";
 
 /** @import { CommandStatus, PlanProgress, PlanRevision } from "../model/messages.js" */
 
@@ -125,13 +126,14 @@ export class PlansView extends View {
   }
 
   /** @param {string} index of an entry of the library */
-  async #read(index) {
+  #read(index) {
     this.#open.value = "";
-    const entry = this.#library.entries[Number(index)];
-    await this.#attempt(async () => {
-      this.plan.load(await entry.read());
-      return "";
-    });
+    this.#load(this.#library.entries[Number(index)].read);
+  }
+
+  /** @param {import("../model/plan_library.js").LibraryEntry["read"]} read */
+  #load(read) {
+    return this.#attempt(async () => this.plan.load(await read()));
   }
 
   /** @param {File | undefined} chosen */
@@ -146,17 +148,11 @@ export class PlansView extends View {
 
   /** @param {"draft" | "template"} kind */
   #save(kind) {
-    return this.#attempt(async () => {
-      await this.#library.save(kind, this.plan.content);
-      return `${kind} ${this.plan.name} is stored for all consoles`;
-    });
+    return this.#attempt(() => this.#library.save(kind, this.plan.content), `${kind} ${this.plan.name} is stored for all consoles`);
   }
 
   #deleteStored() {
-    return this.#attempt(async () => {
-      await this.#library.remove(this.#storedKind, this.plan.name);
-      return "deleted";
-    });
+    return this.#attempt(() => this.#library.remove(this.#storedKind, this.plan.name), "deleted");
   }
 
   /** The kind of the stored plan of this name that this page may delete. */
@@ -164,10 +160,10 @@ export class PlansView extends View {
     return /** @type {const} */ (["draft", "template"]).find((kind) => this.#library.has(kind, this.plan.name));
   }
 
-  /** @param {() => Promise<string>} act returns the message */
-  async #attempt(act) {
+  /** @param {() => Promise<void>} act @param {string} [done] message after it */
+  async #attempt(act, done = "") {
     this.#sent = "";
-    this.#message = await act().catch((error) => error.message);
+    this.#message = await act().then(() => done, (error) => error.message);
     this.draw();
   }
 
@@ -202,14 +198,15 @@ export class PlansView extends View {
 
   /** @param {string} id of a command @returns {Promise<CommandStatus>} */
   #endOf(id) {
-    const ended = () => [this.asset.commands.get(id)].find((each) => each && (each.ended || UNANSWERED.includes(each.state)));
     return new Promise((resolve) => {
-      const off = this.asset.on("commands", () => {
-        const command = ended();
-        if (!command) return;
+      const check = () => {
+        const command = this.asset.commands.get(id);
+        if (!command?.ended && !UNANSWERED.includes(command?.state)) return;
         off();
         resolve(command);
-      });
+      };
+      const off = this.asset.on("commands", check);
+      check();
     });
   }
 
@@ -297,20 +294,8 @@ export class PlansView extends View {
     this.#check.hidden = plan.isEmpty;
     this.#check.classList.toggle("refused", !plan.waits && refused !== "");
     const isOther = this.#progress && plan.isChecked && !this.#ownProgress && this.#sentXml;
-    setText(this.#check, plan.waits ? "check pending …" : refused || this.#previewed() + (isOther ? ". It differs from the plan aboard." : ""));
-  }
-
-  #previewed() {
-    const { preview, notPreviewed } = this.plan;
-    if (!preview) return `Valid. No preview: ${notPreviewed}`;
-    const end = preview.path.at(-1);
-    const parts = [
-      `Valid: takes ${duration(preview.duration)}, ${preview.length.toFixed(2)} m`,
-      preview.energy == null ? "" : `, ${number(preview.energy)} J`,
-      end ? `; ends at x ${end.x.toFixed(2)} m, y ${end.y.toFixed(2)} m, ${degrees(end.heading).toFixed(0)}°` : "",
-      preview.clearance == null ? "" : `; minimum clearance ${preview.clearance.toFixed(2)} m, to ${preview.nearest}`,
-    ];
-    return parts.join("");
+    const prediction = plan.preview ? predictionText(plan.preview) : `no preview: ${plan.notPreviewed}`;
+    setText(this.#check, plan.waits ? "check pending …" : refused || `Valid: ${prediction}${isOther ? ". It differs from the plan aboard." : ""}`);
   }
 
   /** @param {PlanProgress | undefined} progress */
@@ -360,7 +345,6 @@ export class PlansView extends View {
   /** @param {string} act name of a command, or `show` with a revision @param {() => string} nameOf the plan @param {PlanRevision} [revision] */
   #makeAct(act, nameOf, revision) {
     if (!act.startsWith("show")) return button(LABELS[act], act, () => this.#act(act, nameOf()), { className: act });
-    const show = async () => (this.plan.load(await this.#library.readRevision(revision.revision)), "");
-    return button("show", "open this plan above", () => this.#attempt(show));
+    return button("show", "open this plan above", () => this.#load(() => this.#library.readRevision(revision.revision)));
   }
 }
