@@ -29,7 +29,7 @@ export class FilesView extends View {
   #picture = html("img", { alt: "", onerror: () => setText(this.#caption, "The picture could not be fetched.") });
   #caption = html("figcaption", { className: "dim" });
   #shown = html("figure", { hidden: true }, this.#picture, this.#caption);
-  root = html("section", { className: "rover-view files-view" }, this.#message, html("div", { className: "scroll" }, this.#shown, this.#transfers, this.#empty, this.#table));
+  root = html("section", { className: "rover-view files-view" }, this.#message, html("div", { className: "scroll", tabIndex: 0 }, this.#shown, this.#transfers, this.#empty, this.#table));
 
   start() {
     const { asset, draw } = this;

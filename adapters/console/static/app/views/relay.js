@@ -56,7 +56,7 @@ export class RelayView extends View {
   #trafficHead = html("thead", {}, html("tr", {}, html("th"), html("th", { className: "figure", textContent: "orbiter → rover" }), this.#asOf));
   #body = html(
     "div",
-    { className: "scroll" },
+    { className: "scroll", tabIndex: 0 },
     this.#path,
     this.#strips,
     html("table", { className: "traffic" }, this.#trafficHead, this.#rows),

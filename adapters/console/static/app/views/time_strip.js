@@ -35,7 +35,7 @@ export class TimeStripView extends View {
   #now = svg("line", { class: "now" });
   #at = svg("line", { class: "at", "data-testid": "strip-cursor" });
   #picture = svg("svg", { class: "strip" }, this.#axis, this.#lanes, this.#later, this.#now, this.#at);
-  #scroll = html("div", { className: "scroll" }, this.#picture);
+  #scroll = html("div", { className: "scroll", tabIndex: 0 }, this.#picture);
   root = html(
     "section",
     { className: "rover-view strip-view" },

@@ -56,7 +56,7 @@ export class TreeView extends View {
     ...Object.entries(STYLES).map(([style, label]) => html("span", {}, svg("svg", { width: 14, height: 14, class: style }, statusSign(7, 7)), label)),
   );
   #head = html("header", {}, this.#mode, this.#why, html("span", { className: "tools" }, this.#search, this.#all));
-  root = html("section", { className: "rover-view tree-view" }, this.#head, this.#empty, html("div", { className: "scroll" }, this.#rows), this.#legend);
+  root = html("section", { className: "rover-view tree-view" }, this.#head, this.#empty, html("div", { className: "scroll", tabIndex: 0 }, this.#rows), this.#legend);
 
   start() {
     const { asset, session, selection, cursor, draw } = this;
