@@ -70,9 +70,7 @@ def faults_of(origin: object) -> Iterator[None]:
     try:
         yield
     except FormatError as error:
-        faults = "\n  ".join(f"{at}: {text}" if at else text for at, text in error.faults)
-        inset = "\n  " if len(error.faults) > 1 else " "
-        raise SettingsError(f"{origin}:{inset}{faults}") from error
+        raise SettingsError(error.text_of(origin)) from error
 
 
 @cache

@@ -78,7 +78,16 @@ class FormatError(ValueError):
 
     def __init__(self, path: str, text: str, *more: tuple[str, str]) -> None:
         self.faults = ((path, text), *more)
-        super().__init__("; ".join(f"{at}: {what}" if at else what for at, what in self.faults))
+        super().__init__("; ".join(self._lines))
+
+    @property
+    def _lines(self) -> list[str]:
+        return [f"{path}: {text}" if path else text for path, text in self.faults]
+
+    def text_of(self, origin: object) -> str:
+        """Return the faults of a file, one a line if there are several."""
+        inset = "\n  " if len(self.faults) > 1 else " "
+        return f"{origin}:{inset}" + "\n  ".join(self._lines)
 
 
 class StrictReader:

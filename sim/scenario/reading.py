@@ -117,8 +117,8 @@ def load_scenario(
         return _checked(raw, path.parent, mode, changes)
     except FormatError as error:
         blamed = _first_invalid_change(raw, path.parent, mode, changes)
-        cause = f"changed by {blamed}: " if blamed and "changed by" not in str(error) else ""
-        raise SettingsError(f"{path}: {cause}{error}") from error
+        cause = f": changed by {blamed}" if blamed and "changed by" not in str(error) else ""
+        raise SettingsError(error.text_of(f"{path}{cause}")) from error
 
 
 def _checked(

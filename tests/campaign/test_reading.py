@@ -176,7 +176,7 @@ def test_what_cannot_be_gets_one_error(write: Write, old: str, new: str, message
     name = write((old, new))
     with pytest.raises(SettingsError, match=re.escape(message)) as caught:
         load_campaign(name)
-    assert str(caught.value).startswith("mine.yaml: ")
+    assert str(caught.value).startswith("mine.yaml:")
 
 
 def test_the_maximum_of_runs_allows_all_combinations(write: Write) -> None:
