@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import Locator, Page, async_playwright, expect
 
 from tests.console.conftest import Launch
-from tests.console.consoles import Operator, at_console
+from tests.console.consoles import Operator, at_console, served
 from tests.console.site import OPTIONS, open_whole
 from tests.console.test_theme_page import AXE, violations
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
@@ -28,7 +28,10 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
     launch: Launch, tmp_path: Path
 ) -> None:
     rover = launch()
-    async with page_of_plans(tmp_path, rover.uri) as (anna, page):
+    async with (
+        page_of_plans(tmp_path, rover.uri) as (_, page),
+        served(tmp_path / "second", rover.uri) as second,
+    ):
         operations = page.locator(".steps .what")
         picture = page.get_by_role("button", name="+ takePicture")
         for x_m, y_m in ((1.0, 1.0), (2.0, 0.0), (3.0, 1.0)):
@@ -54,11 +57,15 @@ async def test_a_plan_is_made_by_clicks_and_resumed_at_a_step(
         await expect(steps(page).first).to_have_attribute("data-state", "active")
 
         other = await page.context.new_page()
-        await open_whole(other, f"{anna.address}{ROVER}~commands{SHOWN}")
+        await open_whole(other, f"{second}{ROVER}~layout{SHOWN}")
         strip = other.get_by_test_id("plan-strip")
         await expect(strip).to_contain_text(re.compile("plan-1executing.*step 1 of 6: moveTo"))
+        await expect(strip).to_contain_text(re.compile("[0-9]+ s left"))
+        await expect(other.locator(".map [data-plan=plan-1].active")).to_be_attached()
         await strip.get_by_role("button", name="suspend").click()
         await expect(strip).to_contain_text("suspended")
+        await expect(steps(page).first).to_have_attribute("data-state", "held")
+        await is_accessible(page)
 
         await steps(page).nth(3).get_by_role("button", name="resume here").click()
         await expect(outcome).to_contain_text("resumePlan: executed")
@@ -90,7 +97,7 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         await expect(check).to_contain_text("Valid")
         await page.get_by_role("button", name="save draft").click()
         await expect(outcome).to_contain_text("draft plan-1 is stored")
-        assert await violations(page) == []
+        await is_accessible(page)
 
         await page.get_by_role("button", name="XML", exact=True).click()
         text = page.get_by_label("plan", exact=True)
@@ -104,7 +111,7 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         await expect(outcome).to_contain_text("submitPlan: rejected")
         await page.reload()
         await expect(text).to_have_value("<root><takePictur/></root>")
-        assert await violations(page) == []
+        await is_accessible(page)
 
         await page.get_by_label("open a plan").select_option(label="look-around")
         await expect(page.get_by_text("This plan is no list of steps")).to_be_visible()
@@ -121,6 +128,12 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
 
 def steps(page: Page) -> Locator:
     return page.locator(".steps .step")
+
+
+async def is_accessible(page: Page) -> None:
+    for scheme in ("dark", "light"):
+        await page.emulate_media(color_scheme=scheme)
+        assert await violations(page) == [], scheme
 
 
 async def on_map(page: Page, x_m: float, y_m: float) -> tuple[float, float]:
