@@ -15,10 +15,13 @@ REJECTED: Final = Stage.REJECTED.name
 FORWARDED: Final = "FORWARDED"
 LOST: Final = "LOST"
 UNKNOWN: Final = "UNKNOWN"
+ACTIVE: Final = "ACTIVE"
+"""Stage of a command that the asset reports as active after a lost link."""
 PREDICTED: Final = "PREDICTED"
 _STATES: Final = {each.name: each for each in CommandState} | {
     Stage.PROGRESS.name: CommandState.STARTED,
     FORWARDED: CommandState.ACKNOWLEDGED,
+    ACTIVE: CommandState.STARTED,
 }
 _ORDER: Final = list(CommandState)
 LIFECYCLE_STATES: Final = frozenset(_STATES[stage.name] for stage in Stage)
@@ -31,7 +34,8 @@ def apply_stage(command: CommandStatus, reached: StageEntry) -> CommandStatus:
     alike = [
         each
         for each in history
-        if (each.stage, each.step) == (reached.stage, reached.step) and each.stage != UNKNOWN
+        if (each.stage, each.step) == (reached.stage, reached.step)
+        and each.stage not in {UNKNOWN, ACTIVE}
     ]
     if alike and (alike[0].sequence is not None or reached.sequence is None):
         return command  # received over another link, or for a repeated command

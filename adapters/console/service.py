@@ -24,7 +24,14 @@ from adapters.console.archive import (
     run_retention,
 )
 from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
-from adapters.console.messages import Broadcast, LinkKind, NotificationMessage, Sample, TreeState
+from adapters.console.messages import (
+    Broadcast,
+    LinkKind,
+    LinkStatus,
+    NotificationMessage,
+    Sample,
+    TreeState,
+)
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
     AlarmRequests,
@@ -239,6 +246,8 @@ async def _serving(
         archive.put(message)
         if isinstance(message, NotificationMessage):
             alarms.on_report(message)
+        elif isinstance(message, LinkStatus):
+            alarms.on_link(message)
 
     def sample(value: Sample) -> None:
         hub.sample(value)

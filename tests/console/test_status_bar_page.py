@@ -1,5 +1,6 @@
 """The status bar in a real browser: STOP above all else, and lost links."""
 
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -7,10 +8,10 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
+from adapters.console.rovers import tracker
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
 from tests.console.site import OPTIONS
-from tests.mrs.aboard import Aboard
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -96,29 +97,62 @@ async def test_stop_is_above_all_overlays_and_dialogs(launch: Launch, tmp_path: 
             await page.close()
 
 
-async def test_a_stop_without_a_link_stays_until_it_is_answered(
-    rover: Aboard, tmp_path: Path
+async def test_a_lost_link_is_an_alarm_and_its_stop_is_repeated(
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(tracker, "REPORT_TIMEOUT_S", 1.0)
+    rover = launch()
     async with at_console(tmp_path, rover.uri, "anna") as (anna,), browser() as chromium:
-        page = await chromium.new_page()
+        page = await chromium.new_page(viewport={"width": 1280, "height": 800})
         await page.goto(f"{anna.address}lite")
-        await expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+        bar, mode = page.locator(".rover-bar"), page.get_by_test_id("mode")
+        drive = page.locator(".command[data-name=moveForward]")
+        await expect(mode).to_have_text("IDLE")
+        await anna.send("drive", "moveForward", distance=5.0)
+        rover.run(1.0)
+        await expect(mode).to_have_text("MOVING")
+        await expect(drive).to_have_attribute("data-state", "started")
         rover.hang_up()
-        await anna.page.until(lambda message: message.get("state") == "down")
+
+        banner = bar.get_by_text("No link to jackal for")
+        await expect(banner).to_contain_text("Last state: MOVING moveForward. STOP is sent")
+        await expect(mode).to_have_attribute("data-stale", "true")
+        await expect(mode).to_have_text(re.compile(r"^MOVING \d+ s ago$"))
+        await expect(drive).to_have_attribute("data-state", "unknown")
+        await expect(page).to_have_title(re.compile(r"^⚠ no link \(1\) "))
+        await page.get_by_test_id("alarms").click()
+        alarm = bar.locator("tr[data-source='link direct']")
+        await expect(alarm).to_have_attribute("data-state", "active")
+        await expect(alarm).to_contain_text("the direct link is lost")
+        await page.screenshot(path=ARTIFACTS / "link-lost.png")
+
         await click_stop(page)
-        waiting, call_off = (
-            page.get_by_text("no answer of jackal for"),
-            page.get_by_role("button", name="call off"),
-        )
+        waiting = bar.get_by_text("no answer of jackal for")
         await expect(waiting).to_be_visible()
         await page.reload()
         await expect(waiting).to_be_visible()
-        await call_off.click()
-        await expect(page.locator(".rover-bar").get_by_text("called off by")).to_be_visible()
+        await page.screenshot(path=ARTIFACTS / "stop-repeated.png")
+        await bar.get_by_role("button", name="call off").click()
+        await expect(bar.get_by_text("called off by")).to_be_visible()
         await expect(waiting).to_be_hidden()
+        rover.listen()
+        await expect(drive).to_have_attribute("data-state", "started")
+        await expect(banner).to_be_hidden()
+        await expect(mode).to_have_attribute("data-stale", "false")
+        await page.get_by_test_id("alarms").click()
+        await expect(alarm).to_have_attribute("data-state", "cleared")
+        notices = (await anna.get("api/notifications", asset="jackal"))["notifications"]
+        texts = [each["text"] for each in notices if each["link"] == "console"]
+        assert texts[0] == "the direct link is up"
+        assert texts[1].startswith("the direct link is lost: ")
+
+        rover.hang_up()
+        await expect(banner).to_be_visible()
         await page.keyboard.press("F8")
         await expect(waiting).to_be_visible()
         rover.listen()
-        await expect(page.get_by_text("reached jackal")).to_be_visible()
+        await expect(bar.get_by_text("reached jackal")).to_be_visible()
         await expect(waiting).to_be_hidden()
-        await expect(page.get_by_test_id("mode")).to_have_text("STOPPED")
+        rover.run(1.0)
+        await expect(mode).to_have_text("STOPPED")
+        await expect(drive).to_have_attribute("data-state", "cancelled")

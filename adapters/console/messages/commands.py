@@ -42,7 +42,7 @@ class StageEntry:
     """A stage of a command's life cycle.
 
     Attributes:
-        stage: stage of the MRS, or SENT, ACKNOWLEDGED, FORWARDED, PREDICTED, LOST or UNKNOWN.
+        stage: stage of the MRS, or one of the console (`command_states`).
         node: reporting node: `console`, `orbiter` or the asset.
         utc: time by the clock of the node.
         rx: reception time at the console.

@@ -12,7 +12,7 @@ import logging
 import re
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from http import HTTPStatus
 from typing import Final
@@ -37,6 +37,8 @@ from adapters.console.archive import (
 from adapters.console.messages import (
     AlarmStatus,
     LinkKind,
+    LinkState,
+    LinkStatus,
     NotificationMessage,
     Quality,
     Sample,
@@ -110,6 +112,7 @@ class AlarmRequests:
         self._published: dict[int, AlarmStatus] = {}
         self._samples: dict[Key, _LimitCheck] = {}
         self._trees: dict[str, TreeState] = {}
+        self._links: dict[str, dict[LinkKind, LinkState]] = {}
 
     def routes(self) -> list[web.RouteDef]:
         """Return the routes."""
@@ -163,11 +166,32 @@ class AlarmRequests:
 
     def on_report(self, report: NotificationMessage) -> None:
         """Raise or clear the alarm of a report."""
+        if report.link is LinkKind.CONSOLE:  # an entry of this class
+            return
         if report.code == Reason.FAULT_CLEARED.value and report.fault in _CODES:
             self._put(AlarmCleared(report.asset, _fault_key(_CODES[report.fault]), report.utc))
         change = _change_of(report)
         if change is not None:
             self._put(change)
+
+    def on_link(self, status: LinkStatus) -> None:
+        """Raise and clear the alarm of a lost link, and add log entries at loss and return."""
+        links = self._links.setdefault(status.asset, {})
+        before, links[status.link] = links.get(status.link), status.state
+        is_up, was_up = status.state is LinkState.UP, before is LinkState.UP
+        if not status.asset or is_up is was_up or (before is None and not is_up):
+            return
+        source, name = f"link {status.link.value}", f"{status.link.value} link"
+        if is_up:
+            self._put(AlarmCleared(status.asset, source, status.since))
+            severity, text = _CALM, f"the {name} is up"
+        else:
+            is_alone = LinkState.UP not in links.values()
+            severity = "ALARM" if is_alone else "WARNING"
+            text = f"the {name} is lost: {status.detail}"
+            self._put(_raise_persistent(status.asset, source, status.since, severity, text))
+        if before is not None:
+            self._publish(_entry(status.asset, "LINK", severity, status.since, text))
 
     def on_tree(self, tree: TreeState) -> None:
         """Raise and clear alarms of monitor faults by the tree's list of active faults."""
@@ -264,10 +288,15 @@ def _log_entry(alarm: AlarmStatus, utc: float, text: str) -> NotificationMessage
 
     It is equal at all consoles, so the archive stores it once.
     """
+    entry = _entry(alarm.asset, "EVENT", _CALM, utc, f"{text}: {alarm.text}")
+    return replace(entry, command=alarm.command, sequence=alarm.id, cursor=alarm.id)
+
+
+def _entry(asset: str, kind: str, severity: str, utc: float, text: str) -> NotificationMessage:
+    """Return a log entry of the console."""
     return NotificationMessage(
-        *(alarm.asset, LinkKind.CONSOLE, alarm.id, utc, utc, "EVENT", _CALM),
-        *(f"{text}: {alarm.text}", alarm.command, None, None, None, None, {}),
-        cursor=alarm.id,
+        *(asset, LinkKind.CONSOLE, 0, utc, utc, kind, severity),
+        *(text, None, None, None, None, None, {}),
     )
 
 

@@ -183,8 +183,10 @@ class Fleet:
     def on_state(self, link: RoverLink) -> None:
         """Publish the status of a link, unless another address has replaced it."""
         known = self.assets.get(link.asset)
-        if known is not None and known.links.get(link.kind) is not link:
-            return
+        if known is not None:
+            if known.links.get(link.kind) is not link:
+                return
+            self._tracker.on_links(link.asset, are_lost=known.best_link() is None)
         self._publish(
             LinkStatus(
                 link.asset,
@@ -252,6 +254,8 @@ class Fleet:
         """Publish mode and work of an asset, if changed."""
         if link.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             self._forget_after(link, status.timestamp / NS_PER_S + MAX_CLOCK_LEAD_S)
+            if status.activeCommandId is not None:
+                self._tracker.on_active(link.asset, status.activeCommandId)
         state = AssetState(
             link.asset,
             link.kind,

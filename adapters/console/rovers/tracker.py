@@ -24,6 +24,7 @@ from adapters.console.archive import (
 )
 from adapters.console.command_states import (
     ACKNOWLEDGED,
+    ACTIVE,
     CONSOLE,
     LIFECYCLE_STATES,
     ORBITER,
@@ -46,7 +47,7 @@ from executive.commands import Command
 from executive.values.reports import Identity
 
 REPORT_TIMEOUT_S: Final = 10.0
-"""Timeout for the first report on a sent command, s; chosen, not measured."""
+"""Timeout for the first report on a sent command, and for a lost link, s; chosen, not measured."""
 CHECK_S: Final = 1.0
 MAX_COMMANDS: Final = 5000
 """Maximum number of tracked commands; beyond it the earliest ended ones are dropped."""
@@ -97,6 +98,7 @@ class CommandTracker:
         self._utc = utc
         self._commands: dict[str, CommandStatus] = {}
         self._ids: dict[tuple[str, Identity], str] = {}
+        self._lost_since: dict[str, float] = {}
 
     def restore(self, commands: Iterable[CommandStatus]) -> None:
         """Add commands of a former run, oldest first."""
@@ -151,6 +153,20 @@ class CommandTracker:
             if command.asset == asset:
                 self.mark_unknown(command.id, why)
 
+    def on_links(self, asset: str, *, are_lost: bool) -> None:
+        """Receive whether all links of an asset are lost."""
+        if are_lost:
+            self._lost_since.setdefault(asset, self._utc())
+        else:
+            self._lost_since.pop(asset, None)
+
+    def on_active(self, asset: str, number: int) -> None:
+        """Mark an UNKNOWN command STARTED that an asset reports as active after a lost link."""
+        for command in tuple(self._commands.values()):
+            found = (command.asset, command.number, command.state)
+            if found == (asset, number, CommandState.UNKNOWN):
+                self._reach(command.id, self._own_stage(ACTIVE, asset))
+
     def on_notification(self, notified: NotificationMessage, identity: Identity) -> str:
         """Apply a notification to its command; return the command's id."""
         name = self._name_of(notified, identity)
@@ -191,8 +207,11 @@ class CommandTracker:
             self.mark_overdue()
 
     def mark_overdue(self) -> None:
-        """Mark commands without a report in time UNKNOWN."""
+        """Mark commands UNKNOWN without a report in time, and those of assets without a link."""
         now_s = self._utc()
+        for asset, since_s in self._lost_since.items():
+            if now_s > since_s + REPORT_TIMEOUT_S:
+                self.mark_all_unknown(asset, f"no link for {REPORT_TIMEOUT_S:g} s")
         for command in tuple(self._commands.values()):
             if command.deadline is not None and now_s > command.deadline:
                 self.mark_unknown(command.id, f"no report for {REPORT_TIMEOUT_S:g} s")

@@ -280,6 +280,16 @@ export class Asset extends Topics {
     this.changed("notices");
   }
 
+  /** Whether it is a rover without a link that is up. */
+  get isLost() {
+    return !this.recording && this.links.size > 0 && !this.isReached;
+  }
+
+  /** Time of the last reception over any link, before their losses; 0 for never. */
+  get lastReceived() {
+    return Math.max(0, ...[...this.links.values()].map((link) => link.last_received ?? 0));
+  }
+
   /** Whether at least one of its links is up. */
   get isReached() {
     return [...this.links.values()].some((link) => link.state === "up");
@@ -300,7 +310,7 @@ export function newestOf(links) {
 }
 
 /** States of the stages that do not name a state. */
-const STATES = { SENT: "sending", PROGRESS: "started", PREDICTED: null };
+const STATES = { SENT: "sending", PROGRESS: "started", ACTIVE: "started", PREDICTED: null };
 
 /** Return a command in its state at a time. @param {CommandStatus} command @param {number} utc @returns {CommandStatus} */
 function commandAt(command, utc) {

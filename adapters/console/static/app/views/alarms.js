@@ -6,6 +6,7 @@
 import { evidenceOf } from "./alarm_evidence.js";
 import { fetchJson } from "../model/connection.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
+import { soundButton } from "../sound.js";
 import { View } from "./view.js";
 import { clock, duration } from "../format.js";
 
@@ -54,7 +55,7 @@ export class AlarmsView extends View {
   root = html(
     "section",
     { className: "rover-view alarms-view" },
-    html("header", {}, this.#count, html("span", { className: "tools" }, this.#state, this.#maxSeverity, this.#search, this.#all)),
+    html("header", {}, this.#count, html("span", { className: "tools" }, this.#state, this.#maxSeverity, this.#search, this.#all, soundButton())),
     this.#message,
     this.#empty,
     html("div", { className: "scroll", tabIndex: 0 }, this.#table),

@@ -9,6 +9,7 @@ import { operator } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
+import { beep } from "../sound.js";
 import { setTitle } from "../title.js";
 import { Shortcuts, isStopKey } from "./shortcuts.js";
 import { Stops } from "./stops.js";
@@ -24,6 +25,8 @@ const MESSAGE_MS = 8000;
 
 export class StatusBar extends View {
   #hiding = 0;
+  /** number of alarms that needed an action at the last drawing */
+  #alarmed = 0;
   /** @type {Map<Asset, (() => void)[]>} the functions that end the subscriptions */
   #watched = new Map();
   #unmountAlarms = () => {};
@@ -184,10 +187,19 @@ export class StatusBar extends View {
     set(this.#pages, { title: session.presence.map((each) => `${each.operator} since ${clock(each.since)}`).join("\n") });
     this.#stop.disabled = rover === null;
     this.#stop.hidden = Boolean(rover?.recording);
-    this.#lost.hidden = session.connection.status !== "lost";
-    if (this.#lost.hidden) return;
-    const ago = age((Date.now() - session.connection.since_ms) / 1000);
-    setText(this.#lost, `No connection to rover-console for ${ago === "now" ? "a moment" : ago}. The page is out of date; STOP is still attempted.`);
+    this.#drawLoss(rover);
+  }
+
+  /** Show the loss of the console, or of all links of the rover. @param {Asset | null} rover */
+  #drawLoss(rover) {
+    const { connection, now } = this.session;
+    const isConsoleLost = connection.status === "lost";
+    const isLost = Boolean(rover?.isLost);
+    this.#lost.hidden = !isConsoleLost && !isLost;
+    this.#lost.classList.toggle("alarm", !isConsoleLost);
+    setTitle("link", isConsoleLost ? "⚠ no console" : isLost ? "⚠ no link" : "");
+    if (isConsoleLost) setText(this.#lost, `No connection to rover-console for ${ageOf((Date.now() - connection.since_ms) / 1000)}. The page is out of date; STOP is still attempted.`);
+    else if (isLost) setText(this.#lost, `No link to ${rover.name} for ${ageOf(now - rover.lastReceived)}. Last state: ${[rover.mode, doingOf(rover)].filter(Boolean).join(" ")}. STOP is sent as soon as a link is up.`);
   }
 
   #drawPicker() {
@@ -201,10 +213,12 @@ export class StatusBar extends View {
   #drawMode(rover) {
     const mode = rover?.mode ?? "";
     const isRecording = Boolean(rover?.recording);
-    setText(this.#mode, isRecording ? "RECORDING" : mode);
+    const isLost = Boolean(rover?.isLost);
+    const lastMode = mode && isLost ? `${mode} ${ageOf(this.session.now - rover.lastReceived)} ago` : mode;
+    setText(this.#mode, isRecording ? "RECORDING" : lastMode);
     this.#mode.hidden = !this.#mode.textContent;
-    this.#mode.dataset.mode = mode;
-    this.#resume.hidden = isRecording || !RESUMABLE_MODES.includes(mode);
+    set(this.#mode, { "data-mode": mode, "data-stale": isLost });
+    this.#resume.hidden = isRecording || isLost || !RESUMABLE_MODES.includes(mode);
     setText(this.#doing, rover ? doingOf(rover) : this.session.unreached());
   }
 
@@ -221,12 +235,17 @@ export class StatusBar extends View {
     const openAlarms = [...this.session.alarms.values()];
     const unacknowledged = openAlarms.filter((each) => needsAction(each, this.session.now));
     setTitle("alarms", unacknowledged.length ? `(${unacknowledged.length})` : "");
+    if (unacknowledged.length > this.#alarmed) beep();
+    this.#alarmed = unacknowledged.length;
     const count = unacknowledged.length || openAlarms.length;
     setText(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !unacknowledged.length ? (openAlarms.every(isAcknowledged) ? " acknowledged" : " shelved") : ""}`);
     const worst = unacknowledged.some((each) => each.severity !== "WARNING") ? "alarm" : unacknowledged.length ? "warning" : "none";
     set(this.#alarm, { "data-worst": worst, "data-open": unacknowledged.length });
   }
 }
+
+/** @param {number} age_s */
+const ageOf = (age_s) => (age(age_s) === "now" ? "a moment" : age(age_s));
 
 /** @param {Asset} rover */
 function doingOf({ recording, activeCommand, status }) {
