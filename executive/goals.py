@@ -106,6 +106,7 @@ class Goal:
     """One accepted command, and its progress.
 
     Attributes:
+        batch: number of the ledger's batch with its ACCEPTED; it starts once that is committed.
         progress: progress through its steps.
         request: the request in the frame of the pose, by the last transform that was used.
         leg: the leg as last planned, or a leg of the detour to it.
@@ -117,8 +118,11 @@ class Goal:
         statistics: statistics of the motion; None if they are not needed.
     """
 
-    def __init__(self, lifecycle: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
+    def __init__(
+        self, lifecycle: CommandLifecycle, arrived_s: float, arrived_utc_s: float, batch: int
+    ) -> None:
         self.lifecycle = lifecycle
+        self.batch = batch
         self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
@@ -185,6 +189,7 @@ class GoalQueue:
 
     Attributes:
         blocked_by: why waiting goals may not start; None if they may.
+        durable: number of the last batch that is committed.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -192,6 +197,7 @@ class GoalQueue:
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
         self.blocked_by: Refusal | None = None
+        self.durable = 0
 
     @property
     def waiting(self) -> int:
@@ -206,15 +212,20 @@ class GoalQueue:
             yield self.active
         yield from self._waiting
 
-    def add(self, lifecycle: CommandLifecycle) -> Goal:
+    def add(self, lifecycle: CommandLifecycle, batch: int = 0) -> Goal:
         """Append the goal of an accepted command, and return it."""
-        goal = Goal(lifecycle, self._clock.now_s(), self._clock.utc_s())
+        goal = Goal(lifecycle, self._clock.now_s(), self._clock.utc_s(), batch)
         self._waiting.append(goal)
         return goal
 
     def activate_next(self) -> Goal | None:
         """Return the active goal, or start the next unexpired one."""
-        while self.active is None and self._waiting and self.blocked_by is None:
+        while (
+            self.active is None
+            and self._waiting
+            and self._waiting[0].batch <= self.durable
+            and self.blocked_by is None
+        ):
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
             late = check_lifetime(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
@@ -227,6 +238,11 @@ class GoalQueue:
                     goal.statistics.begin()
                 goal.lifecycle.start()
         return self.active
+
+    def set_durable(self, batch: int) -> bool:
+        """Permit goals up to a batch to start; return whether this releases the next one."""
+        before, self.durable = self.durable, batch
+        return bool(self._waiting) and before < self._waiting[0].batch <= batch
 
     def complete_active(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
         """Complete the active goal successfully."""
@@ -304,14 +320,28 @@ class Goals:
         return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
     def add(
-        self, request: Motion | CameraWork | InstantCommand, lifecycle: CommandLifecycle
+        self,
+        request: Motion | CameraWork | InstantCommand,
+        lifecycle: CommandLifecycle,
+        batch: int = 0,
     ) -> Goal:
-        """Append the goal of an accepted command to the queue of its request."""
+        """Append the goal of an accepted command to the queue of its request.
+
+        Args:
+            request: decides the queue.
+            lifecycle: life cycle of the command.
+            batch: number of the ledger's batch with its ACCEPTED; 0 without a ledger.
+        """
         if isinstance(request, Motion):
-            return self.motion.add(lifecycle)
+            return self.motion.add(lifecycle, batch)
         if isinstance(request, CameraWork):
-            return self.camera.add(lifecycle)
-        return self.instant.add(lifecycle)
+            return self.camera.add(lifecycle, batch)
+        return self.instant.add(lifecycle, batch)
+
+    def set_durable(self, batch: int) -> bool:
+        """Permit goals up to a batch to start; return whether this releases one."""
+        released = [queue.set_durable(batch) for queue in self]  # of each queue
+        return any(released)
 
     def cancel(self, lifecycle: CommandLifecycle, refusal: Refusal) -> None:
         """Cancel one goal, waiting or active; others continue."""

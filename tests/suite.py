@@ -90,6 +90,7 @@ COVERAGE: Final = CiCheck(
 )
 STRESS: Final = {
     "storm": {"--commands": (100_000, 1000)},
+    "power-cuts": {"--kills": (2000, 50)},
     "authority": {"--interleavings": (100_000, 1000)},
     "replays": {"--runs": (500, 3)},
     "fuzz": {"--messages": (1_000_000, 5000)},

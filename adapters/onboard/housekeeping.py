@@ -65,6 +65,7 @@ class ExecutiveHousekeeping:
             "EXEC_QUEUED": executive.waiting,
             "EXEC_GOALS": executive.goal_count,
             "EXEC_LEDGER": self._ledger_octets(),
+            "EXEC_UNWRITTEN": executive.unwritten_batches,
             "EXEC_REPORTS": executive.last_sequence,
             **map_figures(executive.status.map_origin),
             **uncertainty_figures(executive.status.uncertainty.figures),

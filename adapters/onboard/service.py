@@ -226,6 +226,7 @@ def executive_on(
             solver=solver,
             tape=RecordingTee(*tapes) if tapes else None,
         )
+        ledger.write_on_thread(lambda: executive.wake())
         if tape is not None:
             tape.on_fault = partial(_report_recording_fault, executive)
         served = ExecutiveNode(node, topics, sensors, rover, executive)

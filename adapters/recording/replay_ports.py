@@ -13,13 +13,13 @@ from executive.core.authority import AuthorityRequest
 from executive.core.inbox import Inbox, Query, Submission
 from executive.core.recording import (
     CommandDequeued,
-    CommitFailed,
     CoreCall,
     CoreCalled,
     Entry,
     EventReported,
     Input,
     Item,
+    LedgerBehind,
     SafeModeEntered,
     SolverBusy,
     SolverResult,
@@ -27,7 +27,7 @@ from executive.core.recording import (
 )
 from executive.core.runner import Executive
 from executive.motion import Trajectory, TrajectoryProblem
-from executive.record import Ledger, LedgerError, Synchronous
+from executive.record import Ledger, LedgerError, Synchronous, WriterState
 from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent, DelegatedMotion
 
@@ -127,7 +127,7 @@ class ReplayInbox(Inbox):
         assert core is not None
         match item:
             case AuthorityRequest():
-                core.request_authority(item)
+                core.request_authority(item, lambda _: None)
             case EventReported() | SafeModeEntered():
                 notice(core, item)
             case CommandDequeued():
@@ -152,28 +152,27 @@ def notice(core: Executive, item: EventReported | SafeModeEntered) -> None:
 
 
 class ReplayLedger(Ledger):
-    """Ledger with the commit failures of the recording."""
+    """Ledger with a writer that commits at once, but reports the recorded states."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, Synchronous.NORMAL)
-        self._failures: dict[int, str] = {}
-        self._commits = 0
+        self._behind: dict[int, LedgerBehind] = {}
+        self._polls = 0
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Load the failing commits of the next entry."""
-        failed = (each for each in inputs if isinstance(each, CommitFailed))
-        self._failures = {each.commits: each.text for each in failed}
-        self._commits = 0
+        """Load the states of the writer in the next entry."""
+        self._behind = {e.polls: e for e in inputs if isinstance(e, LedgerBehind)}
+        self._polls = 0
 
-    def commit(self) -> None:
-        """Commit, or fail as in the recording."""
-        text = self._failures.get(self._commits)
-        self._commits += 1
-        if text is None:
-            super().commit()
-            return
-        self.failing = True
-        raise LedgerError(text)
+    def poll(self) -> WriterState:
+        """Return the state at this poll of the recorded run."""
+        state = super().poll()
+        recorded = self._behind.get(self._polls)
+        self._polls += 1
+        if recorded is not None:
+            error = LedgerError(recorded.error) if recorded.error else None
+            self.state = state = WriterState(recorded.durable, error)
+        return state
 
 
 class ReplaySolver:

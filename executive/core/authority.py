@@ -13,7 +13,7 @@ from typing import Final, assert_never
 
 from executive.commands import OWN_LINKS, RELAY_LINK, Command
 from executive.commands.intake import is_valid_source
-from executive.record import AuthorityRecord, Grant, LedgerError
+from executive.record import AuthorityRecord, Grant
 from executive.settings import AuthoritySettings
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
@@ -69,6 +69,11 @@ class AuthorityRequest:
     lease_s: float | None = None
 
 
+GRANT_UNWRITTEN: Final = Refusal(
+    Reason.LEDGER_FAILED, "the authority is not granted: the ledger cannot be written"
+)
+
+
 class Authority:
     """Grants the authority, and checks commands against it.
 
@@ -92,7 +97,7 @@ class Authority:
         self._settings = settings
         self._record = record
         self._notify = notify
-        self._grant = record.read()
+        self._grant = self._stored = record.read()
         self._last_epoch = self._grant.epoch
         self._end_s = clock.now_s() + self._grant.lease_s
         self._requested_by: str | None = None
@@ -114,6 +119,25 @@ class Authority:
     @property
     def _holder(self) -> str | None:
         return self._grant.holder if self._clock.now_s() < self._end_s else None
+
+    @property
+    def grant(self) -> Grant:
+        """The present grant."""
+        return self._grant
+
+    def on_written(self, grant: Grant, written: bool) -> Refusal | None:
+        """Note that a grant was stored; if it could not be, the last stored one applies again.
+
+        Returns:
+            The refusal if it could not be stored.
+        """
+        if written:
+            self._stored = grant
+            return None
+        if self._grant != self._stored:
+            self._grant = self._stored
+            self._record.save(self._grant)
+        return GRANT_UNWRITTEN
 
     def perform(self, request: AuthorityRequest) -> AuthorityState | Refusal:
         """Execute a request."""
@@ -217,6 +241,7 @@ class Authority:
         if former is None or self._holder is not None:
             return
         self._store_grant(Grant(None, self._grant.epoch), f"the authority of {former} has expired")
+        self._stored = self._grant
 
     def _renew(self) -> None:
         self._end_s = max(self._end_s, self._clock.now_s() + self._grant.lease_s)
@@ -236,10 +261,9 @@ class Authority:
         return self._store_grant(grant, f"{text} (epoch {grant.epoch})")
 
     def _store_grant(self, grant: Grant, text: str) -> AuthorityState | Refusal:
-        try:
-            self._record.save(grant, self._grant)
-        except LedgerError as error:
-            return Refusal(Reason.LEDGER_FAILED, f"the authority is not granted: {error}")
+        if self._record.failing:
+            return GRANT_UNWRITTEN
+        self._record.save(grant)
         self._grant = grant
         self._end_s = self._clock.now_s() + grant.lease_s
         self._requested_by = None

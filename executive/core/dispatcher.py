@@ -56,6 +56,9 @@ LEDGER_UNAVAILABLE: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written: only a stop is executed"
 )
 
+MAX_UNWRITTEN_BATCHES: Final = 200
+"""Maximum commits of the ledger that wait for the disk; 10 s of reports in each tick at 20 Hz."""
+
 
 class Dispatcher:
     """Accepts or rejects commands."""
@@ -93,9 +96,12 @@ class Dispatcher:
         unusable = check_identity(command)
         if unusable is not None:
             return self._reject_unrecorded(command, unusable)
+        if self._ledger.failing:
+            return Rejected(ledger_refusal(command))
+        behind = self._ledger.unwritten_batches
+        if behind > MAX_UNWRITTEN_BATCHES and not isinstance(command.request, Stop):
+            return Rejected(_backlog_refusal(behind))
         try:
-            if self._ledger.failing:
-                self._ledger.commit()
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
         except LedgerError:
@@ -247,7 +253,7 @@ class Dispatcher:
                     Refusal(Reason.REPLACED, f"replaced by {cause}", cause=cause)
                 )
             start = self._expected_start_pose(lifecycle.command)
-            goal = context.goals.add(request, lifecycle)
+            goal = context.goals.add(request, lifecycle, self._ledger.last_batch)
             goal.localize(context.status, context.settings)
             if isinstance(request, Motion):
                 self._predictions.predict_motion(goal, request, start)
@@ -307,6 +313,15 @@ class Dispatcher:
 def ledger_refusal(command: Command) -> Refusal:
     """Return the refusal of a command that the ledger failed to record."""
     return _with_stop_note(LEDGER_UNAVAILABLE, command)
+
+
+def _backlog_refusal(behind: int) -> Refusal:
+    text = (
+        f"{behind} commits of the ledger wait for the disk, more than {MAX_UNWRITTEN_BATCHES}:"
+        " only a stop is executed; try again later"
+    )
+    figures = (Figure("waiting", behind), Figure("bound", MAX_UNWRITTEN_BATCHES))
+    return Refusal(Reason.LEDGER_FAILED, text, figures)
 
 
 def _with_stop_note(refusal: Refusal, command: Command) -> Refusal:

@@ -1,7 +1,6 @@
 """`Reactions` stops, pauses or releases the rover after stops, faults and link loss; ends goals."""
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from math import inf
 from typing import Final
 
@@ -110,11 +109,7 @@ class Reactions:
             self._context.latches.stopped_from = self._arbiter.velocity
         self._arbiter.stop()
         self._context.latches.stopped_by = stopped_by
-        try:
-            self._latch.set(stopped_by)
-        except OSError as error:
-            text = f"the stop is not stored, a restart will release it: {error}"
-            self._notifications.report_event(Severity.ALARM, text, Reason.LEDGER_FAILED)
+        self._latch.set(stopped_by)
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}", cause=cause))
 
     def enter_safe_mode(self, danger: Refusal) -> None:
@@ -338,13 +333,21 @@ class Reactions:
         at_least, velocity = self._arbiter.expected
         self._context.safety.history.command(velocity, at_least)
 
+    def on_latch_failure(self, stopped: bool, error: OSError) -> None:
+        """Report that a stop, or its release, is not stored."""
+        text = (
+            f"the stop is not stored, a restart will release it: {error}"
+            if stopped
+            else f"the release of the stop is not stored, a restart will stop the rover: {error}"
+        )
+        self._notifications.report_event(Severity.ALARM, text, Reason.LEDGER_FAILED)
+
     def on_ledger_failure(self, error: LedgerError) -> None:
         """Enter SAFE, also after a restart, and fail camera and instant goals."""
         reason = Reason.LEDGER_FAILED
         danger = Refusal(reason, str(error), fault=reason.name.lower())
         self.enter_safe_mode(danger)
-        with suppress(OSError):  # a file of one sector may fit where the ledger does not
-            self._latch.set(UNWRITTEN_LEDGER)
+        self._latch.set(UNWRITTEN_LEDGER)  # its file of one sector may fit where no report does
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)
 

@@ -9,12 +9,12 @@ from typing import Concatenate, Final, Generic, ParamSpec, TypeVar
 from executive.commands.lifecycle import Rejected, SubmitResult
 from executive.core.recording import (
     CameraCommanded,
-    CommitFailed,
     Entry,
     FileEventSent,
     FrameRequested,
     HaltCommanded,
     Item,
+    LedgerBehind,
     ModeChanged,
     MotionCommanded,
     MuxLockChanged,
@@ -37,7 +37,7 @@ from executive.core.recording import (
 )
 from executive.core.tree import TreeNodeView
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem
-from executive.record import Ledger, LedgerError
+from executive.record import Ledger, WriterState
 from executive.settings import LocomotionKind, Settings
 from executive.state import FileFolder
 from executive.values.clock import Clock
@@ -73,7 +73,7 @@ class Recorder:
         self.tape: Final = tape
         self._clock = clock
         self._stop_checks = 0
-        self._commits = 0
+        self._polls = 0
         self._nodes: dict[str, TreeNodeView] = {}
         self._mode: ModeChanged | None = None
 
@@ -93,7 +93,7 @@ class Recorder:
             return
         item = entry(self._clock.now_s(), self._clock.utc_s(), *args, **kwargs)
         if not is_within(item):
-            self._stop_checks = self._commits = 0
+            self._stop_checks = self._polls = 0
         self.tape.put(item)
 
     def on_stop_check(self, waits: bool) -> None:
@@ -102,11 +102,12 @@ class Recorder:
             self.put(StopPending(self._stop_checks))
         self._stop_checks += 1
 
-    def on_commit(self, error: LedgerError | None) -> None:
-        """Record a failed commit; called at each commit."""
-        if error is not None:
-            self.put(CommitFailed(self._commits, str(error)))
-        self._commits += 1
+    def on_writer_state(self, state: WriterState, sealed: int) -> None:
+        """Record a state of the ledger's writer that is not the usual one; called at each poll."""
+        behind, error = sealed - state.durable, "" if state.error is None else str(state.error)
+        if behind or error:
+            self.put(LedgerBehind(self._polls, state.durable, error))
+        self._polls += 1
 
     def on_answer(self, identity: Identity, result: SubmitResult) -> None:
         """Record the reply to a command."""

@@ -164,16 +164,18 @@ class StopPending:
 
 
 @dataclass(frozen=True, slots=True)
-class CommitFailed:
-    """A commit of the ledger failed.
+class LedgerBehind:
+    """The ledger's writer had not committed everything when it was polled.
 
     Attributes:
-        commits: number of earlier commits in this entry.
-        text: the reason.
+        polls: number of earlier polls in this entry.
+        durable: number of the last batch that was committed.
+        error: error of the last attempt; empty without one.
     """
 
-    commits: int
-    text: str
+    polls: int
+    durable: int
+    error: str
 
 
 Input = (
@@ -183,7 +185,7 @@ Input = (
     | SolverBusy
     | StopPending
     | AuthorityRequest
-    | CommitFailed
+    | LedgerBehind
 )
 """Inputs received during an entry."""
 

@@ -7,6 +7,7 @@ fail, and the executive continues.
 
 import logging
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefiniti
 from executive.commands.intake import check_localized
 from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
 from executive.core.authority import Authority, AuthorityRequest, AuthorityState
+from executive.core.commits import Commits, open_stop_latch
 from executive.core.dispatcher import Dispatcher, ledger_refusal
 from executive.core.inbox import MAX_ITEMS_PER_TURN, Inbox, Query, Submission
 from executive.core.link_loss import GroundMonitor
@@ -45,7 +47,6 @@ from executive.record import (
     LedgerRetention,
     Notifications,
     PlanStore,
-    StopLatch,
 )
 from executive.safety import FaultMonitor, unmonitored
 from executive.settings import Settings
@@ -125,7 +126,6 @@ class Executive:
         self.files = FileFolder(files, self._send_file_event)
         if tape is not None:
             tape.put(process_start(settings, ledger, self.files, solver, video))
-            ledger.on_commit = self._recorder.on_commit
             rover, downlinks, video, solver = recorded_ports(
                 tape, settings, rover, downlinks, video, solver
             )
@@ -142,7 +142,7 @@ class Executive:
         self._answers: list[tuple[Submission, SubmitResult]] = []
         self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
-        self._latch = _open_stop_latch(ledger)
+        self._latch = open_stop_latch(ledger)
         self._downlinks = downlinks
         self._arbiter = Arbiter(clock, settings, rover, mover, self._stop_pending)
         self._notifications = Notifications(clock, ledger, downlinks)
@@ -193,12 +193,23 @@ class Executive:
             self._pose,
             self._reactions,
         )
+        self._commits = Commits(
+            self._context,
+            ledger,
+            self._latch,
+            self._notifications,
+            self._pose,
+            self._reactions,
+            self._recorder,
+        )
         for each in unmonitored(settings):
             _LOG.info("%s (%s)", each, ", ".join(each.faults))
         self.files.remove_partial_files()
         self._dispatcher.restore_settings()
         self._reactions.recover()
-        self._notifications.flush()
+        self._commits.flush()
+        if (error := ledger.state.error) is not None:
+            raise error
         self._clock.end()
 
     def submit(
@@ -310,13 +321,18 @@ class Executive:
 
     @property
     def last_sequence(self) -> int:
-        """The sequence number of the last report."""
-        return self._ledger.last_sequence
+        """The sequence number of the last committed report."""
+        return self._notifications.last_sequence
 
     @property
     def ledger_writable(self) -> bool:
         """Whether the last commit of the ledger succeeded."""
         return not self._ledger.failing
+
+    @property
+    def unwritten_batches(self) -> int:
+        """Number of batches of reports that are not committed yet."""
+        return self._ledger.unwritten_batches
 
     def parameters(self) -> tuple[ParameterValue, ...]:
         """Return the present values of all twelve parameters."""
@@ -363,8 +379,7 @@ class Executive:
         with self._clock:
             self._recorder.enter(FactObserved, fact)
             if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign_publishers:
-                others = ", ".join(fact.names)
-                text = f"other velocity publishers: {others or 'none'}"
+                text = f"other velocity publishers: {', '.join(fact.names) or 'none'}"
                 self._notifications.report_event(Severity.WARNING, text, publishers=fact.names)
             jump = self.safety.history.jump
             self.safety.observe(fact)
@@ -382,10 +397,19 @@ class Executive:
                 self._reactions.run_monitors()  # immediately, without waiting for the tick
             self._arbiter.stop_if_stale()
 
-    def request_authority(self, request: AuthorityRequest) -> AuthorityState | Refusal:
-        """Request, take, hand over or release the authority; on the executive's thread."""
+    def request_authority(
+        self, request: AuthorityRequest, reply: Callable[[AuthorityState | Refusal], None]
+    ) -> None:
+        """Request, take, hand over or release the authority; on the executive's thread.
+
+        Args:
+            request: the request.
+            reply: called with the result on that thread, once a change of holder is committed.
+        """
         self._recorder.put(request)
-        return self.authority.perform(request)
+        result, grant = self.authority.perform(request), self.authority.grant
+        on_written = partial(self.authority.on_written, grant)
+        self._notifications.answer(lambda written: reply(on_written(written) or result))
 
     def report_event(
         self,
@@ -398,10 +422,9 @@ class Executive:
         within = self._clock.latched
         with self._clock:
             self._recorder.enter(EventReported, severity, text, figures, kind, within)
-            text = text[:MAX_EVENT_LENGTH]
             figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
             self._notifications.report_event(
-                severity, text, figures=figures, kind=kind, foreign=True
+                severity, text[:MAX_EVENT_LENGTH], figures=figures, kind=kind, foreign=True
             )
 
     def enter_safe_mode(self, danger: Refusal) -> None:
@@ -426,6 +449,7 @@ class Executive:
 
     def _serve(self) -> None:
         """Serve pending commands and queries."""
+        released = self._commits.settle()
         self._serve_stops()
         self._reactions.check_ground_link(self._dispatcher.submit)
         if self.ground.in_contact:
@@ -445,15 +469,19 @@ class Executive:
         answers, self._answers = self._answers, []
         if any(isinstance(admission, Accepted) for _, admission in answers):
             stops = any(isinstance(item.command.request, Stop) for item, _ in answers)
-            if stops or self._flush():
-                self._run_tree()
-        written = self._flush()
-        for submission, admission in answers:
-            answer = admission if written else Rejected(ledger_refusal(submission.command))
-            self._recorder.on_answer(submission.command.identity, answer)
-            submission.reply(answer)
+            released = stops or self._commits.flush() or released
+        if released:
+            self._run_tree()
+        for item, admission in answers:
+            self._notifications.answer(partial(self._reply, item, admission))
+        self._commits.flush()
         if not self._inbox.empty:
             self.wake()
+
+    def _reply(self, submission: Submission, admission: SubmitResult, written: bool) -> None:
+        answer = admission if written else Rejected(ledger_refusal(submission.command))
+        self._recorder.on_answer(submission.command.identity, answer)
+        submission.reply(answer)
 
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
@@ -468,7 +496,7 @@ class Executive:
             self._run_tree()
             self._telemetry.update()
             self.authority.tick()
-            if self._flush():
+            if self._commits.flush():
                 try:
                     self.retention.tick()
                 except LedgerError as error:
@@ -489,10 +517,11 @@ class Executive:
             self._reactions.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
             if not self._context.latches.held:
                 self._arbiter.release()
-            if self._flush():
-                self._ledger.close()
-            else:
+            self._commits.flush()
+            if self._ledger.failing:
                 self._ledger.abandon()
+            else:
+                self._ledger.close()
             self._latch.close()
 
     def simulate_crash(self) -> None:
@@ -535,7 +564,7 @@ class Executive:
             return
         try:
             if self._planner.tick(executing, self._dispatcher.submit):
-                self._flush()
+                self._commits.flush()
         except LeafError as error:
             _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
             self._planner.fail(_raised(error))
@@ -562,37 +591,9 @@ class Executive:
     def _predict(self) -> None:
         """Advance predictions by a slice."""
         if self._predictions.advance():
-            self._flush()
+            self._commits.flush()
         if self._predictions.pending:
             self.wake()
-
-    def _flush(self) -> bool:
-        known = self._ledger.failing
-        self._pose.store(still=not self.moving)
-        try:
-            self._notifications.flush()
-        except LedgerError as error:
-            if not known:
-                _LOG.error("%s", error)
-            self._reactions.on_ledger_failure(error)
-            return False
-        if self._context.latches.stopped_by is None and self._latch.stopped_by is not None:
-            try:
-                self._latch.clear()
-            except OSError as error:
-                _LOG.error("stop latch not cleared, a restart will stop the rover: %s", error)
-        return True
-
-
-def _open_stop_latch(ledger: Ledger) -> StopLatch:
-    path = Path(ledger.path).with_suffix(".stop")
-    try:
-        latch = StopLatch(path)
-        if stop := ledger.last_stop():  # the file may be new, or its write may have failed
-            latch.set(str(stop))
-        return latch
-    except OSError as error:
-        raise LedgerError(f"stop latch {path}: {error.strerror}") from error
 
 
 def _raised(error: LeafError) -> Refusal:

@@ -69,6 +69,7 @@ class RunningPlan:
 
     Attributes:
         state: its status.
+        batch: number of the ledger's batch with its last change; it begins once that is committed.
         node, done: its progress; see `PlanUpdate`.
         last: the last update sent.
     """
@@ -76,6 +77,7 @@ class RunningPlan:
     def __init__(self, last: PlanUpdate) -> None:
         self.plan_id = last.plan_id
         self.state = last.status
+        self.batch = 0
         self.node = last.node
         self.done = last.done
         self.last = last

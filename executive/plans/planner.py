@@ -108,6 +108,10 @@ MAX_PLANS: Final = 100
 MAX_NAMED: Final = 10
 """Maximum number of skipped nodes that the report of a resume names."""
 
+UNWRITTEN_STEPS: Final = Refusal(
+    Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
+)
+
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
@@ -265,6 +269,8 @@ class Planner:
             executive.core.tree.LeafError: a leaf raised.
         """
         plan = self._plans[plan_id]
+        if self._run is None and not self._store.is_durable(plan.batch):
+            return False
         run = self._run or self._begin(plan)
         if run is None:
             return True
@@ -323,6 +329,8 @@ class Planner:
         root = None if step is None else self.root(plan.plan_id)
         if step is None or root is None:  # a plan that no longer fits fails when it continues
             return None
+        if not self._store.is_durable(plan.batch):
+            return UNWRITTEN_STEPS
         journal = self._store.journal(plan.plan_id)
         found = skipped_nodes(root, step, plan.node, journal)
         if isinstance(found, Refusal):
@@ -410,6 +418,7 @@ class Planner:
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
         self._store.update(plan.last)
+        plan.batch = self._store.last_batch
         self._notifications.report_plan_update(plan.last)
 
     def _note(self) -> None:

@@ -20,3 +20,4 @@ from executive.record.relay_record import RelayRecord as RelayRecord
 from executive.record.retention import LedgerRetention as LedgerRetention
 from executive.record.stop_latch import UNWRITTEN_LEDGER as UNWRITTEN_LEDGER
 from executive.record.stop_latch import StopLatch as StopLatch
+from executive.record.writer import WriterState as WriterState

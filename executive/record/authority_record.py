@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-from executive.record.database import LedgerError
 from executive.record.ledger import Ledger
 
 _SCHEMA: Final = """
@@ -43,19 +42,15 @@ class AuthorityRecord:
         rows = self._ledger.rows("SELECT holder, epoch, lease_s, given_by FROM authority")
         return Grant(*rows[0]) if rows else Grant()
 
-    def save(self, grant: Grant, former: Grant) -> None:
-        """Commit a grant, so that its number is not granted again after a crash.
+    @property
+    def failing(self) -> bool:
+        """Whether grants cannot be stored at present."""
+        return self._ledger.failing
 
-        If the commit fails, the next successful one writes the former grant.
+    def save(self, grant: Grant) -> None:
+        """Write a grant with the next commit.
+
+        Its requester gets it after that, so that its number is not granted again after a crash.
         """
-        self._ledger.commit()
-        try:
-            self._write(grant)
-            self._ledger.commit()
-        except LedgerError:
-            self._write(former)
-            raise
-
-    def _write(self, grant: Grant) -> None:
         values = (grant.holder, grant.epoch, grant.lease_s, grant.granted_by)
         self._ledger.write("INSERT OR REPLACE INTO authority VALUES (0, ?, ?, ?, ?)", values)

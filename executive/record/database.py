@@ -5,7 +5,7 @@ one thread uses it.
 """
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,9 @@ class Synchronous(Enum):
     FULL = "FULL"
     NORMAL = "NORMAL"
 
+
+Statement = tuple[str, tuple[object, ...]]
+"""A statement of SQL with its values."""
 
 Connect = Callable[[Path | str], sqlite3.Connection]
 """Opens an SQLite file without implicit transactions; raises OSError or sqlite3.Error."""
@@ -41,10 +44,6 @@ class Database:
         connect: opens the file.
         version: version of the tables; a file with another one is refused.
 
-    Attributes:
-        failing: whether the last commit failed, so that pending writes are still to be committed.
-        on_commit: called after each commit with its error; None on success.
-
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
@@ -58,9 +57,7 @@ class Database:
         version: int = 0,
     ) -> None:
         self.path = path or ":memory:"
-        self.failing = False
-        self.on_commit: Callable[[LedgerError | None], None] = lambda _: None
-        self._pending: list[tuple[str, tuple[object, ...]]] = []
+        self._pending: list[Statement] = []
         try:
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,31 +109,25 @@ class Database:
 
     def commit(self) -> None:
         """Commit pending writes atomically; on an error they remain pending."""
-        try:
-            if self._pending:
-                self._write_gathered()
-        except LedgerError as error:
-            self.failing = True
-            self.on_commit(error)
-            raise
-        self.on_commit(None)
+        self.transact(self._pending)
+        self._pending.clear()
 
-    def _write_gathered(self) -> None:
+    def transact(self, statements: Sequence[Statement]) -> None:
+        """Execute statements in one transaction: all of them or none."""
+        if not statements:
+            return
         try:
             self._db.execute("BEGIN")
-            for statement, values in self._pending:
+            for statement, values in statements:
                 self._db.execute(statement, values)
             self._db.execute("COMMIT")
         except sqlite3.Error as error:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             raise self._error(error) from error
-        self.failing = False
-        self._pending.clear()
 
     def discard(self) -> None:
         """Discard pending writes."""
-        self.failing = False
         self._pending.clear()
 
     def image(self) -> bytes:

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -12,6 +13,8 @@ from cattrs.preconf.json import make_converter
 from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.faults import Reaction
 from executive.record.database import Connect, Database, Synchronous, connect_to_file
+from executive.record.stop_latch import LatchChange
+from executive.record.writer import Batch, BatchWriter, InlineWriter, ThreadWriter, WriterState
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Severity, Stage
 
@@ -87,14 +90,37 @@ def digest(command: Command) -> bytes:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).digest()
 
 
+@dataclass(slots=True)
+class _Unwritten:
+    """Data of a command that are not committed yet.
+
+    Attributes:
+        batch: number of the last batch with such data.
+        digest: digest of the command; None if that is committed.
+        last_report: its last report; None if that is committed.
+    """
+
+    batch: int = 0
+    digest: bytes | None = None
+    last_report: Report | None = None
+
+
 class Ledger(Database):
     """Commands with their present stage, and every report; used by the core's thread only.
+
+    Writes gather until `seal` hands them over to the writer as a batch. Digest and last report of
+    a command are known before they are committed; all other queries return committed data.
 
     Args:
         path: the file, created with its folders if missing.
         synchronous: durability of a commit.
         connect: opens the file.
         version: as in `Database`.
+
+    Attributes:
+        writer: commits the batches.
+        sealed: number of the last batch; 0 before the first.
+        state: state of the writer at the last `poll`.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -108,7 +134,11 @@ class Ledger(Database):
         version: int = LEDGER_VERSION,
     ) -> None:
         super().__init__(path, _SCHEMA, synchronous, connect, version)
-        self._gathered: dict[Identity, bytes] = {}
+        self._connection = partial(Database, path, "", synchronous, connect, version)
+        self.writer: BatchWriter = InlineWriter(self)
+        self.sealed = 0
+        self.state = WriterState()
+        self._unwritten: dict[Identity, _Unwritten] = {}
         self._on_prune: list[OnPrune] = []
         ((last,),) = self.rows("SELECT max(sequence) FROM reports")
         self.last_sequence: int = last or 0
@@ -118,8 +148,9 @@ class Ledger(Database):
 
         For a number that is only recorded as used, that is `PRUNED`.
         """
-        if identity in self._gathered:
-            return self._gathered[identity]
+        known = self._unwritten.get(identity)
+        if known is not None and known.digest is not None:
+            return known.digest
         source, number = identity.source, identity.command_id
         rows = self.rows(
             "SELECT digest FROM commands WHERE source = ? AND command_id = ? UNION ALL"
@@ -141,11 +172,12 @@ class Ledger(Database):
         """Add a command to the next commit."""
         request = json.dumps(_CONVERTER.unstructure(command.request))
         identity, kind = command.identity, type(command.request).__name__
-        mark = self._gathered[identity] = digest(command)
+        mark = digest(command)
         self.write(
             "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
             (identity.source, identity.command_id, mark, kind, request, command.link),
         )
+        self._note(identity).digest = mark
 
     def set_stage(self, identity: Identity, stage: Stage) -> None:
         """Add the stage of a command to the next commit; a terminal stage drops a long request."""
@@ -168,6 +200,8 @@ class Ledger(Database):
         if foreign:
             self.write("INSERT INTO foreign_reports VALUES (?)", (report.sequence,))
         self.last_sequence = report.sequence
+        if report.identity is not None and report.stage is not None:
+            self._note(report.identity).last_report = report
 
     def add_tables(self, schema: str, on_prune: OnPrune | None = None) -> None:
         """Create further tables for a separate store, written in the same commits.
@@ -191,15 +225,72 @@ class Ledger(Database):
                 (identity.source, identity.command_id),
             )
 
-    def commit(self) -> None:
-        """Commit pending writes atomically; on an error they remain pending."""
-        super().commit()
-        self._gathered.clear()
+    @property
+    def last_batch(self) -> int:
+        """Number of the batch with the last write."""
+        return self.sealed + bool(self._pending)
 
-    def discard(self) -> None:
-        """Discard pending writes."""
-        super().discard()
-        self._gathered.clear()
+    @property
+    def unwritten_batches(self) -> int:
+        """Number of batches that are not committed yet."""
+        return self.sealed - self.state.durable
+
+    @property
+    def settled(self) -> bool:
+        """Whether everything that was written is committed."""
+        return not self._pending and not self.unwritten_batches
+
+    @property
+    def failing(self) -> bool:
+        """Whether the last attempt to commit failed; the writer tries again."""
+        return self.state.error is not None
+
+    def seal(self, latch: LatchChange | None = None) -> None:
+        """Hand the pending writes, and a change of the stop latch, over to the writer."""
+        if self._pending or latch is not None:
+            self.sealed += 1
+            self.writer.put(Batch(self.sealed, tuple(self._pending), latch))
+            self._pending.clear()
+
+    def write_on_thread(self, wake: Callable[[], None]) -> None:
+        """Commit on a thread of its own from now on, so that nothing waits for the disk.
+
+        Args:
+            wake: called on that thread when a state of the writer is to be polled; must be quick.
+        """
+        self.commit()
+        self.writer = ThreadWriter(self._connection, self.sealed, wake)
+
+    def poll(self) -> WriterState:
+        """Update and return `state`."""
+        before, self.state = self.state, self.writer.poll()
+        if self.state.durable > before.durable:
+            durable = self.state.durable
+            self._unwritten = {i: e for i, e in self._unwritten.items() if e.batch > durable}
+        return self.state
+
+    def commit(self) -> None:
+        """Hand the pending writes over to the writer; raise its error, if any."""
+        self.seal()
+        if (error := self.poll().error) is not None:
+            raise error
+
+    def close(self) -> None:
+        """Commit pending writes and close the file."""
+        self.seal()
+        self.writer.close()
+        super().close()
+
+    def abandon(self) -> None:
+        """Close the file as a crash would: uncommitted batches are lost."""
+        self.writer.abandon()
+        super().abandon()
+
+    def _note(self, identity: Identity) -> "_Unwritten":
+        """Return the note on the command of the last write."""
+        note = self._unwritten.setdefault(identity, _Unwritten())
+        note.batch = self.last_batch
+        return note
 
     def last_command_id(self, source: str) -> int:
         """Return the maximum number of a source's commands, or 0."""
@@ -208,8 +299,8 @@ class Ledger(Database):
             " WHERE source = ? UNION ALL SELECT max(last) FROM used WHERE source = ?)",
             (source, source),
         )
-        gathered = (known.command_id for known in self._gathered if known.source == source)
-        return max(rows[0][0] or 0, *gathered, 0)
+        unwritten = (known.command_id for known in self._unwritten if known.source == source)
+        return max(rows[0][0] or 0, *unwritten, 0)
 
     def unfinished(self) -> Sequence[tuple[Command, Stage]]:
         """Return commands before a terminal stage, in order of arrival."""
@@ -267,8 +358,10 @@ class Ledger(Database):
         return [_CONVERTER.loads(text, LatchedFault) for (text,) in rows]
 
     def last_report(self, identity: Identity) -> Report | None:
-        """Return the last life cycle report of a command, committing first."""
-        self.commit()
+        """Return the last life cycle report of a command."""
+        known = self._unwritten.get(identity)
+        if known is not None and known.last_report is not None:
+            return known.last_report
         found = self._select(
             "WHERE source = ? AND command_id = ? AND stage IS NOT NULL"
             " ORDER BY sequence DESC LIMIT 1",
@@ -279,14 +372,13 @@ class Ledger(Database):
     def reports(
         self, since: int = 1, command_id: int | None = None, count: int = 1000
     ) -> Sequence[Report]:
-        """Return reports from a sequence number on, oldest first.
+        """Return committed reports from a sequence number on, oldest first.
 
         Args:
             since: the first sequence number.
             command_id: only reports on commands of this number, from any source.
             count: maximum number of reports.
         """
-        self.commit()
         if command_id is None:
             return self._select("WHERE sequence >= ? ORDER BY sequence LIMIT ?", (since, count))
         return self._select(

@@ -1,7 +1,8 @@
 """`Notifications` numbers reports without gaps, commits them to the ledger, then sends them."""
 
 import logging
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from executive.commands import Command
@@ -14,6 +15,9 @@ from executive.values.reports import PlanUpdate, Report, ReportKind, Severity, S
 
 _LOG = logging.getLogger(__name__)
 
+Answer = Callable[[bool], None]
+"""Called with whether all earlier writes are committed."""
+
 _SEVERITY = {
     Stage.REJECTED: Severity.WARNING,
     Stage.FAILED: Severity.ALARM,
@@ -23,13 +27,18 @@ _SEVERITY = {
 
 
 class Notifications:
-    """The only output of the core for reports."""
+    """The only output of the core for reports.
+
+    Attributes:
+        last_sequence: number of the last committed report.
+    """
 
     def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
         self._clock = clock
         self._ledger = ledger
         self._downlinks = downlinks
-        self._outbox: list[list[Report] | PlanUpdate] = []
+        self.last_sequence = ledger.last_sequence
+        self._outbox: deque[tuple[int, list[Report] | PlanUpdate | Answer]] = deque()
 
     def command(self, command: Command, stage: Stage, note: StageDetails) -> None:
         """Report that a command reached a stage. A stage not requested is only recorded."""
@@ -85,37 +94,54 @@ class Notifications:
 
     def report_plan_update(self, update: PlanUpdate) -> None:
         """Report the progress of a plan."""
-        self._outbox.append(update)
+        self._outbox.append((self._ledger.last_batch, update))
 
     def resend(self, report: Report) -> None:
         """Send a report again, under its own number."""
         self._send_later(report)
 
+    def answer(self, answer: Answer) -> None:
+        """Call a function once all earlier writes are committed, or the ledger fails."""
+        self._outbox.append((self._ledger.last_batch, answer))
+
     @property
     def pending(self) -> bool:
-        """Whether reports are pending since the last flush."""
-        return bool(self._outbox)
+        """Whether reports wait for the next commit."""
+        return bool(self._outbox) and self._outbox[-1][0] > self._ledger.sealed
 
-    def flush(self) -> None:
-        """Commit pending reports, then send them.
-
-        Raises:
-            LedgerError: the commit failed; nothing is sent, and the next flush tries again.
-        """
-        self._ledger.commit()
-        outbox, self._outbox = self._outbox, []
-        for report in outbox:
-            for downlink in self._downlinks:
-                if isinstance(report, PlanUpdate):
-                    downlink.send_plan_update(report)
+    def send_committed(self) -> None:
+        """Send committed reports and answers in order; a failing ledger ends answers as refused."""
+        durable = self._ledger.state.durable
+        while self._outbox and self._outbox[0][0] <= durable:
+            self._send(self._outbox.popleft()[1])
+        if self._ledger.failing:
+            unsent, self._outbox = self._outbox, deque()
+            for batch, item in unsent:
+                if callable(item):
+                    item(False)
                 else:
-                    downlink.send_reports(report)
+                    self._outbox.append((batch, item))
+
+    def _send(self, item: list[Report] | PlanUpdate | Answer) -> None:
+        if callable(item):
+            item(True)
+            return
+        for downlink in self._downlinks:
+            if isinstance(item, PlanUpdate):
+                downlink.send_plan_update(item)
+            else:
+                downlink.send_reports(item)
+        if isinstance(item, list):
+            self.last_sequence = max(self.last_sequence, item[-1].sequence)
 
     def _send_later(self, report: Report) -> None:
-        if self._outbox and isinstance(last := self._outbox[-1], list):
-            last.append(report)
-        else:
-            self._outbox.append([report])
+        batch = self._ledger.last_batch
+        if self._outbox and self._outbox[-1][0] == batch:
+            last = self._outbox[-1][1]
+            if isinstance(last, list):
+                last.append(report)
+                return
+        self._outbox.append((batch, [report]))
 
     def _append(
         self, kind: ReportKind, severity: Severity, text: str, foreign: bool = False, **details: Any

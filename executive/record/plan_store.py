@@ -48,7 +48,17 @@ class PlanStore:
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
+        self._unwritten: dict[str, tuple[int, PlanDefinition]] = {}
         ledger.add_tables(_SCHEMA, self._settle_pruned)
+
+    @property
+    def last_batch(self) -> int:
+        """Number of the batch of the ledger with the last write."""
+        return self._ledger.last_batch
+
+    def is_durable(self, batch: int) -> bool:
+        """Return whether a batch of the ledger is committed."""
+        return batch <= self._ledger.state.durable
 
     def plans(self) -> Sequence[PlanUpdate]:
         """Return the progress of each plan, in the order of submission."""
@@ -58,8 +68,11 @@ class PlanStore:
         return [PlanUpdate(plan_id, PlanStatus(status), *rest) for plan_id, status, *rest in rows]
 
     def definition(self, plan_id: str) -> PlanDefinition:
-        """Return a plan as submitted, committing first."""
-        self._ledger.commit()
+        """Return a plan as submitted."""
+        batch, unwritten = self._unwritten.get(plan_id, (0, None))
+        if unwritten is not None and not self.is_durable(batch):
+            return unwritten
+        self._unwritten.pop(plan_id, None)
         ((name, form, content, arguments),) = self._ledger.rows(
             "SELECT name, format, content, arguments FROM plans WHERE plan_id = ?", (plan_id,)
         )
@@ -74,6 +87,7 @@ class PlanStore:
             "INSERT INTO plans VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (plan_id, name, form, content, json.dumps(given), status.value, *rest),
         )
+        self._unwritten[plan_id] = self.last_batch, definition
 
     def update(self, update: PlanUpdate) -> None:
         """Add the progress of a plan to the next commit."""
@@ -107,8 +121,7 @@ class PlanStore:
         )
 
     def journal(self, plan_id: str) -> Mapping[str, StepOutcome]:
-        """Return the steps with a known outcome, committing first."""
-        self._ledger.commit()
+        """Return the steps with a committed outcome."""
         rows = self._ledger.rows(
             "SELECT step, outcome, stage FROM plan_steps p LEFT JOIN stages s"
             " ON s.source = ? AND s.command_id = p.command_id WHERE plan_id = ?",

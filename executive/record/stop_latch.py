@@ -1,6 +1,7 @@
 """`StopLatch`: file that stores whether the rover is stopped, across crashes and full disks."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from zlib import crc32
@@ -23,37 +24,51 @@ class StopLatch:
         path: the file; if missing it is created with its folders, as not stopped.
 
     Attributes:
-        stopped_by: content of the file; None if the rover is not stopped.
+        stopped_by: content of the file once the last change is stored; None if not stopped.
 
     Raises:
-        OSError: the file cannot be created, read or written, from every method.
+        OSError: the file cannot be created or read.
     """
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
+        self._change: LatchChange | None = None
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         found = os.pread(self._file, _SIZE, 0)
         if any(found):
             self.stopped_by = _read(found)
             return
         os.posix_fallocate(self._file, 0, _SIZE)
-        self._write(None)
+        self.stopped_by = None
+        self.write(None)
         os.fsync(self._file)
         folder = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
         os.fsync(folder)
         os.close(folder)
 
     def set(self, stopped_by: str) -> None:
-        """Store that the rover is stopped; returns once that would survive loss of power.
+        """Change to stopped, with the next commit of the ledger.
 
         The first of several stops is retained, so that a flood of them does not wear out the disk.
         """
         if self.stopped_by is None:
-            self._write(stopped_by)
+            self._to(stopped_by)
 
     def clear(self) -> None:
-        """Store that it is no longer stopped, after the ledger has committed that."""
-        self._write(None)
+        """Change to not stopped, after the next commit of the ledger."""
+        self._to(None)
+
+    def take_change(self) -> "LatchChange | None":
+        """Return the change that is to be stored, once; None without one."""
+        change, self._change = self._change, None
+        return change
+
+    def write(self, stopped_by: str | None) -> None:
+        """Write the file; returns once that would survive loss of power; raises OSError."""
+        text = b"" if stopped_by is None else stopped_by.encode(errors="replace")[: _SIZE - 16]
+        body = b"%08x %s\n" % (crc32(text), text)
+        os.pwrite(self._file, body.ljust(_SIZE, b" "), 0)
+        os.fdatasync(self._file)
 
     def close(self) -> None:
         """Close the file; without effect if it is closed."""
@@ -61,12 +76,25 @@ class StopLatch:
             os.close(self._file)
             self._file = -1
 
-    def _write(self, stopped_by: str | None) -> None:
-        text = b"" if stopped_by is None else stopped_by.encode(errors="replace")[: _SIZE - 16]
-        body = b"%08x %s\n" % (crc32(text), text)
-        os.pwrite(self._file, body.ljust(_SIZE, b" "), 0)
-        os.fdatasync(self._file)
+    def _to(self, stopped_by: str | None) -> None:
         self.stopped_by = stopped_by
+        self._change = LatchChange(self, stopped_by)
+
+
+@dataclass(frozen=True, slots=True)
+class LatchChange:
+    """A change of the stop latch that is to be stored."""
+
+    latch: StopLatch
+    stopped_by: str | None
+
+    def store(self) -> OSError | None:
+        """Write it to the file; return the error, if any."""
+        try:
+            self.latch.write(self.stopped_by)
+        except OSError as error:
+            return error
+        return None
 
 
 def _read(found: bytes) -> str | None:

@@ -380,6 +380,15 @@ def storm(count: int, seed: int) -> "list[Figure]":
     return core_storm.measure(_settings(), count, seed, log)
 
 
+@benchmark("power-cuts --kills 100", count("--kills", 2000), SEED)
+def power_cuts(count: int, seed: int) -> "list[Figure]":
+    """Power cuts with slow disks: does the ledger have all that was sent, and all that moved?"""
+    from tests.stress import ledger_kills
+
+    log(f"power cuts: {count} in each mix ...")
+    return ledger_kills.measure(count, seed, log)
+
+
 @benchmark("authority --interleavings 5000", count("--interleavings", 100_000), SEED)
 def authority(count: int, seed: int) -> "list[Figure]":
     """Operators after one authority, over crashes: is there one holder, and does a stop act?"""

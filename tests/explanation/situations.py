@@ -107,7 +107,7 @@ def _resume_too_early(bench: Bench) -> None:
 
 def _without_authority(bench: Bench) -> None:
     requested = AuthorityRequest(AuthorityAction.REQUEST, "ELSE")
-    bench.executive.request_authority(requested)
+    bench.executive.request_authority(requested, lambda _: None)
     bench.submit(MoveForward(1.0), 1)
 
 

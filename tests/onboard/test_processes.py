@@ -195,8 +195,14 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     died = "the guard was killed by signal 9 and restarted"
     probe.until(lambda: (DiagnosticStatus.WARN, died) in rows, "it is shown")
     assert died in process.text
-    (event,) = [each for each in reported(uri) if each.text == died]
-    assert event.severity is Severity.ALARM
+    events: list[Report] = []
+
+    def committed() -> bool:
+        events[:] = [each for each in reported(uri) if each.text == died]
+        return bool(events)
+
+    probe.until(committed, "its report")
+    assert [each.severity for each in events] == [Severity.ALARM]
     probe.until(lambda: supervisor.children() not in ([], [guard]), "another one")
     until_located(uri)
     start(uri, LONG_DRIVE)

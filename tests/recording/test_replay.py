@@ -29,7 +29,7 @@ from executive.commands import (
     Stop,
 )
 from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
-from executive.core.recording import CommitFailed, SolverResult, VideoSwitched
+from executive.core.recording import LedgerBehind, SolverResult, VideoSwitched
 from executive.core.runner import Executive
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
@@ -443,23 +443,21 @@ def test_a_ledger_that_cannot_be_written_for_a_while_is_replayed(tmp_path: Path)
         bench.execute(MoveForward(0.5), 5)
     found = replay(path)
     assert (found.difference, found.starts) == (None, 2)
-    failed = [each for each in RunReader(path).messages() if each.topic.kind is CommitFailed]
-    assert "readonly" in json.loads(failed[0].data)["text"]
+    failed = [each for each in RunReader(path).messages() if each.topic.kind is LedgerBehind]
+    assert "readonly" in json.loads(failed[0].data)["error"]
 
 
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:
     made = Recording(tmp_path)
-    core, granted = made.executive, []
+    core, granted = made.executive, list[AuthorityState | Refusal]()
     made.step()
     made.submit(1, MoveForward(1.0))
-    core.query(
-        lambda: granted.append(core.request_authority(requested(AuthorityAction.REQUEST, "MOE")))
-    )
+    asked = requested(AuthorityAction.REQUEST, "MOE")
+    core.query(lambda: core.request_authority(asked, granted.append))
     core.query(lambda: core.report_event(Severity.WARNING, "a link is slow"))
     made.submit(2, MoveForward(1.0))
-    core.query(
-        lambda: granted.append(core.request_authority(requested(AuthorityAction.RELEASE, "MOE", 1)))
-    )
+    released = requested(AuthorityAction.RELEASE, "MOE", 1)
+    core.query(lambda: core.request_authority(released, granted.append))
     made.submit(3, SetTravelSpeed(0.2), authority=1)
     made.step()
     core.query(lambda: core.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung")))

@@ -31,8 +31,8 @@ from adapters.relay.rover.bridge import BundleBridge, BundledCommand, LastStop
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands import Command
 from executive.core.dispatcher import Dispatcher
-from executive.core.runner import Executive
 from executive.record import Ledger, Notifications, RelayRecord
+from executive.record.notifications import Answer
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import TERMINAL, Identity, Report, Stage
 from tests.simulated import console_faults, mocup_faults, situations
@@ -239,17 +239,14 @@ def _overtaken_executed() -> AbstractContextManager[object]:
 
 
 def _published_before_commit() -> AbstractContextManager[object]:
-    flush = Notifications.flush
+    send_later = Notifications._send_later
 
-    def notify_first(self: Notifications) -> None:
-        ledger, reported = self._ledger, self._outbox
-        with patch.object(ledger, "commit", _nothing):
-            flush(self)
-        self._outbox = reported
-        with patch.object(self, "_downlinks", ()):
-            flush(self)
+    def send_first(self: Notifications, report: Report) -> None:
+        for downlink in self._downlinks:
+            downlink.send_reports([report])
+        send_later(self, report)
 
-    return patch.object(Notifications, "flush", notify_first)
+    return patch.object(Notifications, "_send_later", send_first)
 
 
 def _report_confirmed_at_once() -> AbstractContextManager[object]:
@@ -263,13 +260,10 @@ def _report_confirmed_at_once() -> AbstractContextManager[object]:
 
 
 def _admitted_without_commit() -> AbstractContextManager[object]:
-    flush = Executive._flush
+    def at_once(_: Notifications, answer: Answer) -> None:
+        answer(True)
 
-    def always(self: Executive) -> bool:
-        flush(self)
-        return True
-
-    return patch.object(Executive, "_flush", always)
+    return patch.object(Notifications, "answer", at_once)
 
 
 def _commits_not_synced() -> AbstractContextManager[object]:

@@ -33,7 +33,7 @@ class RequestedAuthority:
 
     def _request(self, requested: AuthorityRequest) -> AuthorityState | Refusal:
         executive, answers = self._bench.executive, list[AuthorityState | Refusal]()
-        executive.query(lambda: answers.append(executive.request_authority(requested)))
+        executive.query(lambda: executive.request_authority(requested, answers.append))
         executive.serve_inbox()
         (answer,) = answers
         return answer

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, Final
 
 from adapters.mal import CallContext
-from adapters.mrs.aboard.gateway import CoreGateway
+from adapters.mrs.aboard.gateway import CoreGateway, Reply
 from adapters.mrs.aboard.served_operations import PeerRateLimiter, ServedOperations
 from adapters.mrs.spec import AreaError, AuthorityStatus, refusal_error, with_text
 from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
@@ -14,7 +14,8 @@ from executive.core.runner import Executive
 from executive.values.reasons import Refusal
 from executive.values.reports import Identity
 
-Act = Callable[[Executive], AuthorityState | Refusal]
+Result = AuthorityState | Refusal
+Act = Callable[[Executive, Callable[[Result], None]], None]
 
 REQUESTS_HZ: Final = 10
 """Maximum requests a second of one peer: each change of holder is stored and broadcast."""
@@ -29,9 +30,13 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
             if parts:
                 rate.admit(call.peer_name or call.connection.peer_host)
                 _require_name(parts[0], call.peer_name)
-            answer = gateway.query(
-                lambda executive: (_status(act(*parts)(executive), call.peer_name),)
-            )
+
+            def question(executive: Executive, reply: Reply[tuple[AuthorityStatus]]) -> None:
+                act(*parts)(
+                    executive, lambda result: reply(lambda: (_status(result, call.peer_name),))
+                )
+
+            answer = gateway.query_later(question)
             if parts:
                 served.prioritize(
                     call.connection, answer, lambda reply: reply[0].holder == parts[0]
@@ -40,7 +45,7 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
 
         served.serve("Authority", operation, handler)
 
-    serve("getAuthority", lambda: lambda executive: executive.authority.state)
+    serve("getAuthority", lambda: lambda executive, reply: reply(executive.authority.state))
     serve("requestAuthority", partial(_authority_query, AuthorityAction.REQUEST))
     serve("handOver", partial(_authority_query, AuthorityAction.HAND_OVER))
     serve("takeAuthority", partial(_authority_query, AuthorityAction.TAKE))
@@ -49,7 +54,7 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
 
 def _authority_query(act: AuthorityAction, *parts: Any) -> Act:
     request = AuthorityRequest(act, *parts)
-    return lambda executive: executive.request_authority(request)
+    return lambda executive, reply: executive.request_authority(request, reply)
 
 
 def _require_name(source: str, peer_name: str | None) -> None:
@@ -57,7 +62,7 @@ def _require_name(source: str, peer_name: str | None) -> None:
         raise with_text(AreaError.REJECTED, f"source {source}: the certificate names {peer_name}")
 
 
-def _status(found: AuthorityState | Refusal, caller: str | None) -> AuthorityStatus:
+def _status(found: Result, caller: str | None) -> AuthorityStatus:
     if isinstance(found, Refusal):
         raise refusal_error(found, Identity("", 0))
     return AuthorityStatus(

@@ -13,6 +13,8 @@ from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitRe
 from executive.core.runner import Executive
 
 T = TypeVar("T")
+Reply = Callable[[Callable[[], T]], None]
+"""Takes the function that returns an answer, or raises its error."""
 
 ANSWER_TIMEOUT_S: Final = 5.0
 """Timeout of the core's answer to a query or command, then INTERNAL; chosen, not measured."""
@@ -53,10 +55,18 @@ class CoreGateway:
 
         A query whose future is cancelled stays in the queue until the core has run it.
         """
+        return self.query_later(lambda executive, reply: reply(partial(question, executive)))
+
+    def query_later(self, question: Callable[[Executive, Reply[T]], None]) -> asyncio.Future[T]:
+        """Run a query that replies later, on the core's thread; otherwise as `query`.
+
+        Args:
+            question: called with a function that takes the function which returns the answer.
+        """
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._pending >= MAX_PENDING:
             return _queue_full_error(answer)
-        self._executive.query(partial(self._answer, answer, question))
+        self._executive.query(partial(self._run, answer, question))
         return _shielded(self._limit(answer))
 
     def call_on_loop(self, act: Callable[..., None], *arguments: object) -> None:
@@ -90,13 +100,19 @@ class CoreGateway:
             case Duplicate():
                 self.call_on_loop(_fail, answer, duplicate_error(command.identity))
 
-    def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:
+    def _run(
+        self, answer: asyncio.Future[T], question: Callable[[Executive, Reply[T]], None]
+    ) -> None:
+        def reply(make: Callable[[], T]) -> None:
+            try:
+                self.call_on_loop(_succeed, answer, make())
+            except Exception as error:  # an error of a query must not end the core
+                self.call_on_loop(_fail, answer, error)
+
         try:
-            result = question(self._executive)
-        except Exception as error:  # an error of a query must not end the core
+            question(self._executive, reply)
+        except Exception as error:
             self.call_on_loop(_fail, answer, error)
-        else:
-            self.call_on_loop(_succeed, answer, result)
 
 
 def _queue_full_error(answer: asyncio.Future[T]) -> asyncio.Future[T]:

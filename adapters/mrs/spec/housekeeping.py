@@ -113,6 +113,7 @@ EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter("EXEC_QUEUED", "Commands and queries queued for the core"),
     HousekeepingParameter("EXEC_GOALS", "Accepted commands, queued or active"),
     HousekeepingParameter("EXEC_LEDGER", "Size of the ledger on the disk", "B"),
+    HousekeepingParameter("EXEC_UNWRITTEN", "Commits of the ledger that wait for the disk"),
     HousekeepingParameter("EXEC_REPORTS", "Sequence number of the last report"),
     *POSE_HOUSEKEEPING,
     *MAP_HOUSEKEEPING,

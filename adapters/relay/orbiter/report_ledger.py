@@ -70,7 +70,7 @@ class ReportLedger(Ledger):
 
     def newly_recorded(self) -> Sequence[RecordedReport]:
         """Return the reports recorded since the last call; none while a commit is pending."""
-        if self._pending:
+        if not self.settled:
             return ()
         new, self._new = self._new, []
         return new
