@@ -23,7 +23,9 @@ from executive.obstacles.zones import ScannedObstacle
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
 from tests.console.site import OPTIONS, open_whole
+from tests.docs.pages import CHECKOUT
 from tests.mrs.aboard import Aboard
+from tests.support import kinematic
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.plans import plan
 
@@ -31,7 +33,8 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
-PAGE = "#/browse/rover:rovers/rover:jackal/rover:jackal~{}?hideInspector=true"
+VIEW = "#/browse/rover:rovers/rover:jackal/rover:jackal~{}?hideInspector=true"
+MAP, FILES, CAMERA = (VIEW.format(name) for name in ("map", "files", "video"))
 SURVEY = """<Sequence>
   <moveTo x="6" y="0" deadline_s="60"/>
   <takePicture deadline_s="60"/>
@@ -65,7 +68,7 @@ async def map_of(rover: Aboard, folder: Path) -> AsyncIterator[tuple[Page, MrsCl
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await open_whole(page, f"{anna.address}{PAGE.format('map')}")
+        await open_whole(page, f"{anna.address}{MAP}")
         await anna.page.is_up()
         yield page, terminal
         await browser.close()
@@ -75,6 +78,7 @@ async def map_of(rover: Aboard, folder: Path) -> AsyncIterator[tuple[Page, MrsCl
 async def test_goals_and_plans_of_another_client_are_on_the_map(
     launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(kinematic, "PICTURE", (CHECKOUT / "docs/images/picture.jpg").read_bytes())
     rover = launch()
     laser = SimpleNamespace(circles=(ScannedObstacle("scanned", 9.0, 2.0, 0.4),))
     async with map_of(rover, tmp_path) as (page, terminal):
@@ -102,10 +106,10 @@ async def test_goals_and_plans_of_another_client_are_on_the_map(
         await expect(numbers).to_have_text(["1–2", "3", "4", "5"])
         await expect(route).to_have_class("waiting")
         await expect(route).to_contain_text("survey  not active")
-        monkeypatch.setattr(rover.do(lambda bench: bench.executive.status), "_local_map", laser)
-        await expect(page.locator(".map .scanned circle")).to_have_attribute("cx", "9")
-        await page.screenshot(path=ARTIFACTS / "console-plan-waiting.png")
-        monkeypatch.undo()
+        with monkeypatch.context() as patch:
+            patch.setattr(rover.do(lambda bench: bench.executive.status), "_local_map", laser)
+            await expect(page.locator(".map .scanned circle")).to_have_attribute("cx", "9")
+            await page.screenshot(path=ARTIFACTS / "console-plan-waiting.png")
         await expect(page.locator(".map .scanned circle")).to_have_count(0)
         rover.run(3.0)
         await send(ActivatePlan("survey"))
@@ -118,8 +122,16 @@ async def test_goals_and_plans_of_another_client_are_on_the_map(
         await expect(route).to_contain_text(re.compile(r"survey  ≥ \d+\.\d m  ≥ \d+ s left"))
         goal = page.locator("[data-goal=moveTo].active")
         await expect(goal).to_contain_text(re.compile(r"moveTo  \d\.\d m  ≥ \d s left"))
+        taken = page.locator(".map [data-picture]")
+        await expect(taken).to_have_attribute("data-picture", re.compile(r"^pictures/plan_survey-"))
         await page.get_by_role("button", name="show all").click()
+        await taken.click()
+        shown = page.get_by_role("figure")
+        await expect(shown.locator("img")).to_have_js_property("complete", True)
+        await expect(shown).to_contain_text(re.compile("takePicture of plan:survey; POS_X [56]"))
         await page.screenshot(path=ARTIFACTS / "console-plan.png")
+        await page.keyboard.press("Escape")
+        await expect(shown).to_be_hidden()
         await send(SuspendPlan("survey"))
         rover.run(1.0)
         await expect(route).to_have_class("waiting")
@@ -134,3 +146,15 @@ async def test_goals_and_plans_of_another_client_are_on_the_map(
         await page.evaluate(SHOW_PAST, begun_s - 1.0)
         await expect(route).to_have_class("waiting")
         await expect(goal).to_have_count(0)
+
+        await page.goto(page.url.partition("#")[0] + FILES)
+        row = page.locator("tr:has(.thumbnail)").filter(has_text="plan_survey")
+        await expect(row.locator("img.thumbnail")).to_have_js_property("naturalWidth", 640)
+        await row.get_by_role("button", name="show").click()
+        await expect(shown.locator("img")).to_have_js_property("naturalWidth", 640)
+        await expect(row).to_be_in_viewport()
+        await page.screenshot(path=ARTIFACTS / "console-pictures.png")
+        await page.keyboard.press("Escape")
+        await expect(shown).to_be_hidden()
+        await page.evaluate("page => { location.hash = page }", CAMERA)
+        await expect(page.get_by_test_id("camera-angles")).to_have_text("pan 0°  tilt 0°")

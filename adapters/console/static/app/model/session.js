@@ -38,6 +38,7 @@ export class Session extends Topics {
     super();
     this.#topics = topics;
     this.hasLog = topics.includes("ntf");
+    this.hasFiles = topics.includes("file");
     this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
     this.connection = new Connection(
       (message) => this.#receive(message),

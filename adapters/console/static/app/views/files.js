@@ -5,11 +5,15 @@
 
 import { fetchJson } from "../model/connection.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
+import { ShownPicture } from "./pictures.js";
 import { View } from "./view.js";
-import { age, clock, inDisplayUnit, sizeOf } from "../format.js";
+import { age, clock, sizeOf } from "../format.js";
+import { isPicture, urlOf } from "../model/pictures.js";
 
 /** @import { FileEntry, Transfer } from "../model/messages.js" */
 
+/** The asset that lists the files that the console stores. */
+const STORE = "rover-console";
 const MOVING = ["waiting", "running", "interrupted"];
 
 export class FilesView extends View {
@@ -19,23 +23,30 @@ export class FilesView extends View {
   #files = [];
   #trouble = "";
   #wasReached = false;
+  /** number of ended transfers */
+  #ended = 0;
+  /** the files that the console stores, as ASSET/PATH and time @type {Set<string>} */
+  #stored = new Set();
 
   #empty = html("p", { className: "empty" });
   #message = html("p", { className: "message", role: "status" });
   #rows = html("tbody");
-  #table = html("table", {}, tableHead("file", "size", "changed (UTC)", ""), this.#rows);
+  #table = html("table", {}, tableHead("picture", "file", "size", "changed (UTC)", ""), this.#rows);
   #moving = html("tbody");
   #transfers = html("table", { className: "transfers" }, tableHead("transfer", "", "by", ""), this.#moving);
-  #picture = html("img", { alt: "", onerror: () => setText(this.#caption, "The picture could not be fetched.") });
-  #caption = html("figcaption", { className: "dim" });
-  #shown = html("figure", { hidden: true }, this.#picture, this.#caption);
-  root = html("section", { className: "rover-view files-view" }, this.#message, html("div", { className: "scroll", tabIndex: 0 }, this.#shown, this.#transfers, this.#empty, this.#table));
+  #shown = new ShownPicture();
+  root = html(
+    "section",
+    { className: "rover-view files-view" },
+    this.#message,
+    html("div", { className: "beside" }, html("div", { className: "scroll", tabIndex: 0 }, this.#transfers, this.#empty, this.#table), this.#shown.root),
+  );
 
   start() {
     const { asset, draw } = this;
     if (this.#isHere) this.#refresh();
     this.#onLinks();
-    return [asset.on("files", () => this.#refresh()), asset.on("transfers", draw), asset.on("links", () => this.#onLinks())];
+    return [asset.on("files", () => this.#refresh()), asset.on("transfers", () => this.#onTransfers()), asset.on("links", () => this.#onLinks()), this.#shown.start()];
   }
 
   /** Read the list again when the rover is reached again: messages of the outage are missing. */
@@ -45,10 +56,20 @@ export class FilesView extends View {
     this.draw();
   }
 
+  /** Read which files the console stores when a transfer has ended: those have thumbnails. */
+  #onTransfers() {
+    const ended = [...this.asset.transfers.values()].filter((each) => each.state === "done").length;
+    if (ended > this.#ended) this.#refresh();
+    this.#ended = ended;
+    this.draw();
+  }
+
   async #refresh() {
     try {
       const { files } = await fetchJson(`/api/files/${encodeURIComponent(this.asset.name)}`);
       this.#files = files.sort((one, other) => other.modified - one.modified);
+      const stored = this.#isHere ? files : (await fetchJson(`/api/files/${STORE}`)).files;
+      this.#stored = new Set(stored.map(({ path, modified }) => `${path} ${modified}`));
       this.#trouble = "";
     } catch (error) {
       this.#trouble = error.message;
@@ -56,30 +77,15 @@ export class FilesView extends View {
     this.draw();
   }
 
-  /** @param {string} path */
-  #urlOf(path) {
-    return `/api/files/${encodeURIComponent(this.asset.name)}/${path.split("/").map(encodeURIComponent).join("/")}`;
-  }
-
-  /** Show a picture. @param {FileEntry} file */
+  /** Show a picture beside the list. @param {FileEntry} file */
   #show(file) {
-    const url = this.#urlOf(file.path);
-    this.#shown.hidden = false;
-    setText(this.#caption, this.#isHere ? file.path : `Fetching ${file.path} from the rover …`);
-    this.#picture.onload = async () => {
-      const about = this.#isHere ? file : await fetchJson(`${url}?about`).catch(() => file);
-      if (this.#picture.src.endsWith(url)) setText(this.#caption, [`${file.path}, ${clock(file.modified)} UTC`, ...this.#figuresOf(about)].join("; "));
-    };
-    this.#picture.src = url;
+    this.#shown.show(this.asset, file, this.#isHere ? undefined : fetchJson(`${urlOf(this.asset.name, file.path)}?about`));
   }
 
-  /** Format the pose and the camera angles of a picture. @param {FileEntry} file */
-  #figuresOf({ meta }) {
-    const entries = new Map(this.asset.entry?.parameters.map((each) => [each.key, each]));
-    return Object.entries(meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
-      const { text, unit } = inDisplayUnit(value, entries.get(key));
-      return `${entries.get(key)?.name} ${text} ${unit}`.trim();
-    });
+  /** The path of a picture in the store; null if it is not stored. @param {FileEntry} file */
+  #storedPath({ path, modified }) {
+    const stored = this.#isHere ? path : `${this.asset.name}/${path}`;
+    return this.#stored.has(`${stored} ${modified}`) ? stored : null;
   }
 
   /** Send a request, and show its refusal. @param {string} path @param {any} request */
@@ -112,14 +118,16 @@ export class FilesView extends View {
     if (this.#isHere) setText(this.#empty, this.#trouble || "No fetched files yet. Use “fetch” under “Files” of a rover.");
     else if (!asset.isReached) setText(this.#empty, session.unreached(asset));
     else setText(this.#empty, this.#trouble || "No files aboard. “takePicture” makes one.");
-    reconcile(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file));
+    reconcile(this.#rows, this.#files, (file) => `${file.path} ${file.modified} ${this.#storedPath(file) !== null}`, (file) => this.#makeFile(file));
   }
 
   /** @param {FileEntry} file */
   #makeFile(file) {
+    const stored = isPicture(file) ? this.#storedPath(file) : null;
     return html(
       "tr",
       {},
+      html("td", {}, stored !== null && html("img", { className: "thumbnail", alt: "", loading: "lazy", src: urlOf(STORE, stored), onclick: () => this.#show(file) })),
       html("td", { textContent: file.path }),
       html("td", { className: "figure", textContent: sizeOf(file.size) }),
       html("td", { textContent: clock(file.modified) }),
@@ -134,7 +142,7 @@ export class FilesView extends View {
 
   /** @param {string} path */
   #save(path) {
-    return html("a", { href: this.#urlOf(path), download: path.split("/").at(-1), textContent: "save" });
+    return html("a", { href: urlOf(this.asset.name, path), download: path.split("/").at(-1), textContent: "save" });
   }
 
   /** @param {any} row @param {Transfer} transfer */
@@ -177,6 +185,3 @@ const makeTransfer = ({ path, by }) =>
     html("td", { textContent: by }),
     html("td"),
   );
-
-/** @param {FileEntry} file */
-const isPicture = ({ mime, path }) => /^image\/|jpe?g$|png$/i.test(mime ?? path);

@@ -5,6 +5,7 @@
 
 import { button, html, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
+import { PictureMarks, ShownPicture } from "./pictures.js";
 import { Marks } from "./plan_marks.js";
 import { Goals, Steps } from "./route.js";
 import { View } from "./view.js";
@@ -12,9 +13,11 @@ import { Viewport } from "./viewport.js";
 import { age, clock, degrees, fixed } from "../format.js";
 import { composed, inverse } from "../model/asset.js";
 import { ScannedObstacles } from "../model/obstacles.js";
+import { Pictures } from "../model/pictures.js";
 import { PlanRoutes } from "../model/routes.js";
 
 /** @import { Fix, Frame } from "../model/asset.js" */
+/** @import { FileEntry } from "../model/messages.js" */
 
 const CLICK_PX = 4;
 const LATE_S = 5;
@@ -33,19 +36,22 @@ export class MapView extends View {
   #preview = new layers.Preview();
   #uncertain = new layers.UncertaintyMark();
   #rover = new layers.Rover();
+  #pictureMarks = new PictureMarks();
   #goals = new Goals();
   #steps = new Steps();
   #routes = new PlanRoutes(this.session, this.asset, this.draw);
   #obstacles = new ScannedObstacles(this.session, this.asset, this.draw);
+  #pictures = new Pictures(this.session, this.asset, this.draw);
+  #shown = new ShownPicture();
   #world = svg("g", {}, ...[this.#zones, this.#scanned, this.#tracks, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
-  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, this.#goals.element, this.#steps.element);
+  #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world, ...[this.#pictureMarks, this.#goals, this.#steps].map((each) => each.element));
   #viewport = new Viewport(this.#picture);
   #marks = new Marks(this.#viewport);
   #poseText = html("span", { className: "pose" });
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
   #follow = button("follow", "centre the map on the rover", () => ((this.#follows = !this.#follows), this.draw()));
-  #whole = button("show all", "fit the whole track, all goals, obstacles and zones", () => this.#fit());
+  #whole = button("show all", "fit track, goals, steps, pictures, obstacles and zones", () => this.#fit());
   #empty = html("p", { className: "empty over" });
   #hint = html("p", { className: "hint" });
   #menu = html("div", { className: "menu", hidden: true });
@@ -54,13 +60,14 @@ export class MapView extends View {
     [html("span", { className: "commanded", textContent: "commanded" }), this.#goals],
     [html("span", { className: "plan", textContent: "steps of a plan" }), this.#steps],
     [html("span", { className: "scan", textContent: "scanned obstacle" }), this.#scanned],
+    [html("span", { className: "taken", textContent: "picture" }), this.#pictureMarks],
     [html("span", { className: "draft", textContent: "preview, not sent" }), this.#preview],
   ];
   root = html(
     "section",
     { className: "rover-view map-view" },
     html("header", {}, this.#poseText, html("span", { className: "tools" }, this.#pointed, this.#now, this.#follow, this.#whole)),
-    html("div", { className: "canvas" }, this.#picture, html("div", { className: "legend" }, ...this.#entries.map(([entry]) => entry)), this.#empty, this.#hint, this.#menu),
+    html("div", { className: "canvas" }, this.#picture, html("div", { className: "legend" }, ...this.#entries.map(([entry]) => entry)), this.#empty, this.#hint, this.#menu, this.#shown.root),
   );
 
   start() {
@@ -80,6 +87,8 @@ export class MapView extends View {
       () => resized.disconnect(),
       () => this.#routes.close(),
       () => this.#obstacles.close(),
+      () => this.#pictures.close(),
+      this.#shown.start(),
     ];
   }
 
@@ -102,12 +111,20 @@ export class MapView extends View {
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
+    this.#pictureMarks.render(asset, this.#pictures.at(cursor.utc_s), viewport, (picture) => this.#showPicture(picture));
     const plans = this.#routes.at(cursor.utc_s);
     this.#goals.render(asset, cursor.utc_s, pose, viewport, plans);
     this.#steps.render(asset, cursor.utc_s, pose, viewport, plans);
     this.#marks.render(draft);
     this.#drawLegend();
     this.#drawTexts(pose, uncertainty);
+  }
+
+  /** Show a picture on the side of the map without its mark. @param {FileEntry} picture */
+  #showPicture(picture) {
+    const [x] = this.#viewport.toScreen(Number(picture.meta.POS_X), 0);
+    this.#shown.root.classList.toggle("left", x > this.#viewport.size.width / 2);
+    this.#shown.show(this.asset, picture);
   }
 
   /** Show the legend's entries of the layers that are not empty. */
@@ -133,10 +150,11 @@ export class MapView extends View {
     this.root.classList.toggle("past", cursor.utc_s !== null);
   }
 
-  /** Fit track, goals, preview, obstacles and zones into the view. */
+  /** Fit all that is drawn into the view. */
   #fit() {
     const { asset, cursor, draft } = this;
-    const fixes = [...asset.track, ...this.#goals.points, ...this.#steps.points, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
+    const layered = [this.#goals, this.#steps, this.#pictureMarks].flatMap((each) => each.points);
+    const fixes = [...asset.track, ...layered, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
     const points = [...fixes.map(({ x, y }) => [x, y]), ...this.#obstacles.at(cursor.utc_s), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
     if (points.length) {
       this.#viewport.fit(points);

@@ -6,7 +6,7 @@
 import { fetchJson, newId } from "../model/connection.js";
 import { button, html, setText } from "../dom.js";
 import { View } from "./view.js";
-import { radians } from "../format.js";
+import { degrees, fixed, radians } from "../format.js";
 
 /** Octets of the reception time before each picture. */
 const TIME_OCTETS = 8;
@@ -29,6 +29,7 @@ export class VideoView extends View {
 
   #canvas = html("canvas", { width: 640, height: 480, "data-testid": "video" });
   #rate = html("span", { className: "dim rate" });
+  #angles = html("span", { className: "dim angles", "data-testid": "camera-angles" });
   #message = html("span", { className: "message", role: "status" });
   #watch = button("", "", () => (this.#socket ? this.#close() : this.#open()));
   #pad = PAD.map(([sign, left, up]) => (sign ? button(String(sign), "turn the camera", () => this.#turn(Number(left), Number(up))) : html("span")));
@@ -42,7 +43,7 @@ export class VideoView extends View {
       button("video on", "switch the rover's video on", () => this.#send("executeAction", { action: "VIDEO ON" })),
       button("video off", "switch the rover's video off", () => this.#send("executeAction", { action: "VIDEO OFF" })),
       button("take picture", "take a picture and store it aboard", () => this.#send("takePicture", {})),
-      html("span", { className: "tools" }, this.#rate),
+      html("span", { className: "tools" }, this.#angles, this.#rate),
     ),
     html("div", { className: "canvas" }, this.#canvas, html("div", { className: "pad", title: `turns the camera by ${STEP_DEG}° each` }, ...this.#pad)),
     this.#message,
@@ -50,7 +51,7 @@ export class VideoView extends View {
 
   start() {
     this.#open();
-    return [this.session.onSecond(() => this.#drawRate()), () => this.#close()];
+    return [this.asset.on("values", this.draw), this.session.onSecond(() => this.#drawRate()), () => this.#close()];
   }
 
   #open() {
@@ -115,6 +116,9 @@ export class VideoView extends View {
   render() {
     setText(this.#watch, this.#socket ? "stop watching" : "watch");
     this.#watch.classList.toggle("on", this.#socket !== null);
+    /** @type {[string, number][]} */
+    const angles = [["pan", "CAM_PAN"], ["tilt", "CAM_TILT"]].map(([name, key]) => [name, Number(this.asset.newest(key)?.value ?? NaN)]);
+    setText(this.#angles, angles.map(([name, value]) => (Number.isFinite(value) ? `${name} ${fixed(degrees(value), 0)}°` : "")).filter(Boolean).join("  "));
   }
 
   #drawRate() {
