@@ -1,16 +1,23 @@
 """What the map of a console asks for: other clients' arguments, steps of plans, obstacles."""
 
+import asyncio
+import threading
 from math import pi
 from pathlib import Path
 
+import pytest
+
 from adapters.console.requests.map_requests import route_of
+from adapters.console.rovers import RoverLink, rover_link
 from adapters.mrs.ground import MrsClient
-from executive.commands import FollowPath, PlanDefinition, SubmitPlan, Waypoint
+from executive.commands import FollowPath, MoveForward, PlanDefinition, SubmitPlan, Waypoint
 from executive.plans import PlanNode, check_plan, steps
 from executive.settings import load_settings
 from executive.values.geometry import Pose
-from tests.console.consoles import JsonMessage, at_console
-from tests.mrs.aboard import Aboard
+from executive.values.reports import Identity
+from tests.console.conftest import Launch
+from tests.console.consoles import LIMIT_S, JsonMessage, at_console
+from tests.mrs.aboard import Aboard, LinkedBench
 from tests.support.plans import plan
 
 SURVEY = """<Sequence>
@@ -54,6 +61,35 @@ async def test_a_page_gets_what_another_client_commanded(rover: Aboard, tmp_path
         wrong = await anna.request("GET", "api/plans/jackal/survey/steps?done=all")
         assert (wrong[0], wrong[1]["field"]) == (422, "done")
         assert (await anna.get("api/plans/jackal/survey/steps?done=1")) == {"steps": []}
+
+
+async def test_arguments_are_requested_again_after_a_timeout(
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rover_link, "ANSWER_S", 0.3)
+    rover, released, repeated = launch(), threading.Event(), asyncio.Event()
+    original, requested = RoverLink.request_arguments, set[Identity]()
+
+    def request_arguments(link: RoverLink, identity: Identity) -> None:
+        if identity in requested:
+            repeated.set()
+        requested.add(identity)
+        original(link, identity)
+
+    monkeypatch.setattr(RoverLink, "request_arguments", request_arguments)
+
+    def receive_and_wait(bench: LinkedBench) -> None:
+        bench.submit(MoveForward(2.0), 7)
+        released.wait(LIMIT_S)
+
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        waiting = asyncio.create_task(asyncio.to_thread(rover.do, receive_and_wait))
+        await anna.page.until(lambda message: message.get("name") == "moveForward")
+        await asyncio.wait_for(repeated.wait(), LIMIT_S)
+        released.set()
+        await waiting
+        await anna.page.until(lambda message: message.get("args") == {"distance": 2.0})
 
 
 def root(definition: PlanDefinition) -> PlanNode:

@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 from adapters.console.archive import to_us
 from adapters.console.messages import LinkKind, LinkState
-from adapters.mal import CertificateError, MalError
+from adapters.mal import CertificateError, MalError, StandardError
 from adapters.mrs.ground import NEXT_CONTACT, FileNotification, MrsClient, Stream
 from adapters.mrs.spec import (
     AssetInfo,
@@ -299,8 +299,10 @@ class RoverLink:
             identity = await self._wanted.get()
             try:
                 args = await client.get_arguments(identity)
-            except MalError as error:  # not served, or no longer stored
+            except MalError as error:  # no answer in time, not served, or no longer stored
                 _LOG.info("%s: no arguments of %s: %s", self.asset, identity, error)
+                if error.number == StandardError.DELIVERY_TIMEDOUT.value:
+                    self.request_arguments(identity)
             except ConnectionError:
                 self.request_arguments(identity)
                 raise

@@ -196,9 +196,13 @@ export class Asset extends Topics {
 
   /** The plans aboard: the reported ones that were not removed since. @returns {Map<string, PlanProgress>} */
   get plansAboard() {
-    const removals = [...this.commands.values()].filter((each) => each.name === "removePlan" && each.state === "executed");
-    const isRemoved = ({ plan, utc }) => removals.some(({ args, history }) => args?.plan_id === plan && history.at(-1).utc >= utc);
-    return new Map([...this.plans].filter(([, each]) => !isRemoved(each)));
+    return new Map([...this.plans].filter(([, each]) => !this.isRemoved(each)));
+  }
+
+  /** Whether a plan was removed between a report of it and now, or a time. @param {PlanProgress} progress @param {number | null} [until_s] null for now */
+  isRemoved({ plan, utc }, until_s = null) {
+    const isWithin = (each) => each.stage === "EXECUTED" && each.utc >= utc && each.utc <= (until_s ?? Infinity);
+    return [...this.commands.values()].some(({ name, args, history }) => name === "removePlan" && args?.plan_id === plan && history.some(isWithin));
   }
 
   /** @param {CommandStatus} command */

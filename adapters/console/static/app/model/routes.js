@@ -44,11 +44,9 @@ export class PlanRoutes {
 
   /** The active and suspended plans, and the last submitted one. @param {number | null} utc_s null for now @returns {PlanRoute[]} */
   at(utc_s) {
-    const removals = this.#asset.commandsAt(utc_s).filter((each) => each.name === "removePlan" && each.state === "executed");
-    const isRemoved = ({ plan, utc }) => removals.some(({ args, history }) => args?.plan_id === plan && history.at(-1).utc >= utc);
-    const aboard = this.#progressAt(utc_s).filter((each) => !isRemoved(each));
+    const aboard = this.#progressAt(utc_s).filter((each) => ["SUBMITTED", "SUSPENDED", ...ACTIVE].includes(each.status) && !this.#asset.isRemoved(each, utc_s));
     const waiting = aboard.filter((each) => each.status === "SUBMITTED").sort((one, other) => other.utc - one.utc);
-    const started = aboard.filter((each) => [...ACTIVE, "SUSPENDED"].includes(each.status));
+    const started = aboard.filter((each) => each.status !== "SUBMITTED");
     return [...started, ...waiting.slice(0, 1)].map((progress) => ({
       progress,
       isActive: ACTIVE.includes(progress.status),
