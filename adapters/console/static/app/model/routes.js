@@ -13,12 +13,15 @@ const HISTORY_S = 3600;
 /** Grid of the start positions of plans that have not started, m. */
 const START_M = 0.5;
 const MAX_QUERIES = 100;
+const MAX_RECEIVED = 1000;
 
 export class PlanRoutes {
   #session;
   #asset;
   #changed;
-  #off;
+  #offs;
+  /** @type {Set<PlanProgress>} received progress, which the archive may not have yet */
+  #received = new Set();
   /** @type {ArchivedHistory | null} */
   #history = null;
   /** @type {Map<string, RouteStep[] | null>} steps by query; null until received */
@@ -34,11 +37,17 @@ export class PlanRoutes {
     this.#asset = asset;
     this.#changed = changed;
     // Queries may have failed while the link was down.
-    this.#off = asset.on("links", () => this.#steps.clear());
+    this.#offs = [asset.on("links", () => this.#steps.clear()), asset.on("plans", () => this.#receive())];
+    this.#receive();
+  }
+
+  #receive() {
+    for (const each of this.#asset.plans.values()) this.#received.add(each);
+    if (this.#received.size > MAX_RECEIVED) this.#received.delete([...this.#received][0]);
   }
 
   close() {
-    this.#off();
+    this.#offs.forEach((off) => off());
     this.#history?.close();
   }
 
@@ -61,7 +70,8 @@ export class PlanRoutes {
     if (utc_s === null) return [...now.values()];
     this.#history ??= new ArchivedHistory(this.#session, this.#asset, this.#changed);
     this.#history.load(utc_s - HISTORY_S, Math.max(utc_s, this.#session.now));
-    const records = /** @type {PlanProgress[]} */ (this.#history.records.plans);
+    const archived = /** @type {PlanProgress[]} */ (this.#history.records.plans);
+    const records = [...archived, ...this.#received].sort((one, other) => one.utc - other.utc);
     const found = new Map(records.filter((each) => each.utc <= utc_s).map((each) => [each.plan, each]));
     // The rover stores the last submission only.
     const isReplaced = ({ plan, utc }) => records.some((each) => each.plan === plan && each.status === "SUBMITTED" && each.utc > utc);
