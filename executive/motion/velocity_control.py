@@ -302,8 +302,8 @@ def hold_extent(
 ) -> tuple[float, float] | None:
     """Return the distance and the angle until standstill of a velocity hold that begins now.
 
-    In motion the velocity changes from the present one, and braking is not balanced by a start.
-    Zero velocity promises a standstill only: None.
+    In motion the velocity changes from the present one, and braking is not balanced by a start. An
+    arc ends at its declared heading nevertheless. Zero velocity promises a standstill only: None.
     """
     if not (request.travel_mps or request.rotate_radps):
         return None
@@ -311,10 +311,8 @@ def hold_extent(
     distance_m = _extent(
         begun.travel_mps, request.travel_mps, drive.travel_acceleration_mps2, request, settings
     )
-    if begun == STANDING:
+    if request.travel_mps or begun == STANDING:
         return distance_m, request.rotate_radps * request.duration_s
-    if request.travel_mps:
-        return distance_m, request.rotate_radps / request.travel_mps * distance_m
     return distance_m, _extent(
         begun.rotate_radps,
         request.rotate_radps,
