@@ -109,6 +109,7 @@ async def test_refusals_are_shown_beside_steps_and_typed_text_remains(
         await expect(text).to_have_value("<root><takePictur/></root>")
         await page.get_by_role("button", name="Submit to jackal").click()
         await expect(outcome).to_contain_text("submitPlan: rejected")
+        await click_map(page, 2.0, 0.0)
         await page.reload()
         await expect(text).to_have_value("<root><takePictur/></root>")
         await is_accessible(page)

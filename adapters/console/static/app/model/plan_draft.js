@@ -105,6 +105,11 @@ export class PlanDraft extends Observable {
     return this.isTyped ? !this.xml.trim() : this.steps.length === 0;
   }
 
+  /** Whether it has no steps to edit: its XML is invalid, not checked yet, or no list of steps. */
+  get isXmlOnly() {
+    return this.isTyped && !this.isEmpty && this.steps.length === 0;
+  }
+
   /** Replace the plan. @param {Partial<PlanContent>} content */
   load({ name = "", steps = [], xml = null }) {
     this.name = name;
@@ -193,13 +198,13 @@ export class PlanDraft extends Observable {
 
   /** Effect of a click on the map. */
   get hint() {
-    if (this.notSteps) return "This plan is edited as XML.";
+    if (this.isXmlOnly) return "This plan is edited as XML.";
     return this.entry ? "Click the map to add a waypoint." : "Click the map to add a move; drag a waypoint to move it.";
   }
 
   /** Add a step; called by the map. @param {string} operation @param {Record<string, any>} [args] */
   prepare(operation, args) {
-    if (!this.notSteps) this.add(operation, args);
+    if (!this.isXmlOnly) this.add(operation, args);
   }
 
   /** Add a waypoint to the selected path; called by the map. @param {string} list @param {Record<string, any>} item */

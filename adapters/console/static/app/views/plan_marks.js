@@ -45,10 +45,8 @@ export class Marks {
       const [x, y] = this.#viewport.toWorld(event.offsetX, event.offsetY);
       draft.moveMark(made.mark, tidy(x), tidy(y));
     };
-    made.onpointerup = (event) => {
-      event.stopPropagation();
-      this.#dragged = "";
-    };
+    made.onpointerup = (event) => event.stopPropagation();
+    made.onlostpointercapture = () => (this.#dragged = "");
     return made;
   }
 }

@@ -55,6 +55,7 @@ export class PlansView extends View {
   #check = html("div", { className: "preview-text", role: "status", "data-testid": "plan-check" });
   #submit = button("", "", () => this.#onSubmit(), { className: "send" });
   #acts = html("span", { className: "buttons" });
+  #hindrance = html("span", { className: "hindrance" });
   #outcome = html("div", { className: "outcome", role: "status", "data-testid": "plan-outcome" });
   #rows = html("tbody");
   #table = html("table", {}, tableHead("plan aboard", "state", "progress", "commands"), this.#rows);
@@ -84,7 +85,7 @@ export class PlansView extends View {
         html("div", { className: "scroll", tabIndex: 0 }, this.#steps.root, this.#notSteps, this.#xml),
         this.#steps.adders,
         this.#check,
-        html("div", { className: "buttons" }, this.#submit, this.#acts),
+        html("div", { className: "buttons" }, this.#submit, this.#acts, this.#hindrance),
         this.#outcome,
       ),
     ),
@@ -247,12 +248,12 @@ export class PlansView extends View {
     const progress = this.#progress;
     if (this.#name.value.trim() !== plan.name) this.#name.value = plan.name;
     this.#drawLibrary();
-    const showsXml = this.#showsXml || plan.notSteps !== "" || (plan.isTyped && plan.steps.length === 0);
+    const showsXml = this.#showsXml || plan.isXmlOnly;
     for (const [each, isOn] of /** @type {const} */ ([[this.#asSteps, !showsXml], [this.#asXml, showsXml]])) {
       each.classList.toggle("on", isOn);
       set(each, { "aria-pressed": isOn });
     }
-    this.#asSteps.disabled = showsXml && !this.#showsXml;
+    this.#asSteps.disabled = plan.isXmlOnly;
     this.#undo.disabled = !plan.canUndo;
     this.#steps.resumeAt = this.#ownProgress?.status === "SUSPENDED" ? (step) => this.#act("resumePlan", plan.name, { step: step.node }) : null;
     this.#steps.root.hidden = this.#steps.adders.hidden = showsXml;
@@ -307,13 +308,11 @@ export class PlansView extends View {
       ? this.session.unreached(asset)
       : !plan.name
         ? "give the plan a name"
-        : plan.isEmpty || !plan.xml
-          ? "a plan needs a step"
-          : progress && !canReplace
-            ? `${plan.name} is ${progress.status.toLowerCase()}`
-            : "";
-    this.#submit.disabled = why !== "" || (plan.waits && !plan.isTyped);
-    this.#submit.title = why;
+        : progress && !canReplace
+          ? `${plan.name} is ${progress.status.toLowerCase()}`
+          : "";
+    this.#submit.disabled = why !== "" || !plan.xml || (plan.waits && !plan.isTyped);
+    setText(this.#hindrance, plan.isEmpty ? "" : why);
     setText(this.#submit, progress && canReplace ? `Replace on ${asset.name}` : `Submit to ${asset.name}`);
     reconcile(this.#acts, acts, String, (act) => this.#makeAct(act, () => plan.name));
   }
