@@ -313,8 +313,7 @@ def test_a_stop_without_authority_stops_the_rover(site: Site, page: Page, people
     expect(page.get_by_test_id("mode")).to_have_text("STOPPED")
     expect(page.get_by_test_id("holder")).to_have_text("you command")
     other.screenshot(path=picture("console-light"))
-    page.get_by_role("button", name="resume …").click()
-    page.get_by_role("button", name="Send resume to jackal").click()
+    page.get_by_role("button", name="release the stop").click()
     expect(page.get_by_test_id("mode")).to_have_text("IDLE")
     other.context.close()
 

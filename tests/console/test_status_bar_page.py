@@ -9,15 +9,17 @@ import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
 from adapters.console.rovers import tracker
-from tests.console.conftest import Launch
+from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import Operator, at_console
 from tests.console.site import OPTIONS
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
+from tests.support.plans import AHEAD, plan
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
+NAMED = "sessionStorage.setItem('rover-console-operator', {name!r})"
 SIZES = ((390, 844), (1280, 800), (1920, 1080))
 OVERLAYS = {
     "Large View": "document.querySelector('[title=\"Large View\"]').click()",
@@ -156,3 +158,45 @@ async def test_a_lost_link_is_an_alarm_and_its_stop_is_repeated(
         rover.run(1.0)
         await expect(mode).to_have_text("STOPPED")
         await expect(drive).to_have_attribute("data-state", "cancelled")
+
+
+async def test_one_button_continues_a_stopped_plan(launch: Launch, tmp_path: Path) -> None:
+    rover = launch(authority=NEEDED)
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,), browser() as chromium:
+        page, other = [await chromium.new_page() for _ in range(2)]
+        for each, name in ((page, "anna"), (other, "bert")):
+            await each.add_init_script(NAMED.format(name=name))
+            await each.goto(f"{anna.address}lite")
+        bar, mode = page.locator(".rover-bar"), page.get_by_test_id("mode")
+        await bar.get_by_role("button", name="request", exact=True).click()
+        await expect(bar.get_by_test_id("holder")).to_have_text("you command")
+        content = plan(AHEAD).content.decode()
+        await anna.post("api/plans/jackal", id="plan", plan_id="survey", content=content)
+        await anna.page.command("plan", "executed")
+        await anna.send("run", "activatePlan", plan_id="survey")
+        await anna.page.command("run", "executed")
+        rover.run(1.0)
+        await expect(mode).to_have_text("PLAN")
+
+        await other.keyboard.press("F8")
+        await expect(mode).to_have_text("STOPPED")
+        await expect(bar.locator(".doing")).to_have_text("stopped by bert")
+        rover.run(0.5)
+        await bar.get_by_role("button", name="release the stop").click()
+        await expect(bar.get_by_text("Sent to jackal: release the stop.")).to_be_visible()
+        rover.run(0.5)
+        await expect(mode).to_have_text("PAUSED")
+        await bar.get_by_role("button", name="resume plan survey").click()
+        await expect(page.locator(".command[data-name=resumePlan]")).to_be_visible()
+        rover.run(0.5)
+        await expect(mode).to_have_text("PLAN")
+        await expect(bar.locator(".resume")).to_be_hidden()
+
+        theirs = other.locator(".rover-bar")
+        await expect(theirs.get_by_role("button", name="take")).to_be_hidden()
+        await theirs.get_by_role("button", name="request", exact=True).click()
+        await expect(theirs.get_by_text("Requested from anna")).to_be_visible()
+        await expect(bar.get_by_text("bert requests the authority")).to_be_visible()
+        await page.screenshot(path=ARTIFACTS / "authority-requested.png")
+        await bar.get_by_role("button", name="hand over to bert").click()
+        await expect(theirs.get_by_test_id("holder")).to_have_text("you command")

@@ -167,6 +167,7 @@ class AssetEntry:
             footprint.
         footprint: length and width about base_link, m; None if unknown.
         frame: default frame of waypoints; None if unknown.
+        takers: operators that may take the authority; None for all or if unknown.
         recording: None for a rover.
     """
 
@@ -179,6 +180,7 @@ class AssetEntry:
     zones: tuple[ZoneEntry, ...]
     footprint: Footprint | None
     frame: TargetFrame | None = None
+    takers: tuple[str, ...] | None = None
     recording: RecordingEntry | None = None
 
     def limits_of(self, key: str) -> tuple[float | None, float | None]:

@@ -168,6 +168,7 @@ class Fleet:
             zones=zone_entries(settings),
             footprint=None if settings is None else settings.footprint,
             frame=None if settings is None else settings.frame,
+            takers=_takers_of(settings, link),
         )
         if known is None:
             known = self.assets[name] = ConnectedAsset(settings, entry)
@@ -332,6 +333,16 @@ class Fleet:
 
     def _run(self, link: RoverLink) -> None:
         self._running[link] = start_task(link.run())
+
+
+def _takers_of(settings: Settings | None, link: RoverLink) -> tuple[str, ...] | None:
+    """Return the operators that may take the authority over a link; None for all or if unknown."""
+    if settings is None:
+        return None
+    sources = settings.authority.takeover_sources
+    if link.proven_name is None:
+        return sources
+    return None if link.proven_name in sources else ()
 
 
 def notification_message(

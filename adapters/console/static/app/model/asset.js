@@ -258,6 +258,12 @@ export class Asset extends Topics {
     return this.lastCommands.find((each) => names(each).includes(active)) ?? null;
   }
 
+  /** The last stop without a later resume; null if there is none. */
+  get lastStop() {
+    const last = this.lastCommands.find(({ name, state }) => ["stop", "resume"].includes(name) && ["started", "executed", "cancelled"].includes(state));
+    return last?.name === "stop" ? last : null;
+  }
+
   get #isTreeNewer() {
     return this.tree !== null && this.tree.utc >= (this.status?.utc ?? 0);
   }

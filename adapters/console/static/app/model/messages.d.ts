@@ -35,7 +35,7 @@
 /** Outline of the rover on the ground: a rectangle about base_link, along its heading. */ export type Footprint = { length_m: number; width_m: number };
 /** Frame of the waypoints of a command (REP 105). */ export type TargetFrame = "odom" | "map";
 /** Entry of a recording, an asset that cannot be commanded. */ export type RecordingEntry = { file: string; rover: string; start: number; end: number; complete: boolean; damaged: boolean };
-/** Dictionary entry of an asset. */ export type AssetEntry = { asset: string; description: string; version: string; ranges_known: boolean; parameters: ParameterEntry[]; commands: CommandEntry[]; zones: ZoneEntry[]; footprint: Footprint | null; frame: TargetFrame | null; recording: RecordingEntry | null };
+/** Dictionary entry of an asset. */ export type AssetEntry = { asset: string; description: string; version: string; ranges_known: boolean; parameters: ParameterEntry[]; commands: CommandEntry[]; zones: ZoneEntry[]; footprint: Footprint | null; frame: TargetFrame | null; takers: string[] | null; recording: RecordingEntry | null };
 /** A file of a component. */ export type FileEntry = { path: string; size: number; modified: number; mime: string | null; checksum: number | null; meta: Record<string, number | string | boolean | null> };
 /** A submitted plan. */ export type PlanRevision = { asset: string; plan: string; revision: number; command: string; operator: string; utc: number; content: string };
 /** Predicted pose at one time. */ export type PreviewPose = { time: number; x: number; y: number; heading: number };

@@ -9,8 +9,8 @@ import { serverClock } from "./server_clock.js";
 /** @typedef {{assets: Record<string, AssetEntry>, console: AssetEntry}} Dictionary */
 
 /** Topics of a page that shows neither log nor tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop"];
-const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "transfer", "obj"];
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "stop", "plan"];
+const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
 const MAX_SAMPLES = 20000;
 const MAX_RECORDING_ITEMS = 1000;

@@ -18,20 +18,25 @@ export class Authority {
   #holder = html("span", {});
   #buttons = html("span", { className: "acts" });
   element = html("span", { className: "authority" }, this.#holder, this.#buttons);
+  /** Notice to the holder of a request for the authority. */
+  notice = html("div", { className: "lost", role: "alert", hidden: true });
   #rover = "";
 
-  /** @param {(problem: string) => void} onProblem called with the text of a refusal */
-  constructor(onProblem) {
-    this.onProblem = onProblem;
+  /** @param {(text: string, level: "good" | "bad") => void} show called with the result of an action */
+  constructor(show) {
+    this.show = show;
   }
 
   /** @param {Asset | null} rover @param {number} now */
   render(rover, now) {
     const held = rover?.authority;
     this.#rover = rover?.name ?? "";
+    const isRequested = held?.holder === operator.name && Boolean(held.requested_by) && held.requested_by !== operator.name;
+    this.notice.hidden = !isRequested;
+    if (isRequested) setText(this.notice, `${held.requested_by} requests the authority over ${rover.name}, which you hold. Hand it over above, or ignore this.`);
     const make = () => html("span", { "data-testid": "holder" });
     reconcile(this.#holder, held ? [held] : [], () => "holder", make, (element) => drawHolder(element, held, now));
-    reconcile(this.#buttons, actsOf(held), (each) => each.join(" "), (each) => this.#makeButton(each), (made, [what]) => {
+    reconcile(this.#buttons, actsOf(held, rover?.entry?.takers ?? null), (each) => each.join(" "), (each) => this.#makeButton(each), (made, [what]) => {
       if (what === "request") setText(made, held.requested_by === operator.name ? "requested" : "request");
     });
   }
@@ -46,15 +51,18 @@ export class Authority {
     try {
       await fetchJson(`/api/authority/${encodeURIComponent(this.#rover)}`, { json });
     } catch (error) {
-      this.onProblem(error.message);
+      const holder = error.status === 403 && json.action === "request" && error.body?.holder;
+      if (holder) this.show(`Requested from ${holder}, with a notice in the bar: the authority over ${this.#rover}.`, "good");
+      else this.show(error.message, "bad");
     }
   }
 }
 
-/** Return the available actions, each with its operator if it needs one. @param {AuthorityMessage | null | undefined} held */
-function actsOf(held) {
+/** Return the available actions, each with its operator if it needs one. @param {AuthorityMessage | null | undefined} held @param {string[] | null} takers null if unknown */
+function actsOf(held, takers) {
   if (!held) return [];
-  if (held.holder !== operator.name) return held.holder ? [["request"], ["take"]] : [["request"]];
+  const mayTake = held.holder && (takers === null || takers.includes(operator.name));
+  if (held.holder !== operator.name) return mayTake ? [["request"], ["take"]] : [["request"]];
   return held.requested_by && held.requested_by !== operator.name ? [["hand_over", held.requested_by], ["release"]] : [["release"]];
 }
 

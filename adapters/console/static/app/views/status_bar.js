@@ -5,8 +5,7 @@
 
 import { AlarmsView, isAcknowledged, needsAction } from "./alarms.js";
 import { Authority } from "./authority.js";
-import { operator } from "../model/connection.js";
-import { contextOf } from "../model/context.js";
+import { fetchJson, newId, operator } from "../model/connection.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { themeButton } from "../theme.js";
 import { beep } from "../sound.js";
@@ -17,10 +16,9 @@ import { View } from "./view.js";
 import { age, clock } from "../format.js";
 
 /** @import { Asset } from "../model/asset.js" */
-/** @import { LinkStatus } from "../model/messages.js" */
+/** @import { CommandStatus, LinkStatus } from "../model/messages.js" */
 
-const RESUMABLE_MODES = ["STOPPED", "SAFE", "PAUSED"];
-const TOPICS = ["links", "authority", "status", "tree", "commands", "entry"];
+const TOPICS = ["links", "authority", "status", "tree", "plans", "entry"];
 const MESSAGE_MS = 8000;
 
 export class StatusBar extends View {
@@ -34,9 +32,11 @@ export class StatusBar extends View {
   #picker = html("select", { "aria-label": "rover", onchange: () => this.shown.choose(this.#picker.value) });
   #mode = html("span", { className: "mode", "data-testid": "mode" });
   #doing = html("span", { className: "doing" });
-  #resume = button("resume …", "open the resume command", () => contextOf(this.session, this.shown.name ?? "").draft.prepare("resume"), { className: "resume" });
+  #resume = button("", "send this command", () => this.#onResume(), { className: "resume" });
+  /** id of the last command of the resume button */
+  #resumed = "";
   #links = html("span", { className: "links" });
-  #authority = new Authority((problem) => this.#showMessage(problem, "bad"));
+  #authority = new Authority((text, level) => this.#showMessage(text, level));
   #stops = new Stops(this.draw, (text, level) => this.#showMessage(text, level));
   #pages = html("span", { className: "pages dim" });
   #name = button("", "operator name; click to change it", () => this.#editName(true), { className: "operator" });
@@ -59,6 +59,7 @@ export class StatusBar extends View {
     html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
     this.#stops.element,
+    this.#authority.notice,
     this.#shortcuts.element,
     this.#message,
     this.#lost,
@@ -97,7 +98,8 @@ export class StatusBar extends View {
     for (const rover of this.session.rovers) {
       if (this.#watched.has(rover)) continue;
       const onStop = () => (this.#stops.onChange(rover.stop), this.draw());
-      this.#watched.set(rover, [rover.on("stop", onStop), ...TOPICS.map((topic) => rover.on(topic, this.draw))]);
+      const onCommand = (command) => (this.#onCommand(command), this.draw());
+      this.#watched.set(rover, [rover.on("stop", onStop), rover.on("commands", onCommand), ...TOPICS.map((topic) => rover.on(topic, this.draw))]);
     }
     this.draw();
   }
@@ -144,6 +146,23 @@ export class StatusBar extends View {
     if (!rover) return this.#showMessage("There is no rover to stop.", "bad");
     if (rover.recording) return this.#showMessage(`${rover.name} is a recording: choose the rover to stop.`, "bad");
     this.#stops.press(rover.name);
+  }
+
+  async #onResume() {
+    const rover = this.#rover;
+    const { label, name, args } = resumptionOf(rover);
+    this.#resumed = newId();
+    try {
+      await fetchJson("/api/commands", { json: { id: this.#resumed, asset: rover.name, name, args } });
+      this.#showMessage(`Sent to ${rover.name}: ${label}.`, "good");
+    } catch (error) {
+      this.#showMessage(`Not sent: ${label}: ${error.message}.`, "bad");
+    }
+  }
+
+  /** Show that the command of the resume button was refused. @param {CommandStatus} command */
+  #onCommand({ id, asset, state, history }) {
+    if (id === this.#resumed && ["rejected", "failed"].includes(state)) this.#showMessage(`${asset} refused it: ${history.at(-1).detail}.`, "bad");
   }
 
   /** Show the field of the operator's name instead of the name. A dialog of the browser would disable STOP. @param {boolean} editing */
@@ -218,7 +237,9 @@ export class StatusBar extends View {
     setText(this.#mode, isRecording ? "RECORDING" : lastMode);
     this.#mode.hidden = !this.#mode.textContent;
     set(this.#mode, { "data-mode": mode, "data-stale": isLost });
-    this.#resume.hidden = isRecording || isLost || !RESUMABLE_MODES.includes(mode);
+    const resumption = rover && !isRecording && !isLost ? resumptionOf(rover) : null;
+    this.#resume.hidden = resumption === null;
+    setText(this.#resume, resumption?.label ?? "");
     setText(this.#doing, rover ? doingOf(rover) : this.session.unreached());
   }
 
@@ -247,8 +268,20 @@ export class StatusBar extends View {
 /** @param {number} age_s */
 const ageOf = (age_s) => (age(age_s) === "now" ? "a moment" : age(age_s));
 
+/** The command that lets a rover continue, and its label; null if nothing holds the rover. @param {Asset} rover @returns {{label: string, name: string, args: Record<string, any>} | null} */
+function resumptionOf({ mode, plans }) {
+  const release = { STOPPED: "release the stop", SAFE: "leave safe mode" }[mode];
+  if (release) return { label: release, name: "resume", args: {} };
+  if (mode !== "PAUSED") return null;
+  const plan = [...plans.values()].find((each) => each.status === "SUSPENDED");
+  if (!plan) return { label: "resume the motion", name: "resume", args: {} };
+  const step = plan.node?.split("/").at(-1);
+  return { label: `resume plan ${plan.plan}${step ? ` at ${step}` : ""}`, name: "resumePlan", args: { plan_id: plan.plan } };
+}
+
 /** @param {Asset} rover */
-function doingOf({ recording, activeCommand, status }) {
+function doingOf({ recording, mode, lastStop, activeCommand, status }) {
   if (recording) return `of ${recording.rover}, view only${recording.complete ? "" : recording.damaged ? "; damaged" : "; incomplete"}`;
+  if (mode === "STOPPED" && lastStop) return `stopped by ${lastStop.by}`;
   return `${activeCommand?.name ?? status?.plan ?? ""}${status?.queued ? `, ${status.queued} queued` : ""}`;
 }
