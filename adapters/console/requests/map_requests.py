@@ -11,7 +11,7 @@ from aiohttp import web
 
 from adapters.console.requests.commanding import Commanding
 from adapters.console.web import invalid, json_response, refused
-from adapters.mal import MalError
+from adapters.mal import MalError, StandardError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
 from executive.commands import FollowPath, Motion, MoveTo, argument_values, declaration_of
@@ -149,7 +149,9 @@ class MapRequests:
             async with asyncio.timeout(QUERY_TIMEOUT_S):
                 return await query(self._commanding.client(asset))
         except MalError as error:
-            raise refused(HTTPStatus.NOT_IMPLEMENTED, describe_error(error)) from error
+            late = error.number == StandardError.DELIVERY_TIMEDOUT.value
+            status = HTTPStatus.SERVICE_UNAVAILABLE if late else HTTPStatus.NOT_IMPLEMENTED
+            raise refused(status, describe_error(error)) from error
         except (ConnectionError, TimeoutError) as error:
             text = f"{asset} does not answer: try again when its link is up"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error

@@ -8,6 +8,8 @@ import { fetchJson } from "./connection.js";
 
 const POLL_S = 2;
 const MAX_CHANGES = 500;
+/** Status of HTTP for a rover that did not answer in time. */
+const UNAVAILABLE = 503;
 
 export class ScannedObstacles {
   #session;
@@ -46,7 +48,8 @@ export class ScannedObstacles {
       this.#changes = [...this.#changes, { utc: pose.utc, circles: obstacles }].slice(-MAX_CHANGES);
       this.#changed();
     } catch (error) {
-      console.info(error.message); // an orbiter has none; polled again after a change of a link
+      console.info(error.message); // an orbiter has none: polled again after a change of a link
+      if (error.status === UNAVAILABLE) this.#nextPoll = this.#session.now + POLL_S;
     }
   }
 }

@@ -13,6 +13,9 @@ const HISTORY_S = 3600;
 /** Grid of the start positions of plans that have not started, m. */
 const START_M = 0.5;
 const MAX_QUERIES = 100;
+/** Status of HTTP for a rover that did not answer in time. */
+const UNAVAILABLE = 503;
+const RETRY_MS = 3000;
 const MAX_RECEIVED = 1000;
 
 export class PlanRoutes {
@@ -49,6 +52,7 @@ export class PlanRoutes {
   close() {
     this.#offs.forEach((off) => off());
     this.#history?.close();
+    this.#changed = () => {};
   }
 
   /** The active and suspended plans, and the last submitted one. @param {number | null} utc_s null for now @returns {PlanRoute[]} */
@@ -93,9 +97,15 @@ export class PlanRoutes {
     if (this.#steps.size > MAX_QUERIES) this.#steps.clear();
     this.#steps.set(key, null);
     const path = `/api/plans/${encodeURIComponent(this.#asset.name)}/${encodeURIComponent(plan)}/steps?${new URLSearchParams(query)}`;
-    const { steps } = await fetchJson(path).catch((error) => (console.info(error.message), { steps: [] }));
-    this.#steps.set(key, steps);
-    this.#last.set(plan, steps);
+    try {
+      const { steps } = await fetchJson(path);
+      this.#steps.set(key, steps);
+      this.#last.set(plan, steps);
+    } catch (error) {
+      console.info(error.message);
+      if (error.status !== UNAVAILABLE) this.#steps.set(key, []);
+      else setTimeout(() => (this.#steps.delete(key), this.#changed()), RETRY_MS);
+    }
     this.#changed();
   }
 }
