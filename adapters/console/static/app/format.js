@@ -30,14 +30,20 @@ export const dateOf = (utc_s) => new Date(utc_s * 1000).toISOString().slice(0, 1
 /** Format the time of day in UTC, to the second or the millisecond. @param {number} utc_s @param {boolean} [exact] */
 export const timeOfDay = (utc_s, exact = false) => new Date(utc_s * 1000).toISOString().slice(11, exact ? 23 : 19);
 
+/** @param {number} utc_s */
+const dayOf = (utc_s) => Math.floor(utc_s / 86_400);
+
+/** The number of today since 1970 UTC, by the clock of the console. */
+export const today = () => dayOf(serverClock.now_s);
+
 /** Format a time in UTC, with its date unless it is of today. @param {number} utc_s @param {boolean} [exact] to the millisecond */
 export function clock(utc_s, exact = false) {
-  const date = dateOf(utc_s);
-  return `${date === dateOf(serverClock.now_s) ? "" : `${date} `}${timeOfDay(utc_s, exact)}`;
+  const text = new Date(utc_s * 1000).toISOString();
+  return text.slice(dayOf(utc_s) === today() ? 11 : 0, exact ? 23 : 19).replace("T", " ");
 }
 
 /** Format a time span in UTC. @param {number} start_s @param {number} end_s */
-export const interval = (start_s, end_s) => `${clock(start_s)} to ${dateOf(start_s) === dateOf(end_s) ? timeOfDay(end_s) : clock(end_s)}`;
+export const interval = (start_s, end_s) => `${clock(start_s)} to ${dayOf(start_s) === dayOf(end_s) ? timeOfDay(end_s) : clock(end_s)}`;
 
 /** Format an age, with its largest unit. @param {number} age_s */
 export function age(age_s) {

@@ -9,7 +9,7 @@ import { fetchJson, operator } from "../model/connection.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { PlanStrip } from "./plan_strip.js";
 import { View } from "./view.js";
-import { clock, degrees, fixed, number, unitOf } from "../format.js";
+import { clock, degrees, fixed, number, today, unitOf } from "../format.js";
 
 /** @import { CommandStatus, ExplanationBody } from "../model/messages.js" */
 
@@ -41,6 +41,10 @@ export class CommandTable extends View {
   /** @type {Map<string, ExplanationBody | null>} explanations, by command and whether it had ended */
   #explanations = new Map();
 
+  /** @type {WeakMap<HTMLElement, CommandStatus>} the commands as their rows show them */
+  #drawn = new WeakMap();
+  /** basis of all rows: the units of arguments, and the present date @type {any[]} */
+  #basis = [];
   /** @type {Set<string>} ids of the commands up to the last one that was in view */
   #seen = new Set();
   /** @type {string | undefined} id of the command with the tab stop */
@@ -66,6 +70,9 @@ export class CommandTable extends View {
     const shown = all.slice(Math.max(0, first)).slice(0, MAX_ROWS);
     this.#empty.hidden = shown.length > 0;
     setText(this.#empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
+    const basis = [asset.entry, today()];
+    if (basis.some((each, index) => each !== this.#basis[index])) this.#drawn = new WeakMap();
+    this.#basis = basis;
     if (!this.#rows.contains(document.activeElement) || !shown.some((each) => each.id === this.#current)) this.#current = shown[0]?.id;
     reconcile(this.#rows, shown, (command) => command.id, (command) => this.#makeRow(command), (row, command) => this.#drawRow(row, command));
     if (utc_s === null) this.#showNew(shown);
@@ -125,11 +132,14 @@ export class CommandTable extends View {
     const { utc_s } = this.cursor;
     const isChosen = this.selection.command === command.id;
     const isLater = utc_s !== null && command.created > utc_s;
-    row.className = `command ${command.state}${isChosen ? " selected" : ""}${isLater ? " later" : ""}`;
+    set(row, { class: `command ${command.state}${isChosen ? " selected" : ""}${isLater ? " later" : ""}` });
+    set(head, { tabIndex: command.id === this.#current ? 0 : -1, "aria-expanded": isChosen });
+    whole.hidden = !isChosen;
+    if (isChosen) whole.replaceChildren(this.#why(command), comparison(command) ?? "", stageTable(command));
+    if (this.#drawn.get(row) === command) return;
+    this.#drawn.set(row, command);
     row.dataset.state = command.state;
     row.dataset.name = command.name;
-    head.tabIndex = command.id === this.#current ? 0 : -1;
-    set(head, { "aria-expanded": isChosen });
     setText(time, clock(command.created));
     setText(name, nameOf(command));
     setText(args, argumentSummary(command, this.asset));
@@ -142,8 +152,6 @@ export class CommandTable extends View {
     const awaited = command.deadline !== null && !command.ended ? `; unknown after ${clock(command.deadline)} without a report` : "";
     setText(detail, ["sending", "acknowledged"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
     set(detail, { title: detail.textContent });
-    whole.hidden = !isChosen;
-    if (isChosen) whole.replaceChildren(this.#why(command), comparison(command) ?? "", stageTable(command));
   }
 
   /** The explanation of a command; requested when it is selected, and again after it has ended. @param {CommandStatus} command */

@@ -6,6 +6,8 @@ const INITIAL_PX_PER_M = 45;
 
 export class Viewport {
   #picture;
+  /** @type {{width: number, height: number} | null} null until measured; to read it makes the browser lay out */
+  #size = null;
   /** centre, m */
   x = 0;
   y = 0;
@@ -15,10 +17,12 @@ export class Viewport {
   /** @param {Element} picture */
   constructor(picture) {
     this.#picture = picture;
+    new ResizeObserver(() => (this.#size = null)).observe(picture);
   }
 
   get size() {
-    return { width: this.#picture.clientWidth || 400, height: this.#picture.clientHeight || 300 };
+    this.#size ??= { width: this.#picture.clientWidth || 400, height: this.#picture.clientHeight || 300 };
+    return this.#size;
   }
 
   /** SVG transform from metres to px. */
