@@ -28,7 +28,12 @@ from tests.support.victims import Workplace, workplace
 PAGES = {"whole": "", "light": "lite"}
 CAMERA = "#/browse/rover:rovers/rover:jackal/rover:jackal~video?hideInspector=true&hideRecents=true"
 USABLE = Goal(3.0)
+WHOLE = Goal(1.3)
 LOADED = Goal(1.3)
+WEAK = {"offline": False, "latency": 600, "downloadThroughput": 32e3, "uploadThroughput": 32e3}
+"""Milliseconds and octets/s of a weak link: 600 ms, 256 kbit/s."""
+WEAK_STOP = Goal(4.0)
+WEAK_USABLE = Goal(15.0)
 VALUE = Goal(150.0)
 PICTURE = Goal(20.0)
 PICTURES_HZ = 15.0
@@ -38,6 +43,8 @@ SETTLE_S = 1.0
 """After which a page that can be used has loaded all."""
 LIMIT_S = 60.0
 
+STOPS = "() => document.querySelector('[data-testid=stop]')?.disabled === false"
+IS_WHOLE = "() => document.querySelector('.l-shell') && !document.querySelector('#operations')"
 IS_USABLE = r"""() => document.querySelector('.form-view select')?.options.length > 1
     && /\d/.test(document.querySelector('[data-testid=value-POS_X]')?.textContent ?? '')"""
 VALUES = """async ([count, limit_ms]) => {
@@ -84,12 +91,19 @@ def measure(loads: int, samples: int, log: Callable[[str], None]) -> list[Figure
         with visitors() as people, _pictures(camera) as taken_s:
             log(f"console page: {loads} loads of each, {samples} values and pictures ...")
             loaded = {name: _loads(people, f"{url}{path}", loads) for name, path in PAGES.items()}
+            whole_s = [_whole(people.visit("about:blank", "bench"), url) for _ in range(loads)]
+            stops_s, weak_s = _weak(people.visit("about:blank", "bench"), url)
             delays_ms = {
                 name: _values(people, f"{url}{path}", samples) for name, path in PAGES.items()
             }
             drawn = _drawn(people, f"{url}{CAMERA}", samples)
         workspace.check()
-    figures = []
+    weak = "256 kbit/s, 600 ms, an empty cache"
+    figures = [
+        Figure("whole page: Open MCT, p50", quantile(whole_s, 0.5), "s", "an empty cache", WHOLE),
+        Figure("whole page, weak link: STOP", stops_s, "s", weak, WEAK_STOP),
+        Figure("whole page, weak link: usable", weak_s, "s", weak, WEAK_USABLE),
+    ]
     for name in PAGES:
         usable_s, loaded_mb = (quantile(each, 0.5) for each in zip(*loaded[name], strict=True))
         figures += [
@@ -180,6 +194,31 @@ def _load(page: Page, url: str) -> tuple[float, float]:
     page.wait_for_timeout(1e3 * SETTLE_S)
     page.context.close()
     return usable_s, octets / 1e6
+
+
+def _whole(page: Page, url: str) -> float:
+    """Return after how many seconds Open MCT is shown."""
+    began_s = time.monotonic()
+    page.goto(url, wait_until="commit")
+    page.wait_for_function(IS_WHOLE)
+    whole_s = time.monotonic() - began_s
+    page.context.close()
+    return whole_s
+
+
+def _weak(page: Page, url: str) -> tuple[float, float]:
+    """Return after how many seconds by a weak link STOP and the operations can be used."""
+    network = page.context.new_cdp_session(page)
+    network.send("Network.enable")
+    network.send("Network.emulateNetworkConditions", WEAK)
+    began_s = time.monotonic()
+    page.goto(url, wait_until="commit")
+    page.wait_for_function(STOPS)
+    stops_s = time.monotonic() - began_s
+    page.wait_for_function(IS_USABLE)
+    usable_s = time.monotonic() - began_s
+    page.context.close()
+    return stops_s, usable_s
 
 
 def _values(people: Visitors, url: str, samples: int) -> list[float]:

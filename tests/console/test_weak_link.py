@@ -13,10 +13,12 @@ from playwright.async_api import CDPSession, Page, Route, async_playwright, expe
 from adapters.console.service import STATIC
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console, served
-from tests.console.site import OPTIONS
+from tests.console.site import LIMIT_MS, OPTIONS
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 UNREACHABLE: Final = "127.0.0.1:1"
+PLAN: Final = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">
+<moveForward distance="99" deadline_s="999"/></BehaviorTree></root>"""
 EMULATION: Final = "Network.emulateNetworkConditions"
 WEAK: Final = {"latency": 600, "downloadThroughput": 32e3, "uploadThroughput": 32e3}
 UNLIMITED: Final = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
@@ -121,3 +123,41 @@ async def use_operations(page: Page) -> None:
     await page.get_by_test_id("alarms").click()
     await page.get_by_label("command", exact=True).select_option("moveTo")
     await page.get_by_label("x", exact=True).fill("3")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
+async def test_a_small_window_is_offered_the_light_page_with_log_and_plans(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with (
+        at_console(tmp_path, rover.uri, "anna") as (anna,),
+        async_playwright() as playwright,
+    ):
+        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        page = await browser.new_page(viewport={"width": 390, "height": 844})
+        await page.goto(anna.address)
+        await page.get_by_role("link", name="Open the light page").click()
+        await expect(page).to_have_url(re.compile("/lite$"))
+        await anna.page.is_up()
+        await anna.post("api/plans/jackal", id="p", plan_id="wait", content=PLAN)
+        await asyncio.to_thread(rover.run, 0.2)
+        await page.locator("summary").get_by_text("Log").click()
+        await expect(page.locator(".log-view .text").first).to_contain_text("plan wait submitted")
+        await page.locator("summary").get_by_text("Plans").click()
+        plan = page.locator(".plans-view .aboard tr").filter(has_text="wait")
+        for act, state in (("run", "executing"), ("suspend", "suspended"), ("resume", "executing")):
+            await plan.get_by_role("button", name=act).click()
+            async with asyncio.timeout(LIMIT_MS / 1e3):
+                while state not in await plan.inner_text():
+                    await asyncio.to_thread(rover.run, 0.2)
+        await page.locator("summary").get_by_text("Camera").click()
+        await expect(page.get_by_test_id("video")).to_be_visible()
+        await page.screenshot(path=ARTIFACTS / "console-light-more.png", full_page=True)
+        await page.goto(anna.address)
+        await expect(page).to_have_url(re.compile("/lite$"))
+        await page.get_by_role("link", name="full console").click()
+        await expect(page.locator(".l-shell")).to_be_visible()
+        await expect(page.get_by_role("link", name="Open the light page")).to_have_count(0)
+        await browser.close()

@@ -25,7 +25,7 @@ const PANELS = [
 /** Title, topics and view of the panels that are opened by a click. @type {[string, string[], () => Promise<typeof View>][]} */
 const MORE = [
   ["Log", ["ntf"], async () => (await import("./log.js")).LogView],
-  ["Plans", ["plan"], async () => (await import("./plans.js")).PlansView],
+  ["Plans", ["obj"], async () => (await import("./plans.js")).PlansView],
   ["Camera", [], async () => (await import("./video.js")).VideoView],
 ];
 
