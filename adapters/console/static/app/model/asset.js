@@ -22,6 +22,8 @@ const MAX_FIXES = 20000;
 const MAX_NOTICES = 2000;
 /** Limit of the commands; beyond it the earliest received one that has ended is discarded. */
 const MAX_COMMANDS = 3000;
+/** Number of the reason of a replaced motion. */
+const REPLACED = 802;
 const UNKNOWN_FOOTPRINT = { length_m: 0.5, width_m: 0.4 };
 const MAX_PENDING_FIXES = 50;
 
@@ -238,6 +240,14 @@ export class Asset extends Topics {
   /** Commands, newest first. */
   get lastCommands() {
     return [...this.commands.values()].sort((one, other) => other.created - one.created);
+  }
+
+  /** Ids of the drives that the next drive of the same operator continues: driving by keys repeats them, and ends them by zero. @returns {Set<string>} */
+  get continuedDrives() {
+    const all = this.lastCommands;
+    const isContinued = (each, later) =>
+      each.name === "drive" && later?.name === "drive" && later.by === each.by && (each.history.at(-1)?.code === REPLACED || (each.state === "executed" && each.args?.duration === 0));
+    return new Set(all.filter((each, index) => isContinued(each, all[index - 1])).map((each) => each.id));
   }
 
   /** Commands, newest first, in their states at a time; later commands in their present states. @param {number | null} utc null for now */

@@ -65,7 +65,8 @@ export class CommandTable extends View {
   render() {
     const { asset, session } = this;
     const { utc_s } = this.cursor;
-    const all = asset.commandsAt(utc_s);
+    const folded = asset.continuedDrives;
+    const all = asset.commandsAt(utc_s).filter(({ id }) => !folded.has(id) || id === this.selection.command);
     const first = utc_s === null ? 0 : all.findIndex((each) => each.created <= utc_s) - MAX_ROWS / 2;
     const shown = all.slice(Math.max(0, first)).slice(0, MAX_ROWS);
     this.#empty.hidden = shown.length > 0;

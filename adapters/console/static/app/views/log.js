@@ -68,10 +68,12 @@ export class LogView extends View {
     const { utc_s } = this.cursor;
     const sought = this.#search.value.trim().toLowerCase();
     const until = utc_s === null ? notices.length : notices.findLastIndex((each) => each.utc <= utc_s) + MAX_ROWS / 2;
+    const folded = this.asset.continuedDrives;
     const shown = [];
     for (let index = Math.min(notices.length - 1, until); index >= 0 && shown.length < MAX_ROWS; index--) {
       const { kind, severity, text, command } = notices[index];
       if (this.#hidden.has(kind) || SEVERITIES.indexOf(severity) < Number(this.#minSeverity.value)) continue;
+      if (command && folded.has(command) && command !== this.selection.command) continue;
       if (sought && !text.toLowerCase().includes(sought)) continue;
       if (!this.#isSelectedOnly || command === this.selection.command) shown.push(notices[index]);
     }

@@ -1,10 +1,11 @@
 /**
  * The camera, live: the newest picture, the frame rate, and a pad that turns the camera. The stream is
- * requested while the view is open; a separate command switches the rover's video.
+ * requested while the view is open; a separate command switches the rover's video. Below it the rover is driven by keys.
  */
 
 import { fetchJson, newId } from "../model/connection.js";
 import { button, html, setText } from "../dom.js";
+import { Teleop } from "./teleop.js";
 import { View } from "./view.js";
 import { degrees, fixed, radians } from "../format.js";
 
@@ -28,6 +29,7 @@ export class VideoView extends View {
   #waiting = null;
 
   #canvas = html("canvas", { width: 640, height: 480, "data-testid": "video" });
+  #teleop = html("div");
   #rate = html("span", { className: "dim rate" });
   #angles = html("span", { className: "dim angles", "data-testid": "camera-angles" });
   #message = html("span", { className: "message", role: "status" });
@@ -46,12 +48,13 @@ export class VideoView extends View {
       html("span", { className: "tools" }, this.#angles, this.#rate),
     ),
     html("div", { className: "canvas" }, this.#canvas, html("div", { className: "pad", title: `turns the camera by ${STEP_DEG}° each` }, ...this.#pad)),
+    this.#teleop,
     this.#message,
   );
 
   start() {
     this.#open();
-    return [this.asset.on("values", this.draw), this.session.onSecond(() => this.#drawRate()), () => this.#close()];
+    return [Teleop.mount(this.#teleop, this), this.asset.on("values", this.draw), this.session.onSecond(() => this.#drawRate()), () => this.#close()];
   }
 
   #open() {
