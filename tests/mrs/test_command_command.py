@@ -262,7 +262,7 @@ def test_ctrl_c_leaves_the_command_active_and_reports_it(aboard: Aboard) -> None
     moving.send_signal(signal.SIGINT)
     _, errors = moving.communicate()
     assert moving.returncode == INTERRUPTED
-    assert "may continue: `rover command stop` ends it" in errors
+    assert "may continue: `rover stop` ends it" in errors
     assert aboard.do(lambda bench: bench.executive.moving)
 
 

@@ -59,7 +59,7 @@ def test_a_file_is_fetched_to_where_it_is_wanted(
     assert again.exit_code == 2
     assert "--force" in again.output
     (here / "rock.jpg").write_bytes(b"old")
-    assert files(aboard, "fetch", picture, "rock.jpg", "--force", "--chunk", "2").exit_code == 0
+    assert files(aboard, "get", picture, "rock.jpg", "--force", "--chunk", "2").exit_code == 0
     assert (here / "rock.jpg").read_bytes() == PICTURE
     assert sorted(path.name for path in here.iterdir()) == sorted([name, "rock.jpg"])
 

@@ -1,6 +1,5 @@
 """The command `rover files`: lists, describes, fetches and watches the files of a rover."""
 
-from copy import copy
 from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -28,7 +27,12 @@ from executive.values.quantities import quantity_text
 MAX_CHUNK_OCTETS: Final = 1 << 18
 
 
-@click.group()
+class _FilesGroup(click.Group):
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return super().get_command(ctx, "fetch" if cmd_name == "get" else cmd_name)  # in scripts
+
+
+@click.group(cls=_FilesGroup)
 def files() -> None:
     """List, describe, fetch and watch the files of a rover.
 
@@ -115,10 +119,6 @@ def fetch(path: str, target: str | None, force: bool, chunk: int | None, to: Rov
     if here.exists() and not force:
         raise click.UsageError(f"{here} exists: give another name, or use --force")
     run(_get(to, path, here, chunk))
-
-
-files.add_command(copy(fetch), "get")
-files.commands["get"].hidden = True  # the name in scripts
 
 
 @files.command()

@@ -85,9 +85,7 @@ class CommandSender:
             try:
                 return await (self._run if self.wait else self._submit)(client, command)
             except asyncio.CancelledError:
-                click.echo(
-                    f"{command.identity} may continue: `rover command stop` ends it", err=True
-                )
+                click.echo(f"{command.identity} may continue: `rover stop` ends it", err=True)
                 raise
 
     async def _is_authorized(self, client: MrsClient, request: Request) -> bool:
