@@ -56,6 +56,7 @@ from adapters.console.rovers import (
     Fleet,
     LastNotification,
     OperatorAuthority,
+    ParameterEntry,
     SharedCommands,
 )
 from adapters.console.tasks import cancel_tasks, start_task
@@ -259,10 +260,10 @@ async def _serving(
         archive.put_tree(state)
         alarms.on_tree(state)
 
-    def limits_of(asset: str, key: str) -> tuple[float | None, float | None]:
+    def parameter_of(asset: str, key: str) -> ParameterEntry | None:
         known = fleet.assets.get(asset)
         entry = housekeeping.entry if known is None else known.entry
-        return entry.limits_of(key) if entry.asset == asset else (None, None)
+        return entry.parameter(key) if entry.asset == asset else None
 
     async def last_known(asset: str, link: LinkKind) -> LastNotification | None:
         last = partial(last_notification, asset=asset, link=link)
@@ -285,7 +286,7 @@ async def _serving(
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample, system)
-    alarms = AlarmRequests(archive, publish, limits_of)
+    alarms = AlarmRequests(archive, publish, parameter_of)
     numbers = CommandIdGenerator(system)
     stops = Stops(tracker, desk, numbers, publish, system.utc_s)
     commanding = Commanding(fleet, tracker, commands, desk, numbers, stops)

@@ -80,7 +80,7 @@ async def test_an_alarm_is_open_until_it_is_cleared_and_acknowledged(
         assert (low["severity"], low["cleared"], low["acknowledged"]) == ("ALARM", None, None)
         assert low["text"].startswith("battery voltage 20.0 V is below 22.0 V")
         voltage = await ben.page.until(is_alarm(VOLTAGE))
-        assert voltage["text"] == "BATERY_VOLTAGE is 20, below 22"
+        assert voltage["text"] == "Battery voltage is 20 V, below 22 V"
         (stale,) = await acknowledge(anna, {**low, "occurrences": 7})
         assert stale["operator"] is None
         await acknowledge(anna, low)
@@ -141,7 +141,7 @@ ONE_RESTART = (
 
 async def test_equal_causes_are_one_alarm_and_actions_of_operators_none(engine: Engine) -> None:
     archive, log = Archive(engine, OPERATING_SYSTEM.utc_s), [*OPERATORS_OWN, *ONE_LATE_ODOMETRY]
-    alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
+    alarms = AlarmRequests(archive, lambda _: None, lambda *_: None)
     for each in (*log, *ONE_RESTART, *log):  # the other link carries the same reports again
         alarms.on_report(each)
     await alarms.close()
@@ -299,7 +299,7 @@ async def test_no_alarm_depends_on_a_text(engine: Engine, tmp_path: Path) -> Non
         ]
     archive, found = Archive(engine, OPERATING_SYSTEM.utc_s), []
     for asset in ("as told", "reworded"):
-        alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
+        alarms = AlarmRequests(archive, lambda _: None, lambda *_: None)
         for each in reported:
             alarms.on_report(
                 replace(each, asset=asset, text="x" if asset == "reworded" else each.text)
@@ -317,7 +317,7 @@ async def test_no_alarm_depends_on_a_text(engine: Engine, tmp_path: Path) -> Non
 async def test_an_alarm_raised_during_a_write_is_not_lost(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     published: list[AlarmStatus | NotificationMessage] = []
-    alarms = AlarmRequests(archive, published.append, lambda *_: (None, None))
+    alarms = AlarmRequests(archive, published.append, lambda *_: None)
 
     def receive(utc: float, text: str) -> None:
         alarms.on_report(replace(notified(1, utc), text=text))
@@ -334,7 +334,7 @@ async def test_an_alarm_raised_during_a_write_is_not_lost(engine: Engine) -> Non
 
 async def test_a_report_received_at_the_end_is_stored_and_blocks_nothing(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
+    alarms = AlarmRequests(archive, lambda _: None, lambda *_: None)
     running = asyncio.create_task(alarms.run())
     await asyncio.sleep(0.1)
     alarms.on_report(replace(notified(1, 1.0), text="late", severity="WARNING"))

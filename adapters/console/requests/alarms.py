@@ -44,6 +44,7 @@ from adapters.console.messages import (
     Sample,
     TreeState,
 )
+from adapters.console.rovers import ParameterEntry
 from adapters.console.web import (
     OPERATOR,
     body_of,
@@ -56,6 +57,7 @@ from adapters.console.web import (
 )
 from executive.commands.intake import SOURCE_PREFIX
 from executive.faults import DECLARED
+from executive.values.quantities import quantity_text
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 
@@ -86,7 +88,6 @@ _OWN_ACTIONS: Final = frozenset(
 )
 """Reasons of events that an operator's own action causes."""
 
-Limits = tuple[float | None, float | None]
 Key = tuple[str, str]
 
 
@@ -103,9 +104,9 @@ class AlarmRequests:
         self,
         archive: Archive,
         publish: Callable[[AlarmStatus | NotificationMessage], None],
-        limits: Callable[[str, str], Limits],
+        parameter: Callable[[str, str], ParameterEntry | None],
     ) -> None:
-        self._archive, self._publish, self._limits = archive, publish, limits
+        self._archive, self._publish, self._parameter = archive, publish, parameter
         self._waiting: deque[Change] = deque(maxlen=MAX_PENDING)
         self._wake = asyncio.Event()
         self._refreshing = asyncio.Lock()
@@ -210,20 +211,20 @@ class AlarmRequests:
 
     def on_sample(self, sample: Sample) -> None:
         """Raise and clear the limit alarm of a parameter, by its newest sample of any link."""
-        limits = self._limits(sample.asset, sample.key)
-        if limits == (None, None) or not isinstance(sample.value, int | float):
+        entry = self._parameter(sample.asset, sample.key)
+        if entry is None or not isinstance(sample.value, int | float):
             return
         watched = self._samples.setdefault((sample.asset, sample.key), _LimitCheck())
         if sample.q is not Quality.GOOD or sample.utc <= watched.utc:
             return
         source = f"limit {sample.key}"
-        match watched.update(sample.utc, _beyond(float(sample.value), limits, watched.alarmed)):
+        match watched.update(sample.utc, _beyond(float(sample.value), entry, watched.alarmed)):
             case None:
                 pass
             case "":
                 self._put(AlarmCleared(sample.asset, source, sample.utc))
             case how:
-                text = f"{sample.key} is {how}"
+                text = f"{entry.name} is {how}"
                 self._put(_raise_persistent(sample.asset, source, sample.utc, "WARNING", text))
 
     def _put(self, change: Change) -> None:
@@ -328,19 +329,19 @@ class _LimitCheck:
         return how
 
 
-def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
+def _beyond(value: float, entry: ParameterEntry, alarmed: bool | None) -> str:
     """Return how a value violates its limits; empty if it does not.
 
     `LIMIT_HYSTERESIS` applies until the alarm is active, so that a value that jitters at a limit is
     one alarm.
     """
-    low, high = limits
+    low, high, unit = entry.low, entry.high, entry.unit
     width = 0.0 if low is None or high is None else high - low
     slack = 0.0 if alarmed else LIMIT_HYSTERESIS * width
     if low is not None and value < low - slack:
-        return f"{value:.4g}, below {low:.4g}"
+        return f"{quantity_text(value, unit)}, below {quantity_text(low, unit)}"
     if high is not None and value > high + slack:
-        return f"{value:.4g}, above {high:.4g}"
+        return f"{quantity_text(value, unit)}, above {quantity_text(high, unit)}"
     return ""
 
 

@@ -4,6 +4,7 @@ from adapters.console.rovers.command_form import InvalidArgument as InvalidArgum
 from adapters.console.rovers.command_form import request_of as request_of
 from adapters.console.rovers.dictionary import FORMS as FORMS
 from adapters.console.rovers.dictionary import AssetEntry as AssetEntry
+from adapters.console.rovers.dictionary import ParameterEntry as ParameterEntry
 from adapters.console.rovers.dictionary import RecordingEntry as RecordingEntry
 from adapters.console.rovers.dictionary import command_entries as command_entries
 from adapters.console.rovers.dictionary import parameter_entries as parameter_entries

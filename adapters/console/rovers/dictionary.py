@@ -183,10 +183,9 @@ class AssetEntry:
     takers: tuple[str, ...] | None = None
     recording: RecordingEntry | None = None
 
-    def limits_of(self, key: str) -> tuple[float | None, float | None]:
-        """Return the limits of a parameter; None for no limit."""
-        found = ((each.low, each.high) for each in self.parameters if each.key == key)
-        return next(found, (None, None))
+    def parameter(self, key: str) -> ParameterEntry | None:
+        """Return a parameter; None if it is unknown."""
+        return next((each for each in self.parameters if each.key == key), None)
 
 
 def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:

@@ -83,7 +83,7 @@ export class AlarmsView extends View {
         (state !== "active" || each.cleared === null) &&
         (state !== "unacknowledged" || !isAcknowledged(each)) &&
         SEVERITIES.indexOf(each.severity) <= Number(this.#maxSeverity.value) &&
-        `${each.asset} ${each.text} ${each.operator ?? ""} ${each.comment ?? ""}`.toLowerCase().includes(sought),
+        `${each.asset} ${each.source} ${each.text} ${each.operator ?? ""} ${each.comment ?? ""}`.toLowerCase().includes(sought),
     );
   }
 
