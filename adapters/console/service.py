@@ -84,7 +84,7 @@ from adapters.system import System
 from executive.settings import shipped_folder
 
 STATIC: Final = Path(__file__).parent / "static"
-_TEXTS: Final = {"application/json", "text/html"}
+_TEXTS: Final = {"application/json", "text/html", "text/javascript"}
 _CONDITIONS: Final = ("If-None-Match", "If-Modified-Since")
 READ_RETRY_S: Final = 1.0
 """Retry interval for reads of the archive that must succeed, s."""

@@ -20,6 +20,7 @@ _FILE: Final = re.compile(r'(?<=")/(?=app/|vendor/)')
 _ENTRY: Final = re.compile(
     r'<(?:script type="module" src|link rel="modulepreload" href)="/([^"]+)">(?:</script>)?'
 )
+_COMMENT: Final = re.compile(r"^[ \t]*/\*\*(?:(?!\*/).)*\*/$", re.MULTILINE | re.DOTALL)
 _IMPORT: Final = re.compile(r'^(?:im|ex)port [^(]*? from "(\.[^"]+)";$', re.MULTILINE)
 
 
@@ -34,14 +35,25 @@ def page_routes(static: Path, access: Access) -> list[web.RouteDef]:
             access.allow_templates(response)
         return response
 
-    async def file(request: web.Request) -> web.FileResponse:
+    async def file(request: web.Request) -> web.StreamResponse:
         path = (static / request.match_info["path"]).resolve()
         if not path.is_relative_to(static.resolve()):
             raise refused(HTTPStatus.NOT_FOUND, f"there is no {request.path}")
-        return web.FileResponse(path, headers=_CACHED)
+        if path.suffix != ".js" or not path.is_file():  # packages are stored compressed
+            return web.FileResponse(path, headers=_CACHED)
+        return web.Response(
+            text=without_comments(path.read_text(encoding="utf-8")),
+            content_type="text/javascript",
+            headers=_CACHED,
+        )
 
     versioned = r"/{version:[0-9a-f]{16}}/{path:.+}"
     return [*(web.get(path, page) for path in _PAGES), web.get(versioned, file)]
+
+
+def without_comments(module: str) -> str:
+    """Return a module without its documentation, a fifth of its octets; lines keep their number."""
+    return _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), module)
 
 
 def preloading(static: Path, page: str) -> str:
