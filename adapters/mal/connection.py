@@ -252,7 +252,7 @@ class Connection(asyncio.BufferedProtocol):
 
     Attributes:
         lost: Completes when the connection is closed, by either end.
-        refusal: The error of the message because of which this end closed it; None otherwise.
+        refusal: The error of an invalid message, after it has closed the connection; None before.
         peer: The peer, for logs.
         peer_host: The host address of the peer.
         peer_name: The name in the peer's certificate; empty if it has none, None without a

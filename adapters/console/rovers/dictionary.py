@@ -71,7 +71,7 @@ class ArgumentEntry:
     Attributes:
         name: key in the posted `args`.
         type: `number`, `integer`, `text`, `choice`, `list` (of objects of `items`).
-        units: units in which it may be typed, with their number per SI unit.
+        units: accepted units of a typed value, with their number per SI unit.
         low, high: bounds, included; None if only the asset knows them.
         or_zero: whether 0 is accepted outside the bounds.
         choices: permitted values; None for any.
