@@ -3,7 +3,6 @@
  * alarm is neither listed nor counted until its time is over. All consoles show the same alarms.
  */
 
-import { evidenceOf } from "./alarm_evidence.js";
 import { fetchJson } from "../model/connection.js";
 import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { soundButton } from "../sound.js";
@@ -134,8 +133,15 @@ export class AlarmsView extends View {
     reconcile(this.#rows, items, keyOf, (item) => this.#makeRow(item), (row, { alarm, part }) => part === "alarm" && this.#drawRow(row, alarm));
   }
 
+  /** The evidence of an alarm. Its module is loaded now, for the status bar with STOP to load sooner. */
+  #evidence(alarm) {
+    const element = html("div");
+    import("./alarm_evidence.js").then(({ evidenceOf }) => element.replaceWith(evidenceOf(this.session, alarm)));
+    return element;
+  }
+
   #makeRow({ alarm, part }) {
-    if (part === "evidence") return below(evidenceOf(this.session, alarm));
+    if (part === "evidence") return below(this.#evidence(alarm));
     if (part === "shelving") return below(this.#shelvingForm(alarm));
     const current = () => this.session.alarms.get(alarm.id) ?? alarm;
     return html(
