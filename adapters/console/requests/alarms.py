@@ -97,7 +97,7 @@ class AlarmRequests:
     Args:
         archive: stores the alarms.
         publish: sends the status of an alarm, or a log entry, to all pages.
-        limits: returns the limits of a parameter, by asset and key.
+        parameter: returns the dictionary entry of a parameter, by asset and key.
     """
 
     def __init__(
