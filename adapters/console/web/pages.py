@@ -52,7 +52,7 @@ def page_routes(static: Path, access: Access) -> list[web.RouteDef]:
 
 
 def without_comments(module: str) -> str:
-    """Return a module without its documentation, a fifth of its octets; line numbers do not change."""
+    """Return a module without its documentation, a fifth of its octets; lines do not move."""
     return _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), module)
 
 
