@@ -1,6 +1,7 @@
 """The connection of a page, in the Node.js that comes with Playwright."""
 
 import json
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -14,8 +15,8 @@ CONNECTION = CHECKOUT / "adapters/console/static/app/model/connection.js"
 
 
 def test_a_page_connects_again_after_a_silence(tmp_path: Path) -> None:
-    module = tmp_path / "connection.mjs"  # by its name a module for any Node.js
-    module.write_bytes(CONNECTION.read_bytes())
+    (tmp_path / "package.json").write_text('{"type": "module"}')  # for any Node.js
+    module = shutil.copytree(CONNECTION.parent, tmp_path / "model") / CONNECTION.name
     done = subprocess.run((NODE, SCRIPT, module), check=True, capture_output=True, text=True)
     assert json.loads(done.stdout) == {
         "before": {"sockets": 1, "status": "open"},

@@ -32,6 +32,12 @@ OVERLAYS = {
             buttons: [{ label: 'OK', callback: () => shown.dismiss() }] });
     }""",
 }
+CLICK_BY_SCRIPT = """() => {
+    const stop = document.querySelector('[data-testid=stop]');
+    stop.hidden = true;
+    document.body.click();
+    stop.hidden = false;
+}"""
 MODAL = {"dialog": "document.body.appendChild(document.createElement('dialog')).showModal()"}
 SHOWN = ".c-overlay, .c-menu, .c-super-menu, dialog[open]"
 CLOSE = """() => {
@@ -78,6 +84,7 @@ async def test_stop_is_above_all_overlays_and_dialogs(launch: Launch, tmp_path: 
             await expect(page.get_by_test_id("value-POS_X")).to_have_text("0")
             if not path:
                 await expect(page.get_by_role("button", name="Large View").first).to_be_attached()
+            await page.evaluate(CLICK_BY_SCRIPT)
             for width, height in SIZES:
                 await page.set_viewport_size({"width": width, "height": height})
                 for name, show in (MODAL if path else OVERLAYS | MODAL).items():

@@ -60,5 +60,5 @@ def test_an_executive_that_learns_that_a_battery_counts_to_100_reports_it(
         bench.until(known, "a battery")
         assert bench.executive.status.battery is not None
         assert bench.executive.status.battery.charge_ratio == 0.55
-        texts = [each.text for each in bench.executive.reports()]
-        assert "the battery reports its charge as 55: taken as percent" in texts
+        text = "the battery reports its charge as 55: taken as percent"
+        bench.until(lambda: text in [each.text for each in bench.executive.reports()], "a report")

@@ -357,7 +357,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     assert float(values["tick period [s]"]) > 0.0
     assert set(values) == {
         "mode", "why", "tick period [s]", "longest tick period [s]", "longest tick [s]",
-        "overruns", "odometry age [s]", "goals", "ledger sequence", "messages refused",
+        "overruns", "odometry age [s]", "goals", "ledger sequence", "ledger commits waiting",
         "faults", "not monitored",
     }  # fmt: skip
 

@@ -239,7 +239,7 @@ def test_what_was_not_reported_is_not_latched_and_what_was_is(bench: Bench) -> N
     assert is_in(bench, Mode.IDLE)
     assert all(each.text != "it hung" for each in bench.executive.reports())
     bench.executive.enter_safe_mode(Refusal(Reason.CORE_HUNG, "it hung"))
-    bench.executive.reports()
+    bench.executive.serve_inbox()
     bench.crash()
     assert is_in(bench, Mode.SAFE)
     assert any(each.text == "it hung" for each in bench.executive.reports())

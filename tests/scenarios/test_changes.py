@@ -175,7 +175,7 @@ def test_each_completed_key_can_be_set_to_its_own_value(tmp_path: Path) -> None:
         ("odometry.gyro_noise=-1", "odometry: gyro_noise_radps -1 is below 0"),
         ("command.c.distance=1", "no command for 'c.distance'"),
         ("command.a.angle=1", "timeline[0].command.moveForward: unknown key 'angle'"),
-        ("command.a.distance=far", "distance: expected a number, got 'far'"),
+        ("command.a.distance=far", "distance: 'far' is no quantity in m"),
         ("command.stop.now=1", "timeline[3].command.stop: unknown key 'now'"),
         ("crash=3", "expected a time and its length, as {at: 3, for: 1}"),
         ("crash={at: 3}", "expected a time and its length"),

@@ -204,6 +204,7 @@ def test_a_stop_acts_though_its_fastest_or_its_durable_path_fails(
         broken.setattr(os if fails == "pwrite" else bench.rover, fails, fail)
         assert isinstance(bench.submit(Stop(), 2), Accepted)
     assert bench.rover.velocity == STANDING
+    bench.step()
     reported = [
         report.text for report in bench.received.reports if "stop is not stored" in report.text
     ]

@@ -130,11 +130,14 @@ export class StatusBar extends View {
     this.#bar.showPopover();
   }
 
-  /** Stop by a click on STOP. An open modal dialog makes STOP inert, so that the click has another target: its position decides. */
+  /**
+   * Stop by a click on STOP. An open modal dialog makes STOP inert, so that the click has another target: its position
+   * decides. Clicks by keys and scripts (detail 0) have no position.
+   */
   #onClick(event) {
     const { left, right, top, bottom } = this.#stop.getBoundingClientRect();
-    const { clientX: x, clientY: y } = event;
-    const isWithin = left <= x && x <= right && top <= y && y <= bottom;
+    const { clientX: x, clientY: y, detail } = event;
+    const isWithin = detail > 0 && left <= x && x <= right && top <= y && y <= bottom;
     if (this.#stop.disabled || !(isWithin || this.#stop.contains(event.target))) return;
     event.preventDefault();
     event.stopImmediatePropagation();
