@@ -10,7 +10,14 @@ import pytest
 from adapters.console.requests.map_requests import route_of
 from adapters.console.rovers import RoverLink, rover_link
 from adapters.mrs.ground import MrsClient
-from executive.commands import FollowPath, MoveForward, PlanDefinition, SubmitPlan, Waypoint
+from executive.commands import (
+    FollowPath,
+    MoveForward,
+    PlanDefinition,
+    SetTravelSpeed,
+    SubmitPlan,
+    Waypoint,
+)
 from executive.plans import PlanNode, check_plan, steps
 from executive.settings import load_settings
 from executive.values.geometry import Pose
@@ -84,6 +91,9 @@ async def test_arguments_are_requested_again_after_a_timeout(
 
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         await anna.page.is_up()
+        # The console has caught up with the reports: that needs the core, which then waits.
+        await asyncio.to_thread(rover.do, lambda bench: bench.submit(SetTravelSpeed(0.3), 6))
+        await anna.page.until(lambda message: message.get("name") == "setTravelSpeed")
         waiting = asyncio.create_task(asyncio.to_thread(rover.do, receive_and_wait))
         await anna.page.until(lambda message: message.get("name") == "moveForward")
         await asyncio.wait_for(repeated.wait(), LIMIT_S)

@@ -358,7 +358,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     assert set(values) == {
         "mode", "why", "tick period [s]", "longest tick period [s]", "longest tick [s]",
         "overruns", "odometry age [s]", "goals", "ledger sequence", "ledger commits waiting",
-        "faults", "not monitored",
+        "messages refused", "faults", "not monitored",
     }  # fmt: skip
 
 

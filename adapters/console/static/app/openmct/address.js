@@ -9,6 +9,8 @@ export class Shown {
   /** @type {string | null} */
   name = null;
   #session;
+  /** @type {string | null} the asset that was chosen last */
+  #last = null;
   #hasNoPath = !location.hash.includes(":");
 
   /** @param {import("../model/session.js").Session} session */
@@ -22,10 +24,15 @@ export class Shown {
 
   /** Show the operations of an asset. @param {string} name */
   choose(name) {
-    this.name = name;
+    this.name = this.#last = name;
     const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
     const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
     location.hash = `#/browse/${keys}?${DISPLAY_OPTIONS}`;
+  }
+
+  /** Show the asset that was chosen last again, if Open MCT has replaced the address while it started. */
+  restore() {
+    if (this.#last !== null && this.name !== this.#last) this.choose(this.#last);
   }
 
   /** The asset of the shown object, else the first asset. */
