@@ -212,12 +212,15 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     probe.standing()
 
 
-def test_the_end_of_the_supervisor_of_the_guard_is_reported(aboard: tuple[Running, str]) -> None:
+def test_the_end_of_the_supervisor_of_the_guard_is_reported(
+    probe: Probe, aboard: tuple[Running, str]
+) -> None:
     process, uri = aboard
     (supervisor,) = psutil.Process(process.pid).children()
     supervisor.kill()
     process.output("the supervisor of the guard ended")
-    assert any("supervisor of the guard" in each.text for each in reported(uri))
+    text = "supervisor of the guard"
+    probe.until(lambda: any(text in each.text for each in reported(uri)), "its report")
     assert process.end(signal.SIGTERM) == 0
 
 
