@@ -102,7 +102,7 @@ def test_reports_are_without_gaps(ran: Ran) -> None:
     ended = {r["label"] for r in reports if r["stage"] in {"EXECUTED", "CANCELLED", "REJECTED"}}
     assert len(ended) == len(JACKAL.timeline) - 1, "the one sent twice has one life"
     assert all(report["link"] == "direct" for report in reports)
-    # Both times are of one clock; on a busy computer their conversions differ by tenths of a second.
+    # Both are of one clock; on a busy computer their conversions differ by tenths of a second.
     assert all(report["received_s"] > report["time_s"] - 1.0 for report in reports)
 
 
