@@ -272,7 +272,7 @@ CONSOLE_FORGETS: Final = Storm(
 REFUSED_UNWRITTEN: Final = Storm(
     "situation",
     CONSOLE,
-    (FailWrite(18.0, "executive", 1), Order(20.0, Link.CONSOLE, 1, Stop())),
+    (FillDisk(19.0, "executive", 2.0), Order(20.0, Link.CONSOLE, 1, Stop())),
 )
 """The executive cannot write a stop down at once, and refuses it; the rover stops all the same."""
 ALL: Final = {
