@@ -144,7 +144,9 @@ class ThreadWriter:
         ending = False
         while not (ending and (not waiting or self._state.error is not None)):
             ending = self._take(waiting) or ending
-            if not waiting or self._abandoned:
+            if self._abandoned:
+                break
+            if not waiting:
                 continue
             try:
                 database = database or self._open_database()

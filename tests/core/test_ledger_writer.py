@@ -195,12 +195,14 @@ class Gate(sqlite3.Connection):
     """A connection with commits that wait for the gate, or fail."""
 
     open_gate = threading.Event()
+    reached = threading.Event()
     fails = False
     commits: ClassVar[list[int]] = []
     statements = 0
 
     def execute(self, sql: str, *values: Any) -> sqlite3.Cursor:
         if sql == "COMMIT":
+            self.reached.set()
             assert self.open_gate.wait(60)
             self.commits.append(self.statements)
             self.statements = 0
@@ -214,6 +216,7 @@ class Gate(sqlite3.Connection):
 @pytest.fixture
 def gated(tmp_path: Path) -> Ledger:
     Gate.open_gate, Gate.fails, Gate.commits = threading.Event(), False, []
+    Gate.reached = threading.Event()
     Gate.open_gate.set()
 
     def connect(path: Path | str) -> sqlite3.Connection:
@@ -275,6 +278,21 @@ def test_close_writes_what_waits_and_abandon_does_not(gated: Ledger, tmp_path: P
         again.abandon()
     with closing(Ledger(tmp_path / "ledger.sqlite")) as last:
         assert last.digest_of(command(7).identity) is None
+
+
+def test_abandon_ends_the_thread_though_batches_wait(gated: Ledger) -> None:
+    gated.write_on_thread(lambda: None)
+    Gate.open_gate.clear()
+    Gate.reached.clear()
+    write(gated, 1)
+    assert Gate.reached.wait(60)
+    write(gated, 2)
+    end = threading.Thread(target=gated.writer.abandon, daemon=True)
+    end.start()
+    Gate.open_gate.set()
+    end.join(10)
+    assert not end.is_alive()
+    assert [each.sequence for each in gated.reports()] == [1]
 
 
 def test_a_disk_that_fails_at_the_end_does_not_hold_up_the_process(gated: Ledger) -> None:
