@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tests.support.figures import Figure
 
 Measure = Callable[..., "list[Figure]"]
-WHOLE: Final = ("lockstep", "locomotion", "storm", "mal", "bundle", "echo", "footprint")
+WHOLE: Final = ("lockstep", "locomotion", "storm", "mal", "bundle", "echo", "footprint", "pairs")
 """What is measured without a name."""
 JSON: Final = click.option(
     "--json",
@@ -42,7 +42,7 @@ def count(name: str, default: int, least: int = 1) -> Callable[[Any], Any]:
 @JSON
 @click.pass_context
 def bench(context: click.Context, json_path: Path | None) -> None:
-    """Measure the executive against its goals; without a name, everything (about 5 minutes).
+    """Measure the executive against its goals; without a name, everything (about 12 minutes).
 
     Figures that are times depend on the machine and on what else it does: ratios were taken in
     one run, and are what counts.
@@ -290,6 +290,26 @@ def day(hours: float, seed: int) -> "list[Figure]":
     from tests.benchmarks import simulated_day
 
     return simulated_day.measure(hours, seed)
+
+
+@benchmark(
+    "pairs --against HEAD~5 --rounds 11",
+    click.option(
+        "--against",
+        metavar="COMMIT",
+        help="The earlier one.  [default: the last in runs/bench-history.jsonl of this machine]",
+    ),
+    click.option("--rounds", type=click.IntRange(1), default=7, show_default=True),
+)
+def pairs(against: str | None, rounds: int) -> "list[Figure]":
+    """Import, tick and lock step of this tree and of an earlier commit, in turn: what is slower?
+
+    A ratio misses its goal where it is above 1 by more than its noise. The medians are appended to
+    runs/bench-history.jsonl, with machine and commit.
+    """
+    from tests.benchmarks import pairs
+
+    return pairs.measure(against, rounds, log)
 
 
 @benchmark("lockstep")
