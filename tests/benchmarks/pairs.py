@@ -33,7 +33,7 @@ PEERS: Final = {
     "tick of 40 nodes, µs": "tick in BehaviorTree.CPP, µs",
     "lock step at rest, ms": "mj_step alone, ms",
 }
-"""What stands beside a figure in the same run."""
+"""The comparison of a figure, from the same run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ def last_commit(history: Path, on: str, other_than: str) -> str | None:
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the interval that has the median of what the values are drawn from.
+    """Return the confidence interval of the median of the distribution behind the values.
 
-    With fewer than seven values it is from the least to the greatest, and less certain.
+    With fewer than seven values it is their range, at less confidence.
     """
     ordered = sorted(values)
     cut = max(int(binom.ppf((1.0 - CONFIDENCE) / 2.0, len(ordered), 0.5)) - 1, 0)
@@ -97,7 +97,7 @@ def measure(
         with tarfile.open(fileobj=BytesIO(_git("archive", commit))) as tree:
             tree.extractall(earlier, filter="data")
         for number in range(rounds):
-            # Each is the first as often as the second: the machine may become slower meanwhile.
+            # Each is the first as often as the second: the machine may become slower.
             first, second = (earlier, CHECKOUT) if number % 2 else (CHECKOUT, earlier)
             found = {tree: _probe(tree) for tree in (first, second)}
             pairs.append((found[earlier], found[CHECKOUT]))
@@ -119,9 +119,9 @@ def _figures(
     found = [Figure(what, medians[name], unit, beside)]
     if name not in PEERS.values() and all(name in before for before, _ in pairs):
         ratios = [after[name] / before[name] for before, after in pairs]
-        least, greatest = median_interval(ratios)
-        text = f"{commit[:8]}, {len(ratios)} pairs: {least:.3f} to {greatest:.3f}"
-        slower = Goal(1.0) if least > 1.0 else None
+        low, high = median_interval(ratios)
+        text = f"{commit[:8]}, {len(ratios)} pairs: {low:.3f} to {high:.3f}"
+        slower = Goal(1.0) if low > 1.0 else None
         found.append(Figure(f"{what}: now over before", median(ratios), "ratio", text, slower))
     return found
 

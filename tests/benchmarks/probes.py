@@ -1,7 +1,8 @@
 """Short workloads for `pairs.py`, in CPU time of this process: `python -P probes.py`.
 
-Run by its path with the product of either of two trees, whose names it imports must have; a
-workload that a tree cannot play has no figure. Prints one JSON object: figure by name.
+Run by its path with the product of one of two trees. A workload that needs a name that the tree
+does not have, or a package that is not installed, has no figure. Prints a JSON object: figure by
+name.
 """
 
 import json
@@ -16,9 +17,9 @@ from typing import Final
 
 NODES: Final = 40
 TICKS: Final = 20_000
-STANDS_S: Final = 60.0
+REST_S: Final = 60.0
 REPEATS: Final = 3
-"""Of a workload in one process, of which the least time counts: the first fills caches."""
+"""Of a workload in one process; the least time counts, since the first fills caches."""
 
 
 def imports_aboard_ms() -> float:
@@ -30,7 +31,7 @@ def imports_aboard_ms() -> float:
 
 
 def tick_us() -> float:
-    """Tick a tree of 40 nodes whose last leaf succeeds."""
+    """Tick a tree of 40 nodes, in which the last leaf alone succeeds."""
     from trees.composites import Selector, TickedNode
     from trees.leaf import Condition
 
@@ -39,8 +40,8 @@ def tick_us() -> float:
         leaves = [Condition(f"never {group}.{leaf}", lambda: False) for leaf in range(11)]
         groups.append(Selector(f"group {group}", *leaves))
     groups += [Condition(f"never {leaf}", lambda: False) for leaf in range(2)]
-    root = Selector("root", *groups, Condition("stands", lambda: True))
-    assert len(list(root.iterate())) == NODES, "the figure's name says how many"
+    root = Selector("root", *groups, Condition("rest", lambda: True))
+    assert len(list(root.iterate())) == NODES, "as in the name of the figure"
     return 1e6 * _least_s(lambda: root.run([]), TICKS)
 
 
@@ -49,16 +50,16 @@ def peer_tick_us() -> float:
     peer = import_module("behaviortreepy")  # by hand: pip install behaviortreepy
     factory, status = peer.BehaviorTreeFactory(), peer.NodeStatus
     factory.register_simple_condition("Never", lambda _node: status.FAILURE)
-    factory.register_simple_condition("Stands", lambda _node: status.SUCCESS)
+    factory.register_simple_condition("Rest", lambda _node: status.SUCCESS)
     group = f"<Fallback>{'<Never/>' * 11}</Fallback>"
-    root = f"<ReactiveFallback>{group * 3}<Never/><Never/><Stands/></ReactiveFallback>"
+    root = f"<ReactiveFallback>{group * 3}<Never/><Never/><Rest/></ReactiveFallback>"
     text = f'<root BTCPP_format="4"><BehaviorTree ID="main">{root}</BehaviorTree></root>'
     factory.register_behavior_tree_from_text(text)
     tree = factory.create_tree("main")
     return 1e6 * _least_s(tree.tick_once, TICKS)
 
 
-def stands_ms() -> float:
+def rest_ms() -> float:
     """Play a minute of a rover at rest in lock step: ms for each simulated second."""
     from executive.settings import load_settings
     from sim.rover.lockstep import LockStep
@@ -67,7 +68,7 @@ def stands_ms() -> float:
     with TemporaryDirectory() as folder:
         lock = LockStep(load_settings("jackal"), World(), Path(folder))
         lock.run(1.0)
-        return 1e3 * _least_s(lambda: lock.run(STANDS_S)) / STANDS_S
+        return 1e3 * _least_s(lambda: lock.run(REST_S)) / REST_S
 
 
 def physics_ms() -> float:
@@ -82,7 +83,7 @@ def physics_ms() -> float:
         rover = LockStep(load_settings("jackal"), World(), Path(folder)).rover
         each_s = rover.model.opt.timestep
         one = partial(mujoco.mj_step, rover.model, rover.data, round(STEP_S / each_s))
-        return 1e3 * _least_s(one, round(STANDS_S / STEP_S)) / STEP_S
+        return 1e3 * _least_s(one, round(REST_S / STEP_S)) / STEP_S
 
 
 def scenario_ms(name: str) -> float:
@@ -100,12 +101,12 @@ PROBES: Final[dict[str, Callable[[], float]]] = {
     "imports aboard, ms": imports_aboard_ms,
     "tick of 40 nodes, µs": tick_us,
     "tick in BehaviorTree.CPP, µs": peer_tick_us,
-    "lock step at rest, ms": stands_ms,
+    "lock step at rest, ms": rest_ms,
     "mj_step alone, ms": physics_ms,
     "lock step of a path, ms": partial(scenario_ms, "motion_path"),
     "lock step with a laser, ms": partial(scenario_ms, "unknown_rocks"),
 }
-"""The imports come first, since all others import, too."""
+"""The imports are first, since all others import, too."""
 
 
 def _least_s(work: Callable[[], object], times: int = 1) -> float:

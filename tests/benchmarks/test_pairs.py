@@ -1,4 +1,4 @@
-"""What `rover bench pairs` compares with, and what it calls slower."""
+"""The reference of `rover bench pairs`, and the verdict "slower"."""
 
 import subprocess
 from pathlib import Path
