@@ -27,6 +27,12 @@ AHEAD = """async shift_s => {
     const { serverClock } = await import(module.href);
     serverClock.offset_s += shift_s;
 }"""
+LATE = """addEventListener("hashchange", (event) => {
+    if (!event.isTrusted) return;
+    event.stopImmediatePropagation();
+    setTimeout(() => dispatchEvent(new HashChangeEvent("hashchange")), 1000);
+}, true)"""
+"""A busy browser: what the page does with a new address comes a second after it."""
 DAY_SPAN = "openmct.time.setClockOffsets({ start: -86_400_000, end: 5_000 })"
 PAGE = "#/browse/rover:rovers/rover:{0}/rover:{0}~{1}?hideInspector=true"
 
@@ -55,8 +61,11 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
+        await page.add_init_script(LATE)
         await open_whole(page, f"{anna.address}{PAGE.format('scout', 'dtn')}")
         await expect(page.get_by_text("No orbiter serves scout")).to_be_visible()
+        # Open MCT writes this to the address after a delay.
+        await page.evaluate("openmct.time.setClockOffsets({ start: -240_000, end: 5_000 })")
         await page.goto(f"{anna.address}{PAGE.format('rover-console', 'values')}")
         own_pages = page.get_by_test_id("value-CONSOLE_PAGES")
         await expect(own_pages).to_have_text("2", timeout=3e3 * EVERY_S)

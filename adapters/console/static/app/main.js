@@ -42,7 +42,6 @@ try {
   ]);
   if (isUsed) await new Promise((resolve) => state.replaceChildren(button("show the full console", "Open MCT is loaded; the typed command stays", resolve)));
   await start(session, shown);
-  shown.restore();
   unmount();
   pane.remove();
 } catch (error) {

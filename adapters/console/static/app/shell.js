@@ -1,7 +1,7 @@
 /** Open MCT with the rovers as its objects, and the clock of rover-console. */
 
 import { cursor, span } from "./model/context.js";
-import { ROVERS } from "./openmct/address.js";
+import { ROVERS, keepNewerAddress } from "./openmct/address.js";
 import { identifierOf } from "./openmct/identifiers.js";
 import { objects } from "./openmct/objects.js";
 import { storedObjects } from "./openmct/stored_objects.js";
@@ -79,6 +79,7 @@ export async function start(session, shown) {
   await session.ready;
   followAsset(openmct.time, session, shown);
   openTree(shown);
+  keepNewerAddress(openmct.router);
   await new Promise((resolve) => {
     openmct.once("start", resolve);
     openmct.start(document.querySelector("#openmct"));

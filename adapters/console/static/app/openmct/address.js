@@ -3,14 +3,28 @@
 import { identifierOf, partsOf } from "./identifiers.js";
 
 const DISPLAY_OPTIONS = "hideInspector=true&hideRecents=true";
+const WRITE_MS = 300;
 export const ROVERS = `#/browse/rover:rovers?${DISPLAY_OPTIONS}`;
+
+/** Open MCT writes its address after a delay: not over one that it has not read yet. @param {{setHash: (hash: string) => void}} router */
+export function keepNewerAddress(router) {
+  let read = location.hash;
+  let timer = 0;
+  addEventListener("hashchange", () => (read = location.hash));
+  router.setHash = (hash) => {
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      if (location.hash !== read) return;
+      location.hash = hash;
+      read = location.hash;
+    }, WRITE_MS);
+  };
+}
 
 export class Shown {
   /** @type {string | null} */
   name = null;
   #session;
-  /** @type {string | null} the asset that was chosen last */
-  #last = null;
   #hasNoPath = !location.hash.includes(":");
 
   /** @param {import("../model/session.js").Session} session */
@@ -24,15 +38,10 @@ export class Shown {
 
   /** Show the operations of an asset. @param {string} name */
   choose(name) {
-    this.name = this.#last = name;
+    this.name = name;
     const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
     const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
     location.hash = `#/browse/${keys}?${DISPLAY_OPTIONS}`;
-  }
-
-  /** Show the asset that was chosen last again, if Open MCT has replaced the address while it started. */
-  restore() {
-    if (this.#last !== null && this.name !== this.#last) this.choose(this.#last);
   }
 
   /** The asset of the shown object, else the first asset. */
