@@ -21,6 +21,10 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
+SLOW = """const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 100);
+"""
+"""A busy browser: it draws ten times a second."""
 NAMED = "if (origin !== 'null') sessionStorage.setItem('rover-console-operator', 'anna')"
 
 
@@ -38,7 +42,7 @@ async def test_an_operator_finds_evidence_shelves_and_acknowledges(
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme="dark")
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.add_init_script(NAMED)
+        await page.add_init_script(SLOW + NAMED)
         await open_whole(page, f"{ben.address}{PAGE.format('jackal', 'alarms')}")
         await expect(page).to_have_title("jackal – Alarms")
         await ben.page.is_up()

@@ -74,6 +74,7 @@ export function reconcile(container, items, keyOf, make, update = () => {}) {
   const keys = items.map(keyOf);
   const wanted = new Set(keys);
   const known = new Map();
+  const focused = /** @type {HTMLElement | null} */ (container.querySelector(":focus"));
   for (const child of [...container.children]) {
     const key = child.getAttribute("data-key");
     if (wanted.has(key) && !known.has(key)) known.set(key, child);
@@ -92,4 +93,5 @@ export function reconcile(container, items, keyOf, make, update = () => {}) {
     if (next !== element) container.insertBefore(element, next);
     before = element;
   });
+  if (focused?.isConnected) focused.focus({ preventScroll: true }); // a moved element has lost it
 }

@@ -115,7 +115,7 @@ export class AlarmsView extends View {
   #unfold(alarm, part = "evidence") {
     const { id, part: shown } = this.#unfolded ?? {};
     this.#unfolded = alarm === null || (id === alarm.id && shown === part) ? null : { id: alarm.id, part };
-    this.draw();
+    this.render(); // with the click: the form receives each key after it
   }
 
   render() {

@@ -98,8 +98,8 @@ class StepRow {
   #choose = html("button", { type: "button", className: "choose", onclick: () => this.#toggle() }, this.#number, this.#title, this.#arguments);
   #figures = html("span", { className: "figures dim" });
   #resume = button("resume here", "resume the plan at this step", () => this.#list.resumeAt?.(this.#step));
-  #up = button("▲", "", () => this.#move(-1, this.#up));
-  #down = button("▼", "", () => this.#move(1, this.#down));
+  #up = button("▲", "", () => this.#move(-1));
+  #down = button("▼", "", () => this.#move(1));
   #remove = button("×", "", () => this.#list.plan.remove(this.#step));
   #problem = html("p", { className: "problem" });
   #fieldBox = html("div", { className: "fields" });
@@ -122,11 +122,10 @@ class StepRow {
     plan.select(plan.selected === this.#step ? null : this.#step);
   }
 
-  /** Move the step; the button retains the focus. @param {number} by @param {HTMLElement} pressed */
-  #move(by, pressed) {
+  /** @param {number} by */
+  #move(by) {
     const { plan } = this.#list;
     plan.move(this.#step, plan.steps.indexOf(this.#step) + by);
-    requestAnimationFrame(() => pressed.focus());
   }
 
   render() {
