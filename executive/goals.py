@@ -26,10 +26,9 @@ from executive.state import FileFolder, MotionStatistics, Status
 from executive.values.clock import Clock
 from executive.values.facts import Source
 from executive.values.geometry import Point, Pose
-from executive.values.identity import Identity
 from executive.values.ports import Video
 from executive.values.quantities import rate_text
-from executive.values.reasons import Figure, Refusal
+from executive.values.reasons import Figure, Identity, Refusal
 
 
 @dataclass(slots=True)

@@ -14,8 +14,8 @@ from adapters.process.command import process as process
 from adapters.process.command import termination_event as termination_event
 from adapters.process.output import guard_output as guard_output
 from adapters.process.output import log_to_stderr as log_to_stderr
-from adapters.process.priority import take_priority as take_priority
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import require as require
 from adapters.process.usage import ResourceMonitor as ResourceMonitor
 from adapters.process.usage import ResourceUsage as ResourceUsage
+from adapters.process.usage import take_priority as take_priority

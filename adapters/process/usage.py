@@ -1,5 +1,7 @@
-"""`ResourceMonitor`: processor, memory, disk and other resources that this process uses."""
+"""`ResourceMonitor`: processor, memory, disk that this process uses; `take_priority` raises it."""
 
+import logging
+import os
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,3 +51,21 @@ class ResourceMonitor:
             free_octets = self._system.free_octets(self._data)
         memory_octets = self._system.memory_octets()
         return ResourceUsage(memory_octets, self._cpu_ratio, free_octets, now_s - self._began_s)
+
+
+NICE: Final = -10
+"""About ten times the processor time of a process of normal priority, and its turn before it."""
+_LOG = logging.getLogger(__name__)
+
+
+def take_priority() -> None:
+    """Raise the priority of this process, and of the threads and processes that it starts.
+
+    A priority that was set outside, as by `nice` or a unit file, is left as it is.
+    """
+    if os.getpriority(os.PRIO_PROCESS, 0) != 0:
+        return
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    except PermissionError:
+        _LOG.info("priority not raised to nice %d: not permitted (RLIMIT_NICE)", NICE)

@@ -1,7 +1,7 @@
 """Recordings of runs as MCAP files: writer, reader, and replay through the core."""
 
 from adapters.recording.background import BackgroundRecorder as BackgroundRecorder
-from adapters.recording.completion import complete as complete
+from adapters.recording.background import complete as complete
 from adapters.recording.container import RecordingError as RecordingError
 from adapters.recording.messages import decode as decode
 from adapters.recording.moments import Moment as Moment
@@ -11,7 +11,7 @@ from adapters.recording.run_file import PROFILE as PROFILE
 from adapters.recording.run_file import SUFFIX as SUFFIX
 from adapters.recording.run_file import RunFile as RunFile
 from adapters.recording.run_file import RunReader as RunReader
-from adapters.recording.tables import frames as frames
 from adapters.recording.timed_items import TimedItem as TimedItem
+from adapters.recording.timed_items import frames as frames
 from adapters.recording.timed_items import read_history as read_history
 from adapters.recording.timed_items import read_timed as read_timed

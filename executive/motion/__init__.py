@@ -9,7 +9,7 @@ the rover with it.
 
 With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
 (`trajectory`) as non-linear programmes (`optimal_control`), from initial guesses. `motion_model`
-and `motion_observer` model the rover and estimate its state. `obstacle_constraints` hold each point
+models the rover and estimates its state. `obstacle_constraints` hold each point
 of a trajectory off rocks and zones.
 """
 

@@ -23,7 +23,6 @@ from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
 from executive.values.clock import Clock
 from executive.values.geometry import STANDING, Velocity
-from executive.values.identity import Identity
 from executive.values.ports import (
     CameraIntent,
     DelegatedMotionRover,
@@ -31,7 +30,7 @@ from executive.values.ports import (
     Rover,
     VelocityRover,
 )
-from executive.values.reasons import Refusal
+from executive.values.reasons import Identity, Refusal
 
 NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started without one"
 

@@ -18,8 +18,12 @@ from executive.motion.locomotion import (
     turn_bounds,
 )
 from executive.motion.minimum_time import MinimumTimeSolver
-from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.motion_observer import TIME_RESOLUTION_S, MotionObserver
+from executive.motion.motion_model import (
+    TIME_RESOLUTION_S,
+    MotionModel,
+    MotionObserver,
+    MotionState,
+)
 from executive.motion.obstacle_constraints import ObstacleConstraints
 from executive.motion.replanning import ActiveTrajectory, Replanning
 from executive.motion.route import TOLERANCE_RATIO, Route, planning_tolerance_m

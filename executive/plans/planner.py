@@ -37,8 +37,7 @@ from executive.plans.execution import (
     ended_leaves,
     step_key,
 )
-from executive.plans.model import PlanNode, nodes, steps
-from executive.plans.resume import skipped_nodes
+from executive.plans.model import PlanNode, nodes, skipped_nodes, steps
 from executive.record import Notifications, PlanStore, StepOutcome
 from executive.settings import Settings
 from executive.state import MotionStatistics

@@ -14,7 +14,6 @@ from executive.record.ledger import digest as digest
 from executive.record.notifications import Notifications as Notifications
 from executive.record.plan_store import PlanStore as PlanStore
 from executive.record.plan_store import StepOutcome as StepOutcome
-from executive.record.pose_record import PoseRecord as PoseRecord
 from executive.record.relay_record import RelayedCommand as RelayedCommand
 from executive.record.relay_record import RelayRecord as RelayRecord
 from executive.record.retention import LedgerRetention as LedgerRetention

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
-from executive.values.identity import Identity
-from executive.values.reasons import Figure
+from executive.values.reasons import Figure, Identity
 
 PROMISED_M: Final = 0.15
 PROMISED_RATIO: Final = 0.05

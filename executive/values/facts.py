@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Final
 
 from executive.values.geometry import Pose, Vector, Velocity
-from executive.values.identity import Identity
+from executive.values.reasons import Identity
 
 
 @dataclass(frozen=True, slots=True)

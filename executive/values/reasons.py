@@ -5,9 +5,8 @@ A refusal is a value, never an exception: it carries the measured figure and its
 
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Final
+from typing import Final, Self
 
-from executive.values.identity import Identity
 from executive.values.quantities import quantity_text
 
 
@@ -154,6 +153,23 @@ class Figure:
 
     def __str__(self) -> str:
         return f"{self.name} {quantity_text(self.value, self.unit)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Command id: source and number, the key of deduplication."""
+
+    source: str
+    command_id: int
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.command_id}"
+
+    @classmethod
+    def parse(cls, text: str) -> Self | None:
+        """Return the command id of its text; None if it is none."""
+        source, _, number = text.rpartition(":")
+        return cls(source, int(number)) if source and number.isdecimal() else None
 
 
 @dataclass(frozen=True, slots=True)

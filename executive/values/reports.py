@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
-from executive.values.identity import Identity as Identity
 from executive.values.reasons import Figure, Reason, UnknownReason
+from executive.values.reasons import Identity as Identity
 
 _FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 

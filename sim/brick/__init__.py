@@ -4,5 +4,5 @@ from sim.brick.firmware import Firmware as Firmware
 from sim.brick.firmware import Readings as Readings
 from sim.brick.machine import SensorReadings as SensorReadings
 from sim.brick.machine import SetPoints as SetPoints
+from sim.brick.motion import BrickSettings as BrickSettings
 from sim.brick.plug import UsbPlug as UsbPlug
-from sim.brick.settings import BrickSettings as BrickSettings

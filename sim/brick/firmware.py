@@ -16,8 +16,7 @@ from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from sim.brick.machine import Machine, SensorReadings, SetPoints, Work
-from sim.brick.motion import StuckError
-from sim.brick.settings import BrickSettings
+from sim.brick.motion import BrickSettings, StuckError
 
 _WORK: Final = get_args(Work)
 

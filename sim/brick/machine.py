@@ -16,8 +16,7 @@ from executive.commands import (
     SetTravelSpeed,
 )
 from executive.values.geometry import Point, Pose
-from sim.brick.motion import CountOdometry, Motion, Rims, SegmentSequence, course
-from sim.brick.settings import BrickSettings
+from sim.brick.motion import BrickSettings, CountOdometry, Motion, Rims, SegmentSequence, course
 from sim.pan_tilt import (
     MAX_PAN_RAD,
     MAX_SPEED_RADPS,

@@ -17,9 +17,9 @@ from sim.drawing.passage import SHORT_S as SHORT_S
 from sim.drawing.passage import Levels as Levels
 from sim.drawing.passage import Passage as Passage
 from sim.drawing.passage import ReportTimes as ReportTimes
-from sim.drawing.run_plot import RunPlot as RunPlot
-from sim.drawing.run_plot import Track as Track
 from sim.drawing.run_plot import draw_run as draw_run
+from sim.drawing.run_plot import plot_of as plot_of
+from sim.drawing.run_plot import write_plot as write_plot
 from sim.drawing.style import COMMAND as COMMAND
 from sim.drawing.style import DONE as DONE
 from sim.drawing.style import FAINT as FAINT

@@ -24,7 +24,7 @@ def plot(recording: Path, out: Path | None) -> None:
       rover plot run.mcap --out drive.svg
     """
     from adapters.recording import RecordingError
-    from sim.plot.recorded import write_plot
+    from sim.drawing import write_plot
 
     target = recording.with_name("plot.png") if out is None else out
     if target.suffix not in {".png", ".svg"}:

@@ -105,7 +105,7 @@ def run_recorded(name: str, scenario: Scenario, saved: Path) -> ScenarioResult:
         SettingsError: the world cannot be simulated.
     """
     from adapters.recording import RunFile
-    from sim.plot import write_plot
+    from sim.drawing import write_plot
 
     with closing(RunFile(saved / RECORDING)) as tape:
         outcome = run_once(name, scenario, saved / DATA, tape)

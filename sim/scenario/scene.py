@@ -27,8 +27,8 @@ from sim.rover.faults import LinkLost, SimulatedFault
 from sim.scenario.model import Cargo, Clear, Inject, Outage, Repeat, RunMode, Scenario, Send
 
 if TYPE_CHECKING:
+    from sim.processes.deployment import Orbiter
     from sim.processes.recorder import RoverRecorder
-    from sim.processes.relay import Orbiter
     from sim.ros.faults import FaultClient
 
 START_S: Final = 40.0
@@ -146,7 +146,7 @@ def fleet_of(
         if relay is None:
             yield Fleet(rovers)
             return
-        from sim.processes.relay import run_relay
+        from sim.processes.deployment import run_relay
 
         lead_s = _lead_s(rovers) if _outages(scenarios[0], 0) else 0
         outages = _outages(scenarios[0], lead_s)

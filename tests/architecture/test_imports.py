@@ -42,7 +42,7 @@ def copy(tmp_path: Path) -> Path:
     [
         ("executive/values/reasons.py", "import trees", "Layers import downward only"),
         ("executive/state/slip.py", "import executive.core.inbox", "Layers of the core"),
-        ("sim/plot/recorded.py", "import executive.core.recording", "Runs are read through"),
+        ("sim/drawing/run_plot.py", "import executive.core.recording", "Runs are read through"),
         ("adapters/cli/main.py", "import tests.stress", "Product code does not import tests"),
         ("trees/leaf.py", "import rclpy", "The core imports no ROS"),
         ("executive/values/reasons.py", "import socket", "The core imports no ROS"),

@@ -12,7 +12,7 @@ from executive.values.geometry import Pose
 from executive.values.reports import TERMINAL
 from sim.brick.firmware import Firmware
 from sim.brick.machine import SensorReadings, SetPoints
-from sim.brick.settings import BrickSettings
+from sim.brick.motion import BrickSettings
 
 PERIOD_S = 0.02
 DICTIONARY = load_dictionary()

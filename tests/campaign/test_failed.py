@@ -79,7 +79,7 @@ def test_the_report_shows_stored_runs_and_plays_only_the_missing_ones(
         played.append(stored.name)
         return run_recorded(name, scenario, stored)
 
-    monkeypatch.setattr("sim.campaign.report.failures.run_recorded", count)
+    monkeypatch.setattr("sim.campaign.report.page.run_recorded", count)
     write_report(OUT, campaign, runs, judge(campaign, runs))
     shown = sorted(played)
     repeated = (OUT / "report.html").read_text()
@@ -125,7 +125,7 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_continue(
 
     seed = int(draw(campaign, 1).changes[-2].value)
     monkeypatch.setattr("sim.campaign.worker.run_once", broken(run_once))
-    for module in ("sim.campaign.worker", "sim.campaign.report.failures"):
+    for module in ("sim.campaign.worker", "sim.campaign.report.page"):
         monkeypatch.setattr(f"{module}.run_recorded", broken(run_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
     CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).run_missing()

@@ -24,9 +24,8 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_campaign_junit, write_report
 from sim.campaign.report.charts import BINS, by_number, by_value
-from sim.campaign.report.failures import failure_groups, select_runs
 from sim.campaign.report.junit import MAX_CASES
-from sim.campaign.report.page import MAX_WORST_RUNS, judgement_of
+from sim.campaign.report.page import MAX_WORST_RUNS, failure_groups, judgement_of, select_runs
 from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import CampaignSession
 from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pearson, judge

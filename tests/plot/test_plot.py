@@ -11,8 +11,7 @@ from adapters.recording import RunFile
 from executive.commands import Mode
 from executive.history.motion_tracks import TrackSource
 from executive.values.reports import Stage
-from sim.drawing import draw_run
-from sim.plot import plot_of
+from sim.drawing import draw_run, plot_of
 from sim.plot.commands import plot
 from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
@@ -99,7 +98,7 @@ def test_figures_that_cannot_be_drawn_are_an_error_of_the_recording(
     def draw(_: object) -> None:
         raise ValueError("Axis limits cannot be NaN or Inf")
 
-    monkeypatch.setattr("sim.plot.recorded.draw_run", draw)
+    monkeypatch.setattr("sim.drawing.run_plot.draw_run", draw)
     result = typed(stuck)
     assert result.exit_code == 2
     assert "holds figures that cannot be drawn: Axis limits" in result.output

@@ -3,7 +3,7 @@
 import pytest
 
 from adapters.bundle.links.contact import parse_plan
-from sim.processes.relay import Outage, plan_text
+from sim.processes.deployment import Outage, plan_text
 
 ORBITER, JACKAL, MOCUP = 1, 2, 3
 START_S = 1_795_000_000

@@ -23,9 +23,8 @@ from executive.values.geometry import STANDING, Velocity
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Stage
 from sim.rover import faults
-from sim.rover.jackal import SimulatedJackal
+from sim.rover.jackal import Mux, SimulatedJackal
 from sim.rover.lockstep import LockStep
-from sim.rover.mux import Mux
 from sim.rover.world import World
 
 JACKAL = load_settings("jackal")

@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from sim.demo.session import SPEED
-from sim.ros.pacing import EXECUTIVE_TIMEOUT_S, MAX_LEAD_S, Pacer
+from sim.ros.service import EXECUTIVE_TIMEOUT_S, MAX_LEAD_S, Pacer
 
 PERIOD_S = 0.02
 

@@ -24,7 +24,7 @@ ATTACKED = {
     "adapters/cli/watch_file.py",
     "adapters/console/recordings/recorded.py",
     "adapters/ros/bag.py",
-    "sim/plot/recorded.py",
+    "sim/drawing/run_plot.py",
 }
 """What opens recordings, beside the replay: `READERS` call what each of them calls."""
 

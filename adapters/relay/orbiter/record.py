@@ -11,8 +11,7 @@ from typing import Final
 
 from adapters.bundle import BundleId
 from adapters.mops import MAX_SEQUENCE, UNNUMBERED, MopsError
-from adapters.relay.orbiter.derived_reports import Loss
-from adapters.relay.orbiter.report_ledger import ReportLedger
+from adapters.relay.orbiter.report_ledger import Loss, ReportLedger
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Stop
 from executive.values.reports import Identity, Report, Stage

@@ -39,12 +39,12 @@ from adapters.mops import (
     report_of,
 )
 from adapters.mrs.spec import AreaError, duplicate_error, refusal_error, with_text
-from adapters.relay.orbiter.derived_reports import (
+from adapters.relay.orbiter.record import RoverRecord
+from adapters.relay.orbiter.report_ledger import (
     LOSS_BY_STATUS,
     departure,
     with_implied_stages,
 )
-from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
 from executive.commands import Command, Mode, PreemptionPolicy, Stop
 from executive.commands.intake import check_identity, check_lifetime

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from executive.commands import Resume, ResumePlan, Stop, SuspendPlan
 from executive.commands.lifecycle import Accepted, Rejected
 from executive.plans import SequenceNode, check_plan
-from executive.plans.resume import resume_points
+from executive.plans.model import resume_points
 from executive.values.reasons import Reason
 from executive.values.reports import PlanStatus, Stage
 from tests.support.plans import PlanBench, plan

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from adapters.relay.orbiter.derived_reports import with_implied_stages
+from adapters.relay.orbiter.report_ledger import with_implied_stages
 from executive.commands.lifecycle import EDGES
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
