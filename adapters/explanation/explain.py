@@ -11,7 +11,7 @@ from typing import Final
 from adapters.explanation.log import matches_command, situation_at
 from executive.commands import Family, Mode, all_declarations
 from executive.faults import DECLARED
-from executive.history import CommandHistory, LeafRun, RunHistory, Situation
+from executive.history import DISK_WAIT, CommandHistory, LeafRun, RunHistory, Situation
 from executive.state import RECOVERY, Uncertainty
 from executive.values.reasons import PREDICTED, Figure, Reason, UnknownReason
 from executive.values.reports import Identity, Report, ReportKind, Stage
@@ -107,6 +107,10 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
             (ExplanationStep(last.utc_s, f"refused at reception: {reason.name} {reason.value}"),),
             last.refusal.figures,
         )
+    since_utc_s = history.reports[-1].utc_s if history.reports else 0.0
+    for each in history.received:
+        if matches_command(command, each.identity) and each.utc_s >= since_utc_s:
+            return Explanation(f"{each.identity} {each.text} waits for the disk", None, ())
     known = [str(identity) for identity in histories][-5:]
     which = f"the latest known: {', '.join(known)}" if known else "none is known"
     raise UnknownCommandError(f"no command {command}; {which}")
@@ -219,7 +223,10 @@ class _CommandExplainer:
         accepted = self._command.report_at(Stage.ACCEPTED)
         if accepted is None:
             return
-        began_s = accepted.utc_s
+        disk_s = self._command.disk_wait_s(Stage.ACCEPTED)
+        began_s = accepted.utc_s + disk_s
+        if disk_s:
+            yield ExplanationStep(began_s, f"waited {disk_s:.2f} s for the disk")
         until_s = self._started_s if self._started_s is not None else self._end_s
         if until_s - began_s < MIN_WAIT_S:
             return
@@ -394,6 +401,8 @@ def _received_text(entry: CommandHistory) -> Iterator[ExplanationStep]:
     elif end is not None and end.stage is Stage.REJECTED:
         why = in_brackets(end.reason)
         yield ExplanationStep(end.utc_s, f"{entry.identity} was refused: {end.text}{why}")
+        if disk_s := entry.disk_wait_s(Stage.REJECTED):
+            yield ExplanationStep(end.utc_s + disk_s, f"waited {disk_s:.2f} s for the disk")
 
 
 def in_brackets(reason: Reason | UnknownReason | None) -> str:
@@ -411,9 +420,9 @@ def _leaf_message(run: LeafRun) -> str:
 
 
 def _shown(figures: tuple[Figure, ...]) -> tuple[Figure, ...]:
-    """Return figures except predictions and the figures measured for them."""
+    """Return figures except predictions, the figures measured for them, and the disk's delay."""
     predicted = {each.name for each in figures if each.name.startswith(PREDICTED)}
-    hidden = predicted | {each.removeprefix(PREDICTED) for each in predicted}
+    hidden = {DISK_WAIT, *predicted, *(each.removeprefix(PREDICTED) for each in predicted)}
     return tuple(each for each in figures if each.name not in hidden)
 
 

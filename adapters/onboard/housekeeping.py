@@ -58,6 +58,7 @@ class ExecutiveHousekeeping:
         """Return the figures since the last call, by the names of the parameters."""
         ticks, self._ticks = self._ticks, []
         max_tick_s = max((each.max_tick_s for each in ticks), default=None)
+        unwritten, commit_wait_s = executive.commit_backlog
         figures = {
             "EXEC_TICK": max_tick_s,
             "EXEC_TICK_PERIOD": max((each.max_period_s for each in ticks), default=None),
@@ -65,7 +66,8 @@ class ExecutiveHousekeeping:
             "EXEC_QUEUED": executive.waiting,
             "EXEC_GOALS": executive.goal_count,
             "EXEC_LEDGER": self._ledger_octets(),
-            "EXEC_UNWRITTEN": executive.unwritten_batches,
+            "EXEC_UNWRITTEN": unwritten,
+            "EXEC_COMMIT_WAIT": commit_wait_s,
             "EXEC_REPORTS": executive.last_sequence,
             **map_figures(executive.status.map_origin),
             **uncertainty_figures(executive.status.uncertainty.figures),

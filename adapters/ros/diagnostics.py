@@ -125,7 +125,7 @@ def diagnose(
         "odometry age [s]": f"{status.odometry_age_s:.3f}",
         "goals": str(executive.goal_count),
         "ledger sequence": str(executive.last_sequence),
-        "ledger commits waiting": str(executive.unwritten_batches),
+        "ledger commits waiting": str(executive.commit_backlog[0]),
         "messages refused": str(rejected),
         "faults": ", ".join(fault.name for fault in executive.safety.active) or "none",
         "not monitored": summary(unmonitored(executive.settings, executive.safety.history)),

@@ -100,7 +100,7 @@ class Dispatcher:
             return Rejected(ledger_refusal(command))
         behind = self._ledger.unwritten_batches
         if behind > MAX_UNWRITTEN_BATCHES and not isinstance(command.request, Stop):
-            return Rejected(_backlog_refusal(behind))
+            return Rejected(_backlog_refusal(behind, self._notifications.commit_wait_s))
         try:
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
@@ -315,13 +315,13 @@ def ledger_refusal(command: Command) -> Refusal:
     return _with_stop_note(LEDGER_UNAVAILABLE, command)
 
 
-def _backlog_refusal(behind: int) -> Refusal:
+def _backlog_refusal(behind: int, wait_s: float) -> Refusal:
     text = (
-        f"{behind} commits of the ledger wait for the disk, more than {MAX_UNWRITTEN_BATCHES}:"
-        " only a stop is executed; try again later"
+        f"{behind} commits of the ledger wait for the disk, more than {MAX_UNWRITTEN_BATCHES}, the"
+        f" first for {wait_s:.1f} s: only a stop is executed; try again later"
     )
     figures = (Figure("waiting", behind), Figure("bound", MAX_UNWRITTEN_BATCHES))
-    return Refusal(Reason.LEDGER_FAILED, text, figures)
+    return Refusal(Reason.LEDGER_FAILED, text, (*figures, Figure("wait", wait_s, "s")))
 
 
 def _with_stop_note(refusal: Refusal, command: Command) -> Refusal:

@@ -330,9 +330,9 @@ class Executive:
         return not self._ledger.failing
 
     @property
-    def unwritten_batches(self) -> int:
-        """Number of batches of reports that are not committed yet."""
-        return self._ledger.unwritten_batches
+    def commit_backlog(self) -> tuple[int, float]:
+        """Number of commits that wait for the disk, and waiting time of the first report, s."""
+        return self._ledger.unwritten_batches, self._notifications.commit_wait_s
 
     def parameters(self) -> tuple[ParameterValue, ...]:
         """Return the present values of all twelve parameters."""

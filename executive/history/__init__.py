@@ -5,6 +5,7 @@ runs. `motion_tracks` stores the rover's poses and velocities. Both import much 
 are imported by name, where they are used.
 """
 
+from executive.history.run_history import DISK_WAIT as DISK_WAIT
 from executive.history.run_history import CommandHistory as CommandHistory
 from executive.history.run_history import LeafRun as LeafRun
 from executive.history.run_history import PeakSpeed as PeakSpeed

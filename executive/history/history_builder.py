@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any, Final
 
 from executive.commands import Command, request_text
@@ -12,6 +13,7 @@ from executive.core.recording import (
     CoreCalled,
     Entry,
     Item,
+    LedgerBehind,
     ModeChanged,
     ProcessStart,
     ReportSent,
@@ -22,6 +24,7 @@ from executive.core.recording import (
 )
 from executive.faults import Reaction
 from executive.history.run_history import (
+    DISK_WAIT,
     LeafRun,
     PeakSpeed,
     ReceivedCommand,
@@ -30,7 +33,7 @@ from executive.history.run_history import (
     Situation,
 )
 from executive.settings import Settings
-from executive.values.reasons import Reason, Refusal
+from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Report
 
 KINDS: Final = (
@@ -40,9 +43,11 @@ KINDS: Final = (
     ModeChanged,
     TreeChanged,
     VelocityCommanded,
+    LedgerBehind,
 )
 """Kinds of items that are used, besides process starts and entries."""
 _RUNNING: Final = "RUNNING"
+_MIN_DISK_WAIT_S: Final = 0.1
 
 
 class HistoryBuilder:
@@ -70,6 +75,8 @@ class HistoryBuilder:
         self._situations: deque[Situation] = deque(maxlen=maximum)
         self._leaves: deque[LeafRun] = deque(maxlen=maximum)
         self._running: dict[str, LeafRun] = {}
+        self._behind_since_utc_s: float | None = None
+        self._behind = False
         self._fastest: dict[Identity, float] = {}
 
     def restore(self, reports: Iterable[Report]) -> None:
@@ -99,7 +106,15 @@ class HistoryBuilder:
                     Situation(self._utc_s, now.mode, now.active, now.why, now.fault, now.cause)
                 )
             case ReportSent(report=report):
-                self._add_report(report)
+                self._add_report(self._with_disk_wait(report))
+            case LedgerBehind():
+                self._behind = True
+                if self._behind_since_utc_s is None:
+                    self._behind_since_utc_s = self._utc_s
+            case CoreCalled(call=CoreCall.SERVE | CoreCall.TICK):  # each polls the ledger
+                if not self._behind:
+                    self._behind_since_utc_s = None
+                self._behind = False
             case CommandDequeued(command=command):
                 self._received.append(_received(command, self._utc_s))
             case SubmitAnswered(identity=identity, refusal=Refusal() as refusal):
@@ -152,6 +167,13 @@ class HistoryBuilder:
     def _add_report(self, report: Report) -> None:
         self._reports.setdefault(report.sequence, report)
         self._trim(self._reports)
+
+    def _with_disk_wait(self, report: Report) -> Report:
+        """Add the figure of a report's wait for its commit; a repeated report did not wait."""
+        since_s, waited_s = self._behind_since_utc_s, self._utc_s - report.utc_s
+        if since_s is None or report.utc_s < since_s or waited_s < _MIN_DISK_WAIT_S:
+            return report
+        return replace(report, figures=(*report.figures, Figure(DISK_WAIT, waited_s, "s")))
 
     def _note_speed(self, travel_mps: float) -> None:
         if self._active is not None and travel_mps >= self._fastest.get(self._active, 0.0):

@@ -16,6 +16,8 @@ SLOWING: Final = frozenset(
     each.reason for each in DECLARED.values() if each.row.reaction is Reaction.SLOW_DOWN
 )
 """Reasons of the faults with the reaction SLOW_DOWN, unless an asset's settings differ."""
+DISK_WAIT: Final = "waited for the disk"
+"""Figure of a report that was sent late, because its commit waited for the disk, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,12 @@ class CommandHistory:
     def report_at(self, stage: Stage) -> Report | None:
         """Return the first report of a stage; None if it was not reached."""
         return next((each for each in self.reports if each.stage is stage), None)
+
+    def disk_wait_s(self, stage: Stage) -> float:
+        """Return how long the report of a stage, and a start after it, waited for the disk."""
+        report = self.report_at(stage)
+        figures = () if report is None else report.figures
+        return next((each.value for each in figures if each.name == DISK_WAIT), 0.0)
 
     @property
     def outcome(self) -> str:

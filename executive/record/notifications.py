@@ -38,7 +38,7 @@ class Notifications:
         self._ledger = ledger
         self._downlinks = downlinks
         self.last_sequence = ledger.last_sequence
-        self._outbox: deque[tuple[int, list[Report] | PlanUpdate | Answer]] = deque()
+        self._outbox: deque[tuple[int, float, list[Report] | PlanUpdate | Answer]] = deque()
 
     def command(self, command: Command, stage: Stage, note: StageDetails) -> None:
         """Report that a command reached a stage. A stage not requested is only recorded."""
@@ -94,7 +94,7 @@ class Notifications:
 
     def report_plan_update(self, update: PlanUpdate) -> None:
         """Report the progress of a plan."""
-        self._outbox.append((self._ledger.last_batch, update))
+        self._add(update)
 
     def resend(self, report: Report) -> None:
         """Send a report again, under its own number."""
@@ -102,25 +102,30 @@ class Notifications:
 
     def answer(self, answer: Answer) -> None:
         """Call a function once all earlier writes are committed, or the ledger fails."""
-        self._outbox.append((self._ledger.last_batch, answer))
+        self._add(answer)
 
     @property
     def pending(self) -> bool:
         """Whether reports wait for the next commit."""
         return bool(self._outbox) and self._outbox[-1][0] > self._ledger.sealed
 
+    @property
+    def commit_wait_s(self) -> float:
+        """Waiting time of the first report or answer that is not committed, s; 0 without one."""
+        return self._clock.now_s() - self._outbox[0][1] if self._outbox else 0.0
+
     def send_committed(self) -> None:
         """Send committed reports and answers in order; a failing ledger ends answers as refused."""
         durable = self._ledger.state.durable
         while self._outbox and self._outbox[0][0] <= durable:
-            self._send(self._outbox.popleft()[1])
+            self._send(self._outbox.popleft()[2])
         if self._ledger.failing:
             unsent, self._outbox = self._outbox, deque()
-            for batch, item in unsent:
-                if callable(item):
-                    item(False)
+            for each in unsent:
+                if callable(each[2]):
+                    each[2](False)
                 else:
-                    self._outbox.append((batch, item))
+                    self._outbox.append(each)
 
     def _send(self, item: list[Report] | PlanUpdate | Answer) -> None:
         if callable(item):
@@ -137,11 +142,14 @@ class Notifications:
     def _send_later(self, report: Report) -> None:
         batch = self._ledger.last_batch
         if self._outbox and self._outbox[-1][0] == batch:
-            last = self._outbox[-1][1]
+            last = self._outbox[-1][2]
             if isinstance(last, list):
                 last.append(report)
                 return
-        self._outbox.append((batch, [report]))
+        self._add([report])
+
+    def _add(self, item: list[Report] | PlanUpdate | Answer) -> None:
+        self._outbox.append((self._ledger.last_batch, self._clock.now_s(), item))
 
     def _append(
         self, kind: ReportKind, severity: Severity, text: str, foreign: bool = False, **details: Any

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mrs.cli.status_command import late_ticks
+from adapters.mrs.cli.status_command import late_ticks, slow_disk
 from adapters.mrs.spec import ActiveFault, FaultReaction, FaultStatus
 from adapters.mrs.spec import types as wire
 from executive.commands import ActivatePlan, SetTravelSpeed, Stop, SubmitPlan, SuspendPlan
@@ -250,3 +250,10 @@ def test_late_ticks_are_named_as_the_probable_cause_of_faults() -> None:
     assert "the probable cause of the faults" in line
     assert late_ticks({**quiet_now, "EXEC_OVERRUNS": 3.0}, faulty) == ()
     assert late_ticks({}, faulty) == ()
+
+
+def test_a_slow_disk_is_named_with_the_first_wait() -> None:
+    (line,) = slow_disk({"EXEC_UNWRITTEN": 12.0, "EXEC_COMMIT_WAIT": 2.31})
+    assert line == "the disk aboard is slow: 12 commits wait, the first for 2.3 s"
+    assert slow_disk({"EXEC_UNWRITTEN": 1.0, "EXEC_COMMIT_WAIT": 0.02}) == ()
+    assert slow_disk({}) == ()

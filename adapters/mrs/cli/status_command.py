@@ -56,6 +56,8 @@ T = TypeVar("T")
 REFRESH_S: Final = 0.5
 LATE_TICK_S: Final = 0.15
 """Time between ticks above which the computer aboard is busy: three ticks."""
+SLOW_DISK_S: Final = 0.1
+"""Waiting time of reports above which the disk of the ledger is slow; chosen, not measured."""
 MIN_LATE_TICKS: Final = 20
 """Late ticks, those of a second, that may have caused a fault."""
 _RESUME: Final = "rover resume"
@@ -137,6 +139,7 @@ class _StatusSnapshot:
         lines = (
             *(_why(faults) if faults else ()),
             *late_ticks(values, faults),
+            *slow_disk(values),
             _work_line(self.status),
             *_recovery_lines(mode, self.suspended, faults),
             *((f"the pose is uncertain: {RECOVERY}",) if _uncertainty(values) else ()),
@@ -271,6 +274,14 @@ def late_ticks(
         return ()
     text = f"the computer aboard is too slow or busy{cause}: {late:.0f} late ticks since the start"
     return (f"{text} (EXEC_OVERRUNS), up to {period_s:.2f} s from tick to tick now",)
+
+
+def slow_disk(values: Mapping[str, float | str | None]) -> tuple[str, ...]:
+    """Return a line if reports and answers wait for the disk of the ledger."""
+    waiting, wait_s = values.get("EXEC_UNWRITTEN"), values.get("EXEC_COMMIT_WAIT")
+    if not (isinstance(waiting, float) and isinstance(wait_s, float)) or wait_s < SLOW_DISK_S:
+        return ()
+    return (f"the disk aboard is slow: {waiting:.0f} commits wait, the first for {wait_s:.1f} s",)
 
 
 def _not_monitored(faults: FaultStatus | None) -> str:

@@ -19,6 +19,8 @@ from executive.values.reports import Report, ReportKind
 
 MIN_FREE_OCTETS: Final = 100_000_000
 """Minimum free octets of a disk, below it an alarm; chosen, not measured."""
+MAX_COMMIT_WAIT_S: Final = 1.0
+"""Maximum wait for the disk, above it an alarm; chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,9 @@ EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter("EXEC_GOALS", "Accepted commands, queued or active"),
     HousekeepingParameter("EXEC_LEDGER", "Size of the ledger on the disk", "B"),
     HousekeepingParameter("EXEC_UNWRITTEN", "Commits of the ledger that wait for the disk"),
+    HousekeepingParameter(
+        "EXEC_COMMIT_WAIT", "Waiting time of the first report of them", "s", high=MAX_COMMIT_WAIT_S
+    ),
     HousekeepingParameter("EXEC_REPORTS", "Sequence number of the last report"),
     *POSE_HOUSEKEEPING,
     *MAP_HOUSEKEEPING,
