@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from functools import cache
 from typing import Final
-from xml.sax.saxutils import escape
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
@@ -289,6 +288,8 @@ def as_mermaid(nodes: Sequence[TreeNodeSnapshot]) -> str:
 
 def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
     """Return an SVG of the tree, one row per node, coloured by status, with a legend if it ran."""
+    from xml.sax.saxutils import escape  # imports urllib.request: not aboard
+
     top = 44 if title else 12
     seen = display_statuses(nodes)
     lines = [line(node, display) for node, display in zip(nodes, seen, strict=True)]
@@ -328,6 +329,8 @@ def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
 
 
 def _box(x: float, y: float, width: float, text: str, display: DisplayStatus) -> tuple[str, str]:
+    from xml.sax.saxutils import escape
+
     fill, stroke = COLOURS[display]
     return (
         f'<rect x="{x:.0f}" y="{y}" width="{width:.0f}" height="{_BOX_HEIGHT}" rx="5"'

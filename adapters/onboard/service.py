@@ -17,7 +17,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from adapters.mal import MalUri
-from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
 from adapters.mrs.transport import CLEAR, TransportSettings, start_fault
@@ -27,8 +26,6 @@ from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive, require
 from adapters.recording import BackgroundRecorder
-from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
 from adapters.ros import (
     RosAsset,
     RosMotionRover,
@@ -206,6 +203,10 @@ def executive_on(
     rover = rover_kind(settings)(node, topics, clock, settings)
     relay = None
     if relayed:
+        from adapters.mops import load_dictionary
+        from adapters.relay.rover.executive_link import ExecutiveRelayLink
+        from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
+
         relay_topics = ExecutiveRelayTopics(node)
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)

@@ -7,7 +7,6 @@ names its step.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
-from xml.sax.saxutils import quoteattr
 
 from executive.commands import Motion, Waypoint, arguments_of
 from executive.plans.model import DEADLINE, LEAVES, PlanNode, PlanStep, SequenceNode
@@ -54,6 +53,8 @@ def sequence_xml(written: Sequence[WrittenStep]) -> str:
 
 
 def _element(step: WrittenStep) -> str:
+    from xml.sax.saxutils import quoteattr
+
     leaf = LEAVES.get(step.operation)
     tag = f"Action ID={quoteattr(step.operation)}" if leaf is None else leaf.name
     is_motion = leaf is not None and issubclass(leaf.kind, Motion)
@@ -70,6 +71,8 @@ def _name(name: str) -> str:
 
 
 def _value(value: Any) -> str:
+    from xml.sax.saxutils import quoteattr  # imports urllib.request: not until a plan is written
+
     return quoteattr(";".join(map(_item, value)) if isinstance(value, list) else str(value))
 
 
