@@ -492,6 +492,15 @@ def kills(count: int, seed: int, folder: Path | None) -> "list[Figure]":
     return kills.measure(count, seed, log, folder)
 
 
+@benchmark("restarts --kills 5", count("--kills", 50), SEED)
+def restarts(count: int, seed: int) -> "list[Figure]":
+    """Kill -9 of the executive: how soon does it listen, and accept a command, again?"""
+    from tests.benchmarks import restarts
+
+    log(f"restarts: {count} kills ...")
+    return restarts.measure(count, seed, log)
+
+
 @benchmark("dead-men --kills 5", count("--kills", 20), SEED)
 def dead_men(count: int, seed: int) -> "list[Figure]":
     """Kill -9 for who commands a rover in motion: how soon does it stand? (about 15 minutes)."""
