@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -16,7 +18,7 @@ from sim.campaign.report import write_report
 from sim.campaign.runs import RunTable
 from sim.campaign.session import DIGEST, FOLDER, CampaignSession, job_of, save_failed_runs
 from sim.campaign.verdict import judge
-from sim.campaign.worker import Job, JobFailed, RunArtifacts, run_and_archive, run_job
+from sim.campaign.worker import Job, JobFailed, JobResult, RunArtifacts, run_and_archive, run_job
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import ScenarioResult, run_once
 from sim.scenario.run import run_recorded
@@ -46,8 +48,18 @@ def campaign(write: Write) -> Campaign:
 @pytest.fixture
 def runs(campaign: Campaign) -> RunTable:
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    CampaignSession(campaign, found, lambda jobs: map(run_job, jobs), Watcher()).run_missing()
+    CampaignSession(campaign, found, lambda jobs: map(played, jobs), Watcher()).run_missing()
     return found
+
+
+def played(job: Job) -> JobResult | JobFailed:
+    """Play a run once for all tests: the scenario of each is the same file in its folder."""
+    return _played(replace(job, scenario=Path(job.scenario).name))
+
+
+@cache
+def _played(job: Job) -> JobResult | JobFailed:
+    return run_job(job)
 
 
 def here(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
@@ -73,11 +85,18 @@ def test_artifacts_of_failed_runs_are_stored_once(campaign: Campaign, runs: RunT
 def test_the_report_shows_stored_runs_and_plays_only_the_missing_ones(
     campaign: Campaign, runs: RunTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    played = []
+    played, results = [], dict[str, ScenarioResult]()
+    first = OUT / "first"
 
     def count(name: str, scenario: Scenario, stored: Path) -> ScenarioResult:
+        """Play a run, or give the files that it had before."""
         played.append(stored.name)
-        return run_recorded(name, scenario, stored)
+        if stored.name in results:
+            copytree(first / stored.name, stored, dirs_exist_ok=True)
+        else:
+            results[stored.name] = run_recorded(name, scenario, stored)
+            copytree(stored, first / stored.name)
+        return results[stored.name]
 
     monkeypatch.setattr("sim.campaign.report.page.run_recorded", count)
     write_report(OUT, campaign, runs, judge(campaign, runs))

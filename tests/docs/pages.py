@@ -8,6 +8,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 PAGES = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _STATUS = re.compile(r"#.*exit status (\d+)")
+_AS_SHIPPED = re.compile(r"\./rover scenario (\w+)(?: --out (\S+))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,4 +37,19 @@ def lines(page: Path) -> list[Line]:
             text = re.sub(r"\s+#.*", "", line).strip()
             if text:
                 found.append(Line(text, int(promised[1]) if promised else 0))
+    return found
+
+
+def as_shipped(page: Path) -> dict[str, tuple[str, bool]]:
+    """Return the lines that play a scenario as it is, and whose files no other line uses.
+
+    Each with the name of its scenario, and whether it writes files. `tests/scenarios` runs them.
+    """
+    found = {}
+    typed = lines(page)
+    for line in typed:
+        if (match := _AS_SHIPPED.fullmatch(line.text)) and line.status == 0:
+            name, folder = match.groups()
+            if folder is None or not any(folder in each.text for each in typed if each != line):
+                found[line.text] = name, folder is not None
     return found
