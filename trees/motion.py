@@ -13,7 +13,7 @@ from executive.checks import (
     check_request,
     check_target,
     check_turns,
-    detour_to,
+    leg_detour,
     scanned_obstacle_ahead,
     turning_curves,
 )
@@ -44,7 +44,7 @@ from executive.motion import (
     passes_within,
     plan_leg,
 )
-from executive.obstacles.zones import ClearanceViolation
+from executive.obstacles.zones import ClearanceViolation, Zones
 from executive.settings import Controller
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
@@ -136,17 +136,18 @@ class _MotionLeaf(GoalLeaf):
         text = f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
         return text if uncertainty else ""
 
-    def _check_begin(self) -> Refusal | None:
+    def _check_begin(self, pose: Pose, obstacles: Zones) -> Refusal | None:
         """Return a refusal if a goal may not start here, by pose or battery, or None."""
         context, goal, status = self.context, self.goal, self.context.status
         request = goal.request
         if not goal.progress.new:
             return None
         assert isinstance(request, CommandedMotion)
-        uncertain = check_pose(request, status.pose, status.uncertainty, context.settings)
+        settings, searches = context.settings, context.detours
+        uncertain = check_pose(request, pose, status.uncertainty, settings)
         if uncertain is not None or goal.command.link == ABOARD_LINK:
             return uncertain
-        return check_battery(request, status.pose, status, context.settings)
+        return check_battery(request, pose, status, settings, obstacles, searches)
 
     @property
     def _odometry_late(self) -> bool:
@@ -251,6 +252,7 @@ class PlanLeg(_MotionLeaf):
         """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
+        self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Zones] | None = None
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
@@ -273,14 +275,24 @@ class PlanLeg(_MotionLeaf):
             return Status.RUNNING
         if self._hold_for_map():
             return Status.RUNNING
-        self.goal.localize(self.context.status, self.context.settings)
-        self._count_passed_waypoints()
-        step, through = _next_step(self.goal, self.context.locomotion)
-        detour = self._detour(step, through)
+        goal, status, settings = self.goal, self.context.status, self.context.settings
+        if self._scene is None:  # a search continues from its first scene
+            goal.localize(status, settings)
+            self._count_passed_waypoints()
+            step, through = _next_step(goal, self.context.locomotion)
+            self._scene = step, through, status.pose, status.obstacles
+        step, through, pose, obstacles = self._scene
+        searches = self.context.detours
+        searches.undecided = False
+        path = (goal.request, goal.progress.left_path, step, through)
+        detour = leg_detour(*path, pose, settings, obstacles, searches)
+        refusal = self._check_begin(pose, obstacles)
+        if searches.undecided:
+            self.feedback_message = "searching for a detour"
+            self.context.intents.motion = STANDING
+            return Status.RUNNING
         if isinstance(detour, Refusal):
             return self.fail(detour)
-        goal, status, settings = self.goal, self.context.status, self.context.settings
-        refusal = self._check_begin()
         if refusal is not None:
             return self.fail(refusal)
         progress, supported = goal.progress, self.context.locomotion.supports_curve
@@ -321,23 +333,6 @@ class PlanLeg(_MotionLeaf):
             if not passes_within(Point(each.x_m, each.y_m), near_m, before, now):
                 return
             self._advance()
-
-    def _detour(self, step: Step, through: tuple[Waypoint, ...]) -> tuple[Waypoint, ...] | Refusal:
-        """Return the corners of the path to the end of a step, or a refusal.
-
-        The straight lines of a path are followed, except around scanned obstacles across them.
-        """
-        goal, status, settings = self.goal, self.context.status, self.context.settings
-        request = goal.request
-        obstacles = avoided_obstacles(settings, status.obstacles)
-        if not isinstance(step, Waypoint):
-            return check_request(step, status.pose, settings, obstacles) or ()
-        if isinstance(request, FollowPath) and not goal.progress.left_path:
-            path = replace(request, waypoints=(*through, step))
-            blocked = check_request(path, status.pose, settings, obstacles)
-            if blocked is not None or through or not obstacles.scanned:
-                return blocked or ()
-        return detour_to(step, status.pose, settings, obstacles)
 
     def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:
         """Report a detour once, and again after a new obstacle.
@@ -519,7 +514,8 @@ class HoldVelocity(_MotionLeaf):
         assert isinstance(request, DriveFor)
         status, settings = self.context.status, self.context.settings
         pose, obstacles = status.pose, status.obstacles
-        self._blocked = check_request(request, pose, settings, obstacles) or self._check_begin()
+        self._blocked = check_request(request, pose, settings, obstacles)
+        self._blocked = self._blocked or self._check_begin(pose, obstacles)
         self.goal.verification = MotionVerification.begin(settings, status)
         self.goal.slid_m = self._slid_m
         self._begun, self._wanted = True, hold_extent(request, status, settings)

@@ -25,6 +25,7 @@ from executive.commands import (
 )
 from executive.commands.intake import localized
 from executive.motion import Bounds, duration_s
+from executive.obstacles.detour import DetourSearches
 from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, PlanStep, nominal_steps
 from executive.settings import MotionExtent, Settings, curved_m
@@ -47,19 +48,28 @@ class SpeedLimits:
 class _EnergyEstimator:
     """Sums the energy of motions from a start pose, by the settings' figures."""
 
-    def __init__(self, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones) -> None:
+    def __init__(
+        self,
+        pose: Pose,
+        speeds: SpeedLimits,
+        settings: Settings,
+        zones: Zones,
+        searches: DetourSearches | None,
+    ) -> None:
         self.pose = pose
         self.speeds = speeds
         self.energy_j = 0.0
         self._settings = settings
-        self._zones = zones
+        self._zones, self._searches = zones, searches
 
     def add(self, request: Motion) -> None:
         """Add a motion."""
         limits, speeds = self._settings.drive, self.speeds
         travel = Bounds(speeds.travel_mps, limits.travel_acceleration_mps2)
         rotate = Bounds(speeds.rotate_radps, limits.rotate_acceleration_radps2)
-        for segment in detoured_segments(request, self.pose, self._settings, self._zones):
+        for segment in detoured_segments(
+            request, self.pose, self._settings, self._zones, self._searches
+        ):
             match segment:
                 case Turn(by_rad=by_rad):
                     took_s = duration_s(by_rad, rotate)
@@ -76,16 +86,26 @@ class _EnergyEstimator:
 
 
 def estimate_energy_j(
-    request: Motion, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones
+    request: Motion,
+    pose: Pose,
+    speeds: SpeedLimits,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
 ) -> float:
     """Return the energy of a motion from a pose in joules; 0 without figures in the settings."""
-    estimator = _EnergyEstimator(pose, speeds, settings, zones)
+    estimator = _EnergyEstimator(pose, speeds, settings, zones, searches)
     estimator.add(request)
     return estimator.energy_j
 
 
 def check_battery(
-    what: Motion | PlanNode, pose: Pose, status: Status, settings: Settings
+    what: Motion | PlanNode,
+    pose: Pose,
+    status: Status,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
 ) -> Refusal | None:
     """Return a refusal if the battery lacks energy for a motion or plan and the return, or None.
 
@@ -96,8 +116,10 @@ def check_battery(
     Args:
         what: the motion or plan.
         pose: start pose.
-        status: provides the charge, the speed limits and the obstacles.
+        status: provides the charge and the speed limits.
         settings: provide the energy figures and the battery's reserve.
+        zones: the obstacles.
+        searches: the searches of detours.
     """
     battery, last_battery = settings.battery, status.battery
     if battery is None or last_battery is None or last_battery.charge_ratio is None:
@@ -106,11 +128,10 @@ def check_battery(
     speeds = SpeedLimits(status.travel_limit_mps, status.rotate_limit_radps)
     if isinstance(what, Motion):
         requests: Iterable[object] = (what,)
-        zones = status.obstacles
     else:
         course, zones = nominal_steps(what), Zones()
         requests = (each.request for each in course if isinstance(each, PlanStep))
-    estimator = _EnergyEstimator(pose, speeds, settings, zones)
+    estimator = _EnergyEstimator(pose, speeds, settings, zones, searches)
     for each in _motions(requests, estimator):
         request = localized(each, status, settings)
         if isinstance(request, Refusal):
@@ -120,7 +141,7 @@ def check_battery(
             break
     home, end = battery.home, estimator.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
-    back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, zones)
+    back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, zones, searches)
     if status.uncertainty:  # home may be farther away by that much
         farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
         back_j += estimate_energy_j(farther, Pose(), speeds, settings, Zones())
@@ -129,8 +150,8 @@ def check_battery(
         return None
     nearer = end.distance_m(home) <= pose.point.distance_m(home)
     if nearer:
-        allowed_j = RETURN_PATH_FACTOR * estimate_energy_j(to_home, pose, speeds, settings, zones)
-        if needed_j <= allowed_j:
+        direct_j = estimate_energy_j(to_home, pose, speeds, settings, zones, searches)
+        if needed_j <= RETURN_PATH_FACTOR * direct_j:
             return None
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(

@@ -4,11 +4,14 @@ For a single target a detour is searched. Scanned obstacles are avoided by detou
 left to the monitors in other motions. The check covers the path of base_link: straight lines of
 drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
 sweeps. A base that cannot turn on the spot turns by arcs, forward first if both are free.
+
+With `DetourSearches` a detour may be undecided in this turn: its motion counts as free and straight
+until the leg, which waits for it, begins. Without them, each search runs to its end.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import partial
 from itertools import pairwise
 from typing import Final, assert_never
 
@@ -21,6 +24,7 @@ from executive.commands import (
     Motion,
     MoveTo,
     Reference,
+    Request,
     Rest,
     RotateBy,
     RotateTo,
@@ -31,7 +35,7 @@ from executive.commands import (
     requested_controller,
 )
 from executive.goals import Goal
-from executive.obstacles.detour import Detour, shortest_detour
+from executive.obstacles.detour import Detour, DetourSearch, DetourSearches, finish, search_detour
 from executive.obstacles.zones import (
     ClearanceViolation,
     Obstacle,
@@ -84,15 +88,21 @@ def _position_figures(obstacle: Obstacle) -> tuple[Figure, ...]:
     return Figure("obstacle x", obstacle.x_m, "m"), Figure("obstacle y", obstacle.y_m, "m")
 
 
-def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
+def check_request(
+    request: Motion,
+    pose: Pose,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
+) -> Refusal | None:
     """Return a refusal if a motion turns too tightly, or violates the clearance, or None."""
-    if refusal := check_turns(request, pose, settings, zones):
+    if refusal := check_turns(request, pose, settings, zones, searches):
         return refusal
     if not zones.not_empty:
         return None
     zones = avoided_obstacles(settings, zones)
     if isinstance(request, MoveTo):
-        detour = detour_to(request.target, pose, settings, zones)
+        detour = detour_to(request.target, pose, settings, zones, searches)
         return detour if isinstance(detour, Refusal) else None
     known, law = zones.known, settings.turn_drive
     segments = detoured_segments(request, pose, settings, known)
@@ -102,7 +112,13 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
     return refusal
 
 
-def check_turns(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
+def check_turns(
+    request: Motion,
+    pose: Pose,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
+) -> Refusal | None:
     """Return a refusal if a motion needs tighter turns than the base can drive, or None.
 
     Turn-then-drive corrects a heading within its tolerance while it drives.
@@ -118,7 +134,8 @@ def check_turns(request: Motion, pose: Pose, settings: Settings, zones: Zones) -
             text = f"turns at a radius of {needed_m:.2f} m: turn more slowly, or drive faster"
     elif requested_controller(request, settings.controller) is not Controller.MPC:
         tolerance_rad = settings.turn_drive.heading_tolerance_rad
-        turns_rad = [each.by_rad for each in detoured_segments(request, pose, settings, zones)]
+        segments = detoured_segments(request, pose, settings, zones, searches)
+        turns_rad = [each.by_rad for each in segments]
         first_rad = next((each for each in turns_rad if abs(each) > tolerance_rad), None)
         if first_rad is not None:
             text = f"turns by {angle_text(first_rad)} on the spot: controller mpc drives curves"
@@ -138,15 +155,56 @@ def avoided_obstacles(settings: Settings, zones: Zones) -> Zones:
 
 
 def detour_to(
-    target: Waypoint, pose: Pose, settings: Settings, zones: Zones
+    target: Waypoint,
+    pose: Pose,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
 ) -> tuple[Waypoint, ...] | Refusal:
     """Return the corners of the detour to a target, as `best_detour`, or a refusal without one."""
-    waypoints, law = best_detour(target, pose, settings, zones), settings.turn_drive
+    waypoints, law = best_detour(target, pose, settings, zones, searches), settings.turn_drive
+    if waypoints is None:
+        return ()
     path = path_of(FollowPath((*waypoints, target)).segments(pose, law.reverse), law)
     refusal = check_path(path, settings, zones)
     if refusal is None:
         return waypoints
     return replace(refusal, text=f"{refusal.text}; {_no_detour_text(target, settings, zones)}")
+
+
+def leg_detour(
+    request: Request,
+    left_path: bool,
+    step: Motion | Waypoint,
+    through: tuple[Waypoint, ...],
+    pose: Pose,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches,
+) -> tuple[Waypoint, ...] | Refusal:
+    """Return the corners of the path of a leg, or a refusal.
+
+    The straight lines of a path are followed, except around scanned obstacles across them.
+
+    Args:
+        request: the motion.
+        left_path: whether its step detours around a scanned obstacle already.
+        step: the step with the next standstill at its end.
+        through: waypoints to pass before it.
+        pose: start pose.
+        settings: of the asset.
+        zones: obstacles, including scanned ones.
+        searches: the searches of detours.
+    """
+    zones = avoided_obstacles(settings, zones)
+    if not isinstance(step, Waypoint):
+        return check_request(step, pose, settings, zones) or ()
+    if isinstance(request, FollowPath) and not left_path:
+        path = replace(request, waypoints=(*through, step))
+        blocked = check_request(path, pose, settings, zones)
+        if blocked is not None or through or not zones.scanned:
+            return blocked or ()
+    return detour_to(step, pose, settings, zones, searches)
 
 
 def _blocked_waypoint(
@@ -195,11 +253,12 @@ def scanned_obstacle_ahead(
 
 
 def best_detour(
-    target: Waypoint, pose: Pose, settings: Settings, zones: Zones
-) -> tuple[Waypoint, ...]:
+    target: Waypoint, pose: Pose, settings: Settings, zones: Zones, searches: DetourSearches | None
+) -> tuple[Waypoint, ...] | None:
     """Return the corners of a detour to a target whose lines all have the clearance.
 
     Empty if the straight line is free. Without a complete detour, the one that ends nearest to it.
+    None while it is searched.
     """
     if not zones.not_empty:
         return ()
@@ -207,16 +266,16 @@ def best_detour(
     line = path_of(target.segments(pose, law.reverse), law)
     if check_path(line, settings, zones) is None:
         return ()
-    needed_m = _needed_m(settings, zones)
-    through = _cached_detour(target, pose, law, needed_m, zones).corners
-    return tuple(Waypoint(each.x_m, each.y_m) for each in through)
+    key = target, pose, law, _needed_m(settings, zones), zones
+    search = partial(_search, *key)
+    detour = finish(search()) if searches is None else searches.find(key, search)
+    return None if detour is None else tuple(Waypoint(at.x_m, at.y_m) for at in detour.corners)
 
 
-@lru_cache(maxsize=4)
-def _cached_detour(
+def _search(
     target: Waypoint, pose: Pose, law: TurnDriveSettings, least_m: float, zones: Zones
-) -> Detour:
-    """Plan a detour with this clearance. Cached: one command requests it several times."""
+) -> DetourSearch:
+    """Search a detour with this clearance."""
     point = Point(target.x_m, target.y_m)
     if _obstacle_within(point, least_m, zones) is not None:
         return Detour((), reaches_goal=False)
@@ -236,10 +295,10 @@ def _cached_detour(
             for each in zones
         )
 
-    detour = shortest_detour(pose.point, point, zones, needed_m + turning_m, leads)
+    detour = yield from search_detour(pose.point, point, zones, needed_m + turning_m, leads)
     if detour.reaches_goal:
         return detour
-    return shortest_detour(pose.point, point, zones, needed_m, leads)
+    return (yield from search_detour(pose.point, point, zones, needed_m, leads))
 
 
 def _needed_m(settings: Settings, zones: Zones) -> float:
@@ -260,13 +319,18 @@ def _no_detour_text(target: Waypoint, settings: Settings, zones: Zones) -> str:
 
 
 def detoured_segments(
-    request: Motion, pose: Pose, settings: Settings, zones: Zones
+    request: Motion,
+    pose: Pose,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
 ) -> tuple[Segment, ...]:
     """Return the segments of a motion from a pose, with its detour, and with curves for turns."""
     law, radius_m = settings.turn_drive, settings.drive.min_turning_radius_m
     if isinstance(request, MoveTo):
-        path = best_detour(request.target, pose, settings, avoided_obstacles(settings, zones))
-        request = FollowPath((*path, request.target))
+        avoided = avoided_obstacles(settings, zones)
+        path = best_detour(request.target, pose, settings, avoided, searches)
+        request = FollowPath((*(path or ()), request.target))
     segments = request.segments(pose, law.reverse)
     match segments:
         case (Turn() as turn,) if radius_m is not None and turn.by_rad:
@@ -286,7 +350,12 @@ def turning_curves(step: object, pose: Pose, settings: Settings, zones: Zones) -
 
 
 def expected_pose(
-    goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings, zones: Zones
+    goals: Iterable[Goal],
+    pose: Pose,
+    clock: Clock,
+    settings: Settings,
+    zones: Zones,
+    searches: DetourSearches | None = None,
 ) -> Pose:
     """Return the end pose of motion goals in sequence; the first may be active."""
     for goal in goals:
@@ -295,7 +364,7 @@ def expected_pose(
         if goal.leg.curves and goal.leg.heading_rad is not None:
             pose = replace(goal.start_pose, heading_rad=goal.leg.heading_rad)
             continue
-        for segment in detoured_segments(request, pose, settings, zones):
+        for segment in detoured_segments(request, pose, settings, zones, searches):
             pose = _left_of(segment, goal, clock, settings).end
     return pose
 

@@ -362,17 +362,16 @@ class Executive:
         The preview begins where the waiting and active motions end. Mode, queue and authority do
         not matter, since nothing is commanded.
         """
-        status, settings, context = self.status, self.settings, self._context
+        status, settings, context, clock = self.status, self.settings, self._context, self._clock
         what = check_plan(request, settings) if isinstance(request, PlanDefinition) else request
         if isinstance(what, Refusal):
             return what
         if (refusal := check_localized(status, settings)) is not None:
             return refusal
-        goals, clock = context.goals.motion, context.clock
-        pose = expected_pose(goals, status.pose, clock, settings, status.obstacles)
-        return check_battery(what, pose, status, settings) or self._predictions.run(
-            what, pose, apart=True
-        )
+        scene = status.obstacles, context.detours.copy()  # as queries are not recorded
+        pose = expected_pose(context.goals.motion, status.pose, clock, settings, *scene)
+        refusal = check_battery(what, pose, status, settings, *scene)
+        return refusal or self._predictions.run(what, pose, apart=True)
 
     def observe(self, fact: Fact) -> None:
         """Process a fact."""
@@ -589,10 +588,11 @@ class Executive:
         self._reactions.note_command()
 
     def _predict(self) -> None:
-        """Advance predictions by a slice."""
-        if self._predictions.advance():
+        """Advance searches of detours by a slice, or else predictions."""
+        searching = self._context.detours.advance()
+        if not searching and self._predictions.advance():
             self._commits.flush()
-        if self._predictions.pending:
+        if searching or self._predictions.pending:
             self.wake()
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from executive.obstacles.detour import shortest_detour
+from executive.obstacles.detour import finish, search_detour
 from executive.obstacles.zones import KeepIn, KeepOut, Zones
 from executive.values.geometry import Point
 
@@ -116,8 +116,10 @@ class ObstacleConstraints:
         if self.is_free((start, end)):
             return ()
         clearance_m = self.needed_m + TRACKING_MARGIN_M
-        detour = shortest_detour(
-            start, end, self.zones, clearance_m, lambda point: self.is_free((start, point))
+        detour = finish(
+            search_detour(
+                start, end, self.zones, clearance_m, lambda point: self.is_free((start, point))
+            )
         )
         return detour.corners if detour.reaches_goal else ()
 

@@ -1,13 +1,16 @@
-"""`shortest_detour` past zones and rocks: a visibility graph, searched by A*.
+"""`search_detour` past zones and rocks: a visibility graph, searched by A*, in slices.
 
 Its nodes lie on a ring around each corner and rock. The radius of the ring is such that a straight
 line between neighbours keeps the clearance. Lines are checked only when the search reaches them.
+
+A search among a hundred sides takes longer than a tick. `DetourSearches` advances it by a number
+of comparisons in each turn of the core, never by a time, so that runs repeat bit for bit.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Hashable, Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from itertools import count, islice
+from itertools import islice
 from math import cos, pi, sin
 from typing import Final
 
@@ -25,8 +28,29 @@ from executive.values.geometry import Point
 NODES_PER_CORNER: Final = 12
 """Number of nodes around each corner and rock."""
 MAX_COMPARISONS: Final = 20_000
-"""Maximum number of rocks and zone sides checked, for nodes and again for lines. It bounds the
-delay of a tick by a search, which may be several ticks among a hundred sides."""
+"""Maximum number of rocks and zone sides checked, for nodes and again for lines."""
+SLICE_COMPARISONS: Final = 800
+"""Number of comparisons in a slice, about a millisecond; a step that exceeds it takes another."""
+LINES_PER_LEG: Final = 3
+"""Maximum number of lines of a straight drive with its turns: those of the control point."""
+MAX_SEARCHES: Final = 16
+"""Maximum number of stored searches: of the queued motions, and of the return home."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Branch:
+    """The lines from a node to all others, the best first.
+
+    Attributes:
+        order: number of nodes found before.
+        walked_m: distance up to the node; `parent` is its index, None for the start.
+    """
+
+    order: int
+    point: Point
+    walked_m: float
+    parent: int | None
+    ranked: Iterator[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +67,73 @@ class Detour:
     reaches_goal: bool
 
 
-def shortest_detour(
+DetourSearch = Generator[int, None, Detour]
+"""A search in small steps; yields the number of comparisons of each."""
+
+
+class DetourSearches:
+    """The searches of one asset, advanced in slices on the thread that owns them.
+
+    Attributes:
+        undecided: whether a request had no result yet; reset by the caller.
+    """
+
+    def __init__(self) -> None:
+        self._found: dict[Hashable, Detour | DetourSearch] = {}
+        self._left = SLICE_COMPARISONS
+        self.undecided = False
+
+    def copy(self) -> "DetourSearches":
+        """Return searches with the same results, for a preview."""
+        copied = DetourSearches()
+        copied._found = {key: at for key, at in self._found.items() if isinstance(at, Detour)}
+        return copied
+
+    def find(self, key: Hashable, begin: Callable[[], DetourSearch]) -> Detour | None:
+        """Return the result of a search, begun if its key is new; None until it is found."""
+        self._found[key] = self._found.pop(key) if key in self._found else begin()
+        if len(self._found) > MAX_SEARCHES:
+            del self._found[next(iter(self._found))]
+        found = self._advance(key)
+        self.undecided |= found is None
+        return found
+
+    def advance(self) -> bool:
+        """Advance the newest unfinished search by a slice; return whether one is unfinished."""
+        self._left = SLICE_COMPARISONS
+        unfinished = [key for key, each in self._found.items() if not isinstance(each, Detour)]
+        if unfinished and self._advance(unfinished[-1]) is not None:
+            unfinished.pop()
+        return bool(unfinished)
+
+    def _advance(self, key: Hashable) -> Detour | None:
+        search = self._found[key]
+        if isinstance(search, Detour):
+            return search
+        try:
+            while self._left > 0:
+                self._left -= next(search)
+        except StopIteration as end:
+            found: Detour = end.value
+            self._found[key] = found
+            return found
+        return None
+
+
+def finish(search: DetourSearch) -> Detour:
+    """Return the result of a search without slices."""
+    try:
+        while True:
+            next(search)
+    except StopIteration as end:
+        found: Detour = end.value
+        return found
+
+
+def search_detour(
     start: Point, end: Point, zones: Zones, clearance_m: float, leads: Callable[[Point], bool]
-) -> Detour:
-    """Return the shortest path of straight lines.
+) -> DetourSearch:
+    """Search the shortest path of straight lines.
 
     Args:
         start: its start.
@@ -56,11 +143,13 @@ def shortest_detour(
             The first line, and the last near the end, are exempt.
         leads: whether the rover may drive straight to a point from the present position.
     """
-    nodes = [end, *_nodes(zones, clearance_m)]
+    nodes = [end, *(yield from _nodes(zones, clearance_m))]
     obstacles = [(each, min(clearance_m, each.clearance_m(end, end))) for each in zones]
     before: dict[int, int | None] = {}
-    order, left, sides = count(), MAX_COMPARISONS, sum(map(_sides, zones))
-    queue: list[tuple[float, int, float, int, int | None]] = []
+    left, sides = MAX_COMPARISONS, sum(map(_sides, zones))
+    to_end_m = [each.distance_m(end) for each in nodes]
+    indices = range(len(nodes))
+    queue: list[tuple[float, int, int, _Branch]] = []
 
     def is_free(parent: int, index: int) -> bool:
         nonlocal left
@@ -72,26 +161,46 @@ def shortest_detour(
                 return False
         return True
 
-    def push_all(point: Point, walked_m: float, parent: int | None) -> None:
-        for index, node in enumerate(nodes):
-            if index not in before:
-                distance_m = walked_m + point.distance_m(node)
-                estimate_m = distance_m + node.distance_m(end)
-                heappush(queue, (estimate_m, next(order), distance_m, index, parent))
+    def expand(point: Point, walked_m: float, parent: int | None) -> None:
+        """Queue the best line from a node; each that is taken queues the next."""
 
-    push_all(start, 0.0, None)
+        def estimate_m(index: int) -> float:
+            return walked_m + point.distance_m(nodes[index]) + to_end_m[index]
+
+        ranked = sorted((each for each in indices if each not in before), key=estimate_m)
+        push_next(_Branch(len(before), point, walked_m, parent, iter(ranked)))
+
+    def push_next(branch: _Branch) -> None:
+        index = next(branch.ranked, None)
+        if index is not None:
+            distance_m = branch.walked_m + branch.point.distance_m(nodes[index])
+            heappush(queue, (distance_m + to_end_m[index], branch.order, index, branch))
+
+    expand(start, 0.0, None)
     while queue and left > 0:
-        _, _, distance_m, index, parent = heappop(queue)
+        _, _, index, branch = heappop(queue)
+        push_next(branch)
         if index in before:
+            yield 1
             continue
+        parent = branch.parent
         if parent is None:
             left -= sides
-        if not (leads(nodes[index]) if parent is None else is_free(parent, index)):
+            free = leads(nodes[index])
+            yield LINES_PER_LEG * sides
+        else:
+            left_before = left
+            free = is_free(parent, index)
+            yield left_before - left
+        if not free:
             continue
         before[index] = parent
         if index == 0:
-            return Detour(_through(nodes, before, parent), reaches_goal=True)
-        push_all(nodes[index], distance_m, index)
+            break
+        expand(nodes[index], branch.walked_m + branch.point.distance_m(nodes[index]), index)
+        yield len(nodes)
+    if 0 in before:
+        return Detour(_through(nodes, before, before[0]), reaches_goal=True)
     nearest = min(before, key=lambda index: nodes[index].distance_m(end), default=None)
     return Detour(_through(nodes, before, nearest), reaches_goal=False)
 
@@ -106,8 +215,8 @@ def _through(
     return tuple(reversed(found))
 
 
-def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
-    """Return the points of all rings that keep the clearance to every obstacle."""
+def _nodes(zones: Zones, clearance_m: float) -> Generator[int, None, list[Point]]:
+    """Return the points of all rings with the clearance to every obstacle, in steps."""
     ring = [2 * pi * index / NODES_PER_CORNER for index in range(NODES_PER_CORNER)]
     found = (
         Point(centre.x_m + out_m * cos(angle_rad), centre.y_m + out_m * sin(angle_rad))
@@ -118,13 +227,15 @@ def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
         for angle_rad in ring
     )
     obstacles, found_free = list(zones), []
-    for node in islice(found, MAX_COMPARISONS // max(1, sum(map(_sides, zones)))):
+    sides = sum(map(_sides, zones))
+    for node in islice(found, MAX_COMPARISONS // max(1, sides)):
         for number, each in enumerate(obstacles):
             if not has_clearance(each, node, node, clearance_m):
                 obstacles.insert(0, obstacles.pop(number))  # likely that of the next node, too
                 break
         else:
             found_free.append(node)
+        yield sides
     return found_free
 
 

@@ -103,6 +103,7 @@ class Predictor:
         start = PreviewStart(
             *(pose, *speeds, context.files, status.obstacles, status.uncertainty),
             map_origin=None if isinstance(origin, Refusal) else origin,
+            detours=context.detours.copy(),
         )
         return PreviewRun(what, start, settings, self._build_tree, solver)
 

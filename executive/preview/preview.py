@@ -24,6 +24,7 @@ from executive.commands.intake import ABOARD_PREFIX, check_arguments, localized
 from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
+from executive.obstacles.detour import DetourSearches
 from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
 from executive.preview.preview_rover import (
@@ -133,6 +134,7 @@ class PreviewStart:
         obstacles: obstacles to avoid.
         uncertainty: uncertainty of the pose.
         map_origin: origin of the map in the frame of the pose; None if it is unknown.
+        detours: searches, with earlier results.
     """
 
     pose: Pose
@@ -143,6 +145,7 @@ class PreviewStart:
     obstacles: Zones
     uncertainty: Uncertainty
     map_origin: Pose | None = None
+    detours: DetourSearches = field(default_factory=DetourSearches)
 
 
 class TickableTree(Protocol):
@@ -264,7 +267,10 @@ class PreviewRun:
         safety, goals = FaultMonitor(clock, settings), Goals(clock)
         self._track = _PathTrace(settings, [TimedPose(0.0, start.pose)])
         self._arbiter = Arbiter(clock, settings, self._base, mover, lambda: False)
-        self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
+        self._context = Context(
+            *(clock, settings, status, safety, goals, locomotion, start.files),
+            detours=start.detours,
+        )
         self._tree = self._build_tree(self._context)
         self._observe_base()
         if isinstance(self._request, Motion):
@@ -288,6 +294,8 @@ class PreviewRun:
 
     def _tick(self) -> None:
         context, intents = self._context, self._context.intents
+        if context.detours.advance():
+            return
         intents.clear()
         self._tree.tick()
         if context.goals.motion.active is None:
@@ -368,7 +376,9 @@ class PreviewRun:
         refusal = (
             check_arguments(request, settings, pose.point)
             or check_pose(request, pose, self._start.uncertainty, settings)
-            or check_request(request, pose, settings, self._context.status.obstacles)
+            or check_request(
+                request, pose, settings, self._context.status.obstacles, self._context.detours
+            )
         )
         if refusal is not None:
             self._refuse(refusal)

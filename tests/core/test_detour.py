@@ -3,7 +3,7 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot
+from math import cos, hypot, pi, sin
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -13,11 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.checks import check_request, detoured_segments, path_check, path_of
+from executive.checks.path_check import best_detour
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.obstacles.detour import Detour, shortest_detour
+from executive.commands.lifecycle import Accepted
+from executive.obstacles.detour import DetourSearch, finish, search_detour
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
-from executive.values.geometry import Point, Pose
+from executive.values.geometry import STANDING, Point, Pose
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
@@ -101,17 +103,67 @@ def test_the_detour_of_a_command_is_searched_once_until_it_begins(
 ) -> None:
     searches: list[Point] = []
 
-    def counted(start: Point, *rest: Any) -> Detour:
+    def counted(start: Point, *rest: Any) -> DetourSearch:
         searches.append(start)
-        return shortest_detour(start, *rest)
+        return search_detour(start, *rest)
 
-    monkeypatch.setattr(path_check, "shortest_detour", counted)
+    monkeypatch.setattr(path_check, "search_detour", counted)
     zones = Zones(rocks=(KnownRock("searched once", 2.0, 0.1, 0.3),))
     with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:
         bench.submit(MoveTo(Waypoint(4.0, 0.0)), 1)
         bench.run(0.2)
         assert bench.rover.velocity.rotate_radps != 0.0
         assert searches == [Point(0.0, 0.0)]
+
+
+def crowd(seed: int) -> tuple[Zones, Waypoint]:
+    """Return ten zones of ten sides and twenty rocks, and a target among them."""
+    draw = Random(seed)
+    found: list[tuple[float, float, float]] = []
+    while len(found) < 30:
+        corner = len(found) < 10
+        x_m, y_m = draw.uniform(-2.0, 14.0), draw.uniform(-7.0, 7.0)
+        radius_m = draw.uniform(0.3, 0.9) if corner else draw.uniform(0.1, 0.4)
+        if hypot(x_m, y_m) > radius_m + 1.0:
+            found.append((x_m, y_m, radius_m))
+    angles = [2 * pi * index / 10 for index in range(10)]
+    areas = tuple(
+        KeepOut(f"z{i}", tuple((x_m + r_m * cos(at), y_m + r_m * sin(at)) for at in angles))
+        for i, (x_m, y_m, r_m) in enumerate(found[:10])
+    )
+    rocks = tuple(KnownRock(f"r{i}", *each) for i, each in enumerate(found[10:]))
+    target = Waypoint(draw.uniform(8.0, 12.0), draw.uniform(-5.0, 5.0))
+    return Zones(keep_out=areas, rocks=rocks), target
+
+
+def test_during_a_long_search_the_rover_is_stationary(tmp_path: Path) -> None:
+    zones, target = crowd(3)
+    asset = replace(WATCHED, zones=zones)
+    corners = best_detour(target, Pose(), asset, zones, None)
+    assert corners
+    with Bench(tmp_path, asset) as bench:
+        assert isinstance(bench.submit(MoveTo(target), 1), Accepted)
+        ticks = 0
+        while bench.stages(1)[-1] is not Stage.PROGRESS:
+            assert bench.rover.velocity == STANDING
+            bench.step()
+            ticks += 1
+        assert ticks > 3
+        listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in corners)
+        assert bench.last(1).text == f"detour around obstacles by {listing}"
+
+
+def test_a_search_takes_turns_of_the_core_between_ticks(tmp_path: Path) -> None:
+    zones, target = crowd(3)
+    woken: list[bool] = []
+    with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:
+        bench.executive.wake = lambda: woken.append(True)
+        bench.submit(MoveTo(target), 1)
+        while woken:
+            woken.clear()
+            bench.executive.serve_inbox()
+        bench.step()
+        assert bench.stages(1)[-1] is Stage.PROGRESS
 
 
 def test_without_a_free_path_the_blocking_obstacle_is_named() -> None:
@@ -142,9 +194,8 @@ def test_a_path_is_driven_as_it_is_given() -> None:
 
 def test_a_detour_is_the_shortest_path_except_at_its_corners() -> None:
     rock = KnownRock("boulder", 3.0, 0.1, 0.5)
-    path = shortest_detour(
-        Point(0.0, 0.0), Point(6.0, 0.0), Zones(rocks=(rock,)), 0.5, lambda _: True
-    )
+    ends = Point(0.0, 0.0), Point(6.0, 0.0)
+    path = finish(search_detour(*ends, Zones(rocks=(rock,)), 0.5, lambda _: True))
     assert path.reaches_goal
     assert path.corners == ()
     zones = Zones(rocks=(rock,))
@@ -152,7 +203,7 @@ def test_a_detour_is_the_shortest_path_except_at_its_corners() -> None:
     def leads(position: Point) -> bool:
         return rock.clearance_m(Point(0.0, 0.0), position) >= 0.5
 
-    path = shortest_detour(Point(0.0, 0.0), Point(6.0, 0.0), zones, 0.5, leads)
+    path = finish(search_detour(*ends, zones, 0.5, leads))
     positions = [Point(0.0, 0.0), *path.corners, Point(6.0, 0.0)]
     assert all(position.y_m < 0.0 for position in path.corners)
     assert sum(a.distance_m(b) for a, b in pairwise(positions)) < 6.0 + 0.35
