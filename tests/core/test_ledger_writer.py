@@ -290,7 +290,7 @@ def test_abandon_ends_the_thread_though_batches_wait(gated: Ledger) -> None:
     end = threading.Thread(target=gated.writer.abandon, daemon=True)
     end.start()
     Gate.open_gate.set()
-    end.join(10)
+    end.join(60)
     assert not end.is_alive()
     assert [each.sequence for each in gated.reports()] == [1]
 

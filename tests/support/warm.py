@@ -11,12 +11,14 @@ import runpy
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
+
+from sim.processes.children import ChildProcess
 
 _FORKING: Final = multiprocessing.get_context("forkserver")
 _FORKING.set_forkserver_preload(["tests.support.warm_imports"])
@@ -29,10 +31,22 @@ def _scripts() -> dict[str, str]:
 
 
 class WarmProcess:
-    """A forked process with the methods of `subprocess.Popen` that tests need."""
+    """A forked process with the methods of `subprocess.Popen` that tests need.
 
-    def __init__(self, entry: str, command: Sequence[str], log: Path, cwd: Path | None) -> None:
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    Args:
+        entry, command: as `entry_of` returns them.
+        environment: in place of that of this process.
+    """
+
+    def __init__(
+        self,
+        entry: str,
+        command: Sequence[str],
+        log: Path,
+        cwd: Path | None,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        environment = {**(environment or os.environ), "PYTHONUNBUFFERED": "1"}
         arguments = (entry, list(command), log, cwd or Path.cwd(), environment)
         self._process = _FORKING.Process(target=_run, args=arguments)
         self._process.start()
@@ -53,8 +67,19 @@ class WarmProcess:
         if self.poll() is None:
             os.kill(self.pid, number)
 
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
+
+
+def start_child(child: ChildProcess) -> WarmProcess:
+    """Do what `ChildProcess._start` does; the process is the first of a group of its own."""
+    child._log_start = child.log.stat().st_size
+    entry = entry_of(child._command)
+    assert entry is not None
+    return WarmProcess(*entry, child.log, None, child._environment)
 
 
 def entry_of(command: Sequence[str]) -> tuple[str, Sequence[str]] | None:
@@ -85,6 +110,7 @@ def _run(entry: str, command: list[str], log: Path, cwd: Path, environment: dict
         os.dup2(opened, descriptor)
         os.close(opened)
     os.dup2(1, 2)
+    os.setpgid(0, 0)
     sys.stdout, sys.stderr = (os.fdopen(fd, "w", buffering=1, closefd=False) for fd in (1, 2))
     os.chdir(cwd)
     os.environ.clear()

@@ -8,6 +8,7 @@ from typing import Final
 PROCESSES: Final = (
     "adapters.onboard.service",
     "sim.ros.service",
+    "adapters.relay.orbiter.process",
     "adapters.relay.rover.process",
     "adapters.mocup.brick.process",
     "adapters.mocup.brick.service",
