@@ -6,6 +6,7 @@ stops and ends of motion on friction 0.05 to 0.2 ended EXECUTED at up to 1.2 m/s
 and gyro show standstill while locked wheels slide.
 """
 
+from collections import deque
 from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
@@ -43,6 +44,8 @@ UNLEARNT_MPS2: Final = 0.3
 """The same, and the maximum bias: four standard deviations of a bias not learnt yet."""
 RELEARN_S: Final = 10.0
 """Rest after which a bias that changed by more than that is learnt again."""
+MAX_WAITING: Final = 50
+"""Number of wheel velocities that wait for inertial measurements: one second of 50 Hz."""
 LEVEL_RAD: Final = 0.03
 """Maximum slope where friction of 0.05 brakes a sliding rover by three times `STILL_MPS2`."""
 
@@ -66,16 +69,18 @@ class InertialVelocity:
         self._offset = self._bias = (0.0, 0.0)
         self._learnt_s = self._turning_mps = self._sparse_mps = 0.0
         self._level = self._rests = self._unfelt = False
+        self._waiting: deque[tuple[float, Velocity]] = deque(maxlen=MAX_WAITING)
         self._compared_s = self._rolled_s = self._apart_at_s = -inf
         self.apart_s = self.from_mps = self.slid_m = 0.0
 
-    def feel(self, fact: Imu, time_s: float, resting: bool) -> None:
+    def feel(self, fact: Imu, time_s: float, resting: bool, *, lost: bool = False) -> None:
         """Add a message measured at a time.
 
         Args:
             fact: the message.
             time_s: that time.
             resting: whether zero velocity has been commanded for `REST_S`.
+            lost: whether messages before it are missing.
         """
         pitch_rad, roll_rad = fact.pitch_rad, fact.roll_rad
         ahead_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(pitch_rad)
@@ -96,11 +101,26 @@ class InertialVelocity:
         self._rates = rates
         if self._sums is not before:  # a gap: the velocity is assumed to be unchanged
             self._offset = _turned(*velocity, -heading_rad)
+        if lost or self._sums is not before:  # velocities in the gap have no counterpart
             self._unfelt = not self.apart_s
+            self._waiting.clear()
+        self._compare_waiting()
 
     def roll(self, velocity: Velocity, time_s: float) -> None:
-        """Compare with the velocity of the wheels at a time."""
-        time_s = min(time_s, self._sums.time_s)
+        """Compare with the velocity of the wheels at a time, once it has been measured.
+
+        The two arrive independently of each other: a wheel velocity that is compared with an
+        inertial measurement of 0.1 s before differs by the acceleration of that time.
+        """
+        self._waiting.append((time_s, velocity))
+        self._compare_waiting()
+
+    def _compare_waiting(self) -> None:
+        while self._waiting and self._waiting[0][0] <= self._sums.time_s:
+            time_s, velocity = self._waiting.popleft()
+            self._compare(velocity, time_s)
+
+    def _compare(self, velocity: Velocity, time_s: float) -> None:
         if time_s <= self._compared_s or not self._sums.covers(time_s):
             return
         # After a gap moving wheels are trusted; stationary ones may have locked during it.

@@ -214,7 +214,8 @@ class MotionHistory:
                 time_s = self._time_s(fact, now_s)
                 self.inertia.observe(fact, time_s, self._travel_mps, self._resting(time_s))
                 if self.over_ground is not None:
-                    self.over_ground.feel(fact, time_s, self.standing_since_s <= time_s - REST_S)
+                    resting = self.standing_since_s <= time_s - REST_S
+                    self.over_ground.feel(fact, time_s, resting, lost=self.inertia.lost)
             case SecondOdometry() if self.second is not None:
                 sighting = self._sighting(fact, self._time_s(fact, now_s))
                 self.second.observe(fact, sighting, now_s)

@@ -144,10 +144,12 @@ class ImuHistory:
         bias_radps: of the yaw rate, learnt while the wheels are stationary.
         bias_error_radps: its maximum error.
         gaps: its gaps.
+        lost: whether messages before the newest are missing.
     """
 
     def __init__(self, slip: SlipSettings) -> None:
         self._slip = slip
+        self.lost = False
         self.sums = Channel(len(InertialSums._fields))
         self.newest: Imu | None = None
         self.leans = self.feels = True
@@ -192,7 +194,9 @@ class ImuHistory:
         step_s = time_s - self.sums.time_s
         self._period.observe(step_s)
         fastest_radps = max(abs(self._rates.turn_rad), abs(rate_radps))
-        self.gaps.observe(time_s, self._period.gap_s(step_s), 0.0, fastest_radps)
+        gap_s = self._period.gap_s(step_s)
+        self.lost = gap_s > 0.0
+        self.gaps.observe(time_s, gap_s, 0.0, fastest_radps)
         self.sums = extend_channel(self.sums, time_s, self._rates, rates)
         self._rates, self.newest = rates, fact
         rest = self.sums.increase_between(time_s - REST_S, time_s) if resting else None

@@ -29,7 +29,9 @@ FORGETTING: Final = 0.998
 TURN_M: Final = 0.2
 """Weight of a rate relative to a speed."""
 SAME_M2PS2: Final = 4e-6
-"""Square of a difference that a momentary twist may have; such messages are ignored."""
+"""Square of a difference that a momentary twist may have; such messages are ignored. While the
+twist counts as momentary, so are those with less change of the twist over all steps: at rest a mean
+over many steps fits the noise of the pose."""
 KNOWN_M2PS2: Final = 2e-3
 """Minimum sum of the squares of a momentary twist, for another one to be taken."""
 KNOWN_MESSAGES: Final = 6
@@ -57,6 +59,7 @@ class TwistDelay:
         self._declared = declared_s is not None
         self.delay_s = declared_s or 0.0
         self._poses: deque[tuple[float, float, float]] = deque(maxlen=_POSES)
+        self._twists: deque[Velocity] = deque(maxlen=_POSES)
         self._errors = [0.0] * len(TWIST_KINDS)
         self._messages = 0
 
@@ -74,9 +77,13 @@ class TwistDelay:
         """
         if self._declared:
             return
-        poses = self._poses
+        poses, twists = self._poses, self._twists
         poses.append((time_s, distance_m, turn_rad))
+        twists.append(velocity)
         if len(poses) < _POSES or self._error(_MOMENTARY, velocity) <= SAME_M2PS2:
+            return
+        changed = _square(velocity, twists[0].travel_mps, twists[0].rotate_radps) > SAME_M2PS2
+        if not (changed or self.delay_s):
             return
         self._messages += 1
         self._errors = [
@@ -94,11 +101,14 @@ class TwistDelay:
     def _error(self, kind: TwistKind, velocity: Velocity) -> float:
         last, first = self._poses[-1 - kind.behind], self._poses[-1 - kind.behind - kind.steps]
         span_s = last[0] - first[0]
-        off_mps = velocity.travel_mps - (last[1] - first[1]) / span_s
-        off_radps = velocity.rotate_radps - (last[2] - first[2]) / span_s
-        return off_mps * off_mps + (TURN_M * off_radps) ** 2
+        return _square(velocity, (last[1] - first[1]) / span_s, (last[2] - first[2]) / span_s)
 
     @property
     def shifts_s(self) -> tuple[float, ...]:
         """The shifts of the motion of the pose, for comparison."""
         return tuple(self.delay_s * part / SHIFTS for part in range(SHIFTS + 1))
+
+
+def _square(velocity: Velocity, travel_mps: float, rotate_radps: float) -> float:
+    off_radps = TURN_M * (velocity.rotate_radps - rotate_radps)
+    return (velocity.travel_mps - travel_mps) ** 2 + off_radps * off_radps

@@ -20,6 +20,8 @@ class Rover:
         pitch_rad: nose down is positive, as the ground is below it.
         heard: whether the IMU is received.
         received, cycle: the steps of a cycle with a message, and its length.
+        burst: number of messages that arrive at once.
+        rolls: number of steps between two velocities of the wheels.
     """
 
     def __init__(self, pitch_rad: float = 0.0, bias_mps2: float = 0.08) -> None:
@@ -30,6 +32,8 @@ class Rover:
         self.aside_mps2 = 0.0
         self.heard = True
         self.received, self.cycle, self._steps = {0}, 1, 0
+        self.rolls, self._felt_s = 2, 10.0
+        self.burst, self._delayed = 1, list[tuple[Imu, bool]]()
         self.go(1.0)
 
     def go(
@@ -49,8 +53,14 @@ class Rover:
             )
             self._steps += 1
             if self.heard and self._steps % self.cycle in self.received:
-                self.felt.feel(fact, self.now_s, resting=abs(self.wheels_mps) < 1e-9)
-            if step % 2:
+                self._delayed.append((fact, abs(self.wheels_mps) < 1e-9))
+            if len(self._delayed) >= self.burst:
+                for fact, resting in self._delayed:
+                    lost = fact.stamp_s - self._felt_s > 0.06
+                    self.felt.feel(fact, fact.stamp_s, resting, lost=lost and self.cycle == 1)
+                    self._felt_s = fact.stamp_s
+                self._delayed.clear()
+            if step % self.rolls == self.rolls - 1:
                 self.felt.roll(Velocity(self.wheels_mps, 0.0), self.now_s)
 
     def lock(self) -> None:
@@ -111,6 +121,34 @@ def test_an_imu_of_20_hz_with_lost_messages_shows_no_slide() -> None:
         rover.go(0.33, -1.0)
         rover.go(0.37)
     assert rover.felt.slid_m == 0.0
+
+
+@pytest.mark.parametrize(("burst", "rolls"), [(5, 2), (12, 7), (25, 12)])
+def test_measurements_after_the_odometry_are_no_slide(burst: int, rolls: int) -> None:
+    rover = Rover()
+    rover.burst, rover.rolls = burst, rolls
+    for _ in range(20):
+        rover.go(0.33, 1.0)
+        rover.go(0.41)
+        rover.go(0.33, -1.0)
+        rover.go(0.37)
+    assert rover.felt.slid_m == 0.0
+    rover.go(1.0, 1.0)
+    rover.lock()
+    rover.brake(0.05, 1.0)
+    assert not rover.motion.is_standing
+    assert rover.felt.slid_m > 0.5
+
+
+@pytest.mark.parametrize("lost_s", [0.1, 0.25, 0.4])
+def test_a_start_during_lost_measurements_is_no_slide(lost_s: float) -> None:
+    rover = Rover()
+    rover.received = set()
+    rover.go(lost_s, 1.0)
+    rover.received = {0}
+    rover.go(1.0)
+    assert rover.felt.slid_m == 0.0
+    assert rover.motion.figures[0].value == pytest.approx(lost_s, abs=0.02)
 
 
 def test_an_imu_of_20_hz_shows_a_slide() -> None:

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from executive.faults import Reaction
+from executive.safety.twist_delay import TwistDelay
 from executive.settings import OdometrySettings, Settings, load_settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
-from tests.support.odometry_drive import TICK_S, Change, Driver, asset, begun, watched
+from tests.support.odometry_drive import TICK_S, Change, Driver, asset, begun, motion, watched
 
 AHEAD = ((4.0, 0.0, 0.0), (6.0, 0.8, 0.0))
 FROM_S = 7.0
@@ -206,6 +207,14 @@ def test_no_circle_at_rest_is_missed_that_leads_away() -> None:
     at_s, name = begun(moving_asset(), Driver(50.0), REST, from_s=4.0, wrong=circling)[0]
     assert name == "uncommanded_travel"
     assert at_s - 4.0 <= 1.0
+
+
+@pytest.mark.parametrize("noise_m", [0.00005, 0.002])
+def test_noise_at_rest_is_no_twist_delay(noise_m: float) -> None:
+    twist = TwistDelay()
+    for at_s, fact in Driver(50.0, noise_m=noise_m).publish(motion(REST)):
+        twist.observe(at_s, fact.pose.x_m, fact.pose.heading_rad, fact.velocity, 0.02)
+    assert twist.delay_s == 0.0
 
 
 def moving_asset() -> Settings:
