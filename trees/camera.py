@@ -4,9 +4,8 @@ from py_trees.common import Status
 
 from executive.commands import MoveCameraAngles, SetCameraAngles
 from executive.goals import Context, Goal, GoalQueue
-from executive.safety import frame_fault
 from executive.state import store_picture
-from executive.values.facts import CameraAngles, Source
+from executive.values.facts import CameraAngles, Source, frame_fault
 from executive.values.ports import CameraIntent
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal

@@ -1,6 +1,6 @@
 """Calibration: fits a rover's response to commands to a recorded drive, for its settings.
 
-    settings ─> pattern ─> a plan, driven and recorded ─> drive_log ─> fit ─> figures of the YAML
+    settings ─> plan_xml, driven and recorded ─> drive_log ─> fit ─> figures of the YAML
 
 The models are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (the extra `sim`).
 docs/controllers.md shows its use.
@@ -8,9 +8,9 @@ docs/controllers.md shows its use.
 
 from adapters.calibration.drive_log import DriveLog as DriveLog
 from adapters.calibration.drive_log import drive_of as drive_of
+from adapters.calibration.drive_log import plan_xml as plan_xml
 from adapters.calibration.drive_log import read_drive as read_drive
 from adapters.calibration.fit import Calibration as Calibration
 from adapters.calibration.fit import CalibrationError as CalibrationError
 from adapters.calibration.fit import Fitted as Fitted
 from adapters.calibration.fit import calibrate as calibrate
-from adapters.calibration.pattern import plan_xml as plan_xml

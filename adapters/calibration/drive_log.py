@@ -1,9 +1,10 @@
-"""`read_drive` reads a recording or a bag: commands, odometry, wheels, the rover's true pose."""
+"""The drive of a calibration: `plan_xml` plans it, `read_drive` reads its recording or bag."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from executive.core.recording import (
     Truth,
     VelocityCommanded,
 )
-from executive.settings import Settings
+from executive.settings import DriveLimits, Settings
 from executive.values.facts import Joints, Odometry, SecondOdometry
 from executive.values.geometry import STANDING, Pose, Velocity
 
@@ -179,3 +180,49 @@ class _DriveLogReader:
 def _poses(rows: list[tuple[float, Pose]]) -> PoseSeries:
     table = np.array([(time_s, pose.x_m, pose.y_m, pose.heading_rad) for time_s, pose in rows])
     return PoseSeries(table[:, 0], table[:, 1], table[:, 2], np.unwrap(table[:, 3]))
+
+
+PATTERN: Final = (
+    # Spins, lines, and arcs in both directions at several speeds, as (travel, rotate, seconds).
+    *((0.0, rotate, 2.5) for rotate in (0.3, -0.7, 1.0, -1.0)),
+    *((travel, 0.0, 2.0) for travel in (0.5, -0.5, 1.0, -1.0)),
+    *(
+        (direction * travel, rotate, 3.0)
+        for travel, rotate in (
+            *((0.3, 0.4), (0.3, -1.0), (0.6, 0.7), (0.6, -1.0)),
+            *((1.0, 0.3), (1.0, -0.7), (1.0, 1.0), (1.0, -1.0)),
+        )
+        for direction in (1.0, -1.0)
+    ),
+)
+"""Velocities as fractions of the asset's limits, with the duration of each."""
+DEADLINE_S: Final = 15.0
+
+
+def plan_xml(drive: DriveLimits) -> str:
+    """Return the pattern as a plan for a rover with these limits.
+
+    A drive that ends off target, as on a rover not yet calibrated, is also usable: the plan
+    continues.
+    """
+    root = ElementTree.Element("root", BTCPP_format="4", main_tree_to_execute="Calibration")
+    tree = ElementTree.SubElement(root, "BehaviorTree", ID="Calibration")
+    sequence = ElementTree.SubElement(tree, "Sequence")
+    for travel, rotate, duration_s in PATTERN:
+        either = ElementTree.SubElement(sequence, "Fallback")
+        ElementTree.SubElement(
+            either,
+            "drive",
+            travel=f"{travel * drive.travel_speed_mps:g}",
+            rotate=f"{rotate * drive.rotate_speed_radps:g}",
+            duration=f"{duration_s:g}",
+            deadline_s=f"{DEADLINE_S:g}",
+        )
+        ElementTree.SubElement(
+            either,
+            "setTravelSpeed",
+            speed=f"{drive.travel_speed_mps:g}",
+            deadline_s=f"{DEADLINE_S:g}",
+        )
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

@@ -36,7 +36,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.record import Grant
+from executive.core.authority import Grant
 from executive.settings import AuthoritySettings
 from executive.values.clock import Clock
 from executive.values.facts import (

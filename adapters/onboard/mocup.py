@@ -26,7 +26,8 @@ from adapters.ros import (
     declare_topic,
     publish_heartbeat,
 )
-from executive.record import AuthorityRecord, Ledger, LedgerError
+from executive.core.authority import AuthorityRecord
+from executive.record import Ledger, LedgerError
 from executive.settings import Settings
 from executive.values.clock import Clock
 from executive.values.facts import Fact

@@ -9,11 +9,11 @@ from adapters.process.command import asset_option as asset_option
 from adapters.process.command import data_option as data_option
 from adapters.process.command import default_folder as default_folder
 from adapters.process.command import exclusive as exclusive
+from adapters.process.command import guard_output as guard_output
 from adapters.process.command import log_level_option as log_level_option
+from adapters.process.command import log_to_stderr as log_to_stderr
 from adapters.process.command import process as process
 from adapters.process.command import termination_event as termination_event
-from adapters.process.output import guard_output as guard_output
-from adapters.process.output import log_to_stderr as log_to_stderr
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import require as require
 from adapters.process.usage import ResourceMonitor as ResourceMonitor

@@ -35,9 +35,8 @@ from executive.core.recording import (
     TreeChanged,
     Truth,
 )
-from executive.safety import END_WITHIN
 from executive.settings import Settings, structure, unstructure
-from executive.values.facts import Fact, Frame
+from executive.values.facts import END_WITHIN, Fact, Frame
 from executive.values.reasons import Reason, UnknownReason
 from trees import NodeStatus
 

@@ -50,7 +50,7 @@ from adapters.ros.rover import RosMux as RosMux
 from adapters.ros.rover import RosRover as RosRover
 from adapters.ros.rover import RosVelocityRover as RosVelocityRover
 from adapters.ros.rover import Subscribe as Subscribe
-from adapters.ros.sensor_messages import WheelJoints as WheelJoints
-from adapters.ros.sensor_messages import sensor_message as sensor_message
 from adapters.ros.sensors import SensorTopics as SensorTopics
+from adapters.ros.sensors import WheelJoints as WheelJoints
 from adapters.ros.sensors import declare_sensor_topics as declare_sensor_topics
+from adapters.ros.sensors import sensor_message as sensor_message

@@ -33,8 +33,7 @@ from adapters.ros.robot_model import (
     static_transforms,
     urdf,
 )
-from adapters.ros.sensor_messages import sensor_message
-from adapters.ros.sensors import declare_sensor_topics
+from adapters.ros.sensors import declare_sensor_topics, sensor_message
 from adapters.ros.tree_topic import TREE_TOPIC, to_json
 from executive.core.recording import (
     FactObserved,

@@ -29,11 +29,10 @@ from adapters.ros.conversions import (
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.emergency_stop import RobotEmergencyStop
 from adapters.ros.parameters import TF_MESSAGE, Topic, Topics, declare_flag, declare_rate
-from adapters.ros.received_data import ReceivedData
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
 from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
-from adapters.ros.subscription import TopicSubscription
+from adapters.ros.subscription import ReceivedData, TopicSubscription
 from adapters.ros.transforms import Transforms
 from adapters.ros.tree_topic import TreePublisher
 from executive.commands import Command, Mode, Stop

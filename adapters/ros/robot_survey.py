@@ -19,7 +19,7 @@ from adapters.ros.context import ros_node, single_threaded, steady_timer
 from adapters.ros.conversions import MessageError, frame_fact, odometry_fact, stamp_s
 from adapters.ros.parameters import type_name
 from adapters.ros.rover import NAME_UNKNOWN
-from adapters.ros.sensor_messages import WheelJoints, imu_fact, joints_fact
+from adapters.ros.sensors import WheelJoints, imu_fact, joints_fact
 from executive.values.reports import printable
 
 POLL_S: Final = 0.25

@@ -15,7 +15,7 @@ from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import check_localized
 from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
-from executive.core.authority import Authority, AuthorityRequest, AuthorityState
+from executive.core.authority import Authority, AuthorityRecord, AuthorityRequest, AuthorityState
 from executive.core.commits import Commits, open_stop_latch
 from executive.core.dispatcher import Dispatcher, ledger_refusal
 from executive.core.inbox import MAX_ITEMS_PER_TURN, Inbox, Query, Submission
@@ -40,14 +40,7 @@ from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.plans import Planner, check_plan
 from executive.preview import Predictor, PreviewRun
-from executive.record import (
-    AuthorityRecord,
-    Ledger,
-    LedgerError,
-    LedgerRetention,
-    Notifications,
-    PlanStore,
-)
+from executive.record import Ledger, LedgerError, LedgerRetention, Notifications, PlanStore
 from executive.safety import FaultMonitor, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, Status, Telemetry

@@ -1,7 +1,5 @@
 """Durable records, in SQLite: commands and reports (the ledger), plans, pose, authority, relay."""
 
-from executive.record.authority_record import AuthorityRecord as AuthorityRecord
-from executive.record.authority_record import Grant as Grant
 from executive.record.database import Connect as Connect
 from executive.record.database import Database as Database
 from executive.record.database import LedgerError as LedgerError

@@ -1,7 +1,5 @@
 """Fault monitors: which faults are detected, and when a fault begins and ends."""
 
-from executive.safety.camera_checks import END_WITHIN as END_WITHIN
-from executive.safety.camera_checks import frame_fault as frame_fault
 from executive.safety.channel import Channel as Channel
 from executive.safety.coverage import unmonitored as unmonitored
 from executive.safety.evidence import Evidence as Evidence

@@ -149,8 +149,7 @@ def demo(
             )
             # Imported while the processes start: these imports take as long as theirs.
             from sim.demo.display import make_console
-            from sim.demo.outcome import show_outcome
-            from sim.demo.session import play
+            from sim.demo.session import play, show_outcome
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.calibration import calibrate, drive_of
-from adapters.calibration.pattern import PATTERN
+from adapters.calibration.drive_log import PATTERN
 from executive.settings import Settings, load_settings
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose, Velocity

@@ -11,7 +11,7 @@ from adapters.bundle.links.contact import Contact, ContactPlan
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from sim.demo.display import LineDisplay
-from sim.demo.outcome import by_both, late_ticks, odometry_late
+from sim.demo.session import by_both, late_ticks, odometry_late
 from sim.scenario.expect_commands import LifecycleExpectation
 from sim.scenario.model import RunMode
 from sim.scenario.pictures import passage_lane, queue_figures

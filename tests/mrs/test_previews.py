@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mal import Consumer, MalError
-from adapters.mrs.aboard import preview_service
+from adapters.mrs.aboard import query_services
 from adapters.mrs.cli.preview_command import preview as preview_group
 from adapters.mrs.cli.preview_command import preview_lines
 from adapters.mrs.ground import MrsClient
@@ -111,7 +111,7 @@ def test_parts_that_are_no_motion_are_refused(requested: PreviewRequest, message
 
 async def test_concurrent_previews_are_bounded(consumer: Consumer) -> None:
     requested = ("MotionControl", "preview", "moveForward", None, (3.0,), None)
-    maximum = preview_service.MAX_CONCURRENT
+    maximum = query_services.MAX_CONCURRENT
     first = [asyncio.create_task(consumer.request(*requested)) for _ in range(maximum)]
     await asyncio.sleep(0)
     with raises(AreaError.BUSY.value):
@@ -125,7 +125,7 @@ async def test_a_preview_that_takes_too_long_is_aborted(
     client: MrsClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(preview_service, "MAX_PREVIEW_S", 0.0)
+        patch.setattr(query_services, "MAX_PREVIEW_S", 0.0)
         with pytest.raises(MalError, match="was not computed within 0 s") as refused:
             await client.preview(MoveForward(1.0))
     assert refused.value.number == AreaError.BUSY.value
@@ -202,8 +202,8 @@ async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsCli
 def test_a_preview_may_take_longer_than_other_answers(
     running: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preview_service, "PAUSE_S", 1.2)
-    monkeypatch.setattr(preview_service, "SLICE_TICKS", 10_000)
+    monkeypatch.setattr(query_services, "PAUSE_S", 1.2)
+    monkeypatch.setattr(query_services, "SLICE_TICKS", 10_000)
 
     async def previewed() -> PlanPreview:
         async with await MrsClient.connect(running.uri, timeout_s=1.0) as client:

@@ -12,7 +12,7 @@ import pytest
 from adapters.mal import Codec, Header, MalUri, Subscription, connection, encode_message
 from adapters.mal import InteractionStage as SduStage
 from adapters.mal.codec import decode_message
-from adapters.mrs.aboard import tree_service
+from adapters.mrs.aboard import query_services
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     Notification,
@@ -201,9 +201,9 @@ def test_one_that_reads_late_has_the_tree_as_it_is_all_the_same(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection, "DROPPABLE_CAP", 8)
-    monkeypatch.setattr(tree_service, "snapshot_of", much)
+    monkeypatch.setattr(query_services, "snapshot_of", much)
     for name in ("POLL_S", "FIGURES_ONLY_S", "FULL_UPDATE_S"):
-        monkeypatch.setattr(tree_service, name, 0.0)
+        monkeypatch.setattr(query_services, name, 0.0)
 
     async def watch(client: MrsClient) -> TreeSnapshot:
         trees = await client.tree_snapshots()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from adapters.mal import Consumer, Subscription, UpdateHeader
-from adapters.mrs.aboard import tree_service
+from adapters.mrs.aboard import query_services
 from adapters.mrs.ground import MrsClient, Stream
 from adapters.mrs.spec import AreaError, TreeUpdate
 from adapters.mrs.spec.tree_updates import change_update, snapshot_of_update, whole_update
@@ -36,8 +36,8 @@ async def seen(trees: Stream[TreeSnapshot], wanted: TreeSnapshot) -> None:
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the tree be looked at all the time, and told at once."""
-    monkeypatch.setattr(tree_service, "POLL_S", 0.0)
-    monkeypatch.setattr(tree_service, "FIGURES_ONLY_S", 0.0)
+    monkeypatch.setattr(query_services, "POLL_S", 0.0)
+    monkeypatch.setattr(query_services, "FIGURES_ONLY_S", 0.0)
 
 
 async def test_the_tree_is_published_completely_and_then_as_it_changes(
@@ -98,7 +98,7 @@ async def test_the_core_is_not_queried_without_subscribers(
         taken.append(1)
         return snapshot_of(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(tree_service, "snapshot_of", count)
+    monkeypatch.setattr(query_services, "snapshot_of", count)
     everything = ("Status", "monitorTree", Subscription(subscriptionId="all"))
     for _ in range(ROUND_TRIPS):
         await consumer.request("Status", "getStatus")
@@ -149,14 +149,14 @@ async def test_a_change_of_a_tree_that_did_not_arrive_is_ignored(
         changes.append(change_update(number + 1, whole, snapshot))
         return changes[-1]
 
-    monkeypatch.setattr(tree_service, "whole_update", stored)
-    monkeypatch.setattr(tree_service, "change_update", of_another)
+    monkeypatch.setattr(query_services, "whole_update", stored)
+    monkeypatch.setattr(query_services, "change_update", of_another)
     trees = await client.tree_snapshots()
     received = [await anext(trees)]
     aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
     while not changes:
         await client.get_pose()
-    monkeypatch.setattr(tree_service, "FULL_UPDATE_S", 0.0)
+    monkeypatch.setattr(query_services, "FULL_UPDATE_S", 0.0)
     aboard.run(STEP_S)
     while received[-1] != now(aboard):
         received.append(await anext(trees))

@@ -37,7 +37,7 @@ from adapters.ros import (
 )
 from adapters.ros.conversions import BatteryReader
 from adapters.ros.robot_model import ROBOT_DESCRIPTION, latched_qos
-from adapters.ros.sensor_messages import (
+from adapters.ros.sensors import (
     imu_message,
     joints_message,
     second_odometry_message,

@@ -17,7 +17,7 @@ from adapters.ros import (
     WheelJoints,
 )
 from adapters.ros.conversions import IgnoredMessageError
-from adapters.ros.sensor_messages import (
+from adapters.ros.sensors import (
     imu_fact,
     imu_message,
     joints_fact,

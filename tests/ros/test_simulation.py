@@ -27,7 +27,7 @@ from adapters.ros import (
     latched_qos,
 )
 from adapters.ros.conversions import joint_command
-from adapters.ros.sensor_messages import (
+from adapters.ros.sensors import (
     imu_fact,
     joints_fact,
     laser_fact,

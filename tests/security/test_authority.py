@@ -25,8 +25,7 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Accepted, Rejected
-from executive.core.authority import Authority, AuthorityState
-from executive.record import AuthorityRecord
+from executive.core.authority import Authority, AuthorityRecord, AuthorityState
 from executive.settings import AuthoritySettings, SettingsError, load_settings, structure
 from executive.values.facts import ExternalAuthorityUse
 from executive.values.geometry import STANDING

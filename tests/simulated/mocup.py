@@ -16,8 +16,9 @@ from adapters.mops import Message, RelayAuthority, decode, facts_of
 from adapters.mrs.link import MrsLink
 from adapters.relay.orbiter import RelayedRoverSettings
 from adapters.ros import HeartbeatMonitor
+from executive.core.authority import AuthorityRecord
 from executive.core.runner import Executive
-from executive.record import AuthorityRecord, Ledger, LedgerError
+from executive.record import Ledger, LedgerError
 from executive.settings import Settings
 from executive.values.facts import Fact
 from tests.simulated.brick import DICTIONARY, NAME, SimBrick, SimSession

@@ -6,8 +6,7 @@ import pytest
 
 from adapters.mops import RelayAuthority
 from executive.commands import MoveForward, SetTravelSpeed, Stop
-from executive.core.authority import Authority
-from executive.record import AuthorityRecord
+from executive.core.authority import Authority, AuthorityRecord
 from tests.simulated.authority_requests import RIVAL, Act, RequestAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm
 from tests.simulated.situations import CALM, MOCUP

@@ -16,8 +16,7 @@ from adapters.mocup.brick.record import BrickLink
 from adapters.mops import CommandConditions, authority_of, decode, messages_in
 from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Accepted
-from executive.core.authority import AuthorityState
-from executive.record import AuthorityRecord
+from executive.core.authority import AuthorityRecord, AuthorityState
 from executive.settings import MIN_REPORTS, AuthoritySettings, Settings
 from executive.values.facts import ExternalAuthorityUse
 from executive.values.ports import Downlink

@@ -15,10 +15,10 @@ from adapters.mrs.aboard.asset_services import page_size as page_size
 from adapters.mrs.aboard.asset_services import past_notifications as past_notifications
 from adapters.mrs.aboard.asset_services import present_values as present_values
 from adapters.mrs.aboard.asset_services import serve_commands as serve_commands
-from adapters.mrs.aboard.authority_service import serve_authority as serve_authority
 from adapters.mrs.aboard.file_services import FileServices as FileServices
 from adapters.mrs.aboard.gateway import CoreGateway as CoreGateway
-from adapters.mrs.aboard.history_service import HistoryService as HistoryService
-from adapters.mrs.aboard.preview_service import PreviewService as PreviewService
+from adapters.mrs.aboard.query_services import HistoryService as HistoryService
+from adapters.mrs.aboard.query_services import PreviewService as PreviewService
+from adapters.mrs.aboard.query_services import TreeService as TreeService
+from adapters.mrs.aboard.query_services import serve_authority as serve_authority
 from adapters.mrs.aboard.served_operations import ServedOperations as ServedOperations
-from adapters.mrs.aboard.tree_service import TreeService as TreeService

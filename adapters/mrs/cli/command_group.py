@@ -464,7 +464,7 @@ def resume(sender: "CommandSender") -> None:
     Example:
       rover resume
     """
-    from adapters.mrs.cli.resuming import request_to_resume
+    from adapters.mrs.cli.sending import request_to_resume
 
     sender.send_chosen(request_to_resume)
 

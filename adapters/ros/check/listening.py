@@ -23,8 +23,7 @@ from adapters.ros.conversions import (
 )
 from adapters.ros.parameters import Topic, Topics, declare_topics, type_name
 from adapters.ros.rover import GUARD_NAME
-from adapters.ros.sensor_messages import sensor_facts
-from adapters.ros.sensors import SensorTopics, declare_sensor_topics
+from adapters.ros.sensors import SensorTopics, declare_sensor_topics, sensor_facts
 from executive.settings import Settings
 from executive.values.facts import EmergencyStop, Imu, Joints, Odometry
 
