@@ -13,7 +13,7 @@ from typing import Final, assert_never
 
 from executive.commands import OWN_LINKS, RELAY_LINK, Command
 from executive.commands.intake import is_valid_source
-from executive.record.ledger import Ledger
+from executive.record import Ledger
 from executive.settings import AuthoritySettings
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
