@@ -41,6 +41,10 @@ class System(Protocol):
         """
         ...
 
+    def sync(self, database: Path) -> None:
+        """Return once all commits to an SQLite file in WAL mode are on the disk; raises OSError."""
+        ...
+
     def replace(self, path: Path, content: bytes) -> None:
         """Replace a file durably and atomically; raises OSError."""
         ...
@@ -73,6 +77,11 @@ def utc_ns(system: System) -> int:
     return round(system.utc_s() * 1e9)
 
 
+def wal_of(database: Path) -> Path:
+    """Return the write-ahead log of an SQLite file."""
+    return database.with_name(f"{database.name}-wal")
+
+
 class OperatingSystem:
     """The operating system of this process."""
 
@@ -84,6 +93,14 @@ class OperatingSystem:
     def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
         """Open an SQLite file without implicit transactions."""
         return sqlite3.connect(database, isolation_level=None, check_same_thread=not any_thread)
+
+    def sync(self, database: Path) -> None:
+        """Return once all commits to an SQLite file in WAL mode are on the disk."""
+        log = os.open(wal_of(database), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            os.fsync(log)
+        finally:
+            os.close(log)
 
     def replace(self, path: Path, content: bytes) -> None:
         """Replace a file durably and atomically."""

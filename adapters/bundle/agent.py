@@ -145,8 +145,8 @@ class _Session:
 class BundleAgent:
     """An agent with a session, an endpoint to send from and endpoints to receive at (thesis 6.3).
 
-    All work runs on the event loop of `open`. A commit blocks it for some milliseconds until
-    the disk has written. Give the agent a loop, and so a thread, without urgent work.
+    All work runs on the event loop of `open`, except the sync of the store on a thread: while the
+    disk works, the timers of the links run, and expedited bundles are sent and delivered.
 
     Args:
         settings: its EIDs and neighbours.
@@ -186,6 +186,7 @@ class BundleAgent:
         self._session: _Session | None = None
         self._arrived = asyncio.Event()
         self._settling = False
+        self._syncing: asyncio.Task[None] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._next_tick_s = self._next_poll_s = 0.0
         self._read = 0
@@ -334,6 +335,9 @@ class BundleAgent:
         if (session := self._session) is None:
             return
         await session.close()
+        if self._syncing is not None:
+            self._syncing.cancel()
+            await asyncio.wait((self._syncing,))
         session.node.transaction.commit()
         self._session = None
         if self._timer is not None:
@@ -433,7 +437,9 @@ class BundleAgent:
         try:
             if transaction.pending:
                 self._arrived.set()
-                transaction.commit()
+                transaction.write()
+            if transaction.unsynced and self._syncing is None:
+                self._syncing = asyncio.create_task(self._sync(session))
             self._run_timers(session)
             for link in session.links.values():
                 link.send_waiting()
@@ -447,6 +453,24 @@ class BundleAgent:
                 if self._timer is not None:
                     self._timer.cancel()
                 self._timer = asyncio.get_running_loop().call_at(next_s, self._due)
+
+    async def _sync(self, session: _Session) -> None:
+        """Sync the store on a thread, again after a failure; then run the callbacks."""
+        transaction = session.node.transaction
+        while True:
+            try:
+                transaction.begin_sync()
+                await asyncio.to_thread(session.node.database.sync)
+                break
+            except StoreError as error:
+                _LOG.error("%s", error)
+                await asyncio.sleep(_TICK_S)
+        self._syncing = None
+        transaction.end_sync()
+        await asyncio.sleep(0)  # tasks in `settle` run before the deliveries that follow
+        transaction.release()
+        self._arrived.set()
+        self._wake()
 
     def _due(self) -> None:
         self._timer = None

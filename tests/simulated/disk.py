@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _FREE_OCTETS: Final = 1 << 36
 _WAL_HEADER: Final = 32
 _FRAME_HEADER: Final = 24
+_SALT: Final = slice(32, 40)
 _CHANGES: Final = ("INSERT", "UPDATE", "DELETE")
 
 
@@ -136,6 +137,13 @@ class Disk:
             incarnation.require()
         return done
 
+    def sync(self, incarnation: "Incarnation", database: Path) -> None:
+        """Make the commits to a database survive a loss of power."""
+        incarnation.require()
+        for connection in incarnation.databases:
+            if connection.path == database.absolute():
+                connection.synced_frames = _frames(connection.path)
+
     def free_octets(self) -> int:
         """Return what is free."""
         return 0 if self.full else self.unfilled_octets
@@ -154,10 +162,13 @@ class Disk:
             log = saved / path.relative_to(folder).with_name(f"{path.name}-wal")
             index = path.with_name(f"{path.name}-shm")
             if log.exists() and index.exists():
-                self._cut(log, index)
+                self._cut(log, index, connection.synced_frames)
 
-    def _cut(self, log: Path, index: Path) -> None:
-        """Cut a log at any frame behind those that are in the file (SQLite's WAL-index format)."""
+    def _cut(self, log: Path, index: Path, synced: tuple[bytes, int]) -> None:
+        """Cut a log at any frame behind those that are in the file (SQLite's WAL-index format).
+
+        Those that were synced since the log began anew stay as well.
+        """
         with index.open("rb") as file:
             header = file.read(100)
         with log.open("rb") as file:
@@ -169,7 +180,9 @@ class Disk:
         (page_octets,) = struct.unpack_from(">I", log_header, 8)
         if last <= moved:
             return
-        frames = self._chance.randint(moved, last)
+        salt, synced_frames = synced
+        least = max(moved, synced_frames) if salt == header[_SALT] else moved
+        frames = self._chance.randint(least, last)
         os.truncate(log, _WAL_HEADER + frames * (_FRAME_HEADER + page_octets))
 
     def _fate(self, path: Path) -> Fate:
@@ -182,10 +195,12 @@ class SimConnection(sqlite3.Connection):
     Attributes:
         path: the file.
         synced: whether each commit is to survive loss of power.
+        synced_frames: frames of the log that do so anyway, with the salt of its beginning.
     """
 
     path: Path
     synced = True
+    synced_frames: tuple[bytes, int] = (b"", 0)
 
     def belong(self, disk: Disk, incarnation: "Incarnation", path: Path) -> None:
         """Know whose it is."""
@@ -217,6 +232,13 @@ class SimConnection(sqlite3.Connection):
     def run(self, sql: str) -> sqlite3.Cursor:
         """Run a statement on the real file."""
         return super().execute(sql)
+
+
+def _frames(database: Path) -> tuple[bytes, int]:
+    """Return the salt of a database's log, and how many frames it has (the WAL-index header)."""
+    with database.with_name(f"{database.name}-shm").open("rb") as file:
+        header = file.read(48)
+    return header[_SALT], struct.unpack_from("=I", header, 16)[0]
 
 
 def rows(path: Path, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:

@@ -267,13 +267,7 @@ def _admitted_without_commit() -> AbstractContextManager[object]:
 
 
 def _commits_not_synced() -> AbstractContextManager[object]:
-    opened = database._opened
-
-    def unsynced(db: Any) -> Any:
-        opened(db).execute("PRAGMA synchronous = OFF")
-        return db
-
-    return patch.object(database, "_opened", unsynced)
+    return patch.object(database.BundleDatabase, "sync", lambda _: None)
 
 
 def _later_by_a_step_back() -> AbstractContextManager[object]:

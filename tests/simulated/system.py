@@ -38,6 +38,10 @@ class SimSystem:
         """Open an SQLite file, whose commits go by the plan of the disk."""
         return self._process.disk.connect(self._incarnation, database)
 
+    def sync(self, database: Path) -> None:
+        """Make the commits to an SQLite file survive a loss of power."""
+        self._process.disk.sync(self._incarnation, database)
+
     def replace(self, path: Path, content: bytes) -> None:
         """Write a file anew."""
         self._process.disk.replace(self._incarnation, path, content)

@@ -1,6 +1,7 @@
 """A computer on whose disk no commit waits: what a test needs of a store but its durability."""
 
 import sqlite3
+import threading
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ class _Connection(sqlite3.Connection):
         return super().execute(sql, parameters)
 
 
-class _Unsynced(OperatingSystem):
+class Unsynced(OperatingSystem):
     def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
         return sqlite3.connect(
             database,
@@ -23,5 +24,23 @@ class _Unsynced(OperatingSystem):
             factory=_Connection,
         )
 
+    def sync(self, database: Path) -> None:
+        """Wait for nothing."""
 
-UNSYNCED: Final = _Unsynced()
+
+class HeldDisk(Unsynced):
+    """A computer with syncs that wait while its disk is held.
+
+    Attributes:
+        free: cleared to hold the disk.
+    """
+
+    def __init__(self) -> None:
+        self.free = threading.Event()
+        self.free.set()
+
+    def sync(self, database: Path) -> None:
+        assert self.free.wait(60)
+
+
+UNSYNCED: Final = Unsynced()

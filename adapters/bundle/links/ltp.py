@@ -197,6 +197,8 @@ class LtpEndpoint(DatagramEndpoint):
             if not database.count(_LAST_SESSION):  # peers may remember sessions of a lost store
                 chance = int.from_bytes(self._context.system.random_octets(4), "big")
                 database.reserve(_LAST_SESSION, chance % _FIRST_SESSIONS)
+            elif not self._next_session:  # a loss of power may have undone the last reservation
+                database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
             self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
             self._end_of_sessions = self._next_session + _SESSIONS_AT_ONCE
         self._next_session += 1

@@ -1,19 +1,20 @@
 """`BundleDatabase`: durable store of a bundle node, SQLite in write-ahead mode.
 
-Writes accumulate in one transaction until `commit`. Committed data survive `kill -9` and loss of
-power.
+Writes accumulate in one transaction until `commit`. Committed data survive `kill -9`, and loss of
+power after `sync`, which another thread may call: the node continues during it. A commit itself
+waits for the disk only when SQLite restarts the write-ahead log, once in `_MAX_LOG_OCTETS`.
 """
 
 import logging
 import sqlite3
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from adapters.bundle.codec.errors import StoreError, StoreFull
-from adapters.system import OPERATING_SYSTEM, System
+from adapters.system import OPERATING_SYSTEM, System, wal_of
 
 _LOG: Final = logging.getLogger(__name__)
 _SCHEMA: Final = """
@@ -50,6 +51,8 @@ CREATE TABLE IF NOT EXISTS fragments (
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
 """
 _MB: Final = 1_000_000
+_MAX_LOG_OCTETS: Final = 4 << 20
+"""Size of the write-ahead log above which `sync` moves it into the file."""
 _DISK_FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 
@@ -75,6 +78,7 @@ class BundleDatabase:
     The file and its folders are created if missing.
 
     Attributes:
+        durable: the last row ids of outbox and inbox that survive loss of power.
         full: whether new bundles are refused, by the latest measurement.
         free_octets: space for new bundles, by the latest measurement.
         capacity_octets: `free_octets` and the size of the content.
@@ -102,6 +106,8 @@ class BundleDatabase:
         self.free_octets = self.capacity_octets = self._spare_octets = 0
         self._failure: StoreError | None = None
         self.measure_free_space()
+        self.sync()
+        self.durable = self.last_ids()
 
     @property
     def gathering(self) -> bool:
@@ -158,6 +164,22 @@ class BundleDatabase:
             except sqlite3.Error as error:
                 raise self._undone(error) from error
         self.measure_free_space()
+
+    def sync(self) -> None:
+        """Return when all committed changes are on the disk; for any thread."""
+        try:
+            self._system.sync(self.path)
+            log = wal_of(self.path)
+            if log.exists() and log.stat().st_size > _MAX_LOG_OCTETS:
+                with closing(self._system.connect(self.path)) as other:
+                    other.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
+        except (OSError, sqlite3.Error) as error:
+            raise StoreError(f"bundle store {self.path}: {error}") from error
+
+    def last_ids(self) -> dict[str, int]:
+        """Return the last row ids of outbox and inbox."""
+        rows = self.read("SELECT name, seq FROM sqlite_sequence")
+        return {"outbox": 0, "inbox": 0, **dict(rows)}
 
     def rollback(self) -> None:
         """Roll back the pending changes, and clear the error state."""
@@ -253,8 +275,9 @@ class BundleDatabase:
 def _opened(db: sqlite3.Connection) -> sqlite3.Connection:
     try:
         db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = FULL")
-        db.execute("PRAGMA journal_size_limit = 4194304")
+        db.execute("PRAGMA synchronous = NORMAL")
+        db.execute("PRAGMA wal_autocheckpoint = 0")
+        db.execute("PRAGMA journal_size_limit = 0")
         db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)
     except sqlite3.Error:
@@ -269,15 +292,22 @@ class GroupCommit:
     Changes that may be rolled back go to the database at once. Changes that record an event that
     has already happened are marks: they are repeated until a commit succeeds.
 
+    A commit has two halves: `write` does not wait for the disk, and the callbacks wait until the
+    owner has synced the database, between `begin_sync` and `end_sync`.
+
     Attributes:
-        failing: whether the latest commit failed.
+        failing: whether the latest write failed.
+        unsynced: whether changes were written since `begin_sync`.
     """
 
     def __init__(self, database: BundleDatabase) -> None:
         self._database = database
         self._marks: list[Callable[[], None]] = []
         self._waiting: list[Callable[[StoreError | None], None]] = []
-        self.failing = False
+        self._written: list[Callable[[StoreError | None], None]] = []
+        self._syncing: list[Callable[[StoreError | None], None]] = []
+        self._ids = database.durable
+        self.failing = self.unsynced = False
 
     @property
     def pending(self) -> bool:
@@ -293,7 +323,33 @@ class GroupCommit:
         self._waiting.append(on_committed)
 
     def commit(self) -> None:
-        """Commit the pending changes, and run all callbacks, even if one raises."""
+        """Write and sync the pending changes, and run all callbacks."""
+        self.write()
+        self.begin_sync()
+        try:
+            self._database.sync()
+        except StoreError as error:
+            self.end_sync(error)
+        else:
+            self.end_sync()
+            self.release()
+
+    def begin_sync(self) -> None:
+        """Begin the sync of all written changes, including those of a failed sync."""
+        self._syncing, self._written, self.unsynced = self._syncing + self._written, [], False
+        self._ids = self._database.last_ids()
+
+    def end_sync(self, failure: StoreError | None = None) -> None:
+        """Run the callbacks of the sync that has ended, even if one raises."""
+        done, self._syncing = self._syncing, []
+        _run(done, failure)
+
+    def release(self) -> None:
+        """Let links and application have the bundles of the sync that has ended."""
+        self._database.durable = self._ids
+
+    def write(self) -> None:
+        """Write the pending changes; if that fails, run their callbacks, even if one raises."""
         failure: StoreError | None = None
         try:
             for write in self._marks:
@@ -307,6 +363,16 @@ class GroupCommit:
             _LOG.error("commit of the bundle store failed: %s", failure)
         self.failing = failure is not None
         waiting, self._waiting = self._waiting, []
-        with ExitStack() as callbacks:
-            for callback in reversed(waiting):
-                callbacks.callback(callback, failure)
+        if failure is not None:
+            _run(waiting, failure)
+            return
+        self._written += waiting
+        self.unsynced = True
+
+
+def _run(
+    callbacks: Iterable[Callable[[StoreError | None], None]], failure: StoreError | None
+) -> None:
+    with ExitStack() as stack:
+        for callback in reversed([*callbacks]):
+            stack.callback(callback, failure)

@@ -42,6 +42,8 @@ _LOG: Final = logging.getLogger(__name__)
 _LOG_PERIOD_MS: Final = 10_000
 _LAST_TIME: Final = "last creation time"
 _LAST_SEQUENCE: Final = "last creation sequence"
+_MAX_UNSYNCED: Final = 1000
+"""Bundles that may be sent during one sync of the disk; chosen, not measured."""
 _FLAGS: Final = {
     Assertion.RECEIVED: int(Flag.REPORT_RECEPTION),
     Assertion.FORWARDED: int(Flag.REPORT_FORWARDING),
@@ -117,8 +119,8 @@ class NodeContext:
     """State shared by the parts of a node: settings, store, clock, and the callback for notices.
 
     Creation timestamps never decrease, over restarts and when the clock steps back. The last one is
-    written in the transaction of its bundle. A timestamp lost in a crash may be reused: its bundle
-    was never sent.
+    written in the transaction of its bundle. Expedited bundles are sent before they are on the
+    disk, so a start omits the sequence numbers that a loss of power may have undone.
 
     `on_status` receives the delivery notices of own bundles, after their commit.
 
@@ -145,7 +147,8 @@ class NodeContext:
         pause_ms = {n.name: round(1000 * n.link.confirm_after_s) for n in settings.neighbours}
         self.outbox, self.inbox = Outbox(database, pause_ms), BundleInbox(database)
         self._on_status = on_status
-        self._last = Creation(database.count(_LAST_TIME), database.count(_LAST_SEQUENCE))
+        sequence = database.count(_LAST_SEQUENCE) + _MAX_UNSYNCED
+        self._last = Creation(database.count(_LAST_TIME), sequence)
         self._last_to_write = False
 
     def notify(self, identity: BundleId, status: DeliveryStatus) -> None:

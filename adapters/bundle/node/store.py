@@ -78,7 +78,7 @@ class Outbox:
 
     def __init__(self, database: BundleDatabase, pause_ms: Mapping[str, int]) -> None:
         self._db, self._pause_ms = database, pause_ms
-        self._read_to_the_end: dict[tuple[str, bool], int] = {}
+        self._read_to_the_end: dict[tuple[str, bool], tuple[int, int]] = {}
         self._checked_utc_ms = _MAX_ID
 
     def add(
@@ -102,18 +102,20 @@ class Outbox:
     ) -> list[OutboxEntry]:
         """Return bundles that wait for a neighbour, with ids above `after`, in order.
 
-        Expired bundles are omitted: the next node would delete them without a report.
+        Expired bundles are omitted: the next node would delete them without a report. Only
+        expedited ones do not wait for the disk.
         """
-        if self._read_to_the_end.get((neighbour, expedited)) == after:
+        bounds = after, _MAX_ID if expedited else self._db.durable["outbox"]
+        if self._read_to_the_end.get((neighbour, expedited)) == bounds:
             return []  # links query at each segment that they receive
         rows = self._db.read_some(
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
-            " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
+            " WHERE neighbour = ? AND state = ? AND id > ? AND id <= ? AND expires_utc_ms > ?"
             f" AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
-            (neighbour, OutboxState.WAITING.value, after, now_utc_ms, count),
+            (neighbour, OutboxState.WAITING.value, *bounds, now_utc_ms, count),
         )
         if not rows:
-            self._read_to_the_end[neighbour, expedited] = after
+            self._read_to_the_end[neighbour, expedited] = bounds
         return [
             OutboxEntry(
                 row_id, neighbour, bundle_id_from_key(key), bool(own), bool(confirm), put_utc_ms,
@@ -368,13 +370,17 @@ class BundleInbox:
         return whole
 
     def deliveries(self, after: int, count: int, *, expedited: bool = False) -> list[Delivery]:
-        """Return units with ids above `after`, in order of arrival."""
+        """Return units with ids above `after`, in order of arrival.
+
+        Only expedited ones do not wait for the disk: a node upstream repeats those that are lost.
+        """
         if expedited and not self._has_expedited:
             return []
         rows = self._db.read_some(
             "SELECT id, key, endpoint, report_to, flags, expires_utc_ms, payload FROM inbox"
-            f" WHERE id > ? AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
-            (after, count),
+            f" WHERE id > ? AND id <= ? AND {'' if expedited else 'NOT '}expedited"
+            " ORDER BY id LIMIT ?",
+            (after, _MAX_ID if expedited else self._db.durable["inbox"], count),
         )
         self._has_expedited = bool(rows) if expedited else self._has_expedited
         return [

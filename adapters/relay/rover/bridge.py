@@ -130,6 +130,7 @@ class BundleBridge:
         self._filled = asyncio.Event()
         self._dictionary = dictionary
         self._last_stop = LastStop(path.with_suffix(".stop"), system)
+        self._saving = asyncio.Lock()
         self._in_flight = asyncio.Semaphore(STRINGS_IN_FLIGHT)
         # Two bundles may hold the same stop: both wait for the string's one event.
         self._unconfirmed = WeakValueDictionary[int, asyncio.Event]()
@@ -234,7 +235,8 @@ class BundleBridge:
                 if stops:
                     self._last_stop.add_stop(max(each.creation for each in stops))
                     await self._hand_over(stops, stops=True)
-                    self._last_stop.save()
+                    async with self._saving:
+                        await asyncio.to_thread(self._last_stop.save)
                 others = [each for each in commands if not self._dictionary.is_stop(each.message)]
                 async with asyncio.TaskGroup() as group:
                     for first in range(0, len(others), COMMANDS_AT_ONCE):

@@ -1,0 +1,88 @@
+"""During a sync of the disk timers run and stops pass; other bundles wait, and none gets lost."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from adapters.bundle.agent import BundleAgent
+from adapters.bundle.node.settings import Address, Listen, LtpLink, TcpclLink
+from tests.bundle.worlds import HERE, ONE, TWO, Running, opened, settings_of
+from tests.support.ports import free_udp_ports
+from tests.support.unsynced import HeldDisk
+
+STOP, ORDINARY = b"stop", b"ordinary"
+
+
+def _ltp() -> dict[int, tuple[LtpLink, Listen]]:
+    one, two = (Address(HERE, port) for port in free_udp_ports(2))
+    return {1: (LtpLink(two), Listen(ltp=one)), 2: (LtpLink(one), Listen(ltp=two))}
+
+
+def _tcpcl() -> dict[int, tuple[TcpclLink, Listen]]:
+    where = Address(HERE, free_udp_ports(1)[0])
+    dials = TcpclLink(where, keepalive_s=1, redial_s=0.05)
+    return {1: (TcpclLink(None, keepalive_s=1), Listen(tcpcl=where)), 2: (dials, Listen())}
+
+
+@asynccontextmanager
+async def _pair(
+    folder: Path, links: dict[int, tuple[Any, Listen]], disk: HeldDisk
+) -> AsyncIterator[tuple[Running, Running]]:
+    async with AsyncExitStack() as stack:
+        one, two = [
+            await stack.enter_async_context(
+                opened(
+                    BundleAgent(
+                        settings_of(number, 3 - number, link),
+                        folder / f"{number}.db",
+                        listen,
+                        system=disk,
+                    )
+                )
+            )
+            for number, (link, listen) in links.items()
+        ]
+        yield one, two
+        disk.free.set()
+
+
+@pytest.mark.parametrize("links", [_ltp, _tcpcl])
+async def test_a_stop_passes_while_the_disk_syncs(tmp_path: Path, links: Any) -> None:
+    disk = HeldDisk()
+    async with _pair(tmp_path, links(), disk) as (one, two):
+        disk.free.clear()
+        sent = [asyncio.create_task(one.agent.send(TWO, ORDINARY))]
+        sent += [asyncio.create_task(one.agent.send(TWO, STOP, expedited=True))]
+        assert (await two.take_one()).payload == STOP
+        assert not any(each.done() for each in sent)
+        disk.free.set()
+        await asyncio.gather(*sent)
+        assert (await two.take_one()).payload == ORDINARY
+        await one.until(lambda: not one.agent.health().queued)
+        await two.agent.settle()
+        assert not two.agent.health().undelivered
+
+
+async def test_a_session_is_kept_alive_while_the_disk_syncs(tmp_path: Path) -> None:
+    disk = HeldDisk()
+    async with _pair(tmp_path, _tcpcl(), disk) as (one, two):
+        await one.agent.send(TWO, ORDINARY)
+        await two.take_one()
+        disk.free.clear()
+        sent = asyncio.create_task(two.agent.send(ONE, ORDINARY))
+        silent_s = [0.0]
+
+        def received_thrice() -> bool:
+            silent_s.append(one.agent.health().neighbours[0].last_received_s or 0.0)
+            return sum(now < before for before, now in pairwise(silent_s)) >= 3
+
+        await one.until(received_thrice)
+        assert not sent.done()
+        disk.free.set()
+        await sent
+        assert (await one.take_one()).payload == ORDINARY
