@@ -128,7 +128,6 @@ class GoalLeaf(Leaf):
 
     Attributes:
         goal: the goal that was active when the leaf started.
-        timeout_reason: reason of the failure on timeout.
         timeout_text: text of the failure on timeout, before the seconds allowed.
         needs: source of the data that it waits for.
     """

@@ -31,11 +31,7 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 class Screen:
-    """Draws each snapshot over the last, as a context manager; into a pipe, one after the other.
-
-    Args:
-        asset: name of the asset.
-    """
+    """Draws each snapshot over the last, as a context manager; into a pipe, one after the other."""
 
     def __init__(self, asset: str) -> None:
         self._asset = asset

@@ -91,9 +91,7 @@ class TreeSnapshot:
         tick: number of the last tick before the snapshot.
         utc_s: time of the snapshot, seconds since 1970-01-01 UTC.
         why: one line on the rover's motion and its reason.
-        faults: the active faults.
         unmonitored: one line on missing monitors.
-        active: the active command.
     """
 
     tick: int

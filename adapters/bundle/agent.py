@@ -151,7 +151,6 @@ class BundleAgent:
     Args:
         settings: its EIDs and neighbours.
         path: file of its store.
-        listen: its listen addresses.
         plan: contact plan, by ION's node numbers; None for permanent contact.
         daemon: ION node that sends and receives for it; None for links of its own.
         security: signs and verifies bundles, see `load_security`; None disables both.

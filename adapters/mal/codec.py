@@ -382,8 +382,6 @@ class Header:
     Attributes:
         stage: Message of an interaction pattern; the SDU type.
         transaction_id: Id of the interaction, chosen by the consumer; signed, 64 bits.
-        from_uri: URI of the sender.
-        to_uri: URI of the receiver.
         timestamp_ns: Time of sending in ns since 1970 UTC, to the ms.
         supplements: Named attributes in addition to the body.
         authentication_id: Credentials of the sender, or None.

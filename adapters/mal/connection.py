@@ -214,7 +214,6 @@ class ConnectionGuard:
     """Owner of a connection: bounds and scheduling; this base class has a single connection.
 
     Attributes:
-        turns: Scheduler of the connections.
         message_cap: Maximum octets of a message.
         capacity: Octets of each connection's buffer without a reservation.
     """
@@ -254,7 +253,6 @@ class Connection(asyncio.BufferedProtocol):
         lost: Completes when the connection is closed, by either end.
         refusal: The error of an invalid message, after it has closed the connection; None before.
         peer: The peer, for logs.
-        peer_host: The host address of the peer.
         peer_name: The name in the peer's certificate; empty if it has none, None without a
             certificate.
         arrived_s: Time of the last received octets, by the loop's clock.

@@ -36,12 +36,8 @@ class CallContext:
     """Context of a handler's call, in addition to the parts of the message.
 
     Attributes:
-        service: Name of the service.
-        operation: Name of the operation.
-        from_uri: URI of the caller.
         transaction_id: The interaction, numbered by the caller.
         supplements: Named attributes of the header.
-        connection: The connection of the message.
     """
 
     service: str
@@ -112,9 +108,6 @@ class Interaction:
     only), and returns the parts of the response. It raises MalError to end the interaction with an
     error in place of the next message. It is cancelled when the consumer's connection is lost and
     when the provider closes.
-
-    Attributes:
-        call: Context of the call.
     """
 
     def __init__(

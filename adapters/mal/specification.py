@@ -125,7 +125,6 @@ class Operation:
     Attributes:
         parts: Parts of every message of the pattern, including those defined by the MAL.
         keys: Subscription keys of a PUBSUB operation.
-        errors: Names of its errors.
     """
 
     area: int
@@ -174,7 +173,6 @@ class BoundType:
     """A composite or enumeration with its Python class and type ids.
 
     Attributes:
-        definition: Its definition in the specification.
         cls: The dataclass or enum of its values.
         type_id: Its id on the wire where the specified type is abstract; None if abstract itself.
         list_id: The same for a list of it.
@@ -194,7 +192,6 @@ class Specification:
     """Areas without external references, including the MAL's, bound to Python classes.
 
     Attributes:
-        areas: The areas.
         types: Every composite and enumeration of the areas.
         classes: The dataclass or enum of each, by type name.
     """

@@ -52,11 +52,7 @@ _Arrived = tuple[InteractionStage, Parts, int] | MalError
 
 
 class Transaction:
-    """The replies to a message, buffered in order.
-
-    Attributes:
-        operation: The operation of the message.
-    """
+    """The replies to a message, buffered in order."""
 
     def __init__(
         self,
@@ -133,11 +129,7 @@ class Transaction:
 
 
 class Invocation:
-    """An INVOKE that is acknowledged.
-
-    Attributes:
-        acknowledgement: The parts of the acknowledgement.
-    """
+    """An INVOKE that is acknowledged."""
 
     def __init__(self, transaction: Transaction, timeout_s: float) -> None:
         """Use `Consumer.invoke` or `Consumer.progress` instead."""

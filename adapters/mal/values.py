@@ -51,7 +51,6 @@ class TypedList:
     Attributes:
         type: Type of the elements: an attribute type, the class of a composite or enumeration, or
             None if each element has its own type.
-        values: The elements.
     """
 
     type: AttributeType | type | None
@@ -66,7 +65,6 @@ class ObjectRef:
         domain: The domain of the object, outermost part first.
         type: The type id of the object, 64 bits.
         key: The object's name within its domain and type.
-        version: The object's version.
     """
 
     domain: tuple[str, ...]
@@ -144,10 +142,6 @@ class ObjectIdentity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Object:
-    """Base of MO objects: composites with an identity.
-
-    Attributes:
-        objectIdentity: Identity of this object.
-    """
+    """Base of MO objects: composites with an identity."""
 
     objectIdentity: ObjectIdentity

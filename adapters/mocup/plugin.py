@@ -363,7 +363,6 @@ class ClaimAnnouncer:
     Args:
         request_of: returns the request of a command, or None if unknown.
         authority: returns the authority of the relay's commands.
-        publish: called with each string.
         source: source of the authority messages.
         brick: name of the brick, and source of the reports.
     """

@@ -28,7 +28,6 @@ class Entry:
     """Spelling of one command.
 
     Attributes:
-        code: code of the message.
         command: name of the message.
         inputs: names of its values: the fields of the request, in their order.
     """

@@ -51,11 +51,7 @@ def _holder(executive: Executive) -> str | None:
 
 
 class HousekeepingSource(Protocol):
-    """Measures the housekeeping of the onboard processes.
-
-    Attributes:
-        parameters: the measured parameters.
-    """
+    """Measures the housekeeping of the onboard processes."""
 
     parameters: tuple[HousekeepingParameter, ...]
 
@@ -85,7 +81,6 @@ class MrsLink:
     up by `getNotifications`.
 
     Args:
-        settings: settings of the asset.
         host: the address to listen on; `0.0.0.0` for every network.
         port: the port to listen on; 0 for a free one.
         clear_text: whether clients on other hosts are served without certificates.

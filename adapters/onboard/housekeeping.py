@@ -33,7 +33,6 @@ class ExecutiveHousekeeping:
 
     Args:
         data: folder of the ledger.
-        parameters: the measured parameters.
 
     Attributes:
         publish: called with the figures.

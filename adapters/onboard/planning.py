@@ -17,7 +17,6 @@ class BackgroundSolver:
     casadi releases Python's interpreter lock while it solves.
 
     Args:
-        solver: a synchronous solver.
         thread: executes it; a new one unless given.
     """
 

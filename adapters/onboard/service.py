@@ -250,12 +250,7 @@ def executive_on(
 
 @contextmanager
 def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundRecorder | None]:
-    """Yield the recorder of an executive; None if it is disabled or the folder cannot be used.
-
-    Args:
-        settings: settings of the asset.
-        folder: folder of its recordings.
-    """
+    """Yield the recorder of an executive; None if it is disabled or the folder cannot be used."""
     tape = None
     if folder is not None and settings.recording.enabled:
         try:

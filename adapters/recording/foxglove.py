@@ -20,7 +20,6 @@ class Schema:
 
     Attributes:
         name: name of the schema, for viewers if it is one of Foxglove's.
-        json: its JSON schema.
     """
 
     name: str

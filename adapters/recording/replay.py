@@ -62,7 +62,6 @@ class Difference:
 
     Attributes:
         number: number of the entry in the recording, from 1.
-        entry: topic of the entry.
         time_s: time of the entry since the first.
         recorded, replayed: the decisions; None if there is none.
         raised: exception of the core as text; empty if there is none.

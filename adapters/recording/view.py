@@ -313,11 +313,7 @@ class ViewBuilder:
 
 
 class _Track:
-    """Track of the rover: few points, at distances that grow with its length.
-
-    Attributes:
-        points: points of the track.
-    """
+    """Track of the rover: few points, at distances that grow with its length."""
 
     def __init__(self) -> None:
         self.points: list[Point] = []

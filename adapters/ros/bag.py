@@ -181,7 +181,6 @@ class _Converter:
 
     Args:
         node: resolves topic names.
-        settings: settings of the run.
         store: serializes message types that the PyPI wheels lack.
 
     Attributes:

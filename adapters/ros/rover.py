@@ -187,7 +187,6 @@ class RosMux:
     Args:
         node: creates the topics.
         velocity: the executive's velocity topic.
-        settings: settings of the mux.
         clock: the core's clock.
 
     Raises:

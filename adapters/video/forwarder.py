@@ -74,7 +74,6 @@ class ForwardingThread:
     """Forwards every datagram in order until it is closed.
 
     Attributes:
-        datagrams, octets: totals forwarded.
         lost: datagrams that could not be sent.
     """
 

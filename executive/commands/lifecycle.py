@@ -101,7 +101,6 @@ class CommandLifecycle:
         stage: the stage that another process left; without one, RECEIVED is notified.
 
     Attributes:
-        stage: the present stage of the command.
         refusal: the reason if it ended without success.
 
     Raises:

@@ -132,7 +132,6 @@ class Authority:
 
     Args:
         clock: monotonic clock for the lease, unaffected by steps of the wall clock.
-        settings: authority settings of the asset.
         record: stores grants.
         notify: called with one line on each change of holder and each request.
     """

@@ -141,11 +141,7 @@ class Reactions:
             )
 
     def check_ground_link(self, submit: Callable[[Command], SubmitResult]) -> None:
-        """Take the action of a newly reached stage of link loss, and end it on recovery.
-
-        Args:
-            submit: submits the command to return.
-        """
+        """Take the action of a newly reached stage of link loss, and end it on recovery."""
         ground, lost, status = self._ground, self._ground.stage, self._context.status
         motion = self._context.goals.motion
         pose = status.pose if status.odometry_fresh else None

@@ -91,7 +91,6 @@ class Executive:
         tape: receives a recording for a full replay; None for none.
 
     Attributes:
-        authority: the command authority.
         ground: monitor of the time since the last contact with the ground.
         safety: the active faults.
         wake: called after each `submit` or `query`, on its thread; must be thread-safe

@@ -11,7 +11,6 @@ class CurvesLaw(Motion):
     """Drives arcs, each from the standstill at the end of the one before.
 
     Args:
-        curves: the arcs.
         begin: begins an arc, at the present heading.
     """
 

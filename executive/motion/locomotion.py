@@ -130,7 +130,6 @@ class Leg:
         target: end position of the control point; None for a turn alone.
         reverse: whether to drive backward.
         heading_rad: heading at the end; None to stay as the drive ends.
-        tolerance_m: position tolerance.
         turn_rad: signed angle of the turn to that heading; None for the shorter direction.
         compensated_target: end of the line, uphill of the target by the slide of the last turn.
         via_points: waypoints to pass without stopping.

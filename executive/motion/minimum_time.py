@@ -122,7 +122,6 @@ class MinimumTimeSolver:
     """The optimal control problems of one rover: a `SharedSolver` that solves within the call.
 
     Args:
-        model: the rover.
         travel: its maximum acceleration, m/s².
         rotate: its maximum rotational acceleration, rad/s².
         steps: intervals of a trajectory.

@@ -54,7 +54,6 @@ class OptimalControlProblem:
     except the state are equal in every node.
 
     Args:
-        model: the rover.
         limits: its maximum accelerations, of travel in m/s² and of rotation in rad/s².
         steps: intervals of a plan without via points.
         passes: number of via points.

@@ -33,7 +33,6 @@ class SolverRequest:
     """The last request to the solver.
 
     Attributes:
-        requested_s: time of the request.
         from_s: start time of the plan.
         end: index of the route's point where the plan ends.
         waits: whether the rover is stationary, so that the plan starts when it is received.

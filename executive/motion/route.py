@@ -35,7 +35,6 @@ class Route:
         through: the waypoints to pass with base_link.
         default_m: the tolerance of those without one.
         ahead_m: distance of the control point ahead of base_link.
-        end: the end of the leg.
 
     Attributes:
         passed: number of waypoints passed within their tolerances, by odometry.

@@ -68,7 +68,6 @@ class RunningPlan:
     """A plan and its progress.
 
     Attributes:
-        state: its status.
         batch: number of the ledger's batch with its last change; it begins once that is committed.
         node, done: its progress; see `PlanUpdate`.
         last: the last update sent.

@@ -144,7 +144,6 @@ class Planner:
     Args:
         active: set to the executing plan and the suspended ones.
         cancel: cancels a command of a plan that has not ended.
-        predict: predicts a plan that starts.
     """
 
     def __init__(

@@ -167,8 +167,6 @@ class PoseMonitor:
     """Updates `Status.uncertainty`; nothing else lowers it.
 
     Args:
-        clock: the time.
-        settings: of the asset.
         history: the commands and sensor data.
         status: has both odometries.
         stored: the state of the previous process, if any.

@@ -72,11 +72,9 @@ class WheelHistory:
 
     Attributes:
         sums: the channel of `WheelSums`.
-        settings: of the sensors.
         torques: whether torques are measured.
         count: number of wheels.
         travel_mps: the newest speed of the rover's centre.
-        gaps: its gaps.
     """
 
     def __init__(self, settings: JointsSettings) -> None:
@@ -138,12 +136,10 @@ class ImuHistory:
 
     Attributes:
         sums: the channel of `InertialSums`.
-        newest: the newest message.
         leans: whether it measures tilt; otherwise the rover is assumed level.
         feels: whether it measures accelerations.
         bias_radps: of the yaw rate, learnt while the wheels are stationary.
         bias_error_radps: its maximum error.
-        gaps: its gaps.
         lost: whether messages before the newest are missing.
     """
 
@@ -271,7 +267,6 @@ class SecondOdometryTrack:
     """Poses by second odometry, with the odometry at the same times.
 
     Attributes:
-        settings: of the sensor.
         samples: the samples of the last seconds, in order.
         at_s: arrival of the newest message.
     """

@@ -85,8 +85,6 @@ class MpcSettings:
         steps: intervals of a trajectory; more are finer and cost more.
         command_delay_s: delay from a tick to its commanded velocity, as the ramp between ticks.
         odometry_age_s: age of odometry on arrival.
-        yaw: yaw response of the rover.
-        slip: slip of the rover.
         odometry_slip: the part of the slip that its odometry compensates; the executive compensates
             the rest. None: all of it.
         selectable: whether commands may select it if the asset's controller is another.

@@ -88,11 +88,9 @@ class BrickSettings:
     """One brick.
 
     Attributes:
-        name: its name in messages.
         wheel_radius_m, track_m: dimensions of the rover in its program.
         track_error: bounds of the relative error of its track; the sign is drawn too.
         latency_s: bounds of the time from the last octet of a command to its reply.
-        telemetry_s: period of telemetry.
         travel_mps, rotate_radps: maximum speeds that can be set.
         first_travel_mps, first_rotate_radps: speeds until they are set.
         rim_mps2: acceleration of a wheel's rim, except at a stop.

@@ -110,7 +110,6 @@ class Choice:
     """One of several values, at random.
 
     Attributes:
-        choice: the values.
         weights: relative probability of each value; None for equal ones.
     """
 
@@ -147,7 +146,6 @@ class Variation:
 
     Attributes:
         key: as in `rover scenario --set`.
-        distribution: distribution of its values.
         at: for `inject`, start of the fault in simulated seconds; 0 for all other keys.
         duration: for `inject`, duration of the fault in seconds; None if it does not end.
     """
@@ -252,7 +250,6 @@ class Until:
 
     Attributes:
         until: maximum width of the confidence interval of the success rate.
-        confidence: confidence of the interval.
         min, max: bounds of the number of runs.
     """
 
@@ -273,7 +270,6 @@ class Campaign:
     Attributes:
         scenarios: paths, or names of files in config/scenarios; all have the same number of runs.
         runs: number of runs; by default each combination of the grids once.
-        seed: seed of all draws.
         vary: varied quantities; a world precedes the quantities of the world.
         criteria: criteria over all runs.
     """

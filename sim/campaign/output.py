@@ -26,7 +26,6 @@ class CampaignFingerprint:
     """Inputs that determine the bits of all runs.
 
     Attributes:
-        title: title of the campaign.
         drawn: digest of its scenarios' names, its seed and its varied quantities.
         scenarios: digest of the scenarios' contents.
         software: software that began the campaign.

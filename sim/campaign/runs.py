@@ -71,7 +71,6 @@ class RunTable:
 
     Args:
         folder: folder of the campaign; the data set is its folder `runs`.
-        varied: varied quantities.
     """
 
     def __init__(self, folder: Path, varied: Sequence[VariedQuantity]) -> None:

@@ -69,10 +69,8 @@ class CampaignSession:
     """One campaign and its data set.
 
     Args:
-        campaign: the campaign.
         runs: its data set, with the existing runs.
         play: executes jobs.
-        watcher: receives the progress.
         clock: monotonic seconds, for the interval of writing.
     """
 

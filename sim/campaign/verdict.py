@@ -43,18 +43,13 @@ class CriterionResult:
     """One criterion and its result; without runs it is EMPTY.
 
     Attributes:
-        criterion: the criterion as text.
-        judgement: its judgement.
         figure: observed success rate or quantile; None if too many runs lack the figure, or there
             are no runs.
-        bound: bound of the figure.
         share: share of the runs that meet the bound: for success rates, the figure itself.
         required: required share.
         low, high: bounds of the true share, each with the required confidence.
-        confidence: required confidence.
         passed, runs: number of runs that meet the bound, and of all matching runs.
         missing: number of matching runs without the figure.
-        text: the result as text.
     """
 
     criterion: str

@@ -55,7 +55,6 @@ class JobResult:
     Attributes:
         run: its number.
         seed: seed of its sensors' noise.
-        figures: metrics of the run.
         passed: whether all expectations of its scenario are met.
         failed_findings: failed expectations as text.
         digest: digest of all events; equal for runs that are identical bit for bit.
@@ -183,9 +182,7 @@ class Software:
     """Software that determines the bits of a run, together with its scenario.
 
     Attributes:
-        rover_executive: its version.
         code: digest of its sources.
-        python, numpy, mujoco: versions.
     """
 
     rover_executive: str

@@ -76,7 +76,6 @@ class Deployment(ProcessGroup):
 
     Attributes:
         address: ROS domain and port of the processes.
-        settings: settings of the asset.
         aboard: data folder of the executive.
         speed: simulated seconds per second; with `paced`, the maximum.
         paced: whether simulated time waits for late ticks of the executive.

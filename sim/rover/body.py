@@ -122,8 +122,6 @@ class CameraView:
     """State that the camera renders.
 
     Attributes:
-        data: the state.
-        time_s: its time.
         octets: number of octets of the JPEG that arrive; None for all.
     """
 

@@ -38,7 +38,6 @@ class SoilShape:
         amplitude_m: height difference between the extremes; 0 is flat ground.
         feature_m: length scale of the hills.
         size_m: side of the uneven square; beyond it the ground is flat.
-        seed: seed of the random shape.
     """
 
     amplitude_m: float = figure(maximum=2.0, default=0.0)
@@ -76,7 +75,6 @@ class Scatter:
         min_radius_m: minimum half width of a rock.
         max_radius_m: maximum half width of a rock.
         min_height_m: minimum height of a rock; usual are 0.6 to 1.2 of their half width.
-        seed: seed of the random scatter.
         clearings: areas without rocks.
     """
 
@@ -132,8 +130,6 @@ class World:
     """Properties of the environment that affect the rover.
 
     Attributes:
-        name: display name.
-        ground: shape of the soil.
         slope_rad: slope of the whole world towards +x.
         friction: Coulomb friction of wheels on soil and rock.
         rocks: rocks at given positions.
@@ -141,7 +137,6 @@ class World:
         walls, steps, ditches, patches, slopes: features at given positions. Of overlapping patches
             the last one counts; slopes add up. Ditches and slopes are within the square of the
             ground.
-        start: start pose of the rover.
         charge_ratio: charge of the battery, 0 to 1.
         dark: whether it is too dark for visual odometry; pictures are unchanged.
     """

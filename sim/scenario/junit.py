@@ -27,7 +27,6 @@ class JunitCase:
     """One check.
 
     Attributes:
-        observed: observed result.
         trouble: None if it passed.
     """
 

@@ -284,7 +284,6 @@ class Fetched:
     """A file that was fetched.
 
     Attributes:
-        received: received octets.
         aboard: octets of the file aboard at that time.
         checksum: CRC-32 reported by the rover.
     """

@@ -51,7 +51,6 @@ class TcpclSession(asyncio.Protocol):
     acknowledgements a bundle counts as handed on once it is written to the connection.
 
     Attributes:
-        stage: state of the session.
         calls: neighbour that this side connects to; None for an accepted connection.
         paused: whether the connection accepts no data now.
         over: set when the connection is closed.

@@ -97,7 +97,6 @@ class SecuritySettings:
     """The section `security` of a settings file.
 
     Attributes:
-        keys: keys by name.
         policies: the first match applies. Bundles without a matching policy are sent unsigned,
             and are rejected if they are addressed to this node.
     """

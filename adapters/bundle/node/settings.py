@@ -186,7 +186,6 @@ class Neighbour:
 
     Attributes:
         node: its node EID, such as ipn:1.0.
-        link: the link to it.
         reaches: node EIDs that are routed through it.
         default: whether it is the route to all other nodes.
     """
@@ -222,7 +221,6 @@ class NodeSettings:
         max_payload_octets: maximum size of a reassembled application data unit.
         max_lifetime_s: maximum lifetime that is sent or accepted.
         max_clock_lead_s: maximum lead of a bundle's creation time over the clock here.
-        limits: limits of the store.
 
     Raises:
         ValueError: an EID or a value is invalid.

@@ -71,7 +71,6 @@ class Outbox:
     """Bundles to send, for each neighbour in order of arrival; expedited ones first.
 
     Args:
-        database: the store.
         pause_ms: delay of the first retransmission of an unconfirmed bundle, by neighbour name.
             It doubles at each repetition, up to 32 times this value.
     """

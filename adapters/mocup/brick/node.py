@@ -164,10 +164,8 @@ class NxtNode:
 
     Args:
         node: publishes and subscribes.
-        topics: topics of the measurements.
         settings: name of the brick, topics of the strings.
         record: earlier commands; those that the brick has not answered are reported as failed.
-        claim: finds and claims the brick.
     """
 
     def __init__(

@@ -81,7 +81,6 @@ class ReplyPublisher:
 
     Attributes:
         name: name of the brick, as source or destination of messages.
-        ports: output of the router.
         log: called with one line for each message that is not forwarded.
         counts: counters for diagnostics.
         unconfirmed: replies that `rover-relay` has not acknowledged as stored, by fingerprint.

@@ -78,7 +78,6 @@ class Router:
     Args:
         dictionary: decodes requests; gives the codes of telemetry and stop.
         name: name of the brick, as source or destination of messages.
-        ports: output of the router.
         notify: called with one line for each message that is not forwarded.
         record: earlier commands, claims and authority.
         authority: authority for the relay's commands until the executive has published it.

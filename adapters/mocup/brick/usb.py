@@ -68,12 +68,7 @@ def libusb() -> IBackend:
 
 
 class Brick:
-    """One claimed brick. `read` and `write` may be called by two threads at once.
-
-    Args:
-        address: its USB address.
-        backend: USB backend.
-    """
+    """One claimed brick. `read` and `write` may be called by two threads at once."""
 
     def __init__(self, address: UsbAddress, backend: IBackend) -> None:
         """Find and claim it.
@@ -234,7 +229,6 @@ class BrickSession:
     and USB blocks it.
 
     Args:
-        claim: finds and claims the brick.
         wake: called on a thread of the session when an event is queued.
         keep_alive: heartbeat sent to the brick every `KEEP_ALIVE_S` while the owner is alive.
     """

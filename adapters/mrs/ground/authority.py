@@ -21,11 +21,9 @@ class SessionAuthority:
 
     Args:
         send_request: calls an operation of the service Authority.
-        source: source of the commands.
         renews: whether to renew the lease periodically; otherwise only each request renews it.
 
     Attributes:
-        source: source of the commands.
         epoch: epoch of the authority that commands claim; None for no claim.
     """
 

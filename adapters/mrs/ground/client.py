@@ -82,7 +82,6 @@ class MrsClient(Queries):
     and MalError if the rover answers with an error.
 
     Attributes:
-        source: source of its commands.
         authority: the authority that its commands claim, once requested.
     """
 

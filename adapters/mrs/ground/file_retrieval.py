@@ -57,7 +57,6 @@ class FileRetrieval:
 
     Args:
         session: an open session for this transfer only: closing it ends the rover's transmission.
-        file: attributes of the file.
         to: the local file.
         on_progress: called with the received octets and the size.
         chunk_octets: octets of a chunk; None for the rover's default.

@@ -42,8 +42,6 @@ class ServiceLocations:
     """Addresses of services, by name, that differ from the directory's.
 
     Attributes:
-        providers: addresses of their providers.
-        brokers: addresses of their brokers.
         listed: operation numbers of every listed service.
     """
 

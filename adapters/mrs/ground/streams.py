@@ -88,7 +88,6 @@ class Updates(Streams[T]):
     """The streams of a PUBSUB operation, subscribed to while any of them is open.
 
     Args:
-        service, operation: the operation.
         item: converts the parts of an update to an item.
     """
 
@@ -115,7 +114,6 @@ class NotificationStream:
     A report that the rover repeats for a repeated command is delivered again.
 
     Args:
-        deliver: called with each report.
         on_new_ledger: called when the rover restarted with another ledger: its sequence numbers
             start again, and its commands are unknown.
 

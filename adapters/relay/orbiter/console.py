@@ -25,7 +25,6 @@ class Console:
     Args:
         client: session with a rover, or with the relay for one.
         dictionary: MOPS formats of the commands.
-        print_line: prints a line.
 
     Attributes:
         well: whether each command up to now was valid, and ended EXECUTED.

@@ -69,7 +69,6 @@ class RoverProvider:
     """Serves the MRS of one rover, and publishes its reports and telemetry.
 
     Args:
-        rover: the rover.
         link_status: returns the present state of the link to it.
         order: overrides the contact plan for the rover, and returns the resulting state as text;
             raises BundleError.

@@ -62,7 +62,6 @@ class OrbiterRelay:
     """Bundle agent of the orbiter, and the rovers behind it.
 
     Args:
-        settings: settings of the orbiter.
         folder: folder of bundles and records.
         read_plan: reads the contact plan; None for permanent contact. Raises BundleError.
         dictionary: MOPS formats of the messages.
@@ -70,8 +69,6 @@ class OrbiterRelay:
         system: its clock, disk and sockets.
 
     Attributes:
-        rovers: the rovers by their nodes.
-        agent: the bundle agent.
         usage: measures the resource usage of this process.
 
     Raises:

@@ -66,14 +66,11 @@ class RelayedRover:
     Args:
         agent: sends the bundles.
         dictionary: MOPS formats of commands, reports and telemetry.
-        record: durable record.
         utc_s: returns the time in seconds since 1970.
         lifetime_s: lifetime of commands that have none.
         grace_s: delay after its lifetime until a command counts as lost.
 
     Attributes:
-        settings: settings of the rover.
-        record: durable record.
         listener: receives reports and telemetry; None before the provider starts.
         aboard: last health report of the rover's end of the link.
         housekeeping: last health figures of the rover's executive, or of the brick's router.

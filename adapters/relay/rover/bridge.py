@@ -106,7 +106,6 @@ class BundleBridge:
 
     Attributes:
         health: state of the link at the latest poll, as sent to the ground.
-        agent_health: state of the bundle agent.
         refused: messages and bundles that were not forwarded.
     """
 
@@ -417,7 +416,6 @@ class ReportBatch:
     """Reports that are sent in one bundle.
 
     Attributes:
-        text: their messages.
         mark: fingerprint of the string that contained them.
     """
 

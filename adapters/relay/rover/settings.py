@@ -18,8 +18,6 @@ class RelaySettings(AgentSettings):
     Attributes:
         asset: the rover's name in messages.
         orbiter: the other end: destination of notifications, and source of commands.
-        lifetime_s: lifetime of reports.
-        telemetry_lifetime_s: lifetime of telemetry.
         telemetry_queue: while more bundles than this wait, the newest telemetry is held back.
         health_interval_s: period of this end's health messages.
     """

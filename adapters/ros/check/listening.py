@@ -95,7 +95,6 @@ class Listening:
     service is compared.
 
     Attributes:
-        topics: the topics of the asset.
         facts: odometry, IMU and joint states, in order of arrival.
         odometry: the newest odometry.
 

@@ -240,11 +240,6 @@ def replay(
     """Repeat runs, bit for bit as in the campaign, and save their files.
 
     Saved files of a failed run are copied.
-
-    Args:
-        campaign: campaign of the runs.
-        chosen: the runs, each with the reason.
-        folder: folder of the campaign.
     """
     for run, why in chosen:
         target = folder / FOLDER / f"run-{run.run:06d}"
