@@ -18,7 +18,7 @@ from executive.commands import (
 from executive.commands.intake import check_lifetime, in_map
 from executive.commands.lifecycle import CommandLifecycle
 from executive.motion import Intents, Latches, Leg, Locomotion, MotionVerification
-from executive.obstacles.detour import DetourSearches
+from executive.obstacles.detour import Detours, Scene
 from executive.obstacles.zones import ClearanceViolation
 from executive.plans import ActivePlans
 from executive.safety import FaultMonitor
@@ -378,7 +378,12 @@ class Context:
     intents: Intents = field(default_factory=Intents)
     latches: Latches = field(default_factory=Latches)
     plans: ActivePlans = field(default_factory=ActivePlans)
-    detours: DetourSearches = field(default_factory=DetourSearches)
+    detours: Detours = field(default_factory=Detours)
+
+    @property
+    def scene(self) -> Scene:
+        """The present obstacles, and the detours around them."""
+        return self.status.obstacles, self.detours
 
     @property
     def mode(self) -> Mode:

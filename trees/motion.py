@@ -44,7 +44,8 @@ from executive.motion import (
     passes_within,
     plan_leg,
 )
-from executive.obstacles.zones import ClearanceViolation, Zones
+from executive.obstacles.detour import Scene
+from executive.obstacles.zones import ClearanceViolation
 from executive.settings import Controller
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
@@ -136,18 +137,17 @@ class _MotionLeaf(GoalLeaf):
         text = f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
         return text if uncertainty else ""
 
-    def _check_begin(self, pose: Pose, obstacles: Zones) -> Refusal | None:
+    def _check_begin(self, pose: Pose, scene: Scene) -> Refusal | None:
         """Return a refusal if a goal may not start here, by pose or battery, or None."""
         context, goal, status = self.context, self.goal, self.context.status
         request = goal.request
         if not goal.progress.new:
             return None
         assert isinstance(request, CommandedMotion)
-        settings, searches = context.settings, context.detours
-        uncertain = check_pose(request, pose, status.uncertainty, settings)
+        uncertain = check_pose(request, pose, status.uncertainty, context.settings)
         if uncertain is not None or goal.command.link == ABOARD_LINK:
             return uncertain
-        return check_battery(request, pose, status, settings, obstacles, searches)
+        return check_battery(request, pose, status, context.settings, scene)
 
     @property
     def _odometry_late(self) -> bool:
@@ -252,7 +252,7 @@ class PlanLeg(_MotionLeaf):
         """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
-        self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Zones] | None = None
+        self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Scene] | None = None
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
@@ -280,14 +280,12 @@ class PlanLeg(_MotionLeaf):
             goal.localize(status, settings)
             self._count_passed_waypoints()
             step, through = _next_step(goal, self.context.locomotion)
-            self._scene = step, through, status.pose, status.obstacles
-        step, through, pose, obstacles = self._scene
-        searches = self.context.detours
-        searches.undecided = False
-        path = (goal.request, goal.progress.left_path, step, through)
-        detour = leg_detour(*path, pose, settings, obstacles, searches)
-        refusal = self._check_begin(pose, obstacles)
-        if searches.undecided:
+            self._scene = step, through, status.pose, self.context.scene
+        step, through, pose, scene = self._scene
+        self.context.detours.undecided = False
+        path = goal.request, goal.progress.left_path, step, through
+        detour, refusal = leg_detour(*path, pose, settings, scene), self._check_begin(pose, scene)
+        if self.context.detours.undecided:
             self.feedback_message = "searching for a detour"
             self.context.intents.motion = STANDING
             return Status.RUNNING
@@ -513,9 +511,9 @@ class HoldVelocity(_MotionLeaf):
         command, request = self.goal.command, self.goal.command.request
         assert isinstance(request, DriveFor)
         status, settings = self.context.status, self.context.settings
-        pose, obstacles = status.pose, status.obstacles
-        self._blocked = check_request(request, pose, settings, obstacles)
-        self._blocked = self._blocked or self._check_begin(pose, obstacles)
+        pose, scene = status.pose, self.context.scene
+        self._blocked = check_request(request, pose, settings, *scene)
+        self._blocked = self._blocked or self._check_begin(pose, scene)
         self.goal.verification = MotionVerification.begin(settings, status)
         self.goal.slid_m = self._slid_m
         self._begun, self._wanted = True, hold_extent(request, status, settings)

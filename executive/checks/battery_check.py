@@ -25,7 +25,7 @@ from executive.commands import (
 )
 from executive.commands.intake import localized
 from executive.motion import Bounds, duration_s
-from executive.obstacles.detour import DetourSearches
+from executive.obstacles.detour import Scene
 from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, PlanStep, nominal_steps
 from executive.settings import MotionExtent, Settings, curved_m
@@ -48,28 +48,19 @@ class SpeedLimits:
 class _EnergyEstimator:
     """Sums the energy of motions from a start pose, by the settings' figures."""
 
-    def __init__(
-        self,
-        pose: Pose,
-        speeds: SpeedLimits,
-        settings: Settings,
-        zones: Zones,
-        searches: DetourSearches | None,
-    ) -> None:
+    def __init__(self, pose: Pose, speeds: SpeedLimits, settings: Settings, scene: Scene) -> None:
         self.pose = pose
         self.speeds = speeds
         self.energy_j = 0.0
         self._settings = settings
-        self._zones, self._searches = zones, searches
+        self._scene = scene
 
     def add(self, request: Motion) -> None:
         """Add a motion."""
         limits, speeds = self._settings.drive, self.speeds
         travel = Bounds(speeds.travel_mps, limits.travel_acceleration_mps2)
         rotate = Bounds(speeds.rotate_radps, limits.rotate_acceleration_radps2)
-        for segment in detoured_segments(
-            request, self.pose, self._settings, self._zones, self._searches
-        ):
+        for segment in detoured_segments(request, self.pose, self._settings, *self._scene):
             match segment:
                 case Turn(by_rad=by_rad):
                     took_s = duration_s(by_rad, rotate)
@@ -86,26 +77,16 @@ class _EnergyEstimator:
 
 
 def estimate_energy_j(
-    request: Motion,
-    pose: Pose,
-    speeds: SpeedLimits,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    request: Motion, pose: Pose, speeds: SpeedLimits, settings: Settings, scene: Scene
 ) -> float:
     """Return the energy of a motion from a pose in joules; 0 without figures in the settings."""
-    estimator = _EnergyEstimator(pose, speeds, settings, zones, searches)
+    estimator = _EnergyEstimator(pose, speeds, settings, scene)
     estimator.add(request)
     return estimator.energy_j
 
 
 def check_battery(
-    what: Motion | PlanNode,
-    pose: Pose,
-    status: Status,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    what: Motion | PlanNode, pose: Pose, status: Status, settings: Settings, scene: Scene
 ) -> Refusal | None:
     """Return a refusal if the battery lacks energy for a motion or plan and the return, or None.
 
@@ -118,8 +99,7 @@ def check_battery(
         pose: start pose.
         status: provides the charge and the speed limits.
         settings: provide the energy figures and the battery's reserve.
-        zones: the obstacles.
-        searches: the searches of detours.
+        scene: the obstacles, and the detours around them.
     """
     battery, last_battery = settings.battery, status.battery
     if battery is None or last_battery is None or last_battery.charge_ratio is None:
@@ -129,9 +109,9 @@ def check_battery(
     if isinstance(what, Motion):
         requests: Iterable[object] = (what,)
     else:
-        course, zones = nominal_steps(what), Zones()
+        course, scene = nominal_steps(what), (Zones(), None)
         requests = (each.request for each in course if isinstance(each, PlanStep))
-    estimator = _EnergyEstimator(pose, speeds, settings, zones, searches)
+    estimator = _EnergyEstimator(pose, speeds, settings, scene)
     for each in _motions(requests, estimator):
         request = localized(each, status, settings)
         if isinstance(request, Refusal):
@@ -141,16 +121,16 @@ def check_battery(
             break
     home, end = battery.home, estimator.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
-    back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, zones, searches)
+    back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, scene)
     if status.uncertainty:  # home may be farther away by that much
         farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
-        back_j += estimate_energy_j(farther, Pose(), speeds, settings, Zones())
+        back_j += estimate_energy_j(farther, Pose(), speeds, settings, (Zones(), None))
     needed_j = estimator.energy_j + back_j
     if estimator.energy_j == 0.0 or needed_j <= left_j:
         return None
     nearer = end.distance_m(home) <= pose.point.distance_m(home)
     if nearer:
-        direct_j = estimate_energy_j(to_home, pose, speeds, settings, zones, searches)
+        direct_j = estimate_energy_j(to_home, pose, speeds, settings, scene)
         if needed_j <= RETURN_PATH_FACTOR * direct_j:
             return None
     reserve_j = battery.reserve_ratio * battery.capacity_j

@@ -5,7 +5,7 @@ left to the monitors in other motions. The check covers the path of base_link: s
 drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
 sweeps. A base that cannot turn on the spot turns by arcs, forward first if both are free.
 
-With `DetourSearches` a detour may be undecided in this turn: its motion counts as free and straight
+With `Detours` a detour may be undecided in this turn: its motion counts as free and straight
 until the leg, which waits for it, begins. Without them, each search runs to its end.
 """
 
@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from math import inf
 from typing import Final, assert_never
 
 from executive.commands import (
@@ -35,7 +36,7 @@ from executive.commands import (
     requested_controller,
 )
 from executive.goals import Goal
-from executive.obstacles.detour import Detour, DetourSearch, DetourSearches, finish, search_detour
+from executive.obstacles.detour import Detour, Detours, DetourSearch, Scene, search_detour
 from executive.obstacles.zones import (
     ClearanceViolation,
     Obstacle,
@@ -89,20 +90,16 @@ def _position_figures(obstacle: Obstacle) -> tuple[Figure, ...]:
 
 
 def check_request(
-    request: Motion,
-    pose: Pose,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    request: Motion, pose: Pose, settings: Settings, zones: Zones, detours: Detours | None = None
 ) -> Refusal | None:
     """Return a refusal if a motion turns too tightly, or violates the clearance, or None."""
-    if refusal := check_turns(request, pose, settings, zones, searches):
+    if refusal := check_turns(request, pose, settings, zones, detours):
         return refusal
     if not zones.not_empty:
         return None
     zones = avoided_obstacles(settings, zones)
     if isinstance(request, MoveTo):
-        detour = detour_to(request.target, pose, settings, zones, searches)
+        detour = detour_to(request.target, pose, settings, zones, detours)
         return detour if isinstance(detour, Refusal) else None
     known, law = zones.known, settings.turn_drive
     segments = detoured_segments(request, pose, settings, known)
@@ -113,11 +110,7 @@ def check_request(
 
 
 def check_turns(
-    request: Motion,
-    pose: Pose,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    request: Motion, pose: Pose, settings: Settings, zones: Zones, detours: Detours | None = None
 ) -> Refusal | None:
     """Return a refusal if a motion needs tighter turns than the base can drive, or None.
 
@@ -134,7 +127,7 @@ def check_turns(
             text = f"turns at a radius of {needed_m:.2f} m: turn more slowly, or drive faster"
     elif requested_controller(request, settings.controller) is not Controller.MPC:
         tolerance_rad = settings.turn_drive.heading_tolerance_rad
-        segments = detoured_segments(request, pose, settings, zones, searches)
+        segments = detoured_segments(request, pose, settings, zones, detours)
         turns_rad = [each.by_rad for each in segments]
         first_rad = next((each for each in turns_rad if abs(each) > tolerance_rad), None)
         if first_rad is not None:
@@ -155,14 +148,10 @@ def avoided_obstacles(settings: Settings, zones: Zones) -> Zones:
 
 
 def detour_to(
-    target: Waypoint,
-    pose: Pose,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    target: Waypoint, pose: Pose, settings: Settings, zones: Zones, detours: Detours | None = None
 ) -> tuple[Waypoint, ...] | Refusal:
     """Return the corners of the detour to a target, as `best_detour`, or a refusal without one."""
-    waypoints, law = best_detour(target, pose, settings, zones, searches), settings.turn_drive
+    waypoints, law = best_detour(target, pose, settings, zones, detours), settings.turn_drive
     if waypoints is None:
         return ()
     path = path_of(FollowPath((*waypoints, target)).segments(pose, law.reverse), law)
@@ -179,24 +168,14 @@ def leg_detour(
     through: tuple[Waypoint, ...],
     pose: Pose,
     settings: Settings,
-    zones: Zones,
-    searches: DetourSearches,
+    scene: Scene,
 ) -> tuple[Waypoint, ...] | Refusal:
-    """Return the corners of the path of a leg, or a refusal.
+    """Return the corners of the path to the end of a step, through waypoints, or a refusal.
 
-    The straight lines of a path are followed, except around scanned obstacles across them.
-
-    Args:
-        request: the motion.
-        left_path: whether its step detours around a scanned obstacle already.
-        step: the step with the next standstill at its end.
-        through: waypoints to pass before it.
-        pose: start pose.
-        settings: of the asset.
-        zones: obstacles, including scanned ones.
-        searches: the searches of detours.
+    The straight lines of a path are followed, except around scanned obstacles across them;
+    `left_path` is whether the step detours around one already.
     """
-    zones = avoided_obstacles(settings, zones)
+    zones, detours = avoided_obstacles(settings, scene[0]), scene[1]
     if not isinstance(step, Waypoint):
         return check_request(step, pose, settings, zones) or ()
     if isinstance(request, FollowPath) and not left_path:
@@ -204,7 +183,7 @@ def leg_detour(
         blocked = check_request(path, pose, settings, zones)
         if blocked is not None or through or not zones.scanned:
             return blocked or ()
-    return detour_to(step, pose, settings, zones, searches)
+    return detour_to(step, pose, settings, zones, detours)
 
 
 def _blocked_waypoint(
@@ -253,7 +232,7 @@ def scanned_obstacle_ahead(
 
 
 def best_detour(
-    target: Waypoint, pose: Pose, settings: Settings, zones: Zones, searches: DetourSearches | None
+    target: Waypoint, pose: Pose, settings: Settings, zones: Zones, detours: Detours | None
 ) -> tuple[Waypoint, ...] | None:
     """Return the corners of a detour to a target whose lines all have the clearance.
 
@@ -267,8 +246,7 @@ def best_detour(
     if check_path(line, settings, zones) is None:
         return ()
     key = target, pose, law, _needed_m(settings, zones), zones
-    search = partial(_search, *key)
-    detour = finish(search()) if searches is None else searches.find(key, search)
+    detour = (detours or Detours(inf)).find(key, partial(_search, *key))
     return None if detour is None else tuple(Waypoint(at.x_m, at.y_m) for at in detour.corners)
 
 
@@ -319,17 +297,13 @@ def _no_detour_text(target: Waypoint, settings: Settings, zones: Zones) -> str:
 
 
 def detoured_segments(
-    request: Motion,
-    pose: Pose,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    request: Motion, pose: Pose, settings: Settings, zones: Zones, detours: Detours | None = None
 ) -> tuple[Segment, ...]:
     """Return the segments of a motion from a pose, with its detour, and with curves for turns."""
     law, radius_m = settings.turn_drive, settings.drive.min_turning_radius_m
     if isinstance(request, MoveTo):
         avoided = avoided_obstacles(settings, zones)
-        path = best_detour(request.target, pose, settings, avoided, searches)
+        path = best_detour(request.target, pose, settings, avoided, detours)
         request = FollowPath((*(path or ()), request.target))
     segments = request.segments(pose, law.reverse)
     match segments:
@@ -350,12 +324,7 @@ def turning_curves(step: object, pose: Pose, settings: Settings, zones: Zones) -
 
 
 def expected_pose(
-    goals: Iterable[Goal],
-    pose: Pose,
-    clock: Clock,
-    settings: Settings,
-    zones: Zones,
-    searches: DetourSearches | None = None,
+    goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings, scene: Scene
 ) -> Pose:
     """Return the end pose of motion goals in sequence; the first may be active."""
     for goal in goals:
@@ -364,7 +333,7 @@ def expected_pose(
         if goal.leg.curves and goal.leg.heading_rad is not None:
             pose = replace(goal.start_pose, heading_rad=goal.leg.heading_rad)
             continue
-        for segment in detoured_segments(request, pose, settings, zones, searches):
+        for segment in detoured_segments(request, pose, settings, *scene):
             pose = _left_of(segment, goal, clock, settings).end
     return pose
 

@@ -181,8 +181,8 @@ class Dispatcher:
         request, context = command.request, self._context
         if not isinstance(request, Motion):
             return None
-        pose, obstacles = self._expected_start_pose(command), context.status.obstacles
-        return check_request(request, pose, context.settings, obstacles, context.detours)
+        pose = self._expected_start_pose(command)
+        return check_request(request, pose, context.settings, *context.scene)
 
     def _check_battery(self, command: Command) -> Refusal | None:
         """Return a refusal if the battery lacks energy for a motion or plan with the return."""
@@ -194,10 +194,8 @@ class Dispatcher:
             what = self._planner.root(request.plan_id)
         if what is None or context.settings.battery is None:
             return None
-        pose, status = self._expected_start_pose(command), context.status
-        return check_battery(
-            what, pose, status, context.settings, status.obstacles, context.detours
-        )
+        pose = self._expected_start_pose(command)
+        return check_battery(what, pose, context.status, context.settings, context.scene)
 
     def _expected_start_pose(self, command: Command) -> Pose:
         """Return the expected pose of the rover when a motion begins."""
@@ -205,9 +203,7 @@ class Dispatcher:
         pose, goals = status.pose, context.goals.motion
         if command.preemption is PreemptionPolicy.REPLACE:
             return pose
-        return expected_pose(
-            goals, pose, context.clock, context.settings, status.obstacles, context.detours
-        )
+        return expected_pose(goals, pose, context.clock, context.settings, context.scene)
 
     def _check_state(self, request: Request) -> Refusal | None:
         """Return a refusal if the present state does not permit a request, or None."""

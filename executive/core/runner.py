@@ -361,8 +361,8 @@ class Executive:
         if (refusal := check_localized(status, settings)) is not None:
             return refusal
         scene = status.obstacles, context.detours.copy()  # as queries are not recorded
-        pose = expected_pose(context.goals.motion, status.pose, clock, settings, *scene)
-        refusal = check_battery(what, pose, status, settings, *scene)
+        pose = expected_pose(context.goals.motion, status.pose, clock, settings, scene)
+        refusal = check_battery(what, pose, status, settings, scene)
         return refusal or self._predictions.run(what, pose, apart=True)
 
     def observe(self, fact: Fact) -> None:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot
+from functools import partial
+from math import hypot, inf
 from typing import Final
 
-from executive.obstacles.detour import finish, search_detour
+from executive.obstacles.detour import Detours, search_detour
 from executive.obstacles.zones import KeepIn, KeepOut, Zones
 from executive.values.geometry import Point
 
@@ -116,12 +117,9 @@ class ObstacleConstraints:
         if self.is_free((start, end)):
             return ()
         clearance_m = self.needed_m + TRACKING_MARGIN_M
-        detour = finish(
-            search_detour(
-                start, end, self.zones, clearance_m, lambda point: self.is_free((start, point))
-            )
-        )
-        return detour.corners if detour.reaches_goal else ()
+        search = partial(search_detour, start, end, self.zones, clearance_m)
+        detour = Detours(inf).find((), lambda: search(lambda point: self.is_free((start, point))))
+        return detour.corners if detour is not None and detour.reaches_goal else ()
 
     def rows(self, path: Sequence[Point]) -> list[float]:
         """Return the rows of each point of a path except the first, concatenated."""

@@ -3,8 +3,8 @@
 Its nodes lie on a ring around each corner and rock. The radius of the ring is such that a straight
 line between neighbours keeps the clearance. Lines are checked only when the search reaches them.
 
-A search among a hundred sides takes longer than a tick. `DetourSearches` advances it by a number
-of comparisons in each turn of the core, never by a time, so that runs repeat bit for bit.
+A search among a hundred sides takes longer than a tick. `Detours` advances it by a number of
+comparisons in each turn of the core, never by a time, so that runs repeat bit for bit.
 """
 
 from collections.abc import Callable, Generator, Hashable, Iterator
@@ -29,28 +29,12 @@ NODES_PER_CORNER: Final = 12
 """Number of nodes around each corner and rock."""
 MAX_COMPARISONS: Final = 20_000
 """Maximum number of rocks and zone sides checked, for nodes and again for lines."""
-SLICE_COMPARISONS: Final = 800
-"""Number of comparisons in a slice, about a millisecond; a step that exceeds it takes another."""
+SLICE_COMPARISONS: Final = 500
+"""Number of comparisons in a slice, one or two milliseconds."""
 LINES_PER_LEG: Final = 3
 """Maximum number of lines of a straight drive with its turns: those of the control point."""
 MAX_SEARCHES: Final = 16
 """Maximum number of stored searches: of the queued motions, and of the return home."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Branch:
-    """The lines from a node to all others, the best first.
-
-    Attributes:
-        order: number of nodes found before.
-        walked_m: distance up to the node; `parent` is its index, None for the start.
-    """
-
-    order: int
-    point: Point
-    walked_m: float
-    parent: int | None
-    ranked: Iterator[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,21 +55,21 @@ DetourSearch = Generator[int, None, Detour]
 """A search in small steps; yields the number of comparisons of each."""
 
 
-class DetourSearches:
-    """The searches of one asset, advanced in slices on the thread that owns them.
+class Detours:
+    """The detours of one asset, searched in slices on the thread that owns them.
 
     Attributes:
         undecided: whether a request had no result yet; reset by the caller.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first_slice: float = SLICE_COMPARISONS) -> None:
         self._found: dict[Hashable, Detour | DetourSearch] = {}
-        self._left = SLICE_COMPARISONS
+        self._left = first_slice
         self.undecided = False
 
-    def copy(self) -> "DetourSearches":
-        """Return searches with the same results, for a preview."""
-        copied = DetourSearches()
+    def copy(self) -> "Detours":
+        """Return detours with the same results, for a preview."""
+        copied = Detours()
         copied._found = {key: at for key, at in self._found.items() if isinstance(at, Detour)}
         return copied
 
@@ -120,14 +104,12 @@ class DetourSearches:
         return None
 
 
-def finish(search: DetourSearch) -> Detour:
-    """Return the result of a search without slices."""
-    try:
-        while True:
-            next(search)
-    except StopIteration as end:
-        found: Detour = end.value
-        return found
+Scene = tuple[Zones, Detours | None]
+"""Obstacles, and the detours around them; without these each search runs to its end."""
+
+_Line = tuple[float, int, int, float, int | None]
+"""Length of the shortest path by a line, order of its node, index of its end, length up to that,
+and index of the node."""
 
 
 def search_detour(
@@ -148,8 +130,7 @@ def search_detour(
     before: dict[int, int | None] = {}
     left, sides = MAX_COMPARISONS, sum(map(_sides, zones))
     to_end_m = [each.distance_m(end) for each in nodes]
-    indices = range(len(nodes))
-    queue: list[tuple[float, int, int, _Branch]] = []
+    queue: list[tuple[_Line, Iterator[_Line]]] = []
 
     def is_free(parent: int, index: int) -> bool:
         nonlocal left
@@ -161,29 +142,28 @@ def search_detour(
                 return False
         return True
 
-    def expand(point: Point, walked_m: float, parent: int | None) -> None:
-        """Queue the best line from a node; each that is taken queues the next."""
+    def lines(point: Point, walked_m: float, parent: int | None) -> Iterator[_Line]:
+        """Yield the lines from a node, the best first."""
 
-        def estimate_m(index: int) -> float:
-            return walked_m + point.distance_m(nodes[index]) + to_end_m[index]
+        def through_m(index: int) -> float:
+            return walked_m + point.distance_m(nodes[index])
 
-        ranked = sorted((each for each in indices if each not in before), key=estimate_m)
-        push_next(_Branch(len(before), point, walked_m, parent, iter(ranked)))
+        order, others = len(before), (each for each in range(len(nodes)) if each not in before)
+        for index in sorted(others, key=lambda each: through_m(each) + to_end_m[each]):
+            distance_m = through_m(index)
+            yield distance_m + to_end_m[index], order, index, distance_m, parent
 
-    def push_next(branch: _Branch) -> None:
-        index = next(branch.ranked, None)
-        if index is not None:
-            distance_m = branch.walked_m + branch.point.distance_m(nodes[index])
-            heappush(queue, (distance_m + to_end_m[index], branch.order, index, branch))
+    def push_next(branch: Iterator[_Line]) -> None:
+        if (line := next(branch, None)) is not None:
+            heappush(queue, (line, branch))
 
-    expand(start, 0.0, None)
+    push_next(lines(start, 0.0, None))
     while queue and left > 0:
-        _, _, index, branch = heappop(queue)
+        (_, _, index, distance_m, parent), branch = heappop(queue)
         push_next(branch)
         if index in before:
             yield 1
             continue
-        parent = branch.parent
         if parent is None:
             left -= sides
             free = leads(nodes[index])
@@ -197,7 +177,7 @@ def search_detour(
         before[index] = parent
         if index == 0:
             break
-        expand(nodes[index], branch.walked_m + branch.point.distance_m(nodes[index]), index)
+        push_next(lines(nodes[index], distance_m, index))
         yield len(nodes)
     if 0 in before:
         return Detour(_through(nodes, before, before[0]), reaches_goal=True)

@@ -24,7 +24,7 @@ from executive.commands.intake import ABOARD_PREFIX, check_arguments, localized
 from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
-from executive.obstacles.detour import DetourSearches
+from executive.obstacles.detour import Detours
 from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
 from executive.preview.preview_rover import (
@@ -134,7 +134,7 @@ class PreviewStart:
         obstacles: obstacles to avoid.
         uncertainty: uncertainty of the pose.
         map_origin: origin of the map in the frame of the pose; None if it is unknown.
-        detours: searches, with earlier results.
+        detours: detours, with earlier results.
     """
 
     pose: Pose
@@ -145,7 +145,7 @@ class PreviewStart:
     obstacles: Zones
     uncertainty: Uncertainty
     map_origin: Pose | None = None
-    detours: DetourSearches = field(default_factory=DetourSearches)
+    detours: Detours = field(default_factory=Detours)
 
 
 class TickableTree(Protocol):
@@ -376,9 +376,7 @@ class PreviewRun:
         refusal = (
             check_arguments(request, settings, pose.point)
             or check_pose(request, pose, self._start.uncertainty, settings)
-            or check_request(
-                request, pose, settings, self._context.status.obstacles, self._context.detours
-            )
+            or check_request(request, pose, settings, *self._context.scene)
         )
         if refusal is not None:
             self._refuse(refusal)

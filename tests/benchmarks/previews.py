@@ -1,14 +1,20 @@
-"""How well previews foretell: random motions, each previewed and then driven in lock step."""
+"""How well previews predict: random motions, each previewed and then driven in lock step.
+
+Also the maximum slices of previews and of searches for detours, as CPU time of the thread.
+"""
 
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, pi
+from functools import partial
+from math import cos, hypot, pi, sin
 from pathlib import Path
 from random import Random
 from statistics import median
+from time import thread_time
 from typing import Final
 
+from executive.checks.path_check import best_detour
 from executive.commands import (
     Command,
     DriveFor,
@@ -20,7 +26,10 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
+from executive.obstacles.detour import Detours
+from executive.obstacles.zones import KeepOut, KnownRock, Zones
 from executive.preview import Preview
+from executive.preview.predictions import SLICE_TICKS
 from executive.settings import Controller, DriveLimits, Settings, load_settings
 from executive.values.geometry import Pose, wrap_rad
 from executive.values.reasons import Refusal
@@ -36,6 +45,8 @@ REST_S: Final = 0.5
 LIMIT_S: Final = 200.0
 NEAR_S: Final = 4.0
 """Targets lie in a square about the origin that is twice as far across as this takes."""
+SLICE_MS: Final = Goal(5.0)
+"""A tenth of a tick."""
 IN_TIME: Final = 0.05
 """Of the duration, by which a preview may be wrong."""
 
@@ -46,6 +57,7 @@ class Outcome:
 
     Attributes:
         off_s, off_j: what it took beyond its preview; energy by the battery of the simulation.
+        slice_s: maximum slice of its preview.
         off_m, off_rad: in truth, from where the preview has it end, seen from where it began.
     """
 
@@ -55,6 +67,7 @@ class Outcome:
     off_m: float
     off_rad: float
     off_j: float
+    slice_s: float
 
     @property
     def in_time(self) -> bool:
@@ -105,7 +118,7 @@ def drive(settings: Settings, motions: Sequence[Motion], seed: int) -> list[Outc
 
 def _drive_one(lockstep: LockStep, motion: Motion, number: int) -> Outcome | None:
     status, rover = lockstep.executive.status, lockstep.rover
-    preview = _previewed(lockstep, motion)
+    preview, slice_s = _previewed(lockstep, motion)
     if isinstance(preview, Refusal):
         return None
     seen, true, begun_j, begun_s = status.pose, rover.true_pose, rover.energy_j, lockstep.time_s
@@ -123,6 +136,7 @@ def _drive_one(lockstep: LockStep, motion: Motion, number: int) -> Outcome | Non
         hypot(became.x_m - predicted.x_m, became.y_m - predicted.y_m),
         abs(wrap_rad(became.heading_rad - predicted.heading_rad)),
         0.0 if preview.energy_j is None else took_j - preview.energy_j,
+        slice_s,
     )
 
 
@@ -134,14 +148,54 @@ def _seen_from(pose: Pose, start: Pose) -> Pose:
     return Pose(position.x_m, position.y_m, heading_rad=heading_rad)
 
 
-def _previewed(lockstep: LockStep, motion: Motion) -> Preview | Refusal:
+def _previewed(lockstep: LockStep, motion: Motion) -> tuple[Preview | Refusal, float]:
+    """Return the preview of a motion, or its refusal, and the duration of its maximum slice."""
     run = lockstep.executive.preview(motion)
     if isinstance(run, Refusal):
-        return run
-    run.set_up()
+        return run, 0.0
+    max_s = _took_s(run.set_up)
     while run.result is None:
-        run.advance(100)
-    return run.result
+        max_s = max(max_s, _took_s(partial(run.advance, SLICE_TICKS)))
+    return run.result, max_s
+
+
+def _took_s(work: Callable[[], object]) -> float:
+    begun_s = thread_time()
+    work()
+    return thread_time() - begun_s
+
+
+def crowd(seed: int) -> tuple[Zones, Waypoint]:
+    """Return ten zones of ten sides and twenty rocks, and a target among them."""
+    draw = Random(seed)
+    found: list[tuple[float, float, float]] = []
+    while len(found) < 30:
+        corner = len(found) < 10
+        x_m, y_m = draw.uniform(-2.0, 14.0), draw.uniform(-7.0, 7.0)
+        radius_m = draw.uniform(0.3, 0.9) if corner else draw.uniform(0.1, 0.4)
+        if hypot(x_m, y_m) > radius_m + 1.0:
+            found.append((x_m, y_m, radius_m))
+    angles = [2 * pi * index / 10 for index in range(10)]
+    areas = tuple(
+        KeepOut(f"z{i}", tuple((x_m + r_m * cos(at), y_m + r_m * sin(at)) for at in angles))
+        for i, (x_m, y_m, r_m) in enumerate(found[:10])
+    )
+    rocks = tuple(KnownRock(f"r{i}", *each) for i, each in enumerate(found[10:]))
+    target = Waypoint(draw.uniform(8.0, 12.0), draw.uniform(-5.0, 5.0))
+    return Zones(keep_out=areas, rocks=rocks), target
+
+
+def _max_search_s(settings: Settings, seed: int) -> float:
+    """Return the duration of the maximum slice of a search in a crowd."""
+    (zones, target), detours, max_s = crowd(seed), Detours(), 0.0
+    find = partial(best_detour, target, Pose(), settings, zones, detours)
+    while True:
+        begun_s = thread_time()
+        detours.advance()
+        found = find()
+        max_s = max(max_s, thread_time() - begun_s)
+        if found is not None:
+            return max_s
 
 
 def _stage(lockstep: LockStep, number: int) -> Stage:
@@ -170,7 +224,9 @@ def measure(
         motions = [random_motion(random, controller, asset.drive) for _ in range(count)]
         log(f"previews: {count} motions, {name} ...")
         figures += _figures(name, drive(asset, motions, seed))
-    return figures
+    max_ms = 1000 * max(_max_search_s(settings, each) for each in range(count))
+    scenes = f"{count} scenes of 10 zones of 10 sides and 20 rocks"
+    return [*figures, Figure("detour: maximum slice", max_ms, "ms", scenes, SLICE_MS)]
 
 
 def _figures(name: str, outcomes: Sequence[Outcome | None]) -> list[Figure]:
@@ -180,6 +236,13 @@ def _figures(name: str, outcomes: Sequence[Outcome | None]) -> list[Figure]:
     energies = [abs(e.off_j) / e.preview.energy_j for e in driven if e.preview.energy_j]
     return [
         Figure(f"{name}: refused or failed", len(outcomes) - len(driven), "", count, Goal(0)),
+        Figure(
+            f"{name}: maximum slice",
+            1000 * max(each.slice_s for each in driven),
+            "ms",
+            count,
+            SLICE_MS,
+        ),
         Figure(f"{name}: duration off, median", 100 * median(shares), "%", count),
         Figure(f"{name}: duration off, p95", 100 * quantile(shares, 0.95), "%", count, Goal(5)),
         Figure(f"{name}: duration off, most", 100 * max(shares), "%", count),

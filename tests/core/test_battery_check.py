@@ -65,7 +65,7 @@ def test_the_estimated_charge_equals_that_of_a_preview(bench: Bench, motion: Mot
         pass
     assert isinstance(run.result, Preview)
     speeds = SpeedLimits(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
-    estimated = estimate_energy_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
+    estimated = estimate_energy_j(motion, Pose(), speeds, JACKAL, (JACKAL.zones, None))
     assert estimated == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
 
 

@@ -3,7 +3,7 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
-from math import cos, hypot, pi, sin
+from math import hypot, inf
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -16,7 +16,7 @@ from executive.checks import check_request, detoured_segments, path_check, path_
 from executive.checks.path_check import best_detour
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
 from executive.commands.lifecycle import Accepted
-from executive.obstacles.detour import DetourSearch, finish, search_detour
+from executive.obstacles.detour import Detours, DetourSearch, search_detour
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
 from executive.values.geometry import STANDING, Point, Pose
@@ -24,6 +24,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
+from tests.benchmarks.previews import crowd
 from tests.support.kinematic import Bench, ignoring
 
 JACKAL = load_settings("jackal")
@@ -101,10 +102,10 @@ def test_a_detour_passes_zones_and_remains_within_the_yard(tmp_path: Path) -> No
 def test_the_detour_of_a_command_is_searched_once_until_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    searches: list[Point] = []
+    detours: list[Point] = []
 
     def counted(start: Point, *rest: Any) -> DetourSearch:
-        searches.append(start)
+        detours.append(start)
         return search_detour(start, *rest)
 
     monkeypatch.setattr(path_check, "search_detour", counted)
@@ -113,27 +114,7 @@ def test_the_detour_of_a_command_is_searched_once_until_it_begins(
         bench.submit(MoveTo(Waypoint(4.0, 0.0)), 1)
         bench.run(0.2)
         assert bench.rover.velocity.rotate_radps != 0.0
-        assert searches == [Point(0.0, 0.0)]
-
-
-def crowd(seed: int) -> tuple[Zones, Waypoint]:
-    """Return ten zones of ten sides and twenty rocks, and a target among them."""
-    draw = Random(seed)
-    found: list[tuple[float, float, float]] = []
-    while len(found) < 30:
-        corner = len(found) < 10
-        x_m, y_m = draw.uniform(-2.0, 14.0), draw.uniform(-7.0, 7.0)
-        radius_m = draw.uniform(0.3, 0.9) if corner else draw.uniform(0.1, 0.4)
-        if hypot(x_m, y_m) > radius_m + 1.0:
-            found.append((x_m, y_m, radius_m))
-    angles = [2 * pi * index / 10 for index in range(10)]
-    areas = tuple(
-        KeepOut(f"z{i}", tuple((x_m + r_m * cos(at), y_m + r_m * sin(at)) for at in angles))
-        for i, (x_m, y_m, r_m) in enumerate(found[:10])
-    )
-    rocks = tuple(KnownRock(f"r{i}", *each) for i, each in enumerate(found[10:]))
-    target = Waypoint(draw.uniform(8.0, 12.0), draw.uniform(-5.0, 5.0))
-    return Zones(keep_out=areas, rocks=rocks), target
+        assert detours == [Point(0.0, 0.0)]
 
 
 def test_during_a_long_search_the_rover_is_stationary(tmp_path: Path) -> None:
@@ -195,15 +176,17 @@ def test_a_path_is_driven_as_it_is_given() -> None:
 def test_a_detour_is_the_shortest_path_except_at_its_corners() -> None:
     rock = KnownRock("boulder", 3.0, 0.1, 0.5)
     ends = Point(0.0, 0.0), Point(6.0, 0.0)
-    path = finish(search_detour(*ends, Zones(rocks=(rock,)), 0.5, lambda _: True))
+    zones = Zones(rocks=(rock,))
+    path = Detours(inf).find(1, lambda: search_detour(*ends, zones, 0.5, lambda _: True))
+    assert path is not None
     assert path.reaches_goal
     assert path.corners == ()
-    zones = Zones(rocks=(rock,))
 
     def leads(position: Point) -> bool:
         return rock.clearance_m(Point(0.0, 0.0), position) >= 0.5
 
-    path = finish(search_detour(*ends, zones, 0.5, leads))
+    path = Detours(inf).find(2, lambda: search_detour(*ends, zones, 0.5, leads))
+    assert path is not None
     positions = [Point(0.0, 0.0), *path.corners, Point(6.0, 0.0)]
     assert all(position.y_m < 0.0 for position in path.corners)
     assert sum(a.distance_m(b) for a, b in pairwise(positions)) < 6.0 + 0.35
