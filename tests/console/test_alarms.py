@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from alembic import command
-from alembic.config import Config
-from sqlalchemy import Engine, create_engine, text
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import Engine, text
 
 from adapters.console.archive import (
+    METADATA,
     AlarmCleared,
     AlarmRaised,
     Archive,
@@ -29,7 +30,6 @@ from adapters.console.archive import (
     read_notifications,
     shelve_alarm,
 )
-from adapters.console.archive.database import FILE, MIGRATIONS
 from adapters.console.messages import AlarmStatus, LinkKind, NotificationMessage
 from adapters.console.requests import AlarmRequests
 from adapters.console.rovers import notification_message as notified_of
@@ -215,19 +215,20 @@ async def test_consoles_at_one_database_show_the_same(
     await archive.close()
 
 
-def test_an_archive_without_shelving_is_migrated_with_its_alarms(tmp_path: Path) -> None:
-    config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS))
-    engine = create_engine(f"sqlite:///{tmp_path / FILE}")
+def test_an_archive_without_shelving_is_migrated_with_its_alarms(
+    engine: Engine, tmp_path: Path
+) -> None:
     with engine.begin() as connection:
-        config.attributes["connection"] = connection
-        command.upgrade(config, "0002")
+        for column in ("shelved_us", "shelved_until_us", "shelved_by", "comment"):
+            connection.execute(text(f"ALTER TABLE alarm DROP COLUMN {column}"))
+        connection.execute(text("UPDATE alembic_version SET version_num = '0002'"))
         names = "asset, source, severity, text, raised_us, last_us, occurrences, open"
         values = "'jackal', 'fault 905', 'ALARM', 'low', 1000000, 1000000, 1, 1"
         connection.execute(text(f"INSERT INTO alarm ({names}) VALUES ({values})"))
-    engine.dispose()
-    migrated = open_database(None, tmp_path)
+    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
+    migrated = open_database(url, tmp_path)
     with migrated.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
         (low,) = open_alarms(connection)
     assert (low.source, low.raised, low.shelved_until) == ("fault 905", 1.0, None)
     migrated.dispose()

@@ -400,7 +400,7 @@ async def test_what_cannot_be_written_waits(
     await archive.close()
 
 
-def test_the_migrations_make_the_tables(engine: Engine) -> None:
+def test_a_new_archive_has_the_tables(engine: Engine) -> None:
     with engine.connect() as connection:
         context = MigrationContext.configure(connection)
         assert compare_metadata(context, METADATA) == []

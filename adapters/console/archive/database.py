@@ -12,6 +12,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, create_engine, event, func, make_url, select
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
+from adapters.console.archive.tables import METADATA
 from adapters.process import StartError, require
 from adapters.system import OPERATING_SYSTEM, System
 
@@ -122,4 +123,8 @@ def _migrate(engine: Engine) -> None:
                 " version of rover-console, or choose another archive with --archive"
             )
         config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+        if current is None:
+            METADATA.create_all(connection, checkfirst=False)
+            command.stamp(config, "head")
+        else:
+            command.upgrade(config, "head")
