@@ -6,17 +6,28 @@ const DISPLAY_OPTIONS = "hideInspector=true&hideRecents=true";
 const WRITE_MS = 300;
 export const ROVERS = `#/browse/rover:rovers?${DISPLAY_OPTIONS}`;
 
-/** Open MCT writes its address after a delay: not over one that it has not read yet. @param {{setHash: (hash: string) => void}} router */
+/**
+ * Let a new address win over what Open MCT writes. It writes its location 300 ms later than a change, and reads what
+ * it has written: that would replace an address that it has not read yet, and undo a later change.
+ * @param {any} router of Open MCT
+ */
 export function keepNewerAddress(router) {
-  let read = location.hash;
+  /** the address that the router has read or written last */
+  let known = "";
   let timer = 0;
-  addEventListener("hashchange", () => (read = location.hash));
-  router.setHash = (hash) => {
+  const read = router.hashChanged.bind(router);
+  router.hashChanged = (hash) => {
+    if (location.hash === known) return;
+    known = location.hash;
+    read(hash);
+  };
+  router.setHash = () => {
     clearTimeout(timer);
     timer = setTimeout(() => {
-      if (location.hash !== read) return;
-      location.hash = hash;
-      read = location.hash;
+      if (location.hash !== known) return;
+      const { path, getQueryString } = router.getCurrentLocation();
+      location.hash = `${path}?${getQueryString()}`;
+      known = location.hash;
     }, WRITE_MS);
   };
 }
