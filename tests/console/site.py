@@ -26,6 +26,10 @@ OPTIONS: Final = (
     "--disable-component-update",
     "--disable-sync",
 )
+SLOW: Final = """const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 100);
+"""
+"""A busy browser: it draws ten times a second."""
 _SHOWN_BY_THE_PAGE: Final = r"net::ERR_|status of (403|409|412|422|503)"
 """A server that is away, or what it refused: a browser writes both to its console as well."""
 _NAMED: Final = (  # the empty page that a browser begins with keeps nothing

@@ -11,7 +11,7 @@ from playwright.async_api import async_playwright, expect
 from executive.values.clock import START_UTC_S
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import OPTIONS, SLOW, open_whole
 from tests.console.test_alarms import BATTERY, FULL_V, LOW_V, VOLTAGE, is_alarm, show
 from tests.console.test_relay_page import AHEAD, PAGE
 from tests.console.test_theme_page import AXE, violations
@@ -21,10 +21,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
-SLOW = """const draw = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 100);
-"""
-"""A busy browser: it draws ten times a second."""
 NAMED = "if (origin !== 'null') sessionStorage.setItem('rover-console-operator', 'anna')"
 
 

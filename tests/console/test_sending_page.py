@@ -21,7 +21,7 @@ from playwright.async_api import (
 from executive.commands import MoveForward, MoveTo, Waypoint
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import OPTIONS, SLOW, open_whole
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -146,7 +146,9 @@ async def page_of(folder: Path, uri: str, path: str = "") -> AsyncIterator[Page]
         page = await browser.new_page(viewport=LAPTOP)
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.add_init_script("sessionStorage.setItem('rover-console-operator', 'anna')")
+        await page.add_init_script(
+            f"{SLOW}sessionStorage.setItem('rover-console-operator', 'anna')"
+        )
         await open_whole(page, f"{anna.address}{path}")
         await expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile("^-?[0-9.]+$"))
         yield page
