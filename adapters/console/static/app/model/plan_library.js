@@ -1,6 +1,6 @@
 /**
- * Plans to begin with: drafts and templates that operators stored, shared by all consoles, the templates of
- * `config/plans`, and the plans submitted at the console.
+ * Plans to begin with: drafts that operators stored, shared by all consoles, the templates of `config/plans`, and
+ * the plans submitted at the console.
  */
 
 import { fetchJson } from "./connection.js";
@@ -8,11 +8,10 @@ import { Observable } from "./observable.js";
 
 /** @import { PlanContent } from "./plan_draft.js" */
 /** @import { PlanRevision } from "./messages.js" */
-/** @typedef {"draft" | "template"} Kind */
 /** @typedef {{group: string, name: string, read: () => Promise<Partial<PlanContent>>}} LibraryEntry */
 
-/** Keys of the stored objects, with the name of the plan behind them. */
-const PREFIXES = { draft: "plan-draft:", template: "plan-template:" };
+/** Prefix of the keys of drafts, before the name of the plan. */
+const DRAFT = "plan-draft:";
 const path = (key) => `/api/objects/${encodeURIComponent(key)}`;
 
 export class PlanLibrary extends Observable {
@@ -34,23 +33,15 @@ export class PlanLibrary extends Observable {
     const [stored, templates, sent] = await Promise.all(
       ["/api/objects", "/api/plans/templates", this.path].map((each) => fetchJson(each).catch(() => ({}))),
     );
-    const keys = (stored.objects ?? []).map((each) => each.key);
+    const drafts = (stored.objects ?? []).map((each) => each.key).filter((key) => key.startsWith(DRAFT));
     this.submitted = sent.plans ?? [];
     const newest = this.submitted.filter((each, index, all) => all.findIndex(({ plan }) => plan === each.plan) === index);
     this.entries = [
-      ...this.#stored("draft", keys),
-      ...this.#stored("template", keys),
+      ...drafts.map((key) => ({ group: "drafts", name: key.slice(DRAFT.length), read: () => this.#read(key) })),
       ...(templates.templates ?? []).map(({ name, xml }) => ({ group: "templates", name, read: async () => ({ name, xml }) })),
       ...newest.map(({ plan, revision }) => ({ group: "submitted", name: plan, read: () => this.readRevision(revision) })),
     ];
     this.changed();
-  }
-
-  /** @param {Kind} kind @param {string[]} keys @returns {LibraryEntry[]} */
-  #stored(kind, keys) {
-    const prefix = PREFIXES[kind];
-    const own = keys.filter((each) => each.startsWith(prefix));
-    return own.map((key) => ({ group: `${kind}s`, name: key.slice(prefix.length), read: () => this.#read(key) }));
   }
 
   async #read(key) {
@@ -65,9 +56,9 @@ export class PlanLibrary extends Observable {
     return { name: plan, xml: content };
   }
 
-  /** Store a plan. One that another operator changed since this page read it is not overwritten. @param {Kind} kind @param {PlanContent} value */
-  async save(kind, value) {
-    const key = PREFIXES[kind] + value.name;
+  /** Store a draft. One that another operator changed since this page read it is not overwritten. @param {PlanContent} value */
+  async save(value) {
+    const key = DRAFT + value.name;
     const known = this.#revisions.get(key);
     const headers = known === undefined ? { "If-None-Match": "*" } : { "If-Match": `"${known}"` };
     try {
@@ -75,19 +66,19 @@ export class PlanLibrary extends Observable {
       this.#revisions.set(key, revision);
     } catch (error) {
       if (error.status !== 412) throw error;
-      throw new Error(`there is a newer ${kind} ${value.name}: open it first, or use another name`);
+      throw new Error(`there is a newer draft ${value.name}: open it first, or use another name`);
     }
     await this.refresh();
   }
 
-  /** Whether this page may delete a stored plan. @param {Kind} kind @param {string} name */
-  has(kind, name) {
-    return this.#revisions.has(PREFIXES[kind] + name);
+  /** Whether this page has read a draft, and may delete it. @param {string} name */
+  has(name) {
+    return this.#revisions.has(DRAFT + name);
   }
 
-  /** @param {Kind} kind @param {string} name */
-  async remove(kind, name) {
-    const key = PREFIXES[kind] + name;
+  /** @param {string} name */
+  async remove(name) {
+    const key = DRAFT + name;
     await fetchJson(path(key), { method: "DELETE", headers: { "If-Match": `"${this.#revisions.get(key)}"` } });
     this.#revisions.delete(key);
     await this.refresh();

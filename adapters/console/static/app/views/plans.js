@@ -1,6 +1,6 @@
 /**
  * Plans: steps by clicks on the map and from the catalogue, or XML; checked and previewed as they are edited,
- * stored as drafts and templates, submitted and commanded. Each action is a command, and appears in the
+ * stored as drafts, submitted and commanded. Each action is a command, and appears in the
  * command table.
  */
 
@@ -42,9 +42,8 @@ export class PlansView extends View {
   #name = html("input", { type: "text", "aria-label": "name of the plan", placeholder: "name", maxLength: 64, oninput: () => this.plan.rename(this.#name.value.trim()) });
   #open = html("select", { "aria-label": "open a plan", onchange: () => this.#read(this.#open.value) });
   #file = html("input", { type: "file", accept: ".xml", hidden: true, "aria-label": "file of a plan", onchange: () => this.#readFile(this.#file.files[0]) });
-  #saveDraft = button("save draft", "store the plan for all consoles, to continue later", () => this.#save("draft"));
-  #saveTemplate = button("save as template", "store the plan for all consoles, to begin others with", () => this.#save("template"));
-  #delete = button("delete", "", () => this.#deleteStored());
+  #save = button("save draft", "store the plan for all consoles, to continue later or to begin others with", () => this.#attempt(() => this.#library.save(this.plan.content), `draft ${this.plan.name} is stored for all consoles`));
+  #delete = button("delete draft", "", () => this.#attempt(() => this.#library.remove(this.plan.name), "deleted"));
   #undo = button("undo", "return to the plan before the last change", () => this.plan.undo());
   #asSteps = button("steps", "edit the plan as a list", () => this.#show(false));
   #asXml = button("XML", "edit the plan as XML", () => this.#show(true));
@@ -70,8 +69,7 @@ export class PlansView extends View {
       button("file …", "open a plan from a file", () => this.#file.click()),
       this.#file,
       button("new", "begin an empty plan", () => this.plan.load({})),
-      this.#saveDraft,
-      this.#saveTemplate,
+      this.#save,
       this.#delete,
       html("span", { className: "tools" }, this.#undo, this.#asSteps, this.#asXml),
     ),
@@ -145,20 +143,6 @@ export class PlansView extends View {
     const known = /^<\?xml[^>]*encoding=["'](iso-8859-(?:[1-9]|1[0134-6])|windows-125\d)["']/i;
     const declared = known.exec(new TextDecoder("ascii").decode(octets));
     this.plan.load({ name: chosen.name.replace(/\.xml$/i, ""), xml: new TextDecoder(declared ? declared[1] : "utf-8").decode(octets) });
-  }
-
-  /** @param {"draft" | "template"} kind */
-  #save(kind) {
-    return this.#attempt(() => this.#library.save(kind, this.plan.content), `${kind} ${this.plan.name} is stored for all consoles`);
-  }
-
-  #deleteStored() {
-    return this.#attempt(() => this.#library.remove(this.#storedKind, this.plan.name), "deleted");
-  }
-
-  /** The kind of the stored plan of this name that this page may delete. */
-  get #storedKind() {
-    return /** @type {const} */ (["draft", "template"]).find((kind) => this.#library.has(kind, this.plan.name));
   }
 
   /** @param {() => Promise<void>} act @param {string} [done] message after it */
@@ -281,10 +265,8 @@ export class PlansView extends View {
       const parts = groups.map((label) => html("optgroup", { label }, ...entries.filter((each) => each.group === label).map(option)));
       this.#open.replaceChildren(html("option", { value: "", textContent: "open …" }), ...parts);
     }
-    this.#saveDraft.disabled = this.#saveTemplate.disabled = plan.isEmpty || !plan.name;
-    const kind = this.#storedKind;
-    this.#delete.hidden = !kind;
-    setText(this.#delete, `delete ${kind}`);
+    this.#save.disabled = plan.isEmpty || !plan.name;
+    this.#delete.hidden = !this.#library.has(plan.name);
   }
 
   #drawCheck() {
