@@ -104,3 +104,12 @@ async def test_a_stop_expires_at_its_maximum_age(
         await lose_link(anna, rover)
         await stop(anna)
         assert (await is_stop(anna, "expired"))["detail"] == "expired after 0 s"
+
+
+async def test_the_maximum_age_counts_from_the_press(rover: Aboard, tmp_path: Path) -> None:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        pressed = (await anna.request("POST", "api/stop/jackal", json={"age": 700.0}))[1]
+        ended = await anna.page.command(pressed["id"], "rejected")
+        assert ended["history"][-1]["detail"] == "expired after 600 s: it was not sent"
+        assert mode(rover) == "IDLE"

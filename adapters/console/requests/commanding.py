@@ -27,7 +27,7 @@ from adapters.console.rovers import (
 )
 from adapters.console.tasks import start_task
 from adapters.console.web import invalid, is_number, one_of, refused
-from adapters.mal import MalError
+from adapters.mal import MalError, StandardError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, PlanPreview, Preview, describe_error
 from executive.commands import (
@@ -45,7 +45,9 @@ _LOG: Final = logging.getLogger(__name__)
 
 MAX_ID_LENGTH: Final = 64
 MAX_LIFETIME_S: Final = 7 * 86_400.0
-PREVIEW_S: Final = 60.0
+QUERY_TIMEOUT_S: Final = 60.0
+"""Timeout of a query; a preview takes longest, s."""
+_REFUSED: Final = HTTPStatus.UNPROCESSABLE_ENTITY
 _REFUSALS: Final = {error.value for error in AreaError}
 
 
@@ -162,13 +164,13 @@ class Commanding:
         self._send(client, link, status.id, command)
         return status
 
-    def stop(self, operator: str, asset: str) -> CommandStatus:
-        """Stop an asset, over any link and without the authority.
+    def stop(self, operator: str, asset: str, age_s: float = 0.0) -> CommandStatus:
+        """Stop an asset, over any link and without the authority; see `Stops.send`.
 
         Raises:
             RequestError: it is unknown.
         """
-        return self._stops.send(operator, self._asset(asset))
+        return self._stops.send(operator, self._asset(asset), age_s)
 
     async def preview(self, name: str, motion: str, args: object) -> Preview:
         """Return the preview of a motion.
@@ -181,7 +183,7 @@ class Commanding:
         if not isinstance(request, get_args(Motion)):
             text = f"{motion} is no motion: it has no preview"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
-        return await self._previewed(name, self.client(name).preview(request))
+        return await self.query(name, lambda client: client.preview(request), _REFUSED)
 
     async def preview_plan(self, asset: str, plan: PlanDefinition) -> PlanPreview:
         """Return the preview of a plan and of its steps.
@@ -189,17 +191,30 @@ class Commanding:
         Raises:
             RequestError: the preview is not available.
         """
-        return await self._previewed(asset, self.client(asset).preview_steps(plan))
+        return await self.query(asset, lambda client: client.preview_steps(plan), _REFUSED)
 
-    async def _previewed(self, asset: str, preview: Awaitable[T]) -> T:
+    async def query(
+        self,
+        asset: str,
+        ask: Callable[[MrsClient], Awaitable[T]],
+        refusal: HTTPStatus = HTTPStatus.NOT_IMPLEMENTED,
+    ) -> T:
+        """Return the answer of an asset to a query.
+
+        Raises:
+            RequestError: the asset refuses the query, with the status `refusal`; or it cannot be
+                reached, or does not answer in time.
+        """
         try:
-            async with asyncio.timeout(PREVIEW_S):
-                return await preview
+            async with asyncio.timeout(QUERY_TIMEOUT_S):
+                return await ask(self.client(asset))
         except MalError as error:
-            text = describe_error(error)
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
+            late = error.number == StandardError.DELIVERY_TIMEDOUT.value
+            status = HTTPStatus.SERVICE_UNAVAILABLE if late else refusal
+            raise refused(status, describe_error(error)) from error
         except (ConnectionError, TimeoutError) as error:
-            raise _unreachable(asset) from error
+            text = f"{asset} cannot be reached or does not answer: try again when its link is up"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
 
     def client(self, asset: str) -> MrsClient:
         """Return the session with an asset over its fastest link.
@@ -298,7 +313,8 @@ class Commanding:
         link = asset.best_link() if wanted is None else asset.links.get(wanted)
         if link is None or link.state is not LinkState.UP or link.client is None:
             by = "" if wanted is None else f" by the {wanted.value} link"
-            raise _unreachable(asset.entry.asset, by)
+            text = f"{asset.entry.asset} cannot be reached{by}: nothing was sent"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, f"{text}; try again when its link is up")
         return link
 
     def _send(self, client: MrsClient, link: RoverLink, name: str, command: Command) -> None:
@@ -326,11 +342,6 @@ class Commanding:
 def _duplicate_post(known: CommandStatus) -> Exception:
     text = f"{known.id} was posted before and is not sent again: `command` has its status"
     return refused(HTTPStatus.CONFLICT, text, command=known)
-
-
-def _unreachable(asset: str, by: str = "") -> Exception:
-    text = f"{asset} cannot be reached{by}: nothing was sent; try again when its link is up"
-    return refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
 
 
 def identifier(value: object) -> str:

@@ -1,10 +1,8 @@
 """HTTP requests for the explanation of a command, or of an asset's present state."""
 
-import asyncio
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from http import HTTPStatus
-from typing import Final
 
 from aiohttp import web
 
@@ -18,11 +16,7 @@ from adapters.explanation import (
     explain_now,
     explanation_lines,
 )
-from adapters.mal import MalError
-from adapters.mrs.spec import describe_error
 from executive.history import RunHistory
-
-QUERY_TIMEOUT_S: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +76,13 @@ class ExplanationRequests:
             if recording is not None:
                 explanation = _explain(recording.history, name)
             else:
-                client = self._commanding.client(asset)
                 identity = None if name is None else await self._commanding.identity(name)
-                async with asyncio.timeout(QUERY_TIMEOUT_S):
-                    history = await client.get_history(identity)
+                history = await self._commanding.query(
+                    asset, lambda client: client.get_history(identity)
+                )
                 explanation = _explain(history, identity)
         except UnknownCommandError as error:
             raise refused(HTTPStatus.NOT_FOUND, str(error), field="command") from error
-        except MalError as error:
-            text = f"{asset} gives no history: {describe_error(error)}"
-            raise refused(HTTPStatus.NOT_IMPLEMENTED, text) from error
-        except (ConnectionError, TimeoutError) as error:
-            text = f"{asset} does not answer: try again when its link is up"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         return json_response(_explanation_body(explanation))
 
 

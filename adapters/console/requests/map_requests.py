@@ -1,28 +1,21 @@
 """HTTP requests of the map: steps of a plan aboard, and obstacles that the laser detected."""
 
-import asyncio
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from aiohttp import web
 
 from adapters.console.requests.commanding import Commanding
 from adapters.console.web import invalid, json_response, refused
-from adapters.mal import MalError, StandardError
-from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import describe_error
 from executive.commands import FollowPath, Motion, MoveTo, argument_values, declaration_of
 from executive.plans import PlanNode, PlanStep, check_plan, nominal_steps, steps, steps_of
 from executive.settings import Settings, TargetFrame
 from executive.values.geometry import Pose
 from executive.values.reasons import Refusal
 
-T = TypeVar("T")
-
-QUERY_TIMEOUT_S: Final = 20.0
 MAX_CYCLES: Final = 20
 """Maximum number of positions of a leaf in loops; chosen, not measured."""
 
@@ -130,7 +123,7 @@ class MapRequests:
 
     async def _steps(self, request: web.Request) -> web.Response:
         asset, plan_id = request.match_info["asset"], request.match_info["plan"]
-        plan = await self._query(asset, lambda client: client.get_plan(plan_id))
+        plan = await self._commanding.query(asset, lambda client: client.get_plan(plan_id))
         settings = self._commanding.settings(asset)
         root = None if settings is None else check_plan(plan, settings)
         if settings is None or root is None or isinstance(root, Refusal):
@@ -141,20 +134,9 @@ class MapRequests:
         return json_response({"steps": list(route)})
 
     async def _obstacles(self, request: web.Request) -> web.Response:
-        found = await self._query(request.match_info["asset"], lambda each: each.get_obstacles())
+        asset = request.match_info["asset"]
+        found = await self._commanding.query(asset, lambda client: client.get_obstacles())
         return json_response({"obstacles": [(each.x, each.y, each.radius) for each in found]})
-
-    async def _query(self, asset: str, query: Callable[[MrsClient], Awaitable[T]]) -> T:
-        try:
-            async with asyncio.timeout(QUERY_TIMEOUT_S):
-                return await query(self._commanding.client(asset))
-        except MalError as error:
-            late = error.number == StandardError.DELIVERY_TIMEDOUT.value
-            status = HTTPStatus.SERVICE_UNAVAILABLE if late else HTTPStatus.NOT_IMPLEMENTED
-            raise refused(status, describe_error(error)) from error
-        except (ConnectionError, TimeoutError) as error:
-            text = f"{asset} does not answer: try again when its link is up"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
 
 
 def _start_of(request: web.Request) -> Pose | None:

@@ -9,7 +9,15 @@ from adapters.console.messages import LinkKind
 from adapters.console.requests.commanding import Commanding, parse_command_post
 from adapters.console.requests.stops import Stops
 from adapters.console.rovers import OperatorAuthority
-from adapters.console.web import OPERATOR, body_of, json_response, one_of, refused, text_of
+from adapters.console.web import (
+    OPERATOR,
+    body_of,
+    is_number,
+    json_response,
+    one_of,
+    refused,
+    text_of,
+)
 from executive.core.authority import AuthorityAction, AuthorityRequest
 
 QUERY_TIMEOUT_S = 10.0
@@ -45,7 +53,9 @@ class OperationRequests:
         return json_response(status, HTTPStatus.ACCEPTED)
 
     async def _stop(self, request: web.Request) -> web.Response:
-        status = self._commanding.stop(request[OPERATOR], request.match_info["asset"])
+        age_s = (await body_of(request)).get("age") if request.can_read_body else None
+        age_s = max(age_s, 0.0) if is_number(age_s) else 0.0
+        status = self._commanding.stop(request[OPERATOR], request.match_info["asset"], age_s)
         return json_response(status, HTTPStatus.ACCEPTED)
 
     async def _call_off(self, request: web.Request) -> web.Response:

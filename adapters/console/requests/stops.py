@@ -3,7 +3,8 @@
 A stop needs no authority. It is sent over the direct link if that is up, otherwise over all
 connected links: over a relay it may arrive much later, and would stop a rover that was resumed in
 between. A repeated stop has the same id; before it is repeated, the asset is queried for that id: a
-rover that received it and was resumed is not stopped again.
+rover that received it and was resumed is not stopped again. The page repeats a stop until it has
+reached the console; `MAX_AGE_S` counts from the press, and ends both.
 """
 
 import asyncio
@@ -37,7 +38,7 @@ STOP: Final = next(each.name for each in FORMS.values() if each.family is Family
 REPEAT_S: Final = 0.5
 """Interval between two attempts to send a stop, s."""
 MAX_AGE_S: Final = 600.0
-"""Maximum age of a stop without an answer, s; chosen, not measured."""
+"""Maximum age of a stop without an answer, from the press, s; chosen, not measured."""
 REFUSALS: Final = {error.value for error in AreaError} - {AreaError.DUPLICATE.value}
 
 
@@ -83,12 +84,19 @@ class Stops:
         self._publish, self._utc = publish, utc
         self._pending: dict[str, _Pending] = {}
 
-    def send(self, operator: str, asset: ConnectedAsset) -> CommandStatus:
-        """Send a new stop; while the previous one was not sent yet, prolong that instead."""
+    def send(self, operator: str, asset: ConnectedAsset, age_s: float = 0.0) -> CommandStatus:
+        """Send a new stop; while the previous one was not sent yet, prolong that instead.
+
+        Args:
+            operator: who pressed it.
+            asset: its asset.
+            age_s: time since the press, in which it did not reach the console.
+        """
         name, now_s = asset.entry.asset, self._utc()
+        end_s = now_s - age_s + MAX_AGE_S
         before = self._pending.get(name)
         if before is not None and not before.sent:
-            before.end_s = now_s + MAX_AGE_S
+            before.end_s = max(before.end_s, end_s)
             known = self._tracker.get(before.status.command)
             assert known is not None, "a stop is tracked until it has ended"
             return known
@@ -101,8 +109,8 @@ class Stops:
         # Not claimed first; other consoles derive the same id.
         status = sent_status(f"{name}:{identity}", name, operator, link.kind, command, {})
         self._tracker.register(status)
-        stop = StopStatus(name, status.id, operator, now_s, now_s, StopState.WAITING)
-        pending = self._pending[name] = _Pending(stop, command, now_s + MAX_AGE_S)
+        stop = StopStatus(name, status.id, operator, now_s - age_s, now_s, StopState.WAITING)
+        pending = self._pending[name] = _Pending(stop, command, end_s)
         self._publish(stop)
         pending.delivery = start_task(self._deliver(asset, pending))
         return status

@@ -12,8 +12,6 @@ import { age } from "../format.js";
 
 const RETRY_MS = 400;
 const TIMEOUT_MS = 3000;
-/** Maximum age of a stop that is repeated; that of rover-console is the same. */
-const MAX_AGE_MS = 600_000;
 const pause = (time_ms) => new Promise((done) => setTimeout(done, time_ms));
 const pathOf = (name) => `/api/stop/${encodeURIComponent(name)}`;
 
@@ -34,22 +32,22 @@ export class Stops {
     this.#unsent.set(name, Date.now());
     while (!isRepeated && this.#unsent.has(name)) {
       this.draw();
-      const end = await this.#attempt(name, Date.now() - this.#unsent.get(name) > MAX_AGE_MS);
+      const end = await this.#attempt(name, this.#unsent.get(name));
       if (!end) await pause(RETRY_MS);
       else this.#unsent.delete(name);
     }
     this.draw();
   }
 
-  /** @param {string} name @param {boolean} isLast @returns {Promise<boolean>} whether no further attempt is needed */
-  async #attempt(name, isLast) {
+  /** @param {string} name @param {number} pressed_ms rover-console lets a stop expire by its age @returns {Promise<boolean>} whether no further attempt is needed */
+  async #attempt(name, pressed_ms) {
     try {
-      await fetchJson(pathOf(name), { json: {}, keepalive: true, signal: AbortSignal.timeout(TIMEOUT_MS) });
+      await fetchJson(pathOf(name), { json: { age: (Date.now() - pressed_ms) / 1000 }, keepalive: true, signal: AbortSignal.timeout(TIMEOUT_MS) });
       return true;
     } catch (error) {
-      const isFinal = isLast || error.status !== 0;
-      if (isFinal) this.show(`STOP was not sent to ${name}: ${error.message}.`, "bad");
-      return isFinal;
+      if (error.status === 0) return false;
+      this.show(`STOP was not sent to ${name}: ${error.message}.`, "bad");
+      return true;
     }
   }
 
