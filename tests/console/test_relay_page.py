@@ -32,7 +32,7 @@ LATE = """addEventListener("hashchange", (event) => {
     event.stopImmediatePropagation();
     setTimeout(() => dispatchEvent(new HashChangeEvent("hashchange")), 1000);
 }, true)"""
-"""A busy browser: what the page does with a new address comes a second after it."""
+"""A busy browser: the page receives each new address a second later."""
 DAY_SPAN = "openmct.time.setClockOffsets({ start: -86_400_000, end: 5_000 })"
 PAGE = "#/browse/rover:rovers/rover:{0}/rover:{0}~{1}?hideInspector=true"
 

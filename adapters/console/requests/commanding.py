@@ -46,7 +46,7 @@ _LOG: Final = logging.getLogger(__name__)
 MAX_ID_LENGTH: Final = 64
 MAX_LIFETIME_S: Final = 7 * 86_400.0
 QUERY_TIMEOUT_S: Final = 60.0
-"""Timeout of a query; a preview takes longest, s."""
+"""Timeout of a query, s; a preview may need most of it."""
 _REFUSED: Final = HTTPStatus.UNPROCESSABLE_ENTITY
 _REFUSALS: Final = {error.value for error in AreaError}
 
@@ -196,7 +196,7 @@ class Commanding:
     async def query(
         self,
         asset: str,
-        ask: Callable[[MrsClient], Awaitable[T]],
+        request: Callable[[MrsClient], Awaitable[T]],
         refusal: HTTPStatus = HTTPStatus.NOT_IMPLEMENTED,
     ) -> T:
         """Return the answer of an asset to a query.
@@ -207,7 +207,7 @@ class Commanding:
         """
         try:
             async with asyncio.timeout(QUERY_TIMEOUT_S):
-                return await ask(self.client(asset))
+                return await request(self.client(asset))
         except MalError as error:
             late = error.number == StandardError.DELIVERY_TIMEDOUT.value
             status = HTTPStatus.SERVICE_UNAVAILABLE if late else refusal

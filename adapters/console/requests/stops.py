@@ -88,9 +88,9 @@ class Stops:
         """Send a new stop; while the previous one was not sent yet, prolong that instead.
 
         Args:
-            operator: who pressed it.
+            operator: operator that pressed STOP.
             asset: its asset.
-            age_s: time since the press, in which it did not reach the console.
+            age_s: time between the press and its reception here, s.
         """
         name, now_s = asset.entry.asset, self._utc()
         end_s = now_s - age_s + MAX_AGE_S

@@ -62,7 +62,7 @@ export class CommandForm extends View {
   #prepare(name) {
     this.#sent = null;
     this.draft.prepare(name);
-    this.render(); // with the key: Tab goes on to the first field
+    this.render(); // with the key: Tab then moves to the first field
   }
 
   /** Ctrl+Enter sends; Enter in a field moves to the send button, or to the first wrong field, and sends nothing. @param {KeyboardEvent} event */
