@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from random import Random
 
-from executive.commands.catalogue import DriveFor
+from executive.commands.catalogue import DriveFor, Resume
 from tests.benchmarks.octets import Octets
 from tests.support.figures import Figure, Goal, quantile
 from tests.support.ports import free_ports
@@ -23,7 +23,7 @@ NONE = Goal(0)
 
 
 def measure(kills: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
-    """Kill the executive of a simulated rover so often, and start it again at once.
+    """Kill the executive of a simulated rover, and start it again at once, for each of `kills`.
 
     Raises:
         ChildError: a process ended by itself.
@@ -41,6 +41,7 @@ def measure(kills: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
         _until_accepted(executive, port)
         for number in range(1, kills + 1):
             time.sleep(random.uniform(0.1, MAX_PAUSE_S))
+            _until_accepted(executive, port, resumed=True)
             began_s = time.monotonic()
             executive.restart()
             listens_s = _until_listening(executive, port)
@@ -77,14 +78,22 @@ def _until_listening(executive: Victim, port: int) -> float:
     raise TimeoutError("the executive does not listen")
 
 
-def _until_accepted(executive: Victim, port: int) -> int:
-    """Send new commands until one is accepted; return how many were refused."""
+def _until_accepted(executive: Victim, port: int, *, resumed: bool = False) -> int:
+    """Send new commands until one is accepted; return how many were refused.
+
+    Args:
+        resumed: whether a stop by a fault, as load causes, is released first.
+    """
     deadline_s, refused = time.monotonic() + LIMIT_S, 0
     with Octets(port) as commands:
+        if resumed:
+            commands.request(Resume())
         while not commands.request(DRIVE):
             refused += 1
             executive.child.check()
             if time.monotonic() > deadline_s:
-                raise TimeoutError("the executive accepts no command")
+                lines = executive.child.log.read_text().splitlines()
+                last = "\n".join([each for each in lines if "EVENT" in each] + lines[-1:])
+                raise TimeoutError(f"the executive accepts no command:\n{last}")
             time.sleep(POLL_S)
     return refused
