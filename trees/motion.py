@@ -51,8 +51,7 @@ from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
-from trees.leaf import GoalLeaf
-from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfirmed
+from trees.leaf import STOP_DEADLINE_S, GoalLeaf, beside_odometry, refusal, unconfirmed
 
 MARGIN_S = 5.0
 MAX_ATTEMPTS = 3

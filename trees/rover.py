@@ -31,11 +31,21 @@ from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt
 from trees.composites import Parallel, Selector, Sequence, TickedNode
-from trees.leaf import Condition, GoalLeaf, Idle, Leaf, TakeGoal
+from trees.leaf import (
+    STOP_DEADLINE_S,
+    Condition,
+    GoalLeaf,
+    Idle,
+    Leaf,
+    TakeGoal,
+    awaited,
+    refusal,
+    sources,
+    unconfirmed,
+)
 from trees.motion import WHOLE_MOTIONS, Drive, FinishLeg, PlanLeg, Turn
 from trees.plan import PlanTree
 from trees.snapshot import FaultSnapshot, NodeKind, TreeNodeSnapshot, TreeSnapshot, nodes
-from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfirmed
 
 ALMOST_S: Final = 1e-6
 AWAITED_S: Final = 3.0

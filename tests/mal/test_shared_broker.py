@@ -28,9 +28,9 @@ from adapters.mal import (
     UpdateHeader,
     encode_message,
 )
-from adapters.mal.broker_process import main
 from adapters.mal.codec import decode_message
 from adapters.mal.connection import Framer
+from tests.mal.broker_process import main
 from tests.mal.test_pubsub import Updates
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, XML, Rec, cut, error_of, provided
 
@@ -85,7 +85,7 @@ async def test_the_captured_messages_get_the_captured_answers() -> None:
 @pytest.mark.parametrize("encoding", list(Encoding))
 async def test_updates_go_from_process_to_process(encoding: Encoding) -> None:
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "adapters.mal.broker_process", str(XML)),
+        *(sys.executable, "-m", "tests.mal.broker_process", str(XML)),
         *("--encoding", encoding.name.lower(), "--droppable", "Vectors.monitor"),
         stdout=asyncio.subprocess.PIPE,
     )

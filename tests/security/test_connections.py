@@ -311,7 +311,7 @@ async def test_a_disconnection_before_acceptance_leaves_nothing_behind(
 
 async def test_where_descriptors_are_few_new_operators_get_in_and_the_log_stays_short() -> None:
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "adapters.mal.broker_process", str(XML)),
+        *(sys.executable, "-m", "tests.mal.broker_process", str(XML)),
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64)),

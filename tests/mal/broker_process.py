@@ -1,4 +1,4 @@
-"""`python -m adapters.mal.broker_process`: a separate broker for publishers and subscribers."""
+"""`python -m tests.mal.broker_process`: a separate broker for publishers and subscribers."""
 
 import asyncio
 import signal
@@ -58,7 +58,7 @@ def main(
 
     \b
     Example:
-      python -m adapters.mal.broker_process mrs.xml --droppable Monitoring.monitorValue
+      python -m tests.mal.broker_process mrs.xml --droppable Monitoring.monitorValue
     """
     try:
         loaded = load_specification(specification)
