@@ -102,7 +102,7 @@ def campaign(
         elif file is None:
             raise click.UsageError("name a FILE; rover campaign --list lists the named ones")
         else:
-            from sim.campaign.output import sole_writer
+            from sim.campaign.session import sole_writer
 
             folder = out or _default_folder(file)
             again = _again(file, folder, runs=runs, jobs=jobs, saved=saved, scheduler=scheduler)
@@ -147,10 +147,9 @@ def _play(
     from rich.console import Console
 
     from sim.campaign.cluster import ClusterError, results
-    from sim.campaign.output import open_output
     from sim.campaign.progress import ProgressBar, show
     from sim.campaign.reading import campaign_path, load_campaign
-    from sim.campaign.session import CampaignSession, save_failed_runs
+    from sim.campaign.session import CampaignSession, open_output, save_failed_runs
     from sim.campaign.verdict import judge
     from sim.campaign.worker import run_and_archive, run_job
 

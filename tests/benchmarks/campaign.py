@@ -15,10 +15,9 @@ import psutil
 from sim.campaign.cluster import local_cluster, results
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign, Integers, Interval, Success, Uniform, Variation
-from sim.campaign.output import open_output
 from sim.campaign.reading import campaign_path
 from sim.campaign.runs import CampaignRun
-from sim.campaign.session import CampaignSession
+from sim.campaign.session import CampaignSession, open_output
 from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, run_job
 from sim.scenario.outcome import RunMetrics
 from tests.support.figures import Figure, Goal

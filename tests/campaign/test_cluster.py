@@ -21,10 +21,9 @@ from sim.campaign.cluster import LOCAL, ClusterError, cluster_at, local_cluster,
 from sim.campaign.commands import campaign as command
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
-from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.runs import CampaignRun, RunTable
-from sim.campaign.session import CampaignSession, Play
+from sim.campaign.session import CampaignSession, Play, open_output
 from sim.campaign.worker import Job, JobResult, Software, fingerprint, run_job
 from tests.campaign.conftest import Write
 from tests.support.certificates import certified

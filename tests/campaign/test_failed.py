@@ -12,11 +12,17 @@ from adapters.recording.replay import replay
 from executive.settings import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
-from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_report
 from sim.campaign.runs import RunTable
-from sim.campaign.session import DIGEST, FOLDER, CampaignSession, job_of, save_failed_runs
+from sim.campaign.session import (
+    DIGEST,
+    FOLDER,
+    CampaignSession,
+    job_of,
+    open_output,
+    save_failed_runs,
+)
 from sim.campaign.verdict import judge
 from sim.campaign.worker import Job, JobFailed, JobResult, RunArtifacts, run_and_archive, run_job
 from sim.scenario.model import Scenario

@@ -20,14 +20,13 @@ from pandas import Series
 from sim.campaign.commands import campaign as command
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign
-from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_campaign_junit, write_report
 from sim.campaign.report.charts import BINS, by_number, by_value
 from sim.campaign.report.junit import MAX_CASES
 from sim.campaign.report.page import MAX_WORST_RUNS, failure_groups, judgement_of, select_runs
 from sim.campaign.runs import CampaignRun, RunTable
-from sim.campaign.session import CampaignSession
+from sim.campaign.session import CampaignSession, open_output
 from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pearson, judge
 from sim.campaign.worker import run_job
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page

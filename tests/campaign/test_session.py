@@ -10,10 +10,9 @@ import pytest
 from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign, Until
-from sim.campaign.output import FILE, open_output, sole_writer
 from sim.campaign.reading import campaign_path, load_campaign
 from sim.campaign.runs import FOLDER, CampaignRun, RunTable
-from sim.campaign.session import CampaignSession, Play
+from sim.campaign.session import FILE, CampaignSession, Play, open_output, sole_writer
 from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, run_job
 from tests.campaign.conftest import Write
 from tests.campaign.test_verdict import FIGURES
