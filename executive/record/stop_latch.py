@@ -20,6 +20,9 @@ class StopLatch:
     disk. This fails on file systems that write copies, as btrfs and ZFS. A damaged file counts as
     stopped.
 
+    It is for stops that the ledger cannot store, as on a full disk: the ledger's own last stop
+    holds the rover after a restart, even if this file was cleared before the resume was committed.
+
     Args:
         path: the file; if missing it is created with its folders, as not stopped.
 

@@ -29,7 +29,7 @@ def test_a_motion_before_the_commit_is_found(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_report_before_the_commit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def send_all(self: Notifications) -> None:
         while self._outbox:
-            self._send(self._outbox.popleft()[1])
+            self._send(self._outbox.popleft()[2])
 
     monkeypatch.setattr(Notifications, "send_committed", send_all)
     assert {ledger_kills.PowerCut.SENT.value, ledger_kills.PowerCut.ANSWERED.value} <= broken(15)
