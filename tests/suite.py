@@ -108,6 +108,8 @@ STRESS_HOURS: Final = 24.0, 0.2
 MEMORY: Final = Path("/dev/shm")
 LEAST_FREE_OCTETS: Final = 4 << 30
 """The folders that pytest keeps, those of three runs, take a quarter of that."""
+DRAWN: Final = "from tests.support.examples import examples"
+"""In files of tests with fewer examples here than in `--stress`."""
 PLANTED_SEEDS: Final = 4
 """From which each planted fault is looked for; with none, only in its situations."""
 MARK: Final = "ROVER_TEST"
@@ -189,11 +191,14 @@ def stress_checks(percent: int) -> list[CiCheck]:
     played = ("tests/robots/test_robots.py", "tests/robots/test_robot_new.py")
     at_once = ("-n", "2", "--dist", "worksteal")
     robots = ("env", "ROBOTS=all", *_python("pytest", "-q", *at_once, *played))
+    drawn = (str(path) for path in CHECKOUT.glob("tests/*/test_*.py") if DRAWN in path.read_text())
+    examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     return [
         *checks,
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
+        CiCheck("examples", (examples,)),
     ]
 
 

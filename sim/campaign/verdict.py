@@ -13,8 +13,6 @@ from math import ceil, inf, isfinite, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, assert_never
 
-from scipy.stats import binomtest
-
 from sim.campaign.model import Campaign, Criterion, Interval, Quantile, Success, Until
 from sim.campaign.runs import RunTable
 
@@ -111,6 +109,8 @@ def clopper_pearson(passed: int, runs: int, confidence: float = INTERVAL_CONFIDE
 
     The true share is beyond each end with half of the complement of the confidence.
     """
+    from scipy.stats import binomtest  # slow to import
+
     found = binomtest(passed, runs).proportion_ci(confidence, method="exact")
     return Interval(float(found.low), float(found.high))
 

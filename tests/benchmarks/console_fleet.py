@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack, ExitStack, contextmanager
 from pathlib import Path
-from subprocess import PIPE, Popen
 
 import psutil
 from aiohttp import ClientSession, ClientWebSocketResponse
@@ -19,6 +18,7 @@ from tests.console.consoles import ALL
 from tests.console.site import OPTIONS, SIZE
 from tests.support.browser import BROWSER
 from tests.support.figures import Figure, Goal, quantile
+from tests.support.processes import Running
 
 PROCESSES = 2
 LIMIT_S = 120.0
@@ -64,16 +64,15 @@ def measure(
 def rovers_of(folder: Path, rovers: int, values_hz: float) -> Iterator[str]:
     """Run rovers in a few processes; gives the address of the first, where all register."""
     shares = [len(range(each, rovers, PROCESSES)) for each in range(PROCESSES)]
-    with ExitStack() as running:
+    with ExitStack() as processes:
         at: list[str] = []
         first = 0
         for share in filter(None, shares):
             command = [sys.executable, "-m", "tests.benchmarks.fleet_rovers", str(folder)]
             command += [str(first), str(share), str(values_hz), *at[:1]]
-            process = running.enter_context(Popen(command, stdout=PIPE, text=True))
-            running.callback(process.terminate)
-            assert process.stdout is not None
-            at.append(process.stdout.readline().strip())
+            process = Running(folder / f"rovers-{first}.log", *command)
+            processes.callback(process.clean_up)
+            at.append(process.output(r"maltcp://\S+"))
             first += share
         yield at[0]
 

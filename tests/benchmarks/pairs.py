@@ -21,8 +21,6 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from scipy.stats import binom
-
 from tests.support.figures import Figure, Goal
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
@@ -70,6 +68,8 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
 
     With fewer than seven values it is their range, at less confidence.
     """
+    from scipy.stats import binom  # slow to import
+
     ordered = sorted(values)
     cut = max(int(binom.ppf((1.0 - CONFIDENCE) / 2.0, len(ordered), 0.5)) - 1, 0)
     return ordered[cut], ordered[-1 - cut]

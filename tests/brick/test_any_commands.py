@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from adapters.mops.codec import Message, encode
 from tests.brick.rig import PERIOD_S, Rig, command, is_end
+from tests.support.examples import examples
 
 MOTIONS = {
     "moveForward": st.sampled_from([("0.1",), ("-0.05",), ("0.0",), ("1e9",)]),
@@ -132,7 +133,7 @@ def number(message: Message) -> int:
     return message.moe_inputs_id
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.lists(acts(), max_size=12), st.integers(0, 3))
 def test_one_at_a_time_one_end_each_and_a_stop_always_acts(played: list[Act], seed: int) -> None:
     witness = Witness(seed)

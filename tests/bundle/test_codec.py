@@ -48,6 +48,7 @@ from adapters.bundle.links.tcpcl_messages import (
     encode_message,
 )
 from tests.bundle.strategies import CONTACT_HEADERS, EIDS, MESSAGES, REPORTS, SEGMENTS, bundles
+from tests.support.examples import examples
 
 MALFORMED = {
     "creation time 0 without age": (
@@ -225,7 +226,7 @@ def test_bundles_back_to_back_are_cut(sent: list[Bundle]) -> None:
     assert cut == list(zip(sent, encoded, strict=True))
 
 
-@settings(max_examples=500)
+@settings(max_examples=examples(500))
 @given(st.binary(max_size=200), st.integers(0, 100), bundles())
 def test_garbage_is_refused(garbage: bytes, at: int, bundle: Bundle) -> None:
     encoded = encode_bundle(bundle)

@@ -31,6 +31,7 @@ from adapters.bundle.links.ltp_segment import (
 )
 from adapters.bundle.node.settings import Address, LtpLink
 from tests.bundle.strategies import SEGMENTS
+from tests.support.examples import examples
 
 VECTORS = Path(__file__).with_name("vectors.json")
 RECORDED = [bytes.fromhex(row["hex"]) for row in json.loads(VECTORS.read_text())["ltp_segments"]]
@@ -341,7 +342,7 @@ def test_blocks_that_never_end_do_not_pile_up() -> None:
     assert len(refused) == 2000 - 256
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.lists(SEGMENTS, max_size=30), st.randoms(use_true_random=False))
 def test_no_segment_breaks_the_engine(segments: list[Segment], chance: random.Random) -> None:
     engine = Engine()

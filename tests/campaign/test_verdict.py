@@ -9,7 +9,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from rich.console import Console
-from scipy.stats import binomtest
 
 from sim.campaign.draws import ValueKind, VariedQuantity
 from sim.campaign.model import Campaign, Criterion, Quantile, Success, Until
@@ -105,6 +104,8 @@ def test_success_is_judged_with_confidence(
     found = judged(tmp_path, hold, *outcomes(held, failed))
     assert found.judgement is judgement
     assert (found.passed, found.runs) == (held, held + failed)
+    from scipy.stats import binomtest  # slow to import
+
     sides = [binomtest(held, held + failed, alternative=side) for side in ("greater", "less")]
     least, maximum = (side.proportion_ci(0.95) for side in sides)
     assert (found.low, found.high) == pytest.approx((least.low, maximum.high))

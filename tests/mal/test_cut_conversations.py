@@ -22,6 +22,7 @@ from adapters.mal import (
     StandardError,
 )
 from tests.mal.wiretest import SERVICE, SPECIFICATION
+from tests.support.examples import examples
 
 PATIENCE_S = 60.0
 LOST = ("error", StandardError.DESTINATION_LOST.value)
@@ -267,4 +268,4 @@ async def _listen(talk: Talk, name: str, number: Any) -> None:
 
 
 TestConversations = Conversations.TestCase
-TestConversations.settings = settings(max_examples=60, stateful_step_count=30)
+TestConversations.settings = settings(max_examples=examples(60), stateful_step_count=30)

@@ -10,6 +10,7 @@ from adapters.mal import Codec, DecodeError, Encoding, Field, InteractionStage, 
 from adapters.mal.specification import TypeRef
 from tests.mal.strategies import Strategies
 from tests.mal.wiretest import SPECIFICATION
+from tests.support.examples import examples
 
 STRATEGIES = Strategies(SPECIFICATION)
 MESSAGES = [
@@ -43,7 +44,7 @@ def assert_survives(parts: tuple[Field, ...], data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("ref", STRATEGIES.types, ids=name)
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(data=st.data())
 def test_values_of_every_type_survive(ref: TypeRef, data: st.DataObject) -> None:
     """Alone, as a list, NULL and not, beside something else."""
@@ -60,7 +61,7 @@ def test_values_of_every_type_survive(ref: TypeRef, data: st.DataObject) -> None
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=name)
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(data=st.data())
 def test_the_parts_of_every_message_survive(
     message: tuple[Operation, InteractionStage], data: st.DataObject

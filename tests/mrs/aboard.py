@@ -41,6 +41,8 @@ from trees import leaf_paths
 T = TypeVar("T")
 
 ANSWER_S = 60.0
+BUSY_S, IDLE_S = 0.001, 0.01
+"""Real time from tick to tick; while no command is under way, a page waits for little."""
 RETAINED = 1000
 WITHOUT_AUTHORITY = AuthoritySettings()
 HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
@@ -137,7 +139,9 @@ class LinkedBench(Bench):
 
 
 class Aboard:
-    """A rover whose time stands still, or runs by itself some fifty times as fast as real time.
+    """A rover whose time stands still, or runs by itself.
+
+    It is some fifty times as fast as real time while a command is under way, otherwise five times.
 
     Attributes:
         runs: whether time runs by itself.
@@ -274,6 +278,11 @@ class Aboard:
         if not self._ended:
             self._bench.executive.serve_inbox()
 
+    def _step_s(self) -> float:
+        assert self._bench is not None
+        executive = self._bench.executive
+        return BUSY_S if executive.goal_count or executive.active_plan else IDLE_S
+
     def _serve(self, folder: Path) -> None:
         self._bench = LinkedBench(
             folder,
@@ -287,7 +296,7 @@ class Aboard:
         )
         while True:
             try:
-                job = self._jobs.get(timeout=0.001 if self.runs else None)
+                job = self._jobs.get(timeout=self._step_s() if self.runs else None)
             except Empty:
                 if not self._ended:
                     self._bench.step()

@@ -219,7 +219,7 @@ def test_a_core_that_raises_is_reported(drive: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_other_settings_are_tried(tmp_path: Path) -> None:
-    path = recorded("side_stuck", tmp_path)
+    path = recorded("side_stuck", tmp_path, "duration=5")
     ignoring = tmp_path / "ignoring.yaml"
     jackal = (config_folder() / "jackal.yaml").read_text()
     ignoring.write_text(

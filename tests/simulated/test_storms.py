@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.simulated.deeds import draw_console_storm, draw_mocup_storm, draw_storm
-from tests.simulated.situations import CONSOLE_POWER_LOST, END_UNRECORDED, QUIET_S
+from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import Played, play
 
 SEEDS = ("7", "9", "21")
@@ -18,9 +17,17 @@ SEEDS = ("7", "9", "21")
 CHECKOUT = Path(__file__).resolve().parents[2]
 
 
+def early(storm: Storm) -> Storm:
+    """Return a storm without the second half of its deeds: `--simulated` plays whole ones."""
+    half_s = storm.deeds[-1].at_s / 2
+    return replace(storm, deeds=tuple(deed for deed in storm.deeds if deed.at_s < half_s))
+
+
 @cache
 def storm(seed: str) -> Played:
-    return play(draw_storm(seed))
+    """Play a storm, the first of them to its end."""
+    drawn = draw_storm(seed)
+    return play(drawn if seed == SEEDS[0] else early(drawn))
 
 
 @pytest.mark.slow
@@ -28,17 +35,15 @@ def storm(seed: str) -> Played:
 def test_no_promise_is_broken(seed: str) -> None:
     played = storm(seed)
     assert not played.findings
-    assert played.kills > 20
+    assert played.kills > 10
     assert played.orders > 100
 
 
 @pytest.mark.slow
 def test_no_promise_is_broken_over_mocup() -> None:
-    played = play(draw_mocup_storm(4))
+    played = play(early(draw_mocup_storm(4)))
     assert not played.findings
-    assert played.kills > 15
-    again = {play(END_UNRECORDED, quiet_s=QUIET_S).digest for _ in range(2)}
-    assert len(again) == 1
+    assert played.kills > 10
 
 
 @pytest.mark.slow
@@ -47,8 +52,6 @@ def test_no_promise_is_broken_over_a_console() -> None:
     played = play(replace(storm, deeds=tuple(deed for deed in storm.deeds if deed.at_s < 90.0)))
     assert not played.findings
     assert played.kills > 5
-    again = {play(CONSOLE_POWER_LOST, quiet_s=QUIET_S).digest for _ in range(2)}
-    assert len(again) == 1
 
 
 @pytest.mark.slow

@@ -17,19 +17,23 @@ LISTENS = r"listens at (maltcp://\S+)"
 
 
 class Running:
-    """One process; what it says on either output is in its log."""
+    """One process; what it says on either output is in its log, what it reads in a file."""
 
-    def __init__(self, log: Path, *command: str, cwd: Path | None = None) -> None:
+    def __init__(
+        self, log: Path, *command: str, cwd: Path | None = None, typed: Path = Path(os.devnull)
+    ) -> None:
         self.log = log
         log.write_text("", encoding="utf-8")
         if (entry := entry_of(command)) is not None:
-            self._process: WarmProcess | subprocess.Popen[bytes] = WarmProcess(*entry, log, cwd)
+            self._process: WarmProcess | subprocess.Popen[bytes] = WarmProcess(
+                *entry, log, cwd, typed=typed
+            )
             return
-        with log.open("a", encoding="utf-8") as output:
+        with log.open("a", encoding="utf-8") as output, typed.open("rb") as keyboard:
             self._process = subprocess.Popen(
                 command,
                 cwd=cwd,
-                stdin=subprocess.DEVNULL,
+                stdin=keyboard,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},

@@ -36,6 +36,7 @@ class WarmProcess:
     Args:
         entry, command: as `entry_of` returns them.
         environment: in place of that of this process.
+        typed: the file that it reads as its input.
     """
 
     def __init__(
@@ -45,9 +46,10 @@ class WarmProcess:
         log: Path,
         cwd: Path | None,
         environment: Mapping[str, str] | None = None,
+        typed: Path = Path(os.devnull),
     ) -> None:
         environment = {**(environment or os.environ), "PYTHONUNBUFFERED": "1"}
-        arguments = (entry, list(command), log, cwd or Path.cwd(), environment)
+        arguments = (entry, list(command), typed, log, cwd or Path.cwd(), environment)
         self._process = _FORKING.Process(target=_run, args=arguments)
         self._process.start()
         assert self._process.pid is not None
@@ -103,14 +105,17 @@ def entry_of(command: Sequence[str]) -> tuple[str, Sequence[str]] | None:
     return None if entry is None else (entry, command)
 
 
-def _run(entry: str, command: list[str], log: Path, cwd: Path, environment: dict[str, str]) -> None:
+def _run(
+    entry: str, command: list[str], typed: Path, log: Path, cwd: Path, environment: dict[str, str]
+) -> None:
     """Become the process of a command line, in the forked process."""
-    for descriptor, name, mode in ((0, os.devnull, os.O_RDONLY), (1, str(log), os.O_WRONLY)):
+    for descriptor, name, mode in ((0, str(typed), os.O_RDONLY), (1, str(log), os.O_WRONLY)):
         opened = os.open(name, mode | os.O_APPEND)
         os.dup2(opened, descriptor)
         os.close(opened)
     os.dup2(1, 2)
     os.setpgid(0, 0)
+    sys.stdin = os.fdopen(0, closefd=False)
     sys.stdout, sys.stderr = (os.fdopen(fd, "w", buffering=1, closefd=False) for fd in (1, 2))
     os.chdir(cwd)
     os.environ.clear()

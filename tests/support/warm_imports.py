@@ -10,6 +10,7 @@ PROCESSES: Final = (
     "sim.ros.service",
     "adapters.relay.orbiter.process",
     "adapters.relay.rover.process",
+    "adapters.console.service",
     "adapters.mocup.brick.process",
     "adapters.mocup.brick.service",
     "sim.brick.nxt",

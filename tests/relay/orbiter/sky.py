@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -10,6 +9,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from adapters.bundle import (
     Address,
@@ -44,6 +44,7 @@ from executive.commands import Mode
 from executive.values.parameters import Parameter
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.support.ports import free_port
+from tests.support.processes import Running
 from tests.support.timed_system import TimedSystem
 from tests.support.unsynced import UNSYNCED
 
@@ -321,10 +322,12 @@ def eclipse(clock: Clock) -> ContactPlan:
 async def rover(*arguments: str, typed: str = "") -> tuple[int, str]:
     """Run the command as a process, for this one serves the other end."""
     command = str(Path(sys.executable).with_name("rover"))
-    process = await asyncio.create_subprocess_exec(
-        command, *arguments,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-    async with asyncio.timeout(LIMIT_S):
-        output, _ = await process.communicate(typed.encode())
-    return process.returncode or 0, output.decode()
+    with TemporaryDirectory() as folder:
+        log, keyboard = Path(folder, "log"), Path(folder, "keyboard")
+        keyboard.write_text(typed, encoding="utf-8")
+        run = partial(Running, log, command, *arguments, typed=keyboard)
+        process = await asyncio.to_thread(run)
+        try:
+            return await asyncio.to_thread(process.ended), process.text
+        finally:
+            process.clean_up()
