@@ -17,17 +17,18 @@ from sim.processes import (
     ANY_PORT,
     HOST,
     Deployment,
+    Orbiter,
     ProcessGroup,
     RoverAddress,
     allocate_address,
     run_deployment,
+    run_relay,
 )
 from sim.processes import Outage as Dark
 from sim.rover.faults import LinkLost, SimulatedFault
 from sim.scenario.model import Cargo, Clear, Inject, Outage, Repeat, RunMode, Scenario, Send
 
 if TYPE_CHECKING:
-    from sim.processes.deployment import Orbiter
     from sim.processes.recorder import RoverRecorder
     from sim.ros.faults import FaultClient
 
@@ -146,8 +147,6 @@ def fleet_of(
         if relay is None:
             yield Fleet(rovers)
             return
-        from sim.processes.deployment import run_relay
-
         lead_s = _lead_s(rovers) if _outages(scenarios[0], 0) else 0
         outages = _outages(scenarios[0], lead_s)
         orbiter = running.enter_context(run_relay(relay, *rovers, outages=outages, restart=restart))
