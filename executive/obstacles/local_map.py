@@ -93,6 +93,8 @@ class LocalMap:
         self._known = known
         self._cells: dict[_Key, _Cell] = {}
         self._circles: tuple[ScannedObstacle, ...] | None = ()
+        self._covers: dict[tuple[_Key, ...], tuple[ScannedObstacle, ...]] = {}
+        self._changed: set[_Key] = set()
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=POSE_BUFFER)
         self._velocity = STANDING
         self._covered_at = Point(0.0, 0.0)
@@ -125,7 +127,7 @@ class LocalMap:
         if pose is None:
             return
         if pose.point.distance_m(self._covered_at) > RECLUSTER_M:
-            self._circles = None
+            self._circles, self._covers = None, {}
         seen = self._returns(scan, pose)
         for key, (count, x_m, y_m) in seen.items():
             self._add(key, Point(x_m / count, y_m / count), pose, now_s)
@@ -142,10 +144,11 @@ class LocalMap:
     def circles(self) -> tuple[ScannedObstacle, ...]:
         """The scanned obstacles that are not known; the same object until they change."""
         if self._circles is None:
-            found = [circle for cluster in self._clusters() for circle in _covered(cluster)]
-            here = self._poses[-1][1]
-            self._covered_at = here.point
-            found.sort(key=lambda each: here.point.distance_m(Point(each.x_m, each.y_m)))
+            self._covers = {keys: self._cover(keys) for keys in self._clusters()}
+            self._changed.clear()
+            found = [circle for circles in self._covers.values() for circle in circles]
+            here = self._covered_at = self._poses[-1][1].point
+            found.sort(key=lambda each: hypot(each.x_m - here.x_m, each.y_m - here.y_m))
             self._circles = tuple(found[:MAX_CIRCLES])
         return self._circles
 
@@ -208,6 +211,7 @@ class LocalMap:
             cell.y_m += (y_m - cell.y_m) / (cell.scans + 1)
             cell.scans += 1
             self._circles = None
+            self._changed.add(key)
 
     def _is_known(self, point: Point) -> bool:
         """Whether a return belongs to a known obstacle, or lies outside of a keep-in zone."""
@@ -235,21 +239,28 @@ class LocalMap:
         cell.misses = cell.misses + 1 if free else 0
         return cell.misses >= MIN_SCANS
 
-    def _clusters(self) -> Iterator[list[_Cell]]:
+    def _cover(self, keys: tuple[_Key, ...]) -> tuple[ScannedObstacle, ...]:
+        """Return the circles of a cluster; the previous ones if none of its cells has changed."""
+        known = self._covers.get(keys)
+        if known is not None and self._changed.isdisjoint(keys):
+            return known
+        return tuple(_covered([self._cells[key] for key in keys]))
+
+    def _clusters(self) -> Iterator[tuple[_Key, ...]]:
         """Yield groups of cells that are adjacent, also at a corner."""
-        left = {key: each for key, each in self._cells.items() if each.counts}
+        left = {key: None for key, each in self._cells.items() if each.scans >= MIN_SCANS}
         while left:
-            key, cell = left.popitem()
-            cluster, front = [cell], [key]
+            cluster = [left.popitem()[0]]
+            front = list(cluster)
             while front:
                 column, row = front.pop()
-                for beside in _AROUND:
-                    touching = (column + beside[0], row + beside[1])
-                    found = left.pop(touching, None)
-                    if found is not None:
-                        cluster.append(found)
+                for i, j in _AROUND:
+                    touching = (column + i, row + j)
+                    if touching in left:
+                        del left[touching]
+                        cluster.append(touching)
                         front.append(touching)
-            yield cluster
+            yield tuple(cluster)
 
 
 def _between(before: Pose, after: Pose, part: float) -> Pose:

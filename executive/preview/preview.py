@@ -13,6 +13,7 @@ from executive.checks import check_pose, check_request
 from executive.commands import (
     ABOARD_LINK,
     Command,
+    DriveFor,
     Line,
     Motion,
     Request,
@@ -232,6 +233,7 @@ class PreviewRun:
             without = replace(settings.mpc, selectable=False)
             self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
         self._build_tree = build_tree
+        self._holds_velocity = any(isinstance(each, DriveFor) for each in _requests(request))
         self._course = iter(()) if isinstance(request, Motion) else nominal_steps(request)
         self._timeouts_s: list[float] = []
         self._lifecycle: CommandLifecycle | None = None
@@ -319,7 +321,8 @@ class PreviewRun:
             self._context.status.observe(MapToOdom(self._start.map_origin.inverse))
         for fact in self._base.facts():
             self._context.status.observe(fact)
-            self._context.safety.observe(fact)
+            if self._holds_velocity:  # only its result is that of the monitors' history
+                self._context.safety.observe(fact)
         now_s = self._clock.now_s()
         if now_s > 0.0:
             self._track.add(now_s, self._base.pose)
@@ -471,7 +474,11 @@ def end_kind(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
 
 def uses_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
     """Return whether a motion, or a motion of a plan, is driven by mpc."""
-    requests = (what,) if isinstance(what, Motion) else (each.request for each in steps(what))
     return settings.offers_mpc and any(
-        requested_controller(each, settings.controller) is Controller.MPC for each in requests
+        requested_controller(each, settings.controller) is Controller.MPC
+        for each in _requests(what)
     )
+
+
+def _requests(what: Motion | PlanNode) -> tuple[Request, ...]:
+    return (what,) if isinstance(what, Motion) else tuple(each.request for each in steps(what))
