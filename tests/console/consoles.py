@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType
+from aiohttp import ClientSession, ClientWebSocketResponse, WSMessage, WSMsgType
 
 from adapters.console.service import ConsoleOptions, running
 from adapters.mrs.cli import RoverTarget
@@ -39,6 +39,7 @@ class Page:
 
     def __init__(self, socket: ClientWebSocketResponse) -> None:
         self._socket = socket
+        self._received: asyncio.Queue[WSMessage] = asyncio.Queue()
         self.got: list[JsonMessage] = []
         self._checked = 0
 
@@ -52,8 +53,13 @@ class Page:
                         return self.got[self._checked - 1]
                 self.got += await self.batch()
 
+    async def receive(self) -> None:
+        """Receive until the console closes the socket: it closes those that do not answer pings."""
+        while not self._socket.closed:
+            self._received.put_nowait(await self._socket.receive())
+
     async def batch(self) -> list[JsonMessage]:
-        message = await self._socket.receive()
+        message = await self._received.get()
         assert message.type is WSMsgType.TEXT, (message.type, self._socket.close_code)
         batch: list[JsonMessage] = json.loads(message.data)
         return batch
@@ -90,10 +96,14 @@ class Operator:
         """Open a page."""
         async with self.session.ws_connect(f"{self.address}ws") as socket:
             page = Page(socket)
+            receiving = asyncio.create_task(page.receive())
             text = {"op": "hello", "console": "test", "operator": self.name} | hello
-            await page.send(**text, topics=topics or ALL)
-            await page.until(lambda text: text["ty"] == "hello")
-            yield page
+            try:
+                await page.send(**text, topics=topics or ALL)
+                await page.until(lambda text: text["ty"] == "hello")
+                yield page
+            finally:
+                receiving.cancel()
 
     async def get(self, path: str, **query: Any) -> JsonMessage:
         status, answer = await self.request("GET", path, params=query)
