@@ -1,12 +1,12 @@
 /** Open MCT with the rovers as its objects, and the clock of rover-console. */
 
+import { operator } from "./model/connection.js";
 import { cursor, span } from "./model/context.js";
 import { ROVERS, keepNewerAddress } from "./openmct/address.js";
 import { identifierOf } from "./openmct/identifiers.js";
 import { objects } from "./openmct/objects.js";
 import { storedObjects } from "./openmct/stored_objects.js";
 import { telemetry } from "./openmct/telemetry.js";
-import { user } from "./openmct/user.js";
 import { views } from "./openmct/views.js";
 import { OPENMCT } from "./theme.js";
 
@@ -162,4 +162,18 @@ function openTree({ name }) {
   const root = "/browse/rover:rovers";
   const branches = name === null ? [root] : [root, `${root}/rover:${identifierOf(name).key}`];
   localStorage.setItem(OPEN_BRANCHES, JSON.stringify(branches));
+}
+
+/** Make the operator the user of Open MCT, which writes the name to displays and notebook entries. */
+function user() {
+  return (openmct) => {
+    openmct.user.setProvider({
+      on: () => {},
+      off: () => {},
+      isLoggedIn: () => true,
+      getCurrentUser: async () => new openmct.user.User(operator.name, operator.name),
+      getPossibleRoles: async () => [],
+      hasRole: async () => false,
+    });
+  };
 }

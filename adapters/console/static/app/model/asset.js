@@ -310,6 +310,17 @@ export class Asset extends Topics {
     return Math.max(0, ...[...this.links.values()].map((link) => link.last_received ?? 0));
   }
 
+  /** Call a listener when it is reached: now, and after each outage. @param {() => void} listener @returns {() => void} ends it */
+  onReached(listener) {
+    let wasReached = false;
+    const update = () => {
+      if (this.isReached && !wasReached) listener();
+      wasReached = this.isReached;
+    };
+    update();
+    return this.on("links", update);
+  }
+
   /** Whether at least one of its links is up. */
   get isReached() {
     return [...this.links.values()].some((link) => link.state === "up");

@@ -15,7 +15,7 @@ import { Cursor, Selection, Span } from "./selection.js";
  * @property {Selection} [selection]
  * @property {Cursor} [cursor]
  * @property {Span} [span]
- * @property {Draft & import("../views/plan_marks.js").Marked & {hint?: string}} [draft] `hint`: effect of a click on the map
+ * @property {Draft & import("../views/map.js").Marked & {hint?: string}} [draft] `hint`: effect of a click on the map
  * @property {PlanDraft} [plan]
  */
 

@@ -24,13 +24,7 @@ export class Pictures {
   constructor(session, asset, changed) {
     this.#asset = asset;
     this.#changed = changed;
-    let wasReached = false;
-    const onLinks = () => {
-      if (asset.isReached && !wasReached) this.#read();
-      wasReached = asset.isReached;
-    };
-    this.#offs = session.hasFiles ? [asset.on("files", () => this.#read()), asset.on("links", onLinks)] : [];
-    if (session.hasFiles) onLinks();
+    this.#offs = session.hasFiles ? [asset.on("files", () => this.#read()), asset.onReached(() => this.#read())] : [];
   }
 
   close() {

@@ -123,35 +123,26 @@ export class Session extends Topics {
         this.#resume = { instance: message.instance, seq: message.resumed ? this.#resume.seq : message.seq };
         break;
       case "tm":
-        this.asset(message.asset).addSample(message);
-        break;
+        return this.asset(message.asset).addSample(message);
       case "cmd":
-        this.asset(message.asset).setCommand(message);
-        break;
+        return this.asset(message.asset).setCommand(message);
       case "ntf":
-        this.asset(message.asset).addNotices([message]);
-        break;
+        return this.asset(message.asset).addNotices([message]);
       case "alarm":
         if (message.cleared === null || message.acknowledged === null) this.alarms.set(message.id, message);
         else this.alarms.delete(message.id);
-        this.changed("alarms", message);
-        break;
+        return this.changed("alarms", message);
       case "auth":
-        this.#set(message, "authority");
-        break;
+        return this.#set(message, "authority");
       case "stop":
-        this.#set(message, "stop");
-        break;
+        return this.#set(message, "stop");
       case "asset":
-        this.#set(message, "status");
-        break;
+        return this.#set(message, "status");
       case "tree":
         this.asset(message.asset).noteNodes(message);
-        this.#set(message, "tree");
-        break;
+        return this.#set(message, "tree");
       case "plan":
-        this.#put(message, "plans", message.plan);
-        break;
+        return this.#put(message, "plans", message.plan);
       case "link":
         if (message.asset === "") {
           this.#tried.set(message.uri, message);
@@ -162,21 +153,17 @@ export class Session extends Topics {
         }
         break;
       case "transfer":
-        this.#put(message, "transfers", message.id, message.state === "removed");
-        break;
+        return this.#put(message, "transfers", message.id, message.state === "removed");
       case "file":
-        this.asset(message.asset).changed("files", message);
-        break;
+        return this.asset(message.asset).changed("files", message);
       case "presence":
         this.presence = message.consoles;
-        this.changed("presence");
-        break;
+        return this.changed("presence");
       case "dictionary":
         this.readDictionary();
         break;
       case "obj":
-        this.changed("object", message);
-        break;
+        return this.changed("object", message);
     }
   }
 

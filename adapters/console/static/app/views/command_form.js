@@ -6,7 +6,7 @@
 import { fetchJson, newId, operator } from "../model/connection.js";
 import { comparison } from "./command_table.js";
 import { button, html, reconcile, setText } from "../dom.js";
-import { Field, ListField } from "./forms.js";
+import { fieldsOf } from "./forms.js";
 import { View } from "./view.js";
 import { clock, degrees, number } from "../format.js";
 
@@ -23,7 +23,7 @@ export class CommandForm extends View {
   #offeredEntry = null;
   /** @type {Record<string, any> | null} the typed arguments of the present fields */
   #shownDraft = null;
-  /** @type {(Field | ListField)[]} */
+  /** @type {ReturnType<typeof fieldsOf>} */
   #fields = [];
 
   #chooser = html("select", { "aria-label": "command", onchange: () => this.#prepare(this.#chooser.value || null) });
@@ -134,7 +134,7 @@ export class CommandForm extends View {
   #makeFields() {
     const { draft } = this;
     this.#shownDraft = draft.typed;
-    this.#fields = (draft.entry?.arguments ?? []).map((each) => (each.type === "list" ? new ListField(draft, each) : new Field(draft, each, draft.typed)));
+    this.#fields = fieldsOf(draft);
     this.#fieldBox.replaceChildren(...this.#fields.map((each) => each.element));
   }
 

@@ -22,7 +22,6 @@ export class FilesView extends View {
   /** @type {FileEntry[]} the newest first */
   #files = [];
   #trouble = "";
-  #wasReached = false;
   /** number of ended transfers */
   #ended = 0;
   /** the files that the console stores, as ASSET/PATH and time @type {Set<string>} */
@@ -44,16 +43,9 @@ export class FilesView extends View {
 
   start() {
     const { asset, draw } = this;
-    if (this.#isHere) this.#refresh();
-    this.#onLinks();
-    return [asset.on("files", () => this.#refresh()), asset.on("transfers", () => this.#onTransfers()), asset.on("links", () => this.#onLinks()), this.#shown.start()];
-  }
-
-  /** Read the list again when the rover is reached again: messages of the outage are missing. */
-  #onLinks() {
-    if (this.asset.isReached && !this.#wasReached) this.#refresh();
-    this.#wasReached = this.asset.isReached;
-    this.draw();
+    const refresh = () => this.#refresh();
+    if (this.#isHere) refresh();
+    return [asset.on("files", refresh), asset.on("transfers", () => this.#onTransfers()), asset.on("links", draw), asset.onReached(refresh), this.#shown.start()];
   }
 
   /** Read which files the console stores when a transfer has ended: those have thumbnails. */

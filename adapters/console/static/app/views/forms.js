@@ -7,8 +7,11 @@ import { unitOf } from "../format.js";
 /** @import { ArgumentEntry } from "../model/messages.js" */
 /** @import { Draft } from "../model/draft.js" */
 
+/** Return the fields of a draft's arguments. @param {Draft} draft */
+export const fieldsOf = (draft) => (draft.entry?.arguments ?? []).map((each) => (each.type === "list" ? new ListField(draft, each) : new Field(draft, each, draft.typed)));
+
 /** Field of one argument, with its unit, range and help; an item of a list shows name and unit only. */
-export class Field {
+class Field {
   #problem = html("span", { className: "problem" });
   #input;
   #key;
@@ -44,7 +47,7 @@ export class Field {
 }
 
 /** Field of a list, one item a row. */
-export class ListField {
+class ListField {
   #items = html("div", { className: "items" });
   /** @type {Record<string, any>[]} the items with fields */
   #records = [];

@@ -3,10 +3,9 @@
  * rocks. x is to the right and y is up; the grid lines are labelled in metres.
  */
 
-import { button, html, setText, set, svg } from "../dom.js";
+import { button, html, reconcile, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
 import { PictureMarks, ShownPicture } from "./pictures.js";
-import { Marks } from "./plan_marks.js";
 import { Goals, Steps } from "./route.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
@@ -18,6 +17,7 @@ import { PlanRoutes } from "../model/routes.js";
 
 /** @import { Fix, Frame } from "../model/asset.js" */
 /** @import { FileEntry } from "../model/messages.js" */
+/** @import { Mark } from "../model/plan_draft.js" */
 
 const CLICK_PX = 4;
 const LATE_S = 5;
@@ -244,4 +244,51 @@ function poseText({ x, y, heading }) {
 function nearestOf(track, x, y, close) {
   const away = (fix) => Math.hypot(fix.x - x, fix.y - y);
   return track.reduce((best, fix) => (away(fix) <= (best ? away(best) : close) ? fix : best), null);
+}
+
+/** @typedef {{marks?: Mark[], moveMark?: (mark: Mark, x: number, y: number) => void, select?: (step: Mark["step"]) => void}} Marked a draft with waypoints to drag */
+
+/** Layer of the map, in px: the waypoints of a plan in preparation, with the numbers of their steps, to be dragged. */
+class Marks {
+  /** key of the dragged waypoint */
+  #dragged = "";
+  element = svg("g", { class: "marks" });
+  #viewport;
+
+  /** @param {Viewport} viewport */
+  constructor(viewport) {
+    this.#viewport = viewport;
+  }
+
+  /** @param {Marked} draft */
+  render(draft) {
+    const keyOf = (/** @type {Mark} */ { step, item }) => `${step.key} ${item}`;
+    reconcile(this.element, draft.marks ?? [], keyOf, (mark) => this.#make(draft, keyOf(mark)), (made, mark) => {
+      const [circle, text] = made.children;
+      set(made, { class: `${mark.isSelected ? "selected" : ""} ${mark.isRefused ? "refused" : ""}`, transform: `translate(${this.#viewport.toScreen(mark.x, mark.y)})`, "data-mark": mark.label });
+      set(circle, { r: 7 + 2 * mark.label.length });
+      setText(text, mark.label);
+      made.mark = mark;
+    });
+  }
+
+  /** @param {Marked} draft @param {string} key */
+  #make(draft, key) {
+    const made = svg("g", {}, svg("circle"), svg("text", { y: 4 }));
+    made.onpointerdown = (event) => {
+      event.stopPropagation();
+      made.setPointerCapture(event.pointerId);
+      this.#dragged = key;
+      draft.select(made.mark.step);
+    };
+    made.onpointermove = (event) => {
+      if (this.#dragged !== key) return;
+      event.stopPropagation();
+      const [x, y] = this.#viewport.toWorld(event.offsetX, event.offsetY);
+      draft.moveMark(made.mark, layers.tidy(x), layers.tidy(y));
+    };
+    made.onpointerup = (event) => event.stopPropagation();
+    made.onlostpointercapture = () => (this.#dragged = "");
+    return made;
+  }
 }

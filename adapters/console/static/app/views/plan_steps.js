@@ -1,7 +1,7 @@
 /** The steps of a plan in preparation: a list; its rows are dragged, moved by buttons, edited and removed. */
 
 import { argumentSummary } from "./command_table.js";
-import { Field, ListField } from "./forms.js";
+import { fieldsOf } from "./forms.js";
 import { View } from "./view.js";
 import { button, html, reconcile, setText, set } from "../dom.js";
 import { duration } from "../format.js";
@@ -89,7 +89,7 @@ class StepRow {
   #step;
   /** @type {Record<string, any> | null} the typed arguments of the present fields */
   #typed = null;
-  /** @type {(Field | ListField)[]} */
+  /** @type {ReturnType<typeof fieldsOf>} */
   #fields = [];
   handle = html("span", { className: "handle", draggable: true, textContent: "⠿", title: "drag to another row", "aria-hidden": "true" });
   #number = html("b");
@@ -161,7 +161,7 @@ class StepRow {
   #makeFields() {
     const { draft, name, deadline } = this.#step;
     this.#typed = draft.typed;
-    this.#fields = draft.entry.arguments.map((each) => (each.type === "list" ? new ListField(draft, each) : new Field(draft, each, draft.typed)));
+    this.#fields = fieldsOf(draft);
     this.#fieldBox.replaceChildren(
       ...this.#fields.map((each) => each.element),
       this.#makeField("deadline", deadline, "s", "the step fails when it takes longer"),

@@ -28,6 +28,8 @@ const ROWS = [
   ["received from the other end", "DTN_RECEIVED", "DTN_ABOARD_RECEIVED", "bundles"],
   ["last contact with the other end", "DTN_LAST_RECEIVED", "DTN_ABOARD_LAST_RECEIVED", "ago"],
 ];
+/** Formats of a figure other than a number. @type {Record<string, (value: number) => string>} */
+const FORMATS = { octets: sizeOf, span: duration, seconds: (value) => `${number(value)} s` };
 const KEYS = [
   ...ROWS.flatMap(([, here, aboard]) => [here, aboard]),
   ...["DTN_NEXT_CONTACT", "DTN_OVERRIDE", "DTN_FREE_OCTETS", "DTN_CONTACTS_UP", "DTN_CONTACTS_DOWN"],
@@ -173,18 +175,8 @@ export class RelayView extends View {
   /** @param {Sample | undefined} sample @param {string} kind */
   #formatted(sample, kind) {
     if (typeof sample?.value !== "number") return "–";
-    switch (kind) {
-      case "octets":
-        return sizeOf(sample.value);
-      case "span":
-        return duration(sample.value);
-      case "ago":
-        return this.#figures.ago(sample.utc - sample.value);
-      case "seconds":
-        return `${number(sample.value)} s`;
-      default:
-        return number(sample.value);
-    }
+    if (kind === "ago") return this.#figures.ago(sample.utc - sample.value);
+    return (FORMATS[kind] ?? number)(sample.value);
   }
 
   #drawCommands() {

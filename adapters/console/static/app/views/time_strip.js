@@ -4,7 +4,6 @@
  */
 
 import { html, reconcile, setText, set, svg } from "../dom.js";
-import { exporter } from "./export.js";
 import { ArchivedHistory } from "../model/archive.js";
 import { lanesOf } from "./strip_lanes.js";
 import { View } from "./view.js";
@@ -197,4 +196,29 @@ function ticksOf(start_s, end_s, scale) {
   const step = TICKS_S.find((each) => each * scale >= TICK_PX) ?? 7 * 86400;
   const first = Math.ceil(start_s / step);
   return Array.from({ length: Math.max(0, Math.floor(end_s / step) - first + 1) }, (_, index) => (first + index) * step);
+}
+
+const KINDS = { tm: "telemetry", commands: "commands", reports: "reports", tree: "behaviour tree", plans: "plans", alarms: "alarms" };
+const ALL = Object.keys(KINDS).join(",");
+
+/**
+ * Export the archived data of an asset over a time span.
+ * @param {import("../model/asset.js").Asset} asset
+ * @param {import("../model/selection.js").Span} span
+ * @returns {HTMLElement} a choice of the data, and a button for each format
+ */
+function exporter(asset, span) {
+  const option = ([value, textContent]) => html("option", { value, textContent });
+  const what = html("select", { "aria-label": "what to export" }, ...Object.entries(KINDS).map(option), option([ALL, "all, as MCAP"]));
+  what.onchange = () => (csv.disabled = what.value === ALL);
+  const button = (textContent, title, format) => html("button", { type: "button", textContent, title, onclick: () => save(format) });
+  const csv = button("export CSV", "a table of this span", "csv");
+  const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", "mcap");
+
+  function save(format) {
+    const query = new URLSearchParams({ asset: asset.name, content: what.value, format, start: String(span.start_s), end: String(span.end_s) });
+    html("a", { href: `/api/export?${query}`, download: "" }).click();
+  }
+
+  return html("span", { className: "tools" }, what, csv, mcap);
 }
