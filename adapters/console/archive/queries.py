@@ -13,13 +13,7 @@ from typing import Any, Final
 from sqlalchemy import Column, Connection, Row, Select, Table, and_, func, or_, select, union_all
 
 from adapters.console.archive.archive import QUALITIES, US_PER_S
-from adapters.console.archive.rollup import (
-    MINUTE_US,
-    candidates_of,
-    gaps_of,
-    ranked_of,
-    samples_of,
-)
+from adapters.console.archive.rollup import MINUTE_US, candidates_of, gaps_of, ranked_of, samples_of
 from adapters.console.archive.tables import (
     COMMAND,
     NOTIFICATION,

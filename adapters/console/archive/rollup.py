@@ -145,10 +145,7 @@ def candidates_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[
     last = (end_us + 1) // MINUTE_US - 1
     if first > last:
         return samples_of(numbers, start_us, end_us)
-    whole = (
-        SAMPLE_MINUTE.c.parameter.in_(numbers),
-        SAMPLE_MINUTE.c.minute.between(first, last),
-    )
+    whole = (SAMPLE_MINUTE.c.parameter.in_(numbers), SAMPLE_MINUTE.c.minute.between(first, last))
     minutes = SAMPLE_MINUTE.c
     found = union_all(
         select(minutes.parameter, minutes.low_us.label("utc_us"), minutes.low.label("value")).where(

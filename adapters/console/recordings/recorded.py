@@ -6,30 +6,20 @@ from pathlib import Path
 from typing import Final
 
 from adapters.console.archive import Written
-from adapters.console.messages import (
-    CommandState,
-    CommandStatus,
-    LinkKind,
-    Quality,
-    Sample,
-)
+from adapters.console.messages import CommandStatus, LinkKind, Quality, Sample
 from adapters.console.rovers import (
     AssetEntry,
     CommandTracker,
     RecordingEntry,
     command_entries,
+    foreign_status,
     notification_message,
     parameter_entries,
     plan_progress,
     tree_of,
     zone_entries,
 )
-from adapters.mrs.spec import (
-    DEFINED,
-    POSE_HOUSEKEEPING,
-    ReceivedReport,
-    reported_uncertainty,
-)
+from adapters.mrs.spec import DEFINED, POSE_HOUSEKEEPING, ReceivedReport, reported_uncertainty
 from adapters.recording import RecordedTree, RecordingError, RunReader, TimedItem, read_timed
 from executive.commands import Command, argument_values, declaration_of
 from executive.core.recording import (
@@ -181,23 +171,10 @@ class RecordedRun:
     def _register(self, command: Command) -> None:
         identity = command.identity
         if self._tracker.get(str(identity)) is None:
-            self._tracker.register(
-                CommandStatus(
-                    id=str(identity),
-                    asset=self._name,
-                    name=declaration_of(type(command.request)).name,
-                    args=argument_values(command.request),
-                    by=identity.source,
-                    source=identity.source,
-                    number=identity.command_id,
-                    link=_LINKS.get(command.link, LinkKind.RECORDING),
-                    state=CommandState.SENDING,
-                    ended=False,
-                    created=self._utc_s,
-                    deadline=None,
-                    history=(),
-                )
-            )
+            link, request = _LINKS.get(command.link, LinkKind.RECORDING), command.request
+            status = foreign_status(str(identity), self._name, identity, link, self._utc_s)
+            name, args = declaration_of(type(request)).name, argument_values(request)
+            self._tracker.register(replace(status, name=name, args=args))
 
     def _add_command(self, command: CommandStatus) -> None:
         """Add the status of a command, unless it is a request without a life cycle."""

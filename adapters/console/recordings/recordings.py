@@ -65,10 +65,7 @@ class Recordings:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        publish: Callable[[DictionaryChanged], None],
-        utc: Callable[[], float],
+        self, folder: Path, publish: Callable[[DictionaryChanged], None], utc: Callable[[], float]
     ) -> None:
         self._folder, self._publish, self._utc = folder, publish, utc
         self._opened: dict[str, Recording] = {}

@@ -30,13 +30,7 @@ from adapters.console.web import invalid, is_number, one_of, refused
 from adapters.mal import MalError, StandardError
 from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, PlanPreview, Preview, describe_error
-from executive.commands import (
-    Command,
-    Motion,
-    PlanDefinition,
-    PreemptionPolicy,
-    Request,
-)
+from executive.commands import Command, Motion, PlanDefinition, PreemptionPolicy, Request
 from executive.settings import Settings
 
 T = TypeVar("T")
@@ -46,7 +40,7 @@ _LOG: Final = logging.getLogger(__name__)
 MAX_ID_LENGTH: Final = 64
 MAX_LIFETIME_S: Final = 7 * 86_400.0
 QUERY_TIMEOUT_S: Final = 60.0
-"""Timeout of a query, s; a preview may need most of it."""
+"""Timeout of a query, also of a preview, s."""
 _REFUSED: Final = HTTPStatus.UNPROCESSABLE_ENTITY
 _REFUSALS: Final = {error.value for error in AreaError}
 

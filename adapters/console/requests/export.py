@@ -240,10 +240,7 @@ class McapFile:
 
     def _add(self, channel: int, utc: float, rx: float, body: dict[str, Any]) -> None:
         self._writer.add_message(
-            channel,
-            log_time=_ns(rx),
-            data=json.dumps(body).encode(),
-            publish_time=_ns(utc),
+            channel, log_time=_ns(rx), data=json.dumps(body).encode(), publish_time=_ns(utc)
         )
 
 
@@ -345,10 +342,7 @@ class ExportRequests:
     """
 
     def __init__(
-        self,
-        archive: Archive,
-        recordings: Recordings,
-        entries: Callable[[], Iterable[AssetEntry]],
+        self, archive: Archive, recordings: Recordings, entries: Callable[[], Iterable[AssetEntry]]
     ) -> None:
         self._archive = archive
         self._recordings = recordings

@@ -86,11 +86,7 @@ class Transfers:
     """
 
     def __init__(
-        self,
-        client: Connect,
-        store: FileStore,
-        notify: Callable[[Transfer], None],
-        system: System,
+        self, client: Connect, store: FileStore, notify: Callable[[Transfer], None], system: System
     ) -> None:
         self._client, self._store, self._publish, self._system = client, store, notify, system
         self._list = store.staged / _LIST

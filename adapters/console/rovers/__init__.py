@@ -22,4 +22,5 @@ from adapters.console.rovers.rover_link import RoverLink as RoverLink
 from adapters.console.rovers.tracker import REPORT_TIMEOUT_S as REPORT_TIMEOUT_S
 from adapters.console.rovers.tracker import CommandTracker as CommandTracker
 from adapters.console.rovers.tracker import SharedCommands as SharedCommands
+from adapters.console.rovers.tracker import foreign_status as foreign_status
 from adapters.console.rovers.tracker import sent_status as sent_status

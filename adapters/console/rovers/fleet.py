@@ -188,17 +188,8 @@ class Fleet:
             if known.links.get(link.kind) is not link:
                 return
             self._tracker.on_links(link.asset, are_lost=known.best_link() is None)
-        self._publish(
-            LinkStatus(
-                link.asset,
-                link.kind,
-                link.uri,
-                link.state,
-                link.since_s,
-                link.last_received_s,
-                link.detail,
-            )
-        )
+        status = (link.uri, link.state, link.since_s, link.last_received_s, link.detail)
+        self._publish(LinkStatus(link.asset, link.kind, *status))
 
     def on_value(self, link: RoverLink, value: ReceivedValue, rx_s: float) -> None:
         """Publish a value, unless it repeats the previous one."""
@@ -210,17 +201,8 @@ class Fleet:
         if not late:
             self._newest[key] = value
         quality = Quality.INVALID if value.value is None else Quality.GOOD
-        self._sample(
-            Sample(
-                link.asset,
-                value.name,
-                link.kind,
-                value.utc_s,
-                rx_s,
-                value.value,
-                Quality.LATE if late else quality,
-            )
-        )
+        figure = (value.utc_s, rx_s, value.value, Quality.LATE if late else quality)
+        self._sample(Sample(link.asset, value.name, link.kind, *figure))
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Publish figures that the console measured of a link."""

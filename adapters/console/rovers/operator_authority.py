@@ -122,13 +122,7 @@ class OperatorAuthority:
         Raises:
             RequestError: another operator holds it, or the asset cannot be reached.
         """
-        _LOG.info(
-            "%s: %s: %s %s",
-            link.asset,
-            request.source,
-            request.act.value,
-            request.to,
-        )
+        _LOG.info("%s: %s: %s %s", link.asset, request.source, request.act.value, request.to)
         self._require_turn(link, request)
         try:
             status = await self._perform(link, request)

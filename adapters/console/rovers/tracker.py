@@ -85,6 +85,35 @@ def sent_status(
     )
 
 
+def foreign_status(
+    name: str, asset: str, identity: Identity, link: LinkKind, created: float
+) -> CommandStatus:
+    """Return the status of a command that the console has not sent, of which only this is known.
+
+    Args:
+        name: its id.
+        asset: its asset.
+        identity: its source and number.
+        link: link over which it was reported.
+        created: time of the first report, s since 1970 UTC.
+    """
+    return CommandStatus(
+        id=name,
+        asset=asset,
+        name="",
+        args=None,
+        by=identity.source,
+        source=identity.source,
+        number=identity.command_id,
+        link=link,
+        state=CommandState.SENDING,
+        ended=False,
+        created=created,
+        deadline=None,
+        history=(),
+    )
+
+
 class CommandTracker:
     """Tracks commands by id, and by source and number.
 
@@ -234,27 +263,8 @@ class CommandTracker:
         name = self._ids.get((notified.asset, identity))
         if name is None:
             name = f"{notified.asset}:{identity}"
-            self._store(self._foreign(name, notified, identity))
+            self._store(foreign_status(name, notified.asset, identity, notified.link, notified.utc))
         return name
-
-    def _foreign(
-        self, name: str, notified: NotificationMessage, identity: Identity
-    ) -> CommandStatus:
-        return CommandStatus(
-            id=name,
-            asset=notified.asset,
-            name="",
-            args=None,
-            by=identity.source,
-            source=identity.source,
-            number=identity.command_id,
-            link=notified.link,
-            state=CommandState.SENDING,
-            ended=False,
-            created=notified.utc,
-            deadline=None,
-            history=(),
-        )
 
     def _set(self, command: CommandStatus) -> None:
         self._store(command)
