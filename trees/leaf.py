@@ -12,8 +12,8 @@ from typing import Final
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.core.tree import LeafError
 from executive.goals import Context, Goal, GoalQueue
+from executive.plans import LeafError
 from executive.state import SourceMotion
 from executive.values.facts import Source
 from executive.values.reasons import Figure, Reason, Refusal

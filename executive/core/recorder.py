@@ -35,8 +35,8 @@ from executive.core.recording import (
     VideoSwitched,
     is_within,
 )
-from executive.core.tree import TreeNodeView
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem
+from executive.plans import TreeNodeView
 from executive.record import Ledger, WriterState
 from executive.settings import LocomotionKind, Settings
 from executive.state import FileFolder

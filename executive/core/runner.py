@@ -34,11 +34,10 @@ from executive.core.recording import (
     RecordingSink,
     SafeModeEntered,
 )
-from executive.core.tree import LeafError, Tree
 from executive.faults import ClearPolicy, Reaction
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
-from executive.plans import Planner, check_plan
+from executive.plans import LeafError, Planner, Tree, check_plan
 from executive.preview import Predictor, PreviewRun
 from executive.record import Ledger, LedgerError, LedgerRetention, Notifications, PlanStore
 from executive.safety import FaultMonitor, unmonitored

@@ -4,9 +4,11 @@ from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import max_commands as max_commands
 from executive.plans.builder import read_plan as read_plan
+from executive.plans.execution import LeafError as LeafError
 from executive.plans.execution import PlanExecution as PlanExecution
-from executive.plans.execution import PlanHost as PlanHost
 from executive.plans.execution import StepStatus as StepStatus
+from executive.plans.execution import Tree as Tree
+from executive.plans.execution import TreeNodeView as TreeNodeView
 from executive.plans.execution import step_key as step_key
 from executive.plans.model import DEADLINE as DEADLINE
 from executive.plans.model import LEAVES as LEAVES

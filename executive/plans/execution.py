@@ -38,6 +38,10 @@ class StepStatus(Enum):
     FAILURE = "failure"
 
 
+class LeafError(Exception):
+    """A leaf of the tree raised; the text is its path, the cause is the exception."""
+
+
 class PlanTree(Protocol):
     """The behaviour tree of a plan, as the planner needs it."""
 
@@ -45,7 +49,7 @@ class PlanTree(Protocol):
         """Run every branch that is due once.
 
         Raises:
-            executive.core.tree.LeafError: a leaf raised.
+            LeafError: a leaf raised.
         """
 
 
@@ -57,6 +61,39 @@ class PlanHost(Protocol):
 
     def detach(self) -> None:
         """Remove the plan's tree."""
+
+
+class TreeNodeView(Protocol):
+    """A node of the tree, as of the last tick."""
+
+    @property
+    def path(self) -> str:
+        """Node names from the root."""
+
+    @property
+    def status(self) -> Enum:
+        """The node's result."""
+
+    @property
+    def message(self) -> str:
+        """The node's feedback message."""
+
+
+class Tree(PlanHost, Protocol):
+    """The behaviour tree as the runner needs it; plans add their trees beside it."""
+
+    def tick(self) -> None:
+        """Run every branch that is due once.
+
+        Raises:
+            LeafError: a leaf raised.
+        """
+
+    def stop(self) -> None:
+        """Terminate every running leaf."""
+
+    def nodes(self) -> Sequence[TreeNodeView]:
+        """Return all nodes as of the last tick."""
 
 
 def step_key(location: NodeLocation, cycles: Sequence[int]) -> str:

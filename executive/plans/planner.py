@@ -264,7 +264,7 @@ class Planner:
 
         Raises:
             executive.record.ledger.LedgerError: the journal cannot be read.
-            executive.core.tree.LeafError: a leaf raised.
+            LeafError: a leaf raised.
         """
         plan = self._plans[plan_id]
         if self._run is None and not self._store.is_durable(plan.batch):

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from executive.core.tree import Tree
 from executive.goals import Context
+from executive.plans import Tree
 from executive.settings import Settings, load_settings
 from executive.values.reasons import Reason
 from tests.support.kinematic import Bench, KinematicRover

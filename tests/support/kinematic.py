@@ -10,10 +10,10 @@ from executive.commands import Command, MoveForward, PreemptionPolicy, Request
 from executive.commands.lifecycle import Rejected, SubmitResult
 from executive.core.recording import RecordingSink
 from executive.core.runner import Executive
-from executive.core.tree import Tree
 from executive.faults import FaultResponse, Reaction
 from executive.goals import Context
 from executive.motion import SharedSolver
+from executive.plans import Tree
 from executive.record import Ledger, Synchronous
 from executive.settings import Sensors, Settings, load_settings
 from executive.values.clock import ManualClock
