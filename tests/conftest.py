@@ -227,6 +227,15 @@ def _environment(patch: pytest.MonkeyPatch, domain: int, config: Path, log_dir: 
 
 
 @pytest.fixture
+def warm_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fork the processes of deployments with their imports made: `tests/demo` shows real starts."""
+    from sim.processes.children import ChildProcess
+    from tests.support.warm import start_child
+
+    monkeypatch.setattr(ChildProcess, "_start", start_child)
+
+
+@pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch, patient: Path, tmp_path: Path) -> Iterator[int]:
     """Give this test, and the processes it starts, a ROS domain of their own on loopback.
 

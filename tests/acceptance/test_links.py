@@ -23,7 +23,11 @@ from sim.scenario.record import Record
 from sim.scenario.scene import LiveScene, live_scene
 from tests.support.lifecycles import Lifecycles, lifecycles
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("ros_domain", "warm_children"),
+]
 
 MOVING_M = 0.03
 BUSY = 4.0

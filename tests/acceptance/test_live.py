@@ -61,7 +61,7 @@ def _over(timed: Scheduled, label: str, later_s: float) -> QueryParameters:
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["locomotion", "telemetry", "video", "camera", "files"])
-@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.usefixtures("ros_domain", "warm_children")
 def test_hold_over_real_processes(name: str, tmp_path: Path) -> None:
     """One at a time: a rover and its processes take most of a core."""
     scenario = patient(load_scenario(name, RunMode.DIRECT))

@@ -211,7 +211,7 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
 
 
 @pytest.mark.ros
-@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.usefixtures("ros_domain", "warm_children")
 @pytest.mark.parametrize(
     ("requested", "figures"),
     [
@@ -321,7 +321,7 @@ def test_a_page_that_stays_open_is_measured(
 
 
 @pytest.mark.ros
-@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.usefixtures("ros_domain", "warm_children")
 @pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
 def test_the_pages_of_a_console_are_measured_in_a_browser(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"

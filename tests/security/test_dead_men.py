@@ -305,7 +305,7 @@ def test_another_process_instead_of_the_commander_means_that_it_has_ended() -> N
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.usefixtures("ros_domain", "warm_children")
 @pytest.mark.parametrize(
     ("asset", "targets"), [("mocup", tuple(Target)), ("jackal", (Target.EXECUTIVE,))]
 )
