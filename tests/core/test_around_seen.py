@@ -225,6 +225,7 @@ class Teased(ScanningRover):
         super().advance(step_s)
 
 
+@pytest.mark.at_length
 def test_detours_are_bounded(tmp_path: Path) -> None:
     with Bench(tmp_path, SEEING, rover=Teased()) as bench:
         bench.submit(MoveTo(Waypoint(60.0, 0.0)), 1)

@@ -92,6 +92,7 @@ def test_what_can_be_brought_back_is_carried_out(bench: Bench) -> None:
     assert bench.stages(2)[-1] is Stage.STARTED
 
 
+@pytest.mark.at_length
 def test_the_return_home_is_allowed_at_any_charge(bench: Bench) -> None:
     bench.execute(MoveTo(Waypoint(4.0, 3.0)), 1)
     charged(bench, -5000.0)

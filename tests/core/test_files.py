@@ -52,6 +52,7 @@ def trap(tmp_path_factory: pytest.TempPathFactory) -> FileFolder:
     return folder
 
 
+@pytest.mark.at_length
 @given(path=PATHS, target=PATHS)
 @settings(max_examples=40)
 def test_no_path_escapes_the_folder(trap: FileFolder, path: str, target: str) -> None:

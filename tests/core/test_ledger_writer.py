@@ -136,6 +136,7 @@ def test_a_plan_is_activated_before_it_is_committed(bench: Bench, disk: SlowDisk
     assert bench.rover.pose.x_m == pytest.approx(0.2, abs=0.03)
 
 
+@pytest.mark.at_length
 def test_a_plan_resumed_before_a_step_is_committed_does_not_repeat_it(
     bench: Bench, disk: SlowDisk
 ) -> None:

@@ -53,6 +53,7 @@ def test_by_default_it_continues(tmp_path: Path) -> None:
         assert texts(bench) == []
 
 
+@pytest.mark.at_length
 def test_motion_is_held_at_the_end_of_the_step_and_continues_on_contact_with_the_ground(
     tmp_path: Path,
 ) -> None:
@@ -97,6 +98,7 @@ def test_a_later_stage_follows_an_earlier_one(tmp_path: Path) -> None:
         assert bench.last(1).reason is Reason.LINK_LOST
 
 
+@pytest.mark.at_length
 def test_a_plan_is_suspended_between_two_steps(tmp_path: Path) -> None:
     legs = '<moveForward distance="3" deadline_s="60"/>' * 3
     with bench_with(tmp_path, plan=STAGES[:1]) as bench:
@@ -208,6 +210,7 @@ def test_it_stops_waits_and_then_returns_and_stops_if_it_takes_too_long(tmp_path
         assert returns(bench)[-1].reason is Reason.LINK_LOST
 
 
+@pytest.mark.at_length
 def test_a_plan_is_suspended_for_the_return(tmp_path: Path) -> None:
     legs = '<moveForward distance="3" deadline_s="60"/>' * 3
     with bench_with(tmp_path, plan=[{"after_s": 2, "then": "return"}]) as bench:

@@ -82,6 +82,7 @@ def test_a_target_in_the_map_is_reached_there(tmp_path: Path, frame: TargetFrame
         assert rover.pose.point.distance_m(Point(1.0, 0.0)) < 0.05
 
 
+@pytest.mark.at_length
 def test_the_target_stays_in_the_map_when_the_map_moves(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as tape:
@@ -133,6 +134,7 @@ def test_without_a_recent_transform_it_is_refused(tmp_path: Path) -> None:
         bench.execute(MoveTo(Waypoint(1.0, 0.0)), 2)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("lost_after_s", "leaf"), [(0.0, "plan leg"), (2.0, "plan leg"), (3.1, "finish leg")]
 )

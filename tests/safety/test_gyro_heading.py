@@ -42,10 +42,12 @@ def pose(drive: SensedDrive) -> Pose:
     return drive.safety.history.corrected(newest).pose
 
 
+@pytest.mark.at_length
 def test_an_odometry_that_turns_too_far_stops_the_rover_without_the_key() -> None:
     assert "odometry_off_gyro" in driven(skid(OdometrySettings(50.0, 0.0))).names
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("joints", [False, True])
 @pytest.mark.parametrize("bias_radps", [0.0, -0.008])
 def test_with_the_gyro_the_pose_is_right_and_nothing_is_a_fault(
@@ -59,6 +61,7 @@ def test_with_the_gyro_the_pose_is_right_and_nothing_is_a_fault(
     assert reported.point.distance_m(drive.believed.point) > 0.5  # the odometry's own
 
 
+@pytest.mark.at_length
 def test_at_rest_the_gyro_s_bias_does_not_turn_the_rover() -> None:
     drive = SensedDrive(skid(), gyro_bias_radps=0.008)
     drive.run(STANDING, 60.0)
@@ -66,6 +69,7 @@ def test_at_rest_the_gyro_s_bias_does_not_turn_the_rover() -> None:
     assert drive.names == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("wrong", "velocity", "within_s"),
     [
@@ -88,6 +92,7 @@ def test_what_goes_wrong_between_gyro_and_odometry_is_detected(
     assert drive.names[0] in {"odometry_off_gyro", "turn_off_command"}
 
 
+@pytest.mark.at_length
 def test_a_gyro_that_drifted_is_detected_at_the_next_rest() -> None:
     drive = driven(skid())
     drive.gyro_bias_radps = 0.04
@@ -98,6 +103,7 @@ def test_a_gyro_that_drifted_is_detected_at_the_next_rest() -> None:
     assert drive.names == ["uncommanded_turn"]
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("turn_rad", [0.3, -0.5])
 def test_a_heading_that_jumps_in_the_odometry_is_a_fault_and_no_motion(turn_rad: float) -> None:
     drive = driven(skid())

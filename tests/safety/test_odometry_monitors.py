@@ -41,9 +41,11 @@ def first_event(outcome: ScenarioResult) -> Report:
     )
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("fault", "scenario", "reason", "within_s"),
     [
+        ("gyro_bias: {rate: 0.3}", "forward", Reason.OFF_COMMAND, 3.0),
         ("odometry_lost", "forward", Reason.ODOMETRY_STALE, 0.4),
         ("odometry_repeated", "forward", Reason.ODOMETRY_STALE, 0.4),
         ("odometry_late: {by: 0.14}", "forward", Reason.ODOMETRY_LATE, 0.45),
@@ -56,7 +58,6 @@ def first_event(outcome: ScenarioResult) -> Report:
         ("wheels_stuck", "held", Reason.OFF_COMMAND, 0.6),
         ("left_wheels_stuck", "forward", Reason.OFF_COMMAND, 1.0),
         ("cmd_vel_lost", "held", Reason.OFF_COMMAND, 1.0),
-        ("gyro_bias: {rate: 0.3}", "forward", Reason.OFF_COMMAND, 3.0),
     ],
 )
 def test_a_fault_ends_the_motion_with_its_reason_and_figures(
@@ -74,8 +75,9 @@ def test_a_fault_ends_the_motion_with_its_reason_and_figures(
     assert outcome.figures.false_executed == 0
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
-    ("travel", "rotate", "friction"), [(1.0, 0.5, 0.6), (-0.8, 0.8, 0.8), (0.0, 1.4, 0.45)]
+    ("travel", "rotate", "friction"), [(0.0, 1.4, 0.45), (1.0, 0.5, 0.6), (-0.8, 0.8, 0.8)]
 )
 def test_a_velocity_that_is_held_leads_along_its_arc(
     tmp_path: Path, travel: float, rotate: float, friction: float
@@ -158,6 +160,7 @@ def test_odometry_that_jitters_by_up_to_a_fifth_of_a_second_stops_nothing(
     assert all(r.severity is Severity.INFORMATIONAL for r in outcome.record.reports)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("scenario", ["forward", "held"])
 def test_a_motion_waits_for_odometry_that_is_missing_when_it_begins(
     tmp_path: Path, scenario: str
@@ -273,6 +276,7 @@ def test_an_executive_goes_on_only_by_odometry_that_it_can_steer_by(
         assert bench.last(1).reason is reason
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("rate_hz", [8.0, None])
 def test_a_rover_with_odometry_at_8_hz_executes_its_motion(
     tmp_path: Path, rate_hz: float | None

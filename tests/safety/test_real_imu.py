@@ -49,20 +49,23 @@ def faults(
     return [each for each in watched(settings, facts, commands) if each[0] >= 1.0]
 
 
+@pytest.mark.at_length
 def test_a_real_rover_with_its_imu_drives_once_its_mounting_is_declared() -> None:
     assert faults(husky(), recorded(), inertial()) == []
 
 
+@pytest.mark.at_length
 def test_taken_for_level_its_imu_makes_it_safe() -> None:
     found = faults(husky(), recorded(), inertial(Rotation()))
     assert "tilt_limit_imu" in {name for _, name in found}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("wrong", "within_s"),
     [
-        (lambda imu: replace(imu, gyro_z_radps=imu.gyro_z_radps + 0.2), 2.5),
         (lambda imu: replace(imu, gyro_z_radps=imu.gyro_z_radps - 0.2), 3.0),
+        (lambda imu: replace(imu, gyro_z_radps=imu.gyro_z_radps + 0.2), 2.5),
         (lambda imu: replace(imu, pitch_rad=imu.pitch_rad + radians(40)), 0.2),
     ],
 )

@@ -25,6 +25,7 @@ def lost(_: Odometry) -> None:
     return None
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("declared", [False, True])
 @pytest.mark.parametrize("rate_hz", [8.0, 10.0, 20.0, 50.0])
 def test_a_robot_from_8_hz_drives(rate_hz: float, declared: bool) -> None:
@@ -36,6 +37,7 @@ def test_odometry_at_10_hz_may_vary_and_lose_messages() -> None:
     assert not begun(asset(), Driver(10.0, jitter_ratio=0.1, lost_ratio=0.03))
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("rate_hz", [4.0, 5.0])
 def test_odometry_that_is_slower_than_that_is_a_fault(rate_hz: float) -> None:
     assert "odometry_rate_low" in {name for _, name in begun(asset(), Driver(rate_hz))}
@@ -63,6 +65,7 @@ def test_odometry_that_slows_down_in_motion_is_not_learnt() -> None:
     assert seldom[0][0] <= 6.5
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "driver",
     [
@@ -86,6 +89,7 @@ def test_a_wrong_rate_elsewhere_is_seen() -> None:
     assert at_s - FROM_S <= 0.3
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "driver",
     [
@@ -112,6 +116,7 @@ def test_a_step_aside_is_seen_soon_after_a_gap() -> None:
 MEAN_OF_1_S = OdometrySettings(10.0, 1.0)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("declared", "driver"),
     [
@@ -129,6 +134,7 @@ def test_a_twist_that_is_a_mean_or_late_is_that_of_earlier_motion(
     assert not begun(asset(declared), driver)
 
 
+@pytest.mark.at_length
 def test_a_mean_twist_at_10_hz_is_learnt_within_a_second_of_motion() -> None:
     assert len(begun(asset(), Driver(10.0, mean_of=10))) <= 1
 
@@ -151,14 +157,15 @@ def drifting() -> Change:
     return wrong
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("declared", "driver", "make", "within_s"),
     [
+        (MEAN_OF_1_S, Driver(10.0, mean_of=10), holding, 1.3),
         (None, Driver(50.0), holding, 0.2),
         (None, Driver(50.0), drifting, 0.35),
         (None, Driver(50.0, mean_of=10), holding, 0.35),
         (None, Driver(50.0, mean_of=10), drifting, 0.6),
-        (MEAN_OF_1_S, Driver(10.0, mean_of=10), holding, 1.3),
         (MEAN_OF_1_S, Driver(10.0, mean_of=10), drifting, 1.5),
     ],
 )
@@ -173,6 +180,7 @@ def test_a_pose_that_leaves_its_twist_is_seen_after_the_mean_at_the_latest(
 REST = ((8.0, 0.0, 0.0),)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "driver",
     [
@@ -186,6 +194,7 @@ def test_noise_at_rest_is_no_motion(driver: Driver) -> None:
     assert not begun(moving_asset(), driver, (*AHEAD, *REST))
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("driver", [Driver(50.0), Driver(50.0, noise_m=0.0005), Driver(10.0)])
 def test_a_creep_at_rest_is_seen_within_its_window(driver: Driver) -> None:
     at_s, name = begun(moving_asset(), driver, (*AHEAD, *REST), from_s=16.0, wrong=creeping)[0]
@@ -270,12 +279,14 @@ def commanded(facts: Sequence[tuple[float, Odometry]]) -> list[Velocity]:
     return found
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("declared", [None, MEAN_OF_1_S])
 def test_a_real_rover_drives_for_a_minute(declared: OdometrySettings | None) -> None:
     facts = recorded()
     assert not watched(asset(declared), facts, commanded(facts))
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("make", "within_s"), [(holding, 1.3), (drifting, 1.5), (lambda: lost, 0.45)]
 )
@@ -307,6 +318,7 @@ def test_figures_of_an_odometry_that_none_has_are_refused(
         OdometrySettings(**figures)
 
 
+@pytest.mark.at_length
 def test_what_an_asset_declares_is_not_learnt() -> None:
     assert load_settings("jackal").odometry == OdometrySettings(50.0, 0.0)
     slow = {name for _, name in begun(asset(OdometrySettings(50.0)), Driver(8.0))}

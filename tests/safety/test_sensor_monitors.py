@@ -324,6 +324,7 @@ def test_a_gyro_that_was_wrong_at_rest_leaves_no_fault_behind(
     assert drive.safety.history.inertia.bias_radps == pytest.approx(bias_radps, abs=0.002)
 
 
+@pytest.mark.at_length
 def test_a_bias_that_stays_another_one_is_learnt_in_the_end() -> None:
     drive = SensedDrive(asset(), gyro_bias_radps=0.002)
     drive.moving = False

@@ -94,6 +94,7 @@ def test_what_is_met_by_a_velocity(
     assert (evidence is not None) == met
 
 
+@pytest.mark.at_length
 @given(
     travel=st.floats(-2, 2),
     rotate=st.floats(-2, 2),
