@@ -88,7 +88,7 @@ def sent_status(
 def foreign_status(
     name: str, asset: str, identity: Identity, link: LinkKind, created: float
 ) -> CommandStatus:
-    """Return the status of a command that the console has not sent, of which only this is known.
+    """Return the first status of a command of another client, without its name and arguments.
 
     Args:
         name: its id.
