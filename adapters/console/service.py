@@ -95,57 +95,40 @@ OPENED: Final = "opened"
 """Subfolder for opened recordings; emptied at each start."""
 
 
-class Server:
-    """Serves pages and the HTTP interface.
+def _application(
+    hub: Hub,
+    entries: Callable[[], Iterable[AssetEntry]],
+    own: AssetEntry,
+    access: Access,
+    routes: Sequence[web.RouteDef],
+) -> web.Application:
+    """Return the application that serves pages and the HTTP interface."""
 
-    Args:
-        hub: sends messages to the pages.
-        entries: returns the dictionary entry of each asset.
-        own: dictionary entry of this console.
-        access: authenticates requests.
-        routes: further routes.
-    """
+    async def health(_: web.Request) -> web.Response:
+        return json_response({"instance": hub.instance})
 
-    def __init__(
-        self,
-        hub: Hub,
-        entries: Callable[[], Iterable[AssetEntry]],
-        own: AssetEntry,
-        access: Access,
-        routes: Sequence[web.RouteDef],
-    ) -> None:
-        self._hub, self._entries, self._own = hub, entries, own
-        self._access = access
-        self._routes = routes
+    async def dictionary(_: web.Request) -> web.Response:
+        return json_response({"assets": {each.asset: each for each in entries()}, "console": own})
 
-    def application(self) -> web.Application:
-        """Return the aiohttp application."""
-        application = web.Application(
-            middlewares=[error_middleware, self._access.middleware, _compressed],
-            client_max_size=MAX_BODY_OCTETS,
-        )
-        sockets = Sockets(self._hub, self._access)
-        application.on_shutdown.append(sockets.close)
-        application.add_routes(
-            [
-                web.get("/healthz", self._health),
-                web.post("/api/login", self._access.login),
-                web.get("/api/dictionary", self._dictionary),
-                *self._routes,
-                web.get("/ws", sockets.serve),
-                web.get("/api/{rest:.*}", _empty_response),
-                *page_routes(STATIC, self._access),
-                web.static("/", STATIC, append_version=False),
-            ]
-        )
-        return application
-
-    async def _health(self, _: web.Request) -> web.Response:
-        return json_response({"instance": self._hub.instance})
-
-    async def _dictionary(self, _: web.Request) -> web.Response:
-        assets = {each.asset: each for each in self._entries()}
-        return json_response({"assets": assets, "console": self._own})
+    application = web.Application(
+        middlewares=[error_middleware, access.middleware, _compressed],
+        client_max_size=MAX_BODY_OCTETS,
+    )
+    sockets = Sockets(hub, access)
+    application.on_shutdown.append(sockets.close)
+    application.add_routes(
+        [
+            web.get("/healthz", health),
+            web.post("/api/login", access.login),
+            web.get("/api/dictionary", dictionary),
+            *routes,
+            web.get("/ws", sockets.serve),
+            web.get("/api/{rest:.*}", _empty_response),
+            *page_routes(STATIC, access),
+            web.static("/", STATIC, append_version=False),
+        ]
+    )
+    return application
 
 
 @web.middleware
@@ -315,7 +298,7 @@ async def _serving(
         *help_routes(shipped_folder("docs")),
     ]
     runner = web.AppRunner(
-        Server(hub, entries, housekeeping.entry, access, routes).application(),
+        _application(hub, entries, housekeeping.entry, access, routes),
         access_log=None,
         shutdown_timeout=1.0,
     )
