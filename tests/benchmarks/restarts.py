@@ -6,9 +6,12 @@ import time
 from collections.abc import Callable
 from random import Random
 
-from executive.commands.catalogue import DriveFor, Resume
+import psutil
+
+from executive.commands.catalogue import DriveFor
 from tests.benchmarks.octets import Octets
-from tests.support.figures import Figure, Goal, quantile
+from tests.support.figures import Figure, Goal, cpu_s, quantile
+from tests.support.patience import patient_config
 from tests.support.ports import free_ports
 from tests.support.victims import Victim, workplace
 
@@ -29,9 +32,11 @@ def measure(kills: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
         ChildError: a process ended by itself.
         TimeoutError: the executive does not listen, or accepts nothing.
     """
-    random, listening, accepting = Random(seed), list[float](), list[float]()
+    random = Random(seed)
+    listening, computing, accepting = list[float](), list[float](), list[float]()
     (port,) = free_ports(1)
     with workplace() as workspace:
+        workspace.environment["ROVER_CONFIG"] = str(patient_config(workspace.folder))
         workspace.start("simulation", "sim.ros.process", "--world", "flat", "--camera", "off")
         executive = workspace.start(
             "executive", "adapters.onboard.process",
@@ -41,10 +46,10 @@ def measure(kills: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
         _until_accepted(executive, port)
         for number in range(1, kills + 1):
             time.sleep(random.uniform(0.1, MAX_PAUSE_S))
-            _until_accepted(executive, port, resumed=True)
             began_s = time.monotonic()
             executive.restart()
             listens_s = _until_listening(executive, port)
+            computing.append(cpu_s(psutil.Process(executive.child.pid)))
             refused = _until_accepted(executive, port)
             accepted_s = time.monotonic()
             listening.append(listens_s - began_s)
@@ -58,6 +63,7 @@ def measure(kills: int, seed: int, log: Callable[[str], None]) -> list[Figure]:
     return [
         Figure("kill to listening, median", quantile(listening, 0.5), "s", beside, Goal(LISTEN_S)),
         Figure("kill to listening, max", max(listening), "s", beside),
+        Figure("kill to listening, CPU, median", quantile(computing, 0.5), "s", beside),
         Figure("listening to accepted, median", quantile(accepting, 0.5), "s", beside),
         Figure("listening to accepted, max", max(accepting), "s", beside),
         Figure(f"accepted later than {ACCEPT_S:g} s", late, "kills", beside, NONE),
@@ -78,16 +84,10 @@ def _until_listening(executive: Victim, port: int) -> float:
     raise TimeoutError("the executive does not listen")
 
 
-def _until_accepted(executive: Victim, port: int, *, resumed: bool = False) -> int:
-    """Send new commands until one is accepted; return how many were refused.
-
-    Args:
-        resumed: whether a stop by a fault, as load causes, is released first.
-    """
+def _until_accepted(executive: Victim, port: int) -> int:
+    """Send new commands until one is accepted; return how many were refused."""
     deadline_s, refused = time.monotonic() + LIMIT_S, 0
     with Octets(port) as commands:
-        if resumed:
-            commands.request(Resume())
         while not commands.request(DRIVE):
             refused += 1
             executive.child.check()
