@@ -190,7 +190,9 @@ async def test_streams_continue_after_a_loss_without_a_gap(
     assert sequences == list(range(1, 9))
 
 
-def test_times_out_if_a_rover_remains_absent(aboard: Aboard) -> None:
+def test_times_out_if_a_rover_remains_absent(
+    aboard: Aboard, caplog: pytest.LogCaptureFixture
+) -> None:
     async def session() -> None:
         async with await MrsClient.connect(aboard.uri, patience_s=0.1) as client:
             stream = client.notifications()
@@ -205,6 +207,7 @@ def test_times_out_if_a_rover_remains_absent(aboard: Aboard) -> None:
                 await client.get_pose()
 
     asyncio.run(session())
+    assert f"connection with {aboard.uri} lost: it is tried again for 0.1 s" in caplog.messages
 
 
 def test_a_session_that_is_closed_ends_everything(aboard: Aboard) -> None:

@@ -128,7 +128,10 @@ class RoverSession:
             await consumer.wait_lost()
             self._settled.clear()
             await consumer.close()
-            _LOG.warning("connection with %s lost", self.uri)
+            waits = (
+                f": it is tried again for {self._patience_s:g} s" if self._patience_s > 0 else ""
+            )
+            _LOG.warning("connection with %s lost%s", self.uri, waits)
             try:
                 if self._patience_s <= 0.0:
                     raise ConnectionError(f"the connection with {self.uri} was lost")
