@@ -467,7 +467,7 @@ def test_a_stop_needs_no_round_trip_for_the_authority(
     async def requested(_: object) -> AuthorityStatus:
         raise AssertionError("a stop asked for the authority")
 
-    monkeypatch.setattr("adapters.mrs.ground.authority.SessionAuthority.status", requested)
+    monkeypatch.setattr("adapters.mrs.ground.session.SessionAuthority.status", requested)
     result = rover("command", "--to", guarded.uri, "--json", "stop")
     assert result.exit_code == 0
     assert Stage.EXECUTED.name in result.output

@@ -5,7 +5,7 @@ from enum import Enum
 from random import Random
 from typing import Final, assert_never
 
-from adapters.mrs.ground.authority import SessionAuthority
+from adapters.mrs.ground.session import SessionAuthority
 from adapters.mrs.spec import AuthorityStatus
 from executive.settings import AuthoritySettings
 

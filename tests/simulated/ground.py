@@ -11,7 +11,7 @@ from typing import Final
 
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.ground.authority import SessionAuthority
+from adapters.mrs.ground.session import SessionAuthority
 from adapters.mrs.spec import AreaError, AuthorityStatus, ReceivedReport, Stage, lost_command
 from executive.commands import Command, Request
 from executive.values.reports import TERMINAL, Identity, Report

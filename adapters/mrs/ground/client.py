@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs import spec as wire
-from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.file_retrieval import FileNotification, FileRetrieval
 from adapters.mrs.ground.outcome import CommandOutcome, CommandWatch, OnReport, describe_storage
 from adapters.mrs.ground.queries import LINK_LOST_ERRORS, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
-from adapters.mrs.ground.session import RoverSession, parse_address
+from adapters.mrs.ground.session import RoverSession, SessionAuthority, parse_address
 from adapters.mrs.ground.streams import NotificationStream, Stream, Streams, TreeUpdates, Updates
 from adapters.mrs.spec import (
     LINK,
