@@ -28,12 +28,14 @@ class StampClock:
     """Converts stamps of all sources to the core's time.
 
     Sources of one clock share one offset, so that a longer latency does not look like a newer
-    measurement.
+    measurement. A stamp of the core's own clock that is newer than it shows no shorter latency: a
+    busy computer receives simulated time late.
     """
 
     def __init__(self) -> None:
         self._offsets_s: dict[type, float] = {}
         self._last: dict[type, tuple[float, float]] = {}
+        self._own: set[type] = set()
 
     def time_s(self, source: type, stamp_s: float, now_s: float, utc_s: float) -> float:
         """Return the measurement time, on the core's time.
@@ -50,9 +52,11 @@ class StampClock:
         if stamp_s < last_stamp_s - SAME_CLOCK_S:
             own_age_s = next((a for a in (offset_s, utc_s - stamp_s) if 0 <= a < OWN_CLOCK_S), 0.0)
             known_s = offset_s - max(0.0, own_age_s - USUAL_LATENCY_S)
+            (self._own.add if 0 <= offset_s < OWN_CLOCK_S else self._own.discard)(source)
         else:
             known_s = self._offsets_s[source] + DRIFT_RATIO * (now_s - last_now_s)
-        self._offsets_s[source] = shared_s = own_s = min(offset_s, known_s)
+        own_s = max(0.0, min(offset_s, known_s)) if source in self._own else min(offset_s, known_s)
+        self._offsets_s[source] = shared_s = own_s
         for each_s in self._offsets_s.values():
             if own_s - SAME_CLOCK_S < each_s < shared_s:
                 shared_s = each_s

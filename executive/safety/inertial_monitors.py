@@ -75,7 +75,10 @@ def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evi
 
 
 def wheel_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect a speed change of the wheels that the IMU does not measure; requires its tilt."""
+    """Detect a speed change of the wheels that the IMU does not measure; requires its tilt.
+
+    A change of speed during a gap is unknown.
+    """
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not (inertia.leans and inertia.feels):
         return None
@@ -85,7 +88,7 @@ def wheel_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence
     last = history.wheels_in(SPEED_OVER_S, to_s)
     first = history.wheels_in(SPEED_OVER_S, to_s - window_s)
     felt = history.inertia_in(window_s, to_s - SPEED_OVER_S / 2)
-    if first is None or last is None or felt is None:
+    if first is None or last is None or felt is None or inertia.gaps.missed_m(to_s - window_s):
         return None
     gained_mps = (last.distance_m - first.distance_m) / SPEED_OVER_S
     if abs(gained_mps - felt.gained_mps) <= window.bound:

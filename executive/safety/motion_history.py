@@ -52,6 +52,8 @@ COMMAND_STALL_S: Final = 0.25
 MAX_COMPARED_DELAY_S: Final = 0.3
 """Maximum delay of a twist that is compared with the velocity by inertial sensors: as long as their
 correction takes. A recorded robot with the mean of 1 s would have slid by 5 m in 40 s."""
+BURST_STEP_S: Final = 1e-4
+"""Minimum time between two arrivals: the clock may not advance during a burst."""
 SEEN_S: Final = 0.4
 """Minimum window of a second odometry to show standstill."""
 
@@ -209,7 +211,8 @@ class MotionHistory:
                 if self.invalid_v is None:
                     self.battery, self.battery_at_s = fact, now_s
             case Joints() if self.wheels is not None:
-                self.wheels.observe(fact, self._time_s(fact, now_s))
+                time_s = self._time_s(fact, now_s)
+                self.wheels.observe(fact, time_s, now_s - time_s)
             case Imu() if self.inertia is not None:
                 time_s = self._time_s(fact, now_s)
                 self.inertia.observe(fact, time_s, self._travel_mps, self._resting(time_s))
@@ -349,11 +352,18 @@ class MotionHistory:
         return None if sums is None else OdometryWindow(*sums)
 
     def commands_in(self, window_s: float, to_s: float) -> CommandedRange:
-        """Return the range of the commands in force in the seconds before a time."""
+        """Return the range of the commands in force in the seconds before a time.
+
+        Includes standstill, where a base may have stopped by itself without a new command.
+        """
         found: list[Velocity] = []
+        until_s = to_s
         for since_s, at_least, velocity in reversed(self._velocities):
             if since_s < to_s:
                 found += (at_least, velocity)
+                if until_s - since_s > COMMAND_STALL_S:
+                    found.append(STANDING)
+            until_s = min(until_s, since_s)
             if since_s <= to_s - window_s:
                 break
         travel = [each.travel_mps for each in found] or [0.0]
@@ -417,7 +427,8 @@ class MotionHistory:
             return
         time_s = self._time_s(fact, now_s)
         count, age_s = self.arrivals.sums
-        self.arrivals.add(now_s, (count + 1, age_s + max(now_s - time_s, 0.0)))
+        at_s = max(now_s, self.arrivals.time_s + BURST_STEP_S)
+        self.arrivals.add(at_s, (count + 1, age_s + max(now_s - time_s, 0.0)))
         if self.odometry is not None:
             step_s = time_s - self.moved.time_s
             fact = self._rate_wrap.corrected(self.odometry, fact, step_s)

@@ -118,7 +118,7 @@ def _age_evidence(what: str, age_s: float, bound_s: float) -> Evidence:
 
 def odometry_rate_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """Detect an odometry rate that is too low for control."""
-    arrivals = history.window(history.arrivals, window.length_s, history.odometry_at_s)
+    arrivals = history.window(history.arrivals, window.length_s, history.arrivals.time_s)
     bound_hz = history.period.low_rate_hz(window.bound)
     if arrivals is None or arrivals[0] / window.length_s >= bound_hz:
         return None

@@ -12,7 +12,7 @@ from math import cos, hypot, inf, isfinite, sin
 from typing import Final, NamedTuple
 
 from executive.safety.channel import Channel
-from executive.safety.stamp_period import Gaps, StampPeriod
+from executive.safety.stamp_period import BURST_S, MAX_GAP_S, MIN_GAP_S, Gaps, StampPeriod
 from executive.settings import JointsSettings, SecondOdometrySettings, SlipSettings
 from executive.state import FRAME_DISTANCE_M
 from executive.values.facts import Imu, Joints, SecondOdometry
@@ -85,13 +85,22 @@ class WheelHistory:
         self.travel_mps = 0.0
         self._rates = WheelSums(0.0, 0.0)
         self._period, self.gaps = StampPeriod(), Gaps()
+        self._delay = (-inf, 0.0)
 
     def fresh(self, now_s: float) -> bool:
         """Whether the newest message is recent."""
         return now_s - self.sums.time_s <= FRESH_S
 
-    def observe(self, fact: Joints, time_s: float) -> None:
-        """Add a message measured at a time."""
+    def delay_s(self, from_s: float) -> float:
+        """Return how late the last late message since a time was; 0 without one.
+
+        A base that measures late, or not for a while, has no processor, and obeys as late.
+        """
+        time_s, late_s = self._delay
+        return late_s if time_s >= from_s - BURST_S else 0.0
+
+    def observe(self, fact: Joints, time_s: float, late_s: float) -> None:
+        """Add a message measured at a time, and how late it is."""
         speeds = (*fact.left_radps, *fact.right_radps)
         if not (fact.left_radps and fact.right_radps) or not _finite(
             *speeds, *fact.left_nm, *fact.right_nm
@@ -107,7 +116,11 @@ class WheelHistory:
         step_s = time_s - self.sums.time_s
         self._period.observe(step_s)
         fastest_mps = max(map(abs, (*self._rates[:2], *rates[:2])))
-        self.gaps.observe(time_s, self._period.gap_s(step_s), fastest_mps, 0.0)
+        gap_s = self._period.gap_s(step_s)
+        self.gaps.observe(time_s, gap_s, fastest_mps, 0.0)
+        late_s = min(max(late_s, gap_s), MAX_GAP_S)
+        if late_s > MIN_GAP_S:
+            self._delay = time_s, max(late_s, self.delay_s(time_s))
         self.sums = extend_channel(self.sums, time_s, self._rates, rates)
         self._rates, self.count = rates, len(speeds)
         self.torques = bool(fact.left_nm and fact.right_nm)

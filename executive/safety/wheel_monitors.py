@@ -8,8 +8,9 @@ from typing import Final
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence, disagreement_evidence, silent_sensor, speed_evidence
-from executive.safety.motion_history import MotionHistory
+from executive.safety.motion_history import CommandedRange, MotionHistory
 from executive.safety.odometry_monitors import COMMAND_LATENCY_S
+from executive.safety.sensor_history import WheelHistory
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.04
@@ -27,7 +28,7 @@ def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> 
     turned = history.wheels_in(SPEED_OVER_S, to_s)
     if turned is None:
         return None
-    wanted = history.commands_in(window.length_s, to_s)
+    wanted = _commands(history, wheels, window.length_s)
     half_m = wheels.settings.track_m / 2
     low_mps, high_mps = wanted.rotate_low_radps * half_m, wanted.rotate_high_radps * half_m
     sides = (
@@ -60,12 +61,13 @@ def wheel_travel_off_command(
     if turned is None or wanted is None:
         return None
     across_m = wanted.twist_turn_rad * wheels.settings.track_m / 2
+    delayed_m = _delayed_m(history, wheels, window_s)
     sides = (
         ("left", turned.left_m, wanted.twist_travel_m - across_m),
         ("right", turned.right_m, wanted.twist_travel_m + across_m),
     )
     for side, distance_m, wanted_m in sides:
-        bound_m = window.allowed(wanted_m) + wheels.gaps.missed_m(to_s - window_s)
+        bound_m = window.allowed(wanted_m) + wheels.gaps.missed_m(to_s - window_s) + delayed_m
         if abs(distance_m - wanted_m) > bound_m:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
@@ -74,6 +76,27 @@ def wheel_travel_off_command(
             what = f"the {side} wheels do not follow"
             return disagreement_evidence(what, figures, bound_m / window_s, window_s)
     return None
+
+
+def _commands(history: MotionHistory, wheels: WheelHistory, window_s: float) -> CommandedRange:
+    """Return the range of the commands that the wheels may follow.
+
+    A base without processor time follows old commands, then new ones at old times.
+    """
+    to_s = wheels.sums.time_s
+    delay_s = wheels.delay_s(to_s - window_s)
+    return history.commands_in(window_s + 2 * delay_s, to_s + delay_s)
+
+
+def _delayed_m(history: MotionHistory, wheels: WheelHistory, window_s: float) -> float:
+    """Return the distance that such a base may be ahead or behind."""
+    delay_s = wheels.delay_s(wheels.sums.time_s - window_s)
+    if not delay_s:
+        return 0.0
+    wanted = _commands(history, wheels, window_s)
+    across_radps = wanted.rotate_high_radps - wanted.rotate_low_radps
+    across_mps = across_radps * wheels.settings.track_m / 2
+    return delay_s * (wanted.travel_high_mps - wanted.travel_low_mps + across_mps)
 
 
 def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
@@ -86,13 +109,14 @@ def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Ev
     if turned is None or wanted is None:
         return None
     across_m = wanted.twist_turn_rad * wheels.settings.track_m / 2
+    bound_mps = MIN_UNPOWERED_ERROR_MPS + _delayed_m(history, wheels, window_s) / window_s
     sides = (
         ("left", turned.left_m, turned.left_nms, wanted.twist_travel_m - across_m),
         ("right", turned.right_m, turned.right_nms, wanted.twist_travel_m + across_m),
     )
     for side, distance_m, torque_nms, wanted_m in sides:
         off_mps, torque_nm = (distance_m - wanted_m) / window_s, torque_nms / window_s
-        if abs(torque_nm) < window.bound and abs(off_mps) > MIN_UNPOWERED_ERROR_MPS:
+        if abs(torque_nm) < window.bound and abs(off_mps) > bound_mps:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
                 Figure("wheels", distance_m / window_s, "m/s"),

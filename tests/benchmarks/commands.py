@@ -501,6 +501,19 @@ def restarts(count: int, seed: int) -> "list[Figure]":
     return restarts.measure(count, seed, log)
 
 
+@benchmark(
+    "busy --motions 4",
+    click.option("--loops", type=click.IntRange(1), default=8, show_default=True),
+    count("--motions", 10),
+)
+def busy(loops: int, count: int) -> "list[Figure]":
+    """Motions beside busy loops, with raised priority and without: what is executed?"""
+    from tests.benchmarks import busy
+
+    log(f"busy: {count} motions four times ...")
+    return busy.measure(loops, count, log)
+
+
 @benchmark("dead-men --kills 5", count("--kills", 20), SEED)
 def dead_men(count: int, seed: int) -> "list[Figure]":
     """Kill -9 for who commands a rover in motion: how soon does it stand? (about 15 minutes)."""

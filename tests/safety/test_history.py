@@ -31,6 +31,14 @@ class Drive:
             )
             self.history.command(Velocity(1.0))
 
+    def stall(self, seconds: float) -> None:
+        """Receive the messages of a time at once."""
+        begun_s = self.clock.now_s()
+        self.clock.advance(seconds)
+        for step in range(round(seconds / 0.02)):
+            stamp_s = begun_s + step * 0.02 + self.offset_s
+            self.history.observe(Odometry(stamp_s, Pose(x_m=stamp_s), Velocity(1.0)))
+
 
 @given(
     st.lists(st.floats(0.004, 0.4), min_size=3, max_size=200),
@@ -77,6 +85,39 @@ def test_stamps_of_the_own_clock_tell_lateness_from_the_first_message_on() -> No
     drive.late_s = 0.3
     drive.go(1.0)
     assert drive.clock.now_s() - drive.history.odometry_time_s == pytest.approx(0.25, abs=0.002)
+
+
+def test_simulated_time_that_is_received_late_makes_no_odometry_old() -> None:
+    drive = Drive()
+    drive.go(1.0)
+    drive.late_s = -0.3
+    drive.go(0.1)
+    drive.late_s = 0.02
+    drive.go(0.5)
+    assert drive.clock.now_s() - drive.history.odometry_time_s == pytest.approx(0.02, abs=0.005)
+
+
+def test_all_messages_of_a_burst_count_for_the_rate() -> None:
+    drive = Drive()
+    drive.go(2.0)
+    drive.stall(1.5)
+    drive.go(0.1)
+    arrivals = drive.history.arrivals
+    found = arrivals.increase_between(arrivals.time_s - 1.0, arrivals.time_s)
+    assert found is not None
+    assert found[0] == pytest.approx(75 + 5, abs=2)
+
+
+def test_a_base_may_stop_during_a_stall_of_the_commands() -> None:
+    clock = ManualClock()
+    history = MotionHistory(clock, SETTINGS)
+    hold(clock, history, Velocity(1.0))
+    stalled_s = clock.now_s()
+    clock.advance(0.5)
+    assert history.commands_in(0.2, clock.now_s()).travel_low_mps == 0.0
+    hold(clock, history, Velocity(1.0))
+    assert history.commands_in(0.2, stalled_s).travel_low_mps == 1.0
+    assert history.commands_in(0.2, clock.now_s()).travel_low_mps == 1.0
 
 
 def test_a_publisher_that_starts_again_is_followed() -> None:

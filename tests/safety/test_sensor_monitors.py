@@ -487,3 +487,40 @@ def test_of_a_fused_second_odometry_only_gross_slip_ends_a_motion(
         rover.body.aside_mps = 0.0
         assert bench.finish(1) is stage
         assert bench.last(1).reason is (None if stage is Stage.EXECUTED else Reason.TRAVEL_SLIP)
+
+
+@pytest.mark.parametrize("velocity", [AHEAD, SPIN])
+@pytest.mark.parametrize("stall_s", [0.2, 0.4, 0.8])
+def test_a_stall_of_the_executive_is_no_fault_of_the_rover(
+    velocity: Velocity, stall_s: float
+) -> None:
+    drive = SensedDrive(load_settings("jackal"))
+    drive.run(STANDING, 1.0)
+    for _ in range(3):
+        drive.run(velocity, 0.6)
+        drive.stalled = True
+        drive.run(velocity, stall_s)
+        drive.stalled = False
+        drive.run(velocity, 1.0)
+    assert drive.names == []
+    over_ground = drive.safety.history.over_ground
+    assert over_ground is not None
+    assert over_ground.slid_m == 0.0
+
+
+@pytest.mark.parametrize("velocity", [ARC, SPIN])
+@pytest.mark.parametrize("stall_s", [0.2, 0.25])
+def test_a_base_without_processor_time_has_no_fault_of_its_wheels(
+    velocity: Velocity, stall_s: float
+) -> None:
+    drive = SensedDrive(load_settings("jackal"))
+    drive.run(STANDING, 1.0)
+    back = Velocity(-velocity.travel_mps, -velocity.rotate_radps)
+    for wanted in (velocity, STANDING, back, STANDING):
+        for before_s in (0.1, 0.2):
+            drive.run(wanted, before_s)
+            drive.base_stalled = True
+            drive.run(wanted, stall_s)
+            drive.base_stalled = False
+        drive.run(wanted, 1.0)
+    assert drive.names == []

@@ -15,6 +15,9 @@ from tests.support.kinematic import KinematicRover
 
 STEP_S = 0.01
 SECOND_LATE_S = 0.4
+BASE_TIMEOUT_S = 0.25
+MAX_STEPS = 4
+"""Of a base that is behind, at once."""
 
 
 @dataclass
@@ -36,6 +39,8 @@ class SensedDrive:
         lost: kinds of facts that do not arrive.
         aside_mps: by how much the rover slides to the left.
         wheel_noise_radps: standard deviation of one speed of a wheel.
+        stalled: whether the executive is: no tick, and facts wait; the base stops after 0.25 s.
+        base_stalled: whether the base is, with its sensors; later it catches up.
     """
 
     settings: Settings
@@ -58,6 +63,8 @@ class SensedDrive:
     aside_mps: float = 0.0
     odometry_bias_radps: float = 0.0
     wheel_noise_radps: float = 0.0
+    stalled: bool = False
+    base_stalled: bool = False
 
     def __post_init__(self) -> None:
         """Let it stand at the origin of its odometry."""
@@ -77,7 +84,7 @@ class SensedDrive:
         self._wheels = Velocity()
         self._moves = self._before = Velocity()
         self._active: deque[tuple[float, Fact]] = deque()
-        self._steps = 0
+        self._steps = self._base_steps = 0
 
     @property
     def names(self) -> list[str]:
@@ -92,15 +99,18 @@ class SensedDrive:
 
     def _step(self) -> None:
         self.move_on()
-        if self._steps % 5 == 0:
+        if self._steps % 5 == 0 and not self.stalled:
             self._tick()
 
     def move_on(self) -> None:
         """Obey what is commanded for a step, and sense it."""
         self._steps += 1
         self.clock.set(self._steps * STEP_S)
-        self._move()
-        self._sense()
+        behind = 0 if self.base_stalled else self._steps - self._base_steps
+        for _ in range(min(behind, MAX_STEPS)):
+            self._base_steps += 1
+            self._move()
+            self._sense()
 
     def _tick(self) -> None:
         changes = self.safety.check(self.moving)
@@ -114,9 +124,12 @@ class SensedDrive:
 
     def _move(self) -> None:
         half_m = self._joints.track_m / 2
-        across_mps = self.commanded.rotate_radps * half_m
-        left_mps = self.left * (self.commanded.travel_mps - across_mps)
-        right_mps = self.right * (self.commanded.travel_mps + across_mps)
+        commanded_s = self.safety.history.commands.time_s
+        timed_out = self.stalled and self.clock.now_s() - commanded_s > BASE_TIMEOUT_S
+        commanded = Velocity() if timed_out else self.commanded
+        across_mps = commanded.rotate_radps * half_m
+        left_mps = self.left * (commanded.travel_mps - across_mps)
+        right_mps = self.right * (commanded.travel_mps + across_mps)
         before = self._before = self._moves
         self._wheels = Velocity(
             _toward(self._wheels.travel_mps, (left_mps + right_mps) / 2, 0.04),
@@ -143,14 +156,14 @@ class SensedDrive:
 
     def _sense(self) -> None:
         now_s = self.clock.now_s()
-        stamp_s = now_s + self.clock_off_s
+        stamp_s = self._base_steps * STEP_S + self.clock_off_s
         self._send(self._imu(stamp_s), 0.0)
-        if self._steps % 2 == 0:
+        if self._base_steps % 2 == 0:
             self._send(self._wheel_speeds(stamp_s), 0.0)
             self._send(Odometry(stamp_s, self.believed, self._reported), 0.02)
-        if self._steps % 50 == 0:
+        if self._base_steps % 50 == 0:
             self._send(SecondOdometry(stamp_s, self._seen), SECOND_LATE_S)
-        while self._active and self._active[0][0] <= now_s + 1e-9:
+        while self._active and not self.stalled and self._active[0][0] <= now_s + 1e-9:
             self.observe(self._active.popleft()[1])
 
     def _send(self, fact: Fact, late_s: float) -> None:
