@@ -9,8 +9,9 @@ import time
 import uuid
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import FrameType
@@ -20,8 +21,13 @@ import click
 import psutil
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "security", "trees"))
-"""What is run under coverage, which doubles the time that Python takes: the tests of the core."""
+CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "trees"))
+"""Tests in simulated time: they may wait for as long as others need the processors."""
+SECURITY_TESTS: Final = ("tests/security",)
+"""Attacks over sockets and on processes; they cover the core, too."""
+MEASURED: Final = (*CORE_TESTS, *SECURITY_TESTS)
+WHEN_IDLE: Final = ("chrt", "--idle", "0")
+"""Run a command only while a processor has nothing else to do; any other process interrupts it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,25 +71,32 @@ def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
+def _covered(*arguments: str) -> tuple[str, ...]:
+    """Return the arguments of a run of tests under coverage, which doubles the time of Python.
+
+    It is one process: imports of measured modules take twice as long, too.
+    """
+    return _python("coverage", "run", "-m", "pytest", "-m", "not ros", *arguments)
+
+
+SECURITY: Final = CiCheck(
+    "pytest, security", (_python("coverage", "erase"), _covered(*SECURITY_TESTS))
+)
+# Nothing hangs that waits for a processor.
 CORE: Final = CiCheck(
-    "pytest, core",
-    (
-        _python("coverage", "erase"),
-        # In one process: to import what is measured takes twice as long, too.
-        _python("coverage", "run", "-m", "pytest", "-m", "not ros", *CORE_TESTS),
-    ),
+    "pytest, core", ((*WHEN_IDLE, *_covered("-o", "faulthandler_timeout=3600", *CORE_TESTS)),)
 )
 REST: Final = CiCheck(
     "pytest",
     # Many of these wait for others: clusters, orbiters, ION, a browser.
-    (_python(*_pytest("not ros", *(f"--ignore={package}" for package in CORE_TESTS), workers=3)),),
+    (_python(*_pytest("not ros", *(f"--ignore={package}" for package in MEASURED), workers=3)),),
 )
 STATIC_CHECKS: Final = (
     CiCheck("ruff check", (_python("ruff", "check", "."),)),
     CiCheck("ruff format", (_python("ruff", "format", "--check", "."),)),
-    CiCheck("mypy", (_python("mypy"),)),
     CiCheck("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
 )
+MYPY: Final = CiCheck("mypy", (_python("mypy"),))
 COVERAGE: Final = CiCheck(
     "coverage of the core",
     (_python("coverage", "combine", "--quiet"), _python("coverage", "report")),
@@ -251,19 +264,28 @@ def environment() -> dict[str, str]:
 
 
 def _carry_out_all() -> Iterator[CiCheckResult]:
-    """Yield outcomes; the core is tested beside the static checks and the rest."""
-    # In real time: no more than two files at once, and nothing beside them, else odometry arrives
-    # too late to drive by.
+    """Yield outcomes; both long parts leave some time of the processors to other checks."""
+    yield from map(_carry_out, STATIC_CHECKS)
+    yield from _carry_out_beside(REST, MYPY, SECURITY)
+    # In real time: no more than two files at once, and nothing beside them that they would have to
+    # wait for, else odometry arrives too late to drive by.
     ros = CiCheck("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
-    with TemporaryFile() as output:
-        with ThreadPoolExecutor(1) as pool:
-            beside = pool.submit(_judge, CORE, output)
-            yield from map(_carry_out, (*STATIC_CHECKS, REST))
-        click.secho(_headline(CORE.name), bold=True)
-        output.seek(0)
-        click.echo(output.read(), nl=False)
-    yield beside.result()
-    yield from map(_carry_out, (COVERAGE, ros))
+    yield from _carry_out_beside(ros, CORE)
+    yield _carry_out(COVERAGE)
+
+
+def _carry_out_beside(check: CiCheck, *others: CiCheck) -> Iterator[CiCheckResult]:
+    """Yield the outcome of a check, then those of others, which run beside it in their order."""
+    with ExitStack() as files, ThreadPoolExecutor(1) as pool:
+        outputs = [files.enter_context(TemporaryFile()) for _ in others]
+        beside = list(map(pool.submit, repeat(_judge), others, outputs))
+        yield _carry_out(check)
+        for other, output, outcome in zip(others, outputs, beside, strict=True):
+            result = outcome.result()
+            click.secho(_headline(other.name), bold=True)
+            output.seek(0)
+            click.echo(output.read(), nl=False)
+            yield result
 
 
 def _carry_out(check: CiCheck) -> CiCheckResult:

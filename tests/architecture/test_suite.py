@@ -80,6 +80,18 @@ def test_folders_of_tests_lie_in_memory_where_it_is_large(
     assert name not in suite.environment()
 
 
+def test_checks_beside_another_report_after_it(capfd: pytest.CaptureFixture[str]) -> None:
+    def check(name: str, code: str) -> suite.CiCheck:
+        return suite.CiCheck(name, ((sys.executable, "-c", code),))
+
+    first, second = check("first", "print('of the first')"), check("second", "exit(1)")
+    outcomes = list(suite._carry_out_beside(check("long", "print('long')"), first, second))
+    found = [(each.name, each.passed) for each in outcomes]
+    assert found == [("long", True), ("first", True), ("second", False)]
+    written = capfd.readouterr().out
+    assert written.index("long") < written.index("of the first")
+
+
 DETACHED = """
 import os, subprocess, sys, time
 for command in ("import time; time.sleep(600)", "import signal; signal.pause()"):

@@ -31,7 +31,7 @@ from sim.scenario.reading import load_scenario, scenario_folder
 from tests.benchmarks.mutant_replays import Traced
 from tests.benchmarks.mutation import PACKAGES, Mutant, MutantKind, probes, sample, uses
 from tests.stress.findings import Log
-from tests.suite import CHECKOUT, CORE_TESTS, environment
+from tests.suite import CHECKOUT, MEASURED, environment
 from tests.support.figures import Figure, Goal
 
 NOTICED: Final = Goal(80, at_least=True)
@@ -105,7 +105,7 @@ def record_all(folder: Path, log: Log) -> None:
             run_in_lock_step(scenario, Path(data), tape)
     log("recording the tests of the core ...")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    chosen = ["-m", "not ros and not at_length", "--hypothesis-seed=0", *CORE_TESTS]
+    chosen = ["-m", "not ros and not at_length", "--hypothesis-seed=0", *MEASURED]
     done = subprocess.run(
         [*command, *chosen, "--recordings", str(folder.resolve())],
         cwd=CHECKOUT,

@@ -18,6 +18,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
+from sim.processes import children
 from sim.processes.children import ChildProcess
 
 _FORKING: Final = multiprocessing.get_context("forkserver")
@@ -115,6 +116,7 @@ def _run(
         os.close(opened)
     os.dup2(1, 2)
     os.setpgid(0, 0)
+    children._PRCTL(children._PR_SET_PDEATHSIG, signal.SIGTERM)  # the server ends with the tests
     sys.stdin = os.fdopen(0, closefd=False)
     sys.stdout, sys.stderr = (os.fdopen(fd, "w", buffering=1, closefd=False) for fd in (1, 2))
     os.chdir(cwd)
