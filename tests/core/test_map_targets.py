@@ -163,6 +163,7 @@ def test_a_motion_holds_until_the_transform_returns(
         assert rover.in_map.point.distance_m(target) < 0.05
 
 
+@pytest.mark.at_length
 def test_a_path_and_a_plan_go_on_where_they_lost_the_transform(tmp_path: Path) -> None:
     bench, rover = bench_with(tmp_path)
     path = tuple(Waypoint(10.0, 5.5 + step, tolerance_m=0.3) for step in range(4))
@@ -206,6 +207,7 @@ def test_before_any_transform_it_is_refused(tmp_path: Path) -> None:
         assert "no transform from map to odom yet" in refusal.text
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "motion", [MoveTo(Waypoint(1.0, 0.0)), FollowPath((Waypoint(1.0, 0.0), Waypoint(2.0, 0.0)))]
 )

@@ -139,6 +139,7 @@ def test_wide_tolerances_cut_corners(bench: Bench, rover: Noted) -> None:
     assert rover.pose.point.distance_m(Point(0.0, 2.0)) <= 0.3
 
 
+@pytest.mark.at_length
 def test_a_wide_tolerance_ends_a_motion_sooner_and_a_fine_one_later(
     bench: Bench, rover: Noted
 ) -> None:

@@ -258,6 +258,7 @@ def test_a_motion_that_was_not_confirmed_leaves_its_error_behind(seeing: SeeingB
     assert seeing.executive.status.uncertainty.position_m == pytest.approx(0.09, abs=0.01)
 
 
+@pytest.mark.at_length
 @given(
     st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.0, 3.0), st.booleans(), st.booleans()
 )

@@ -198,6 +198,7 @@ SLOWLY = '<setTravelSpeed speed="0.4" deadline_s="5"/><setRotateSpeed speed="0.5
 TURN = '<rotateBy angle="2.0" deadline_s="60"/>'
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     "body",
     [
