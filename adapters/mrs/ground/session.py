@@ -1,4 +1,4 @@
-"""`RoverSession`: connections to a rover, restored after losses; `SessionAuthority` of its client."""
+"""`RoverSession`: connections to a rover, restored after losses; `SessionAuthority` of a client."""
 
 import asyncio
 import logging
