@@ -8,6 +8,7 @@ import os
 import socket
 import sqlite3
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -147,3 +148,25 @@ class OperatingSystem:
 
 
 OPERATING_SYSTEM: Final = OperatingSystem()
+SYNCED_APART: Final = (
+    "PRAGMA synchronous = NORMAL",
+    "PRAGMA wal_autocheckpoint = 0",
+    "PRAGMA journal_size_limit = 0",
+)
+"""Settings of a connection in WAL mode for `sync_database`. Its commits survive `kill -9`, and wait
+for the disk only when SQLite restarts the log, once in `_MAX_LOG_OCTETS`."""
+_MAX_LOG_OCTETS: Final = 4 << 20
+"""Size of a write-ahead log above which `sync_database` moves it into the file."""
+
+
+def sync_database(system: System, database: Path) -> None:
+    """Return once the commits to a file survive loss of power; for any thread.
+
+    Raises:
+        OSError, sqlite3.Error: they may not survive it; a later call includes them.
+    """
+    system.sync(database)
+    log = wal_of(database)
+    if log.exists() and log.stat().st_size > _MAX_LOG_OCTETS:
+        with closing(system.connect(database)) as other:
+            other.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()

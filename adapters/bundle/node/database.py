@@ -1,20 +1,19 @@
 """`BundleDatabase`: durable store of a bundle node, SQLite in write-ahead mode.
 
 Writes accumulate in one transaction until `commit`. Committed data survive `kill -9`, and loss of
-power after `sync`, which another thread may call: the node continues during it. A commit itself
-waits for the disk only when SQLite restarts the write-ahead log, once in `_MAX_LOG_OCTETS`.
+power after `sync`, which another thread may call: the node continues during it.
 """
 
 import logging
 import sqlite3
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from adapters.bundle.codec.errors import StoreError, StoreFull
-from adapters.system import OPERATING_SYSTEM, System, wal_of
+from adapters.system import OPERATING_SYSTEM, SYNCED_APART, System, sync_database
 
 _LOG: Final = logging.getLogger(__name__)
 _SCHEMA: Final = """
@@ -51,8 +50,6 @@ CREATE TABLE IF NOT EXISTS fragments (
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
 """
 _MB: Final = 1_000_000
-_MAX_LOG_OCTETS: Final = 4 << 20
-"""Size of the write-ahead log above which `sync` moves it into the file."""
 _DISK_FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 
@@ -168,11 +165,7 @@ class BundleDatabase:
     def sync(self) -> None:
         """Return when all committed changes are on the disk; for any thread."""
         try:
-            self._system.sync(self.path)
-            log = wal_of(self.path)
-            if log.exists() and log.stat().st_size > _MAX_LOG_OCTETS:
-                with closing(self._system.connect(self.path)) as other:
-                    other.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
+            sync_database(self._system, self.path)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {self.path}: {error}") from error
 
@@ -275,9 +268,8 @@ class BundleDatabase:
 def _opened(db: sqlite3.Connection) -> sqlite3.Connection:
     try:
         db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = NORMAL")
-        db.execute("PRAGMA wal_autocheckpoint = 0")
-        db.execute("PRAGMA journal_size_limit = 0")
+        for setting in SYNCED_APART:
+            db.execute(setting)
         db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)
     except sqlite3.Error:

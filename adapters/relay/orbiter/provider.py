@@ -191,7 +191,7 @@ class RoverProvider:
             *(Stage.EXECUTED, LINK),
         )
         try:
-            self._rover.carried_out(replace(command, link=LINK), report)
+            await self._rover.carried_out(replace(command, link=LINK), report)
         except LedgerError as error:
             raise with_text(StandardError.INTERNAL, str(error)) from error
 
@@ -222,8 +222,15 @@ class RoverProvider:
         self, since: int | None, command_id: int | None, maximum: int
     ) -> tuple[tuple[wire.Notification, ...]]:
         first = min(since or 0, LAST_SEQUENCE)
-        found = self._rover.record.ledger.recorded(first, command_id, page_size(maximum))
-        return (tuple(notification_of(each.report, each.cursor) for each in found),)
+        ledger = self._rover.record.ledger
+        found = ledger.recorded(first, command_id, page_size(maximum))
+        return (
+            tuple(
+                notification_of(each.report, each.cursor)
+                for each in found
+                if each.cursor <= ledger.published
+            ),
+        )
 
     def _last(self) -> tuple[wire.Notification | None]:
         last = self._rover.record.ledger.last()

@@ -4,16 +4,20 @@ Its tables are in the ledger's file and are written in its commits. Every method
 `LedgerError` if the file cannot be read or written.
 """
 
+import asyncio
+import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from adapters.bundle import BundleId
 from adapters.mops import MAX_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.report_ledger import Loss, ReportLedger
-from adapters.system import OPERATING_SYSTEM, System
+from adapters.system import OPERATING_SYSTEM, System, sync_database
 from executive.commands import Command, Stop
+from executive.record import LedgerError
 from executive.values.reports import Identity, Report, Stage
 
 _SCHEMA: Final = """
@@ -364,7 +368,7 @@ class RoverRecord:
     """Commands uplinked to a rover, its reports, and its last telemetry.
 
     Commands and reports are stored as on the rover, in a separate ledger. Results of a method that
-    has returned survive `kill -9`.
+    has returned survive `kill -9`, and loss of power after `durable`.
 
     Args:
         path: the file; it and its folders are created if missing.
@@ -386,6 +390,8 @@ class RoverRecord:
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._numbered = numbered
+        self._sync = partial(sync_database, system, path)
+        self._synced, self._syncing = -1, asyncio.Lock()
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = RecordRetention(self.ledger, max_reports, self.active_stop)
@@ -393,6 +399,23 @@ class RoverRecord:
     def close(self) -> None:
         """Close the file."""
         self.ledger.close()
+
+    async def durable(self) -> None:
+        """Return once everything recorded before survives loss of power; a thread waits for it.
+
+        Raises:
+            LedgerError: it may not survive it.
+        """
+        wanted = self.ledger.sealed
+        async with self._syncing:
+            if self._synced >= wanted:
+                return
+            sealed = self.ledger.sealed
+            try:
+                await asyncio.to_thread(self._sync)
+            except (OSError, sqlite3.Error) as error:
+                raise LedgerError(f"ledger {self.ledger.path}: {error}") from error
+            self._synced = sealed
 
     def add_report(self, report: Report, unit: str, ledger: str = "") -> bool:
         """Record a report; return whether it is new.

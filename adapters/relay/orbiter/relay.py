@@ -144,6 +144,8 @@ class OrbiterRelay:
             try:
                 async with self.agent.receive() as delivery:
                     self._on_delivery(delivery)
+                    if rover := self.rovers.get(node_of(delivery.source)):
+                        await rover.settle()
             except LedgerError as error:  # the delivery stays, and is received again
                 _LOG.error("%s", error)
                 await asyncio.sleep(_RETRY_S)

@@ -17,6 +17,7 @@ from typing import Final
 
 from adapters.bundle import DeliveryStatus
 from adapters.mops import UNNUMBERED
+from adapters.system import SYNCED_APART
 from executive.record import Connect, Ledger
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
@@ -50,17 +51,23 @@ class ReportLedger(Ledger):
         schema: SQL of further tables.
         connect: opens the file.
 
+    Attributes:
+        published: cursor of the last published report; those up to it survive loss of power.
+
     Raises:
         LedgerError: by every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path, schema: str, connect: Connect) -> None:
         super().__init__(path, connect=connect, version=_VERSION)
+        for setting in SYNCED_APART:
+            self.rows(setting)
         self.make_tables(schema + _SCHEMA)
         ((lowest,),) = self.rows("SELECT min(sequence) FROM reports")
         ((cursor,),) = self.rows("SELECT max(cursor) FROM recorded")
         self._lowest, self._cursor = min(lowest or 0, 0), cursor or 0
         self._new: list[RecordedReport] = []
+        self.published = self._cursor
 
     def append_report(self, report: Report, foreign: bool = False) -> None:
         """Add a report with the next commit; one without a number is stored below 0."""
@@ -74,16 +81,18 @@ class ReportLedger(Ledger):
         self.write("INSERT INTO recorded VALUES (?, ?)", (self._cursor, report.sequence))
         self._new.append(RecordedReport(self._cursor, _as_published(report)))
 
-    def newly_recorded(self) -> Sequence[RecordedReport]:
-        """Return the reports recorded since the last call; none while a commit is pending."""
-        if not self.settled:
-            return ()
-        new, self._new = self._new, []
-        return new
+    def unpublished(self) -> Sequence[RecordedReport]:
+        """Return the reports that are not published yet; none while a commit is pending."""
+        return tuple(self._new) if self.settled else ()
+
+    def mark_published(self, reports: Sequence[RecordedReport]) -> None:
+        """Note that the first unpublished reports are published."""
+        self._new = self._new[len(reports) :]
+        self.published = max([self.published, *(each.cursor for each in reports)])
 
     def last(self) -> RecordedReport | None:
-        """Return the report that was recorded last, or None."""
-        found = self._recorded("ORDER BY cursor DESC LIMIT 1")
+        """Return the report that was published last, or None."""
+        found = self._recorded("WHERE cursor = ?", self.published)
         return found[0] if found else None
 
     def recorded(self, since: int, command_id: int | None, count: int) -> Sequence[RecordedReport]:

@@ -98,6 +98,8 @@ class RelayedRover:
         self._name = settings.asset.upper()
         self._confirm = agent.must_confirm(settings.endpoint)
         self._sending: dict[Identity, asyncio.Future[None]] = {}
+        self._publishing = asyncio.Lock()
+        self._settling: asyncio.Task[None] | None = None
 
     async def submit(self, command: Command) -> None:
         """Accept responsibility for a command; once this returns it survives a crash here.
@@ -115,6 +117,8 @@ class RelayedRover:
         try:
             bundle, until_utc_s = await self._send(command, octets)
             self._record(command, octets, bundle, until_utc_s)
+            with _as_internal():
+                await self.record.durable()
         finally:
             del self._sending[identity]
             done.set_result(None)
@@ -168,6 +172,7 @@ class RelayedRover:
                 raise fault
             await self.require_new(command)
             self._record(command, octets, bundle, until_utc_s)
+            await self.record.durable()
         except MalError as error:
             self.notify(Severity.WARNING, f"stop {command.identity} was uplinked despite: {error}")
             raise
@@ -192,16 +197,18 @@ class RelayedRover:
         known = self.record.ledger.digest_of(identity)
         if known is not None:
             with _as_internal():
-                self.record.ledger.commit()  # a kill would lose uncommitted reports
+                self.record.ledger.commit()
+                await self.record.durable()  # the repeated report must not be lost
             self._repeat_last_report(command, known)
             raise duplicate_error(identity)
         if refusal := check_lifetime(command, now_s, now_s):
             raise refusal_error(refusal, identity)
 
-    def carried_out(self, command: Command, report: Report) -> None:
+    async def carried_out(self, command: Command, report: Report) -> None:
         """Record and report a command that was executed here; raise LedgerError on failure."""
         self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._add_report(report, str(command.identity), "")
+        await self.settle()
 
     def on_status(self, bundle: BundleId, fate: DeliveryStatus) -> None:
         """Record the delivery status of a bundle, which may belong to another rover."""
@@ -210,7 +217,7 @@ class RelayedRover:
         loss = LOSS_BY_STATUS.get(fate)
         identity = self.record.outstanding.note_departure(bundle, self._utc_s(), loss)
         if loss is not None:
-            self._publish()
+            self._settling = asyncio.create_task(self._settle())
         elif identity is not None:
             self._report(departure(identity, self._utc_s()))
 
@@ -234,7 +241,7 @@ class RelayedRover:
             outstanding.note_retransmission(each.identity, now_s)
 
     def on_delivery(self, delivery: Delivery) -> None:
-        """Process the messages of a bundle; log those that are not messages of this rover."""
+        """Process the messages of a bundle, before `settle`; log those of another source."""
         text = delivery.payload.decode("ascii", "replace")
         creation = delivery.identity.creation
         made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
@@ -306,7 +313,6 @@ class RelayedRover:
             if not new and self.record.contradicts(each, ledger):
                 text = f"the rover used number {each.sequence} again for another report"
                 self.notify(Severity.WARNING, f"{text}: {each.text}")
-        self._publish()
 
     def _start_new_ledger(self, ledger: str) -> None:
         """Start a new ledger of the rover; it does not know the commands of the old one."""
@@ -324,7 +330,6 @@ class RelayedRover:
         self.record.outstanding.end_unreported(
             made_utc_s - aboard.oldest_age_s - self._grace_s, now_s
         )
-        self._publish()
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
@@ -332,13 +337,23 @@ class RelayedRover:
     def _refuse(self, fault: str) -> None:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
-    def _publish(self) -> None:
-        """Publish the newly recorded reports in order: no cursor follows a higher one.
+    async def settle(self) -> None:
+        """Publish the newly recorded reports once they survive loss of power; raise LedgerError.
 
-        So a client that has a cursor has all reports before it, even after failed commits.
+        No cursor follows a higher one: a client that has a cursor has all reports before it.
         """
-        for each in self.record.ledger.newly_recorded():
-            self._report(each.report, each.cursor)
+        async with self._publishing:
+            new = self.record.ledger.unpublished()
+            await self.record.durable()
+            self.record.ledger.mark_published(new)
+            for each in new:
+                self._report(each.report, each.cursor)
+
+    async def _settle(self) -> None:
+        try:
+            await self.settle()
+        except LedgerError as error:  # they are published with the next ones
+            _LOG.error("%s", error)
 
     def _report(self, report: Report, cursor: int | None = None) -> None:
         if report.kind is ReportKind.LINK and report.identity is not None:

@@ -77,7 +77,7 @@ async def test_an_end_that_was_overtaken_by_another_report(tmp_path: Path) -> No
         await until(lambda: any(each.report.text == "a stone" for each in notifications))
         async with out_of_contact(relay, client) as relayed:
             await rover.send_report(command, 2, Stage.EXECUTED)
-            await until(lambda: len(relayed.record.ledger.reports()) == 3)
+            await until(lambda: relayed.record.ledger.published == 3)
         await until(ends(notifications, Stage.EXECUTED))
         assert [n.report.sequence for n in notifications if n.report.sequence] == [1, 3, 2]
 
@@ -91,7 +91,7 @@ async def test_all_available_reports_if_none_was_received_before(tmp_path: Path)
         async with out_of_contact(relay, client) as relayed:
             await rover.send_report(command, 1, Stage.RECEIVED)
             await rover.send_report(command, 2, Stage.EXECUTED)
-            await until(lambda: len(relayed.record.ledger.reports()) == 2)
+            await until(lambda: relayed.record.ledger.published == 2)
         await until(ends(notifications, Stage.EXECUTED))
         assert [n.report.sequence for n in notifications if n.report.sequence] == [1, 2]
 
@@ -135,6 +135,7 @@ async def test_the_end_rather_than_the_loss_before_it(tmp_path: Path) -> None:
             relayed.record.outstanding.end_unreported(float("inf"), 1.0)
             await rover.send_report(rover.commands[0], 1, Stage.EXECUTED)
             await until(lambda: len(relayed.record.ledger.reports()) == 1)
+            await relayed.settle()
         assert (await running).executed
 
 
@@ -150,7 +151,7 @@ async def test_reports_recorded_and_not_published_before_a_kill(tmp_path: Path) 
             (relayed,) = relay.rovers.values()
             relayed.listener = None
             await rover.send_report(command, 1, Stage.EXECUTED)
-            await until(lambda: len(relayed.record.ledger.reports()) == 2)
+            await until(lambda: relayed.record.ledger.published == 2)
             cursor = next(each.cursor for each in notifications if each.report.text == "a stone")
         async with orbiting(sky) as (_, (station,)), await ground(station) as client:
             (missed,) = await client.get_all_notifications(cursor + 1)
@@ -170,6 +171,7 @@ async def test_reports_delayed_by_a_failed_commit_are_published_before_later_one
             relayed._add_report(
                 Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "later"), "unit", "first"
             )
+            await relayed.settle()
             await until(lambda: len(notifications) == 2)
             assert [each.report.text for each in notifications] == ["held up", "later"]
             assert [each.cursor for each in notifications] == [1, 2]

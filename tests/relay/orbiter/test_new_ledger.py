@@ -14,6 +14,7 @@ from executive.commands.catalogue import MoveForward
 from executive.values.reports import Report, ReportKind, Stage
 from executive.values.reports import Severity as ReportSeverity
 from tests.relay.orbiter.sky import STAGES, Sky, catch_up, ground, landed, meeting, orbiting, until
+from tests.relay.orbiter.test_outstanding import departed
 
 
 def numbers(past: list[Report]) -> list[int]:
@@ -56,7 +57,7 @@ async def test_commands_of_the_old_ledger_are_not_awaited(tmp_path: Path) -> Non
         await client.submit(begun)
         await catch_up(client, 3)
         assert (await client.get_status()).activeCommandId == begun.identity.command_id
-        await until(lambda: not relay.agent.health().queued)
+        await until(departed(relay))
         rover.forget("second")
         message = client.notifications()
         await rover.event("here again")
@@ -81,7 +82,7 @@ async def test_clients_waiting_for_commands_of_the_old_ledger_are_notified(tmp_p
             asyncio.create_task(client.run(client.command(MoveForward(1.0)))) for _ in range(2)
         ]
         await catch_up(client, 6)
-        await until(lambda: not relay.agent.health().queued)
+        await until(departed(relay))
         rover.forget("second")
         rover.lifecycle = STAGES
         new = [client.run(client.command(MoveForward(2.0))) for _ in range(3)]
