@@ -340,6 +340,8 @@ class Goals:
 
     def set_durable(self, batch: int) -> bool:
         """Permit goals up to a batch to start; return whether this releases one."""
+        if batch == self.motion.durable:
+            return False
         released = [queue.set_durable(batch) for queue in self]  # of each queue
         return any(released)
 

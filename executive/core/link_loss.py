@@ -76,7 +76,7 @@ class GroundMonitor:
 
     def __init__(self, clock: Clock, settings: LinkLossSettings) -> None:
         self._clock = clock
-        self._settings = settings
+        self._settings, self._returns = settings, settings.returns
         self._last_contact_s = clock.now_s()
         self._contact_flag = False
         self._mode = Mode.IDLE
@@ -105,7 +105,7 @@ class GroundMonitor:
         if self.in_contact:
             self._contact_flag, self._last_contact_s, self.stage = False, self._clock.now_s(), None
             self.trail = ReturnPath()
-        if pose is not None and not returning and self._settings.returns:
+        if pose is not None and not returning and self._returns:
             self.trail.extend(pose)
         if not returning and (self.stage is None or self._stages(mode)):
             self._mode = mode

@@ -277,10 +277,11 @@ class MotionHistory:
         _, least, last = self._velocities[-1]
         last = last if least == last else STANDING
         at_least = velocity if at_least is None else at_least
-        since_s = max(now_s - channel.time_s, 0.0) if channel.time_s > -inf else 0.0
-        distance_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
-        steps = (distance_m, turn_rad, abs(distance_m), abs(turn_rad))
-        channel.add(now_s, [old + step for old, step in zip(channel.sums, steps, strict=True)])
+        if now_s > channel.time_s:  # it is called twice a tick
+            since_s = now_s - channel.time_s if channel.time_s > -inf else 0.0
+            distance_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
+            steps = (distance_m, turn_rad, abs(distance_m), abs(turn_rad))
+            channel.add(now_s, [old + step for old, step in zip(channel.sums, steps, strict=True)])
         self._velocities.append((now_s, at_least, velocity))
         while self._velocities[1][0] <= now_s - GRID_S * SLOTS:
             self._velocities.popleft()
