@@ -38,7 +38,7 @@ def measure(loops: int, motions: int, log: Callable[[str], None]) -> list[Figure
             ends, resumes = _drive(number, motions, log)
             name = f"{number} loops, {'raised priority' if priority else 'equal priority'}"
             reasons = ", ".join(f"{each} {count}" for each, count in sorted(ends.items()))
-            beside = f"{reasons}; at refusals {resumes} resumes refused; {os.cpu_count()} cores"
+            beside = f"{reasons}; resumes refused in a row: {resumes}; {os.cpu_count()} cores"
             figures.append(Figure(f"EXECUTED with {name}", ends["EXECUTED"], "motions", beside))
             log(f"{name}: {beside}, load {os.getloadavg()[0]:.1f}")
     return figures
