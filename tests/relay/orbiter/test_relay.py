@@ -90,7 +90,8 @@ async def test_a_command_sent_without_contact_arrives_when_contact_begins(tmp_pa
         relay.poll()
         commands = [client.command(MoveForward(1.0)), client.command(Stop())]
         runs = [asyncio.create_task(client.run(command)) for command in commands]
-        await until(lambda: relay.link_status(rover_node).queued == 2)
+        outstanding = relay.rovers[rover_node].record.outstanding
+        await until(lambda: outstanding.queued() == 2)
         (queued, octets, dawn, received) = await client.get_value(
             "DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_NEXT_CONTACT", "DTN_LAST_RECEIVED"
         )
