@@ -36,15 +36,23 @@ class Commits:
         self._pose = pose
         self._reactions = reactions
         self._recorder = recorder
+        self._released: int | None = None
 
     def flush(self) -> bool:
         """Hand everything written over to the writer; return whether it is committed already."""
         self._pose.store(still=self._context.goals.motion.active is None)
-        if self._context.latches.stopped_by is None and self._latch.stopped_by is not None:
-            self._latch.clear()  # the writer stores that after the commit of the resume
-        self._ledger.seal(self._latch.take_change())
+        ledger = self._ledger
+        if self._context.latches.stopped_by is not None or self._latch.stopped_by is None:
+            self._released = None
+        elif self._released is None:
+            self._released = ledger.last_batch
+        ledger.seal(self._latch.take_change())
         self.settle()
-        return self._ledger.settled
+        if self._released is not None and self._released <= ledger.state.durable:
+            self._latch.clear()
+            ledger.seal(self._latch.take_change())
+            self.settle()
+        return ledger.settled
 
     def settle(self) -> bool:
         """Send committed reports and answers; return whether a goal is released."""
