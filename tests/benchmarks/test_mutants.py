@@ -111,7 +111,7 @@ def test_code_exercised_by_a_recording_is_detected(
         bench.execute(MoveForward(0.5), 1)
         bench.executive.close()
     noticed = mutant("executive/motion/arbiter.py", "+ pass", of="self._driver.commit(")
-    missed = mutant("executive/obstacles/detour.py", "+ pass", of="expand(start, ")
+    missed = mutant("executive/obstacles/detour.py", "+ pass", of="push_next(lines(start, ")
     monkeypatch.setattr(mutants, "sample", lambda *_: [noticed, missed])
     shown: list[str] = []
     figures = {f.name: f for f in mutants.measure(2, 1, recordings, shown.append)}
@@ -122,7 +122,7 @@ def test_code_exercised_by_a_recording_is_detected(
     (survivor,) = (line for line in shown if line.startswith("not noticed"))
     assert survivor.splitlines() == [
         f"not noticed, not reached: {missed}",
-        "    - expand(start, 0.0, None)",
+        "    - push_next(lines(start, 0.0, None))",
         "    + pass",
     ]
 
