@@ -1,10 +1,10 @@
 """Turns motion goals into actuator commands.
 
     leaf ──> plan_leg ──> Leg ──> Locomotion.make_turn / line / hold ──> Motion
-                                                                      │ want, each tick
+                                                                      │ intent, each tick
     rover <── BaseDriver <── arbiter (latch, dead-man) <── intents <──+
 
-`Locomotion.expected` gives the velocity that the rover should have now. `executive.safety` compares
+`BaseDriver.expected` gives the velocity that the rover should have now. `executive.safety` compares
 the rover with it.
 
 With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
