@@ -8,7 +8,6 @@ import asyncio
 import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -390,9 +389,10 @@ class RoverRecord:
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._numbered = numbered
-        self._sync = partial(sync_database, system, path)
-        self._synced, self._syncing = -1, asyncio.Lock()
+        self._system = system
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
+        self._sync()  # what a process that was killed had written may not be on the disk yet
+        self._synced, self._syncing = self.ledger.sealed, asyncio.Lock()
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = RecordRetention(self.ledger, max_reports, self.active_stop)
 
@@ -411,11 +411,14 @@ class RoverRecord:
             if self._synced >= wanted:
                 return
             sealed = self.ledger.sealed
-            try:
-                await asyncio.to_thread(self._sync)
-            except (OSError, sqlite3.Error) as error:
-                raise LedgerError(f"ledger {self.ledger.path}: {error}") from error
+            await asyncio.to_thread(self._sync)
             self._synced = sealed
+
+    def _sync(self) -> None:
+        try:
+            sync_database(self._system, Path(self.ledger.path))
+        except (OSError, sqlite3.Error) as error:
+            raise LedgerError(f"ledger {self.ledger.path}: {error}") from error
 
     def add_report(self, report: Report, unit: str, ledger: str = "") -> bool:
         """Record a report; return whether it is new.
