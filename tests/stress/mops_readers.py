@@ -1,5 +1,6 @@
 """Who reads MOPS strings without ROS, and what must not become of a string there."""
 
+import asyncio
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -231,6 +232,7 @@ class Orbiter:
         self._relay = OrbiterRelay(settings, folder, lambda: None, dictionary)
         (self._rover,) = self._relay.rovers.values()
         self._rover.listener = self
+        self._loop = asyncio.Runner()
         self._log, self._numbers = Lines("adapters.relay.orbiter"), count(1)
         self._asset = asset.encode()
         self._reported = 0
@@ -246,6 +248,7 @@ class Orbiter:
         self._reported = 0
         creation = Creation(848_000_000_000, next(self._numbers))
         self._rover.on_delivery(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
+        self._loop.run(self._rover.settle())
         self._encode(self._values, aboard_values(self._rover.aboard))
         findings.reported(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
@@ -255,6 +258,7 @@ class Orbiter:
     def close(self) -> None:
         for rover in self._relay.rovers.values():
             rover.record.close()
+        self._loop.close()
         self._log.close()
 
     def on_report(self, report: Report, cursor: int | None) -> None:
