@@ -56,6 +56,9 @@ LEDGER_UNAVAILABLE: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written: only a stop is executed"
 )
 
+MAX_SEARCH_TURNS: Final = 200
+"""Maximum turns that a command waits: five searches to their ends, under half a second. A moving
+rover that is to replace its motion begins a search anew at each measurement."""
 MAX_UNWRITTEN_BATCHES: Final = 200
 """Maximum commits of the ledger that wait for the disk; 10 s of reports in each tick at 20 Hz."""
 
@@ -84,6 +87,7 @@ class Dispatcher:
         self._notifications = notifications
         self._telemetry = telemetry
         self._planner = planner
+        self._search_turns = 0
 
     def submit(self, command: Command, overtaken: bool = False) -> SubmitResult:
         """Accept or reject a command.
@@ -125,6 +129,26 @@ class Dispatcher:
         lifecycle.accept()
         self._accept(lifecycle)
         return Accepted(lifecycle)
+
+    def awaits_detour(self, command: Command) -> bool:
+        """Return whether a command is to be submitted in a later turn, when a search has ended.
+
+        After `MAX_SEARCH_TURNS` it need not wait: the search ends when the motion begins.
+        """
+        request, context = command.request, self._context
+        self._search_turns += 1
+        if (
+            self._search_turns <= MAX_SEARCH_TURNS
+            and isinstance(request, Motion)
+            and context.status.obstacles.not_empty
+            and isinstance(found := localized(request, context.status, context.settings), Motion)
+        ):
+            command, context.detours.undecided = replace(command, request=found), False
+            refused = self._check_path(command) or self._check_battery(command)
+            if context.detours.undecided and refused is None:
+                return True
+        self._search_turns = 0
+        return False
 
     def restore_settings(self) -> None:
         """Apply the settings again that the ledger holds."""

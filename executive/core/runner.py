@@ -131,6 +131,7 @@ class Executive:
         )
         self._inbox = inbox or Inbox()
         self._answers: list[tuple[Submission, SubmitResult]] = []
+        self._searching: Submission | None = None
         self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
         self._latch = open_stop_latch(ledger)
@@ -444,17 +445,9 @@ class Executive:
         self._reactions.check_ground_link(self._dispatcher.submit)
         if self.ground.in_contact:
             self._recorder.put(GroundContact())
-        for _ in range(self._inbox.pending_items):
-            if len(self._answers) >= MAX_ITEMS_PER_TURN:
+        for _ in range(self._inbox.pending_items + (self._searching is not None)):
+            if len(self._answers) >= MAX_ITEMS_PER_TURN or not self._serve_item():
                 break
-            item = self._inbox.take()
-            if isinstance(item, Submission):
-                overtaken = self._inbox.superseded_by_stop(item)
-                self._recorder.put(CommandDequeued(item.command, overtaken))
-                item.prepare()
-                self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
-            else:
-                item()
             self._serve_stops()
         answers, self._answers = self._answers, []
         if any(isinstance(admission, Accepted) for _, admission in answers):
@@ -467,6 +460,21 @@ class Executive:
         self._commits.flush()
         if not self._inbox.empty:
             self.wake()
+
+    def _serve_item(self) -> bool:
+        """Serve the next command or query; return False if it waits for a search."""
+        item, overtaken = self._searching or self._inbox.take(), False
+        if not isinstance(item, Submission):
+            item()
+            return True
+        if item is not self._searching:
+            overtaken = self._inbox.superseded_by_stop(item)
+            self._recorder.put(CommandDequeued(item.command, overtaken))
+        self._searching = item if self._dispatcher.awaits_detour(item.command) else None
+        if self._searching is None:
+            item.prepare()
+            self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
+        return self._searching is None
 
     def _reply(self, submission: Submission, admission: SubmitResult, written: bool) -> None:
         answer = admission if written else Rejected(ledger_refusal(submission.command))
@@ -583,7 +591,7 @@ class Executive:
         searching = self._context.detours.advance()
         if not searching and self._predictions.advance():
             self._commits.flush()
-        if searching or self._predictions.pending:
+        if searching or self._searching is not None or self._predictions.pending:
             self.wake()
 
 

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from math import hypot, inf
 from pathlib import Path
@@ -14,8 +15,18 @@ from hypothesis import strategies as st
 
 from executive.checks import check_request, detoured_segments, path_check, path_of
 from executive.checks.path_check import best_detour
-from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.commands.lifecycle import Accepted
+from executive.commands import (
+    Command,
+    FollowPath,
+    MoveTo,
+    Request,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
+from executive.core import dispatcher
+from executive.core.dispatcher import MAX_SEARCH_TURNS
 from executive.obstacles.detour import Detours, DetourSearch, search_detour
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
@@ -117,7 +128,34 @@ def test_the_detour_of_a_command_is_searched_once_until_it_begins(
         assert detours == [Point(0.0, 0.0)]
 
 
-def test_during_a_long_search_the_rover_is_stationary(tmp_path: Path) -> None:
+@pytest.mark.parametrize("behind", [SetTravelSpeed(0.2), Stop()], ids=["command", "stop"])
+def test_a_command_is_answered_once_its_search_has_ended(behind: Request, tmp_path: Path) -> None:
+    zones, target = crowd(3)
+    answers: list[tuple[int, SubmitResult]] = []
+
+    def note(number: int, answer: SubmitResult) -> None:
+        answers.append((number, answer))
+
+    with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:
+        for number, request in enumerate((MoveTo(target), behind), 1):
+            command = Command(Identity("MOE", number), request, "direct")
+            bench.executive.submit(command, partial(note, number))
+            bench.executive.serve_inbox()
+        turns = 2
+        while len(answers) < 2:
+            assert bool(answers) is isinstance(behind, Stop)
+            bench.executive.serve_inbox()
+            turns += 1
+        assert 3 < turns < MAX_SEARCH_TURNS
+        found = [(number, type(answer)) for number, answer in answers]
+        in_order = [(1, Accepted), (2, Accepted)]
+        assert found == ([(2, Accepted), (1, Rejected)] if isinstance(behind, Stop) else in_order)
+
+
+def test_during_a_long_search_the_rover_is_stationary(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dispatcher, "MAX_SEARCH_TURNS", 0)
     zones, target = crowd(3)
     asset = replace(WATCHED, zones=zones)
     corners = best_detour(target, Pose(), asset, zones, None)

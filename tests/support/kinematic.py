@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 from executive.commands import Command, MoveForward, PreemptionPolicy, Request
 from executive.commands.lifecycle import Rejected, SubmitResult
+from executive.core.dispatcher import MAX_SEARCH_TURNS
 from executive.core.recording import RecordingSink
 from executive.core.runner import Executive
 from executive.faults import FaultResponse, Reaction
@@ -238,6 +239,9 @@ class Bench:
         answers: list[SubmitResult] = []
         self.executive.submit(command, answers.append)
         self.executive.serve_inbox()
+        for _ in range(MAX_SEARCH_TURNS):
+            if not answers:
+                self.executive.serve_inbox()
         (answer,) = answers
         return answer
 
