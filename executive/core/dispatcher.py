@@ -58,7 +58,7 @@ LEDGER_UNAVAILABLE: Final = Refusal(
 
 MAX_SEARCH_TURNS: Final = 200
 """Maximum turns that a command waits: five searches to their ends, under half a second. A moving
-rover that is to replace its motion begins a search anew at each measurement."""
+rover that is to replace its motion repeats the search at each measurement."""
 MAX_UNWRITTEN_BATCHES: Final = 200
 """Maximum commits of the ledger that wait for the disk; 10 s of reports in each tick at 20 Hz."""
 

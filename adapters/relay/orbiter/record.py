@@ -391,7 +391,7 @@ class RoverRecord:
         self._numbered = numbered
         self._system = system
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
-        self._sync()  # what a process that was killed had written may not be on the disk yet
+        self._sync()  # writes of a killed process may not be on the disk yet
         self._synced, self._syncing = self.ledger.sealed, asyncio.Lock()
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = RecordRetention(self.ledger, max_reports, self.active_stop)
