@@ -240,8 +240,9 @@ class SimSession:
         )
         self._chance = process.world.random("usb")
         self._events: list[SessionEvent] = []
-        self._outgoing: deque[bytes] = deque()
-        self._stops: deque[bytes] = deque()
+        self._outgoing: deque[tuple[int, bytes]] = deque()
+        self._durable = 0
+        self._stops: deque[tuple[int, bytes]] = deque()
         self._visits, self._plugs = 0, 0
         self._writing = self._there = False
         self._last_s = 0.0
@@ -273,11 +274,11 @@ class SimSession:
             self._outgoing.clear()
             self._later(_POLL_S, partial(self._put, BrickDisconnected("USB: No such device")))
 
-    def send(self, octets: bytes, visit: int) -> bool:
+    def send(self, octets: bytes, visit: int, commit: int) -> bool:
         """See `BrickSession.send`."""
         if not self._there or visit != self._visits or len(self._outgoing) >= OUTGOING:
             return False
-        self._outgoing.append(octets)
+        self._outgoing.append((commit, octets))
         self._write_soon()
         return True
 
@@ -286,9 +287,15 @@ class SimSession:
         if not self._there or len(self._stops) >= OUTGOING:
             return False
         self._outgoing.clear()
-        self._stops.append(octets)
+        self._stops.append((0, octets))
         self._write_soon()
         return True
+
+    def release(self, commit: int) -> None:
+        """See `BrickSession.release`."""
+        self._durable = commit
+        if self._next():
+            self._write_soon()
 
     def events(self) -> list[SessionEvent]:
         """Take what happened since."""
@@ -320,11 +327,15 @@ class SimSession:
 
     def _write(self) -> None:
         self._writing = False
-        waiting = self._stops or self._outgoing
+        waiting = self._next()
         if self._there and waiting:
-            self._brick.take(waiting.popleft())
-        if self._stops or self._outgoing:
+            self._brick.take(waiting.popleft()[1])
+        if self._next():
             self._write_soon()
+
+    def _next(self) -> deque[tuple[int, bytes]] | None:
+        waiting = self._stops or self._outgoing
+        return waiting if waiting and waiting[0][0] <= self._durable else None
 
     def _put(self, event: SessionEvent) -> None:
         self._events.append(event)

@@ -11,7 +11,7 @@ from adapters.mocup import ClaimAnnouncer, MocupRover, relay_authority
 from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import Router
-from adapters.mocup.brick.service import BrickService
+from adapters.mocup.brick.service import BrickService, DurableOutput
 from adapters.mops import Message, RelayAuthority, decode, facts_of
 from adapters.mrs.link import MrsLink
 from adapters.relay.orbiter import RelayedRoverSettings
@@ -74,11 +74,13 @@ class NxtPorts:
         }
         self._facts = topics.publisher(process, f"{asset}/facts")
         self._telemetry_s = 0.0
-        record = BrickRecord(process.folder / "nxt.sqlite", self._system.connect)
+        record = self._record = BrickRecord(process.folder / "nxt.sqlite", self._system)
         refuse = partial(self._note, "refuses")
+        stop = DICTIONARY.spelling.commands["stop"]
+        self._output = DurableOutput(record, stop, self._put, self._start_sync, refuse)
         free = RelayAuthority(needed=False)
         self._router = Router(DICTIONARY, NAME, self, refuse, record, free, self._system)
-        self._service = BrickService(self._router, self._confirm, confirmed=True)
+        self._service = BrickService(self._router, self._output.put, confirmed=True)
         self._session = SimSession(process, brick, self._drain)
         self._commanders = {
             link: HeartbeatMonitor(HEARTBEAT_TIMEOUT_S, partial(self._router.on_host_silent, link))
@@ -105,21 +107,23 @@ class NxtPorts:
             if loop.time() - polled_s >= _POLL_S:
                 polled_s = loop.time()
                 self._service.poll({link: p.subscribers for link, p in self._notifications.items()})
+                self._output.sync()
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
-        return self._session.send(octets, visit)
+        self._output.sync()
+        return self._session.send(octets, visit, self._record.sealed)
 
     def stop_brick(self, octets: bytes) -> bool:
         return self._session.stop(octets)
 
     def notify(self, link: BrickLink, message: Message) -> None:
-        self._notifications[link].publish(str(message))
+        self._output.put(link, message)
 
     def publish_telemetry(self, message: Message) -> None:
         now_s = self._system.now_s()
         if now_s - self._telemetry_s >= RELAY_TELEMETRY_S:
             self._telemetry_s = now_s
-            self.notify(BrickLink.RELAY, message)
+            self._put(BrickLink.RELAY, message)
         for fact in facts_of(message, DICTIONARY.spelling.telemetry, now_s):
             self._facts.publish(fact)
 
@@ -131,8 +135,19 @@ class NxtPorts:
         if (link := self._service.serve()) is not None:
             self._commanders[link].command()
 
-    def _confirm(self, link: BrickLink, mark: int) -> None:
-        self._taken[link].publish(mark)
+    def _put(self, link: BrickLink, output: Message | int) -> None:
+        if isinstance(output, int):
+            self._taken[link].publish(output)
+        else:
+            self._notifications[link].publish(str(output))
+
+    def _start_sync(self) -> None:
+        synced = self._process.loop.run_in_executor(None, self._record.sync)
+        synced.add_done_callback(self._on_synced)
+
+    def _on_synced(self, sync: asyncio.Future[None]) -> None:
+        self._session.release(self._record.durable)
+        self._output.on_synced(sync.exception())
 
     def _drain(self) -> None:
         self._service.drain(self._session.events())

@@ -60,5 +60,12 @@ def claimed_in_two_commits() -> AbstractContextManager[object]:
     return patch.object(BrickRecord, "save_claim", save_first)
 
 
+def commits_not_synced() -> AbstractContextManager[object]:
+    def sync(self: BrickRecord) -> None:
+        self.durable = self.sealed
+
+    return patch.object(BrickRecord, "sync", sync)
+
+
 def announced_once() -> AbstractContextManager[object]:
     return patch.object(ClaimAnnouncer, "poll", lambda _: None)

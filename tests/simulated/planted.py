@@ -415,6 +415,12 @@ PLANTED: Final = (
         (situations.CLAIMED_WHILE_WAITING,),
     ),
     Planted(
+        "nxt: commits are not synced",
+        "commits of rover-nxt do not outlast a loss of power, and the brick gets a command twice",
+        mocup_faults.commits_not_synced,
+        (situations.NXT_POWER_LOST,),
+    ),
+    Planted(
         "nxt: P: announced once",
         "what the executive reports to rover-nxt is lost, and the relay gets no end",
         mocup_faults.announced_once,

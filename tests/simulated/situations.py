@@ -186,6 +186,15 @@ STOP_UNRECORDED: Final = Storm(
     ),
 )
 """A stop comes while the disk of rover-nxt is full, which is killed."""
+NXT_POWER_LOST: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        *(Order(20.0, Link.RELAY, 1 + n, MoveForward(0.4)) for n in range(4)),
+        Kill(22.0, "nxt", 2.0, power=True),
+    ),
+)
+"""rover-nxt loses power with a command at the brick, and others that it has acknowledged."""
 CLAIMED_WHILE_WAITING: Final = Storm(
     "situation",
     MOCUP,
@@ -285,6 +294,7 @@ ALL: Final = {
     "first report": FIRST_REPORT,
     "stop outlasts relay": STOP_OUTLASTS_RELAY,
     "power lost": POWER_LOST,
+    "power of rover-nxt lost": NXT_POWER_LOST,
     "refused, then executed": REFUSED_THEN_EXECUTED,
     "stop refused, then executed": STOP_REFUSED_THEN_EXECUTED,
     "half open": HALF_OPEN,

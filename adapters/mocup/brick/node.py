@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from math import inf
@@ -17,7 +18,7 @@ from std_msgs.msg import Float64, String, UInt64
 from adapters.mocup.brick.ownership import HEARTBEAT_TIMEOUT_S
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import SOURCE, Router
-from adapters.mocup.brick.service import MAX_INBOX, BrickService
+from adapters.mocup.brick.service import MAX_INBOX, BrickService, DurableOutput
 from adapters.mocup.brick.usb import (
     KEEP_ALIVE_S,
     Brick,
@@ -183,6 +184,11 @@ class NxtNode:
         self._telemetry = spelling.telemetry
         self._housekeeping = spelling.housekeeping
         self._house_s = dict.fromkeys(BrickLink, -inf)
+        self._syncer = ThreadPoolExecutor(1, "nxt-sync")
+        self._synced = node.create_guard_condition(self._on_synced)
+        stop = spelling.commands["stop"]
+        self._output = DurableOutput(record, stop, self._put, self._start_sync, self._on_refused)
+        self.notify = self._output.put
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
             dictionary, settings.brick, self, self._on_refused, record, authority, SystemClock()
@@ -200,9 +206,10 @@ class NxtNode:
             link: self._publisher(topic) for link, topic in settings.acknowledgements.items()
         }
         ack = settings.confirmations
-        self._service = BrickService(self._router, self._confirm, confirmed=ack is not None)
+        self._service = BrickService(self._router, self._output.put, confirmed=ack is not None)
         if ack is not None:
-            node.create_subscription(UInt64, ack.name, self._on_confirmed, ack.qos)
+            confirmed = self._service.on_confirmed
+            node.create_subscription(UInt64, ack.name, lambda m: confirmed(m.data), ack.qos)  # type: ignore[attr-defined]
         self._commands = {
             link: node.create_subscription(
                 String, topic.name, self._command_callback(link), topic.qos
@@ -221,33 +228,29 @@ class NxtNode:
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady_timer(node, HEALTH_S, self._poll)
-        woken = node.create_guard_condition(self._drain)
+        self._session: BrickSession
+        woken = node.create_guard_condition(lambda: self._service.drain(self._session.events()))
         self._session = BrickSession(claim, woken.trigger, keep_alive(spelling, settings.brick))
+        self.stop_brick = self._session.stop
         steady_timer(node, KEEP_ALIVE_S, self._session.feed_watchdog)
         self._session.start()
 
     def close(self) -> None:
         """Release the brick."""
         self._session.close()
+        self._syncer.shutdown()
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
-        """Pass a message to the session."""
-        return self._session.send(octets, visit)
-
-    def stop_brick(self, octets: bytes) -> bool:
-        """Pass a stop to the session."""
-        return self._session.stop(octets)
-
-    def notify(self, link: BrickLink, message: Message) -> None:
-        """Publish a notification on a link's topic."""
-        self._notifications[link].publish(String(data=str(message)))
+        """Pass a message to the session, which sends it once its command is on the disk."""
+        self._output.sync()
+        return self._session.send(octets, visit, self._output.record.sealed)
 
     def publish_telemetry(self, message: Message) -> None:
         """Publish telemetry on the rover's topics, and the whole message to the relay."""
         now_s = time.monotonic()
         if now_s - self._relay_telemetry_s >= self._settings.relay_telemetry_s:
             self._relay_telemetry_s = now_s
-            self.notify(BrickLink.RELAY, message)
+            self._put(BrickLink.RELAY, message)
         stamp = self._node.get_clock().now().to_msg()
         try:
             for fact in facts_of(message, self._telemetry, stamp_s(stamp)):
@@ -292,18 +295,24 @@ class NxtNode:
             self._commanders[served].command()
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
-    def _confirm(self, link: BrickLink, mark: int) -> None:
-        self._ack_publisher[link].publish(UInt64(data=mark))
+    def _put(self, link: BrickLink, output: Message | int) -> None:
+        if isinstance(output, int):
+            self._ack_publisher[link].publish(UInt64(data=output))
+        else:
+            self._notifications[link].publish(String(data=str(output)))
 
-    def _on_confirmed(self, mark: UInt64) -> None:
-        self._service.on_confirmed(mark.data)
+    def _start_sync(self) -> None:
+        self._sync = self._syncer.submit(self._output.record.sync)
+        self._sync.add_done_callback(lambda _: self._synced.trigger())  # type: ignore[no-untyped-call]
 
-    def _drain(self) -> None:
-        self._service.drain(self._session.events())
+    def _on_synced(self) -> None:
+        self._session.release(self._output.record.durable)
+        self._output.on_synced(self._sync.exception())
 
     def _poll(self) -> None:
         found = {link: subscribers_of(self._node, p) for link, p in self._notifications.items()}
         self._service.poll(found)
+        self._output.sync()
         self._diagnose()
         self._publish_housekeeping()
 
@@ -323,7 +332,7 @@ class NxtNode:
         }
         data = Housekeeping(time.time(), figures)
         for link in due:
-            self.notify(link, housekeeping_message(data, self._housekeeping, self._settings.brick))
+            self._put(link, housekeeping_message(data, self._housekeeping, self._settings.brick))
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN if messages were refused."""

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mops import Message, decode, is_last
-from executive.record import Connect, Database, LedgerError, connect_to_file
+from adapters.system import OPERATING_SYSTEM, SYNCED_APART, System, sync_database
+from executive.record import Database
 from executive.values.reports import Stage
 
 MAX_COMMANDS: Final = 10_000
@@ -96,16 +97,33 @@ class ExecutiveClaim:
 class BrickRecord(Database):
     """Commands by source, number and counter, and the executive's claims and authority.
 
+    Commits survive `kill -9`, and those up to number `durable` (of `sealed`) loss of power.
+
     Args:
         path: database file; None keeps it in memory.
-        connect: opens the database.
+        system: opens and syncs the file.
 
     Raises:
-        LedgerError: from every method, if the file cannot be read or written.
+        LedgerError: from every method except `sync`, if the file cannot be read or written.
     """
 
-    def __init__(self, path: Path | None = None, connect: Connect = connect_to_file) -> None:
-        super().__init__(path, _SCHEMA, connect=connect, version=_VERSION)
+    def __init__(self, path: Path | None = None, system: System = OPERATING_SYSTEM) -> None:
+        super().__init__(path, _SCHEMA, connect=system.connect, version=_VERSION)
+        for setting in SYNCED_APART:
+            self.rows(setting)
+        self._system = system
+        self.sealed, self.durable = 1, 0  # 1: the commits of earlier processes
+
+    def transact(self, statements: Sequence[tuple[str, tuple[object, ...]]]) -> None:
+        """Execute statements in one transaction: all of them or none."""
+        super().transact(statements)
+        self.sealed += 1
+
+    def sync(self) -> None:
+        """Sync all commits, on any thread; raises OSError or sqlite3.Error."""
+        sealed = self.sealed
+        sync_database(self._system, Path(self.path))
+        self.durable = sealed
 
     def find(self, command: Message) -> BrickCommand | None:
         """Return the command with a message's source, number and counter, or None."""
@@ -162,7 +180,7 @@ class BrickRecord(Database):
 
     def forget(self, stored: BrickCommand) -> None:
         """Delete a command that did not reach the brick."""
-        self.rows(_FORGET, _key(stored.command))
+        self.transact([(_FORGET, _key(stored.command))])
 
     def claim(self, command: Message) -> ExecutiveClaim | None:
         """Return the executive's claim on a message's source and number, or None."""
@@ -204,7 +222,7 @@ class BrickRecord(Database):
 
     def save_authority(self, message: Message) -> None:
         """Record an authority message of the executive."""
-        self.rows("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(message),))
+        self.transact([("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(message),))])
 
     def _select(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
         rows = self.rows(f"{_SELECT_COMMANDS} WHERE {where}", values)
@@ -217,15 +235,10 @@ class BrickRecord(Database):
         prune: str,
         instead: BrickCommand | None,
     ) -> None:
-        self.write(statement, values)
-        self.write(prune, (MAX_COMMANDS,))
+        statements = [(statement, values), (prune, (MAX_COMMANDS,))]
         if instead is not None:
-            self.write(_FORGET, _key(instead.command))
-        try:
-            self.commit()
-        except LedgerError:
-            self.discard()
-            raise
+            statements.append((_FORGET, _key(instead.command)))
+        self.transact(statements)
 
 
 def _name(command: Message) -> tuple[str, int]:

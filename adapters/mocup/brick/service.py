@@ -2,13 +2,13 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from adapters.mocup.brick.record import BrickLink
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.brick.usb import BrickConnected, BrickDisconnected, OctetsReceived, SessionEvent
-from adapters.mops import fingerprint
+from adapters.mops import Message, fingerprint
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,54 @@ class ReceivedText:
 
 
 MAX_INBOX: Final = 1000
+
+
+@dataclass(slots=True)
+class DurableOutput:
+    """Output to the links, in order, that waits until the commits before survive loss of power.
+
+    Stops on the direct link do not wait. Output beyond `MAX_INBOX` is requested again.
+
+    Attributes:
+        publish: publishes a notification, or the fingerprint of an accepted string, on a link.
+        start_sync: calls `record.sync` on another thread, and then `on_synced` on this one.
+        log: called with the fault of a sync, in one line.
+    """
+
+    record: BrickRecord
+    stop_code: int
+    publish: Callable[[BrickLink, Message | int], None]
+    start_sync: Callable[[], None]
+    log: Callable[[str], None]
+    _held: dict[tuple[BrickLink, Message | int], int] = field(default_factory=dict)
+    _syncing: bool = False
+
+    def put(self, link: BrickLink, output: Message | int) -> None:
+        """Publish output, or hold it once."""
+        urgent = link is BrickLink.DIRECT and getattr(output, "code", None) == self.stop_code
+        if urgent or not (self._held or self.record.durable < self.record.sealed):
+            self.publish(link, output)
+        elif len(self._held) < MAX_INBOX:
+            self._held.setdefault((link, output), self.record.sealed)
+            self.sync()
+
+    def sync(self) -> None:
+        """Start to sync the record if necessary; call it once a second, too."""
+        if not self._syncing and self.record.durable < self.record.sealed:
+            self._syncing = True
+            self.start_sync()
+
+    def on_synced(self, fault: BaseException | None) -> None:
+        """Publish the output that the sync covers, and sync the commits since its start."""
+        self._syncing = False
+        for (link, output), commit in list(self._held.items()):
+            if commit <= self.record.durable:
+                del self._held[link, output]
+                self.publish(link, output)
+        if fault is None:
+            self.sync()
+        else:
+            self.log(f"{self.record.path}: {fault}")
 
 
 class StopFirstQueue:

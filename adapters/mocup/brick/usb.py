@@ -241,10 +241,10 @@ class BrickSession:
         self._keep_alive = keep_alive
         self._alive_until_s = monotonic() + OWNER_TIMEOUT_S
         self._events: Queue[SessionEvent] = Queue(INCOMING)
-        self._stops: deque[bytes] = deque()
-        self._outgoing: deque[bytes] = deque()
+        self._stops: deque[tuple[int, bytes]] = deque()
+        self._outgoing: deque[tuple[int, bytes]] = deque()
         self._connected = False
-        self._visits = 0
+        self._visits = self._durable = 0
         self._cut_short = False
         self._changed = Condition()
         self._closing = Event()
@@ -268,12 +268,13 @@ class BrickSession:
         """Reset the owner's watchdog; call it more often than every `OWNER_TIMEOUT_S`."""
         self._alive_until_s = monotonic() + OWNER_TIMEOUT_S
 
-    def send(self, octets: bytes, visit: int) -> bool:
+    def send(self, octets: bytes, visit: int, commit: int = 0) -> bool:
         """Queue a message for the brick. Never blocks.
 
         Args:
             octets: the message.
             visit: number of the connection that it is meant for.
+            commit: it is written once this commit was released.
 
         Returns:
             False if no brick is connected, the connection is another one, or the queue is full.
@@ -281,7 +282,7 @@ class BrickSession:
         with self._changed:
             there = self._connected and visit == self._visits
             if there and len(self._outgoing) < OUTGOING:
-                self._outgoing.append(octets)
+                self._outgoing.append((commit, octets))
                 self._changed.notify()
                 return True
         return False
@@ -298,9 +299,15 @@ class BrickSession:
             if not self._connected or len(self._stops) >= OUTGOING:
                 return False
             self._outgoing.clear()
-            self._stops.append(octets)
+            self._stops.append((0, octets))
             self._changed.notify()
             return True
+
+    def release(self, commit: int) -> None:
+        """Release the messages that wait for commits up to this one."""
+        with self._changed:
+            self._durable = commit
+            self._changed.notify()
 
     def events(self) -> list[SessionEvent]:
         """Remove and return the events since the last call. Never blocks."""
@@ -375,11 +382,14 @@ class BrickSession:
                 kept_alive_s = now_s
                 self._write_whole(visit, self._keep_alive)
             with self._changed:
-                self._changed.wait_for(lambda: self._stops or self._outgoing, _POLL_S)
+                waiting = self._changed.wait_for(self._next, _POLL_S)
                 stops = bool(self._stops)
-                waiting = self._stops or self._outgoing
-                octets = waiting.popleft() if waiting else b""
+                octets = waiting.popleft()[1] if waiting else b""
             self._write_whole(visit, octets, stops)
+
+    def _next(self) -> deque[tuple[int, bytes]] | None:
+        waiting = self._stops or self._outgoing
+        return waiting if waiting and waiting[0][0] <= self._durable else None
 
     def _write_whole(self, visit: _Connection, octets: bytes, is_stop: bool = False) -> None:
         """Write a message unless a stop cuts it off; the next message then starts with `#`."""

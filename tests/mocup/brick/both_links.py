@@ -4,17 +4,21 @@ What a real system loses when one of its processes is killed is lost here as wel
 way to or from it, and what was said before ROS had found who hears whom.
 """
 
+import sqlite3
 from collections import Counter, defaultdict, deque
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED, Router
+from adapters.mocup.brick.service import DurableOutput
 from adapters.mocup.plugin import RETRANSMIT_S
 from adapters.mops import Message, RelayAuthority, decode, encode, is_last
 from executive.values.clock import ManualClock
 from executive.values.reports import Identity
 from tests.mocup.brick.models import DICTIONARY, SETTINGS, STOP, Brick, Executive, request
+from tests.support.unsynced import UNSYNCED, Unsynced
 
 FREE = RelayAuthority(needed=False)
 
@@ -50,6 +54,18 @@ class Fused:
         return call
 
 
+class Saved(Unsynced):
+    """A computer with a record on its disk as it was synced."""
+
+    def __init__(self, image: bytes) -> None:
+        self._image = image
+
+    def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
+        connection = super().connect(database, any_thread=any_thread)
+        connection.deserialize(self._image)
+        return connection
+
+
 class Desk:
     """Everything together. It is the router's ports, too."""
 
@@ -63,26 +79,61 @@ class Desk:
         self.found = dict.fromkeys(BrickLink, False)
         self.relay_sent: dict[int, Message] = {}
         self.relay_received: defaultdict[int, list[Message]] = defaultdict(list)
-        self.record = BrickRecord()
+        self.record = BrickRecord(system=UNSYNCED)
+        self._synced = self.record.image()
         self.start_nxt()
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
         assert visit == 1 or not self.plugged
-        return self.stop_brick(octets)
-
-    def stop_brick(self, octets: bytes) -> bool:
         self._check_turn(decode(octets))
         self.fuse()
         if self.plugged:
+            self.output.sync()
+            self.held.append((self.record.sealed, decode(octets)))
+            self._release()
+        self.fuse()
+        return self.plugged
+
+    def stop_brick(self, octets: bytes) -> bool:
+        self.fuse()
+        if self.plugged:
+            self.held.clear()
             self.usb.append(decode(octets))
         self.fuse()
         return self.plugged
 
     def notify(self, link: BrickLink, message: Message) -> None:
+        self.output.put(link, message)
+
+    def _put(self, link: BrickLink, message: Message | int) -> None:
+        assert isinstance(message, Message)
         self.fuse()
         if self.found[link]:
             self.notes[link].append(message)
         self.fuse()
+
+    def _start_sync(self) -> None:
+        self.syncing = True
+
+    def sync(self) -> None:
+        """Let a sync end that was begun."""
+        if self.syncing:
+            self.syncing = False
+            self._synced = self.record.image()
+            self.record.sync()
+            self._release()
+            self.killed(self.output.on_synced, None)
+
+    def _release(self) -> None:
+        while self.held and self.held[0][0] <= self.record.durable:
+            self.usb.append(self.held.popleft()[1])
+
+    def cut_power(self) -> None:
+        """Lose all that was not synced, and the processes aboard."""
+        self.record.close()
+        self.record = BrickRecord(system=Saved(self._synced))
+        self.start_executive()
+        self.start_nxt()
 
     def publish_telemetry(self, message: Message) -> None:
         raise AssertionError(message)
@@ -93,12 +144,15 @@ class Desk:
         for _ in range((len(self.usb) + 1) // 2):
             self.usb_in()
         self.usb.clear()
+        self.held: deque[tuple[int, Message]] = deque()
+        self.syncing = False
         self.brick.output.clear()
         self.executive.out.clear()
         self.executive.receives = False
         self.found = dict.fromkeys(BrickLink, False)
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
+        self.output = DurableOutput(self.record, STOP, self._put, self._start_sync, refused.append)
         self.router = Router(DICTIONARY, "MOCUP", self, refused.append, record, FREE, self.clock)
         self.router.on_disconnected(RESTARTED)
         if self.plugged:
@@ -137,6 +191,7 @@ class Desk:
             self.killed(self.router.on_connected, 1)
         else:
             self.usb.clear()
+            self.held.clear()
             self.brick.output.clear()
             self.brick.task = None
             self.killed(self._lose_brick)
@@ -192,7 +247,13 @@ class Desk:
             self.clock.advance(RETRANSMIT_S)
             self.executive.tick()
             self.router.poll()
-            while self.executive.out or any(self.notes.values()) or self.usb or self.brick.output:
+            while (
+                *self.executive.out,
+                *self.usb,
+                *self.brick.output,
+                *filter(None, [*self.notes.values(), self.syncing]),
+            ):
+                self.sync()
                 self.direct()
                 self.usb_in()
                 self.usb_out()

@@ -28,6 +28,7 @@ class Day:
             desk.direct: 12,
             desk.usb_in: 8,
             desk.usb_out: 8,
+            desk.sync: 8,
             self.deliver: 8,
             desk.brick.end: 4,
             self.time_passes: 2,
@@ -35,6 +36,7 @@ class Day:
         troubles: tuple[Callable[[], None], ...] = (
             self.stop,
             self.kill_nxt_soon,
+            desk.cut_power,
             desk.start_nxt,
             desk.start_executive,
             self.kill_the_executive_before_it_claims,

@@ -243,6 +243,23 @@ def test_a_message_for_a_disconnected_brick_is_not_for_the_next(bench: Bench) ->
     bench.until(lambda: bench.bus.written == [b"first", b"stop"], "a word for any")
 
 
+def test_a_message_waits_for_its_commit_and_a_stop_does_not(bench: Bench) -> None:
+    bench.session.start()
+    bench.found()
+    assert bench.session.send(b"dropped", 1, 1)
+    assert bench.session.stop(b"stop")
+    bench.until(lambda: bench.bus.written == [b"stop"], "the stop")
+    bench.session.release(1)
+    assert bench.session.stop(b"stop")
+    bench.until(lambda: bench.bus.written == 2 * [b"stop"], "another stop")
+    assert bench.session.send(b"third", 1, 4)
+    assert bench.session.send(b"fourth", 1, 5)
+    bench.session.release(4)
+    bench.until(lambda: bench.bus.written[2:] == [b"third"], "a released one")
+    bench.session.release(5)
+    bench.until(lambda: bench.bus.written[3:] == [b"fourth"], "the other one")
+
+
 def test_without_a_reader_the_brick_is_not_read(bench: Bench) -> None:
     text = [f"{number:03}".encode() for number in range(3 * INCOMING)]
     bench.bus.sends(*text)
