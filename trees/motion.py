@@ -502,17 +502,17 @@ class HoldVelocity(_MotionLeaf):
     """Holds a velocity for its time, then stops."""
 
     def begin(self) -> float:
-        """Allow the time of the wait for odometry."""
+        """Allow the time of the wait for odometry, and of the search of the path home."""
         self._begun = self._held = False
+        self._scene: tuple[Pose, Scene] | None = None
         return self._deadline_for(0.0)
 
-    def _hold(self) -> None:
+    def _hold(self, refusal: Refusal | None) -> None:
         command, request = self.goal.command, self.goal.command.request
         assert isinstance(request, DriveFor)
         status, settings = self.context.status, self.context.settings
-        pose, scene = status.pose, self.context.scene
-        self._blocked = check_request(request, pose, settings, *scene)
-        self._blocked = self._blocked or self._check_begin(pose, scene)
+        pose = status.pose
+        self._blocked = refusal or check_request(request, pose, settings, *self.context.scene)
         self.goal.verification = MotionVerification.begin(settings, status)
         self.goal.slid_m = self._slid_m
         self._begun, self._wanted = True, hold_extent(request, status, settings)
@@ -524,7 +524,14 @@ class HoldVelocity(_MotionLeaf):
         if not self._begun:
             if self._odometry_late:
                 return Status.RUNNING
-            self._hold()
+            self._scene = self._scene or (self.context.status.pose, self.context.scene)
+            self.context.detours.undecided = False
+            refusal = self._check_begin(*self._scene)
+            if self.context.detours.undecided:
+                self.feedback_message = "searching for a detour"
+                self.context.intents.motion = STANDING
+                return Status.RUNNING
+            self._hold(refusal)
         if self._blocked is not None:
             return self.fail(self._blocked)
         if not self._held:

@@ -516,10 +516,11 @@ class Executive:
             if not self._context.latches.held:
                 self._arbiter.release()
             self._commits.flush()
-            if self._ledger.failing:
-                self._ledger.abandon()
-            else:
-                self._ledger.close()
+            self._ledger.writer.close()  # its last attempt also stores the stop latch
+            self._commits.settle()
+            if (change := self._latch.take_change()) is not None:
+                change.store()
+            self._ledger.abandon()
             self._latch.close()
 
     def simulate_crash(self) -> None:

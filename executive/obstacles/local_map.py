@@ -144,10 +144,12 @@ class LocalMap:
     def circles(self) -> tuple[ScannedObstacle, ...]:
         """The scanned obstacles that are not known; the same object until they change."""
         if self._circles is None:
+            here = self._poses[-1][1].point
+            if not self._covers:
+                self._covered_at = here
             self._covers = {keys: self._cover(keys) for keys in self._clusters()}
             self._changed.clear()
             found = [circle for circles in self._covers.values() for circle in circles]
-            here = self._covered_at = self._poses[-1][1].point
             found.sort(key=lambda each: hypot(each.x_m - here.x_m, each.y_m - here.y_m))
             self._circles = tuple(found[:MAX_CIRCLES])
         return self._circles

@@ -16,6 +16,8 @@ USUAL_LATENCY_S: Final = 0.05
 """Maximum latency assumed for the first message, if its stamp is of a clock of the core."""
 OWN_CLOCK_S: Final = 0.5
 """Maximum age of a first message by a clock of the core, for it to be stamped by that clock."""
+OWN_AHEAD_S: Final = 1.0
+"""Maximum time of stamps that are newer than the own clock, because that is received late."""
 SAME_CLOCK_S: Final = 1.0
 """Maximum difference of the offsets of publishers that share a clock."""
 OTHER_CLOCK_S: Final = 86_400.0
@@ -35,7 +37,7 @@ class StampClock:
     def __init__(self) -> None:
         self._offsets_s: dict[type, float] = {}
         self._last: dict[type, tuple[float, float]] = {}
-        self._own: set[type] = set()
+        self._own: dict[type, float] = {}
 
     def time_s(self, source: type, stamp_s: float, now_s: float, utc_s: float) -> float:
         """Return the measurement time, on the core's time.
@@ -52,10 +54,19 @@ class StampClock:
         if stamp_s < last_stamp_s - SAME_CLOCK_S:
             own_age_s = next((a for a in (offset_s, utc_s - stamp_s) if 0 <= a < OWN_CLOCK_S), 0.0)
             known_s = offset_s - max(0.0, own_age_s - USUAL_LATENCY_S)
-            (self._own.add if 0 <= offset_s < OWN_CLOCK_S else self._own.discard)(source)
+            self._own.pop(source, None)
+            if 0 <= offset_s < OWN_CLOCK_S:
+                self._own[source] = now_s
         else:
             known_s = self._offsets_s[source] + DRIFT_RATIO * (now_s - last_now_s)
-        own_s = max(0.0, min(offset_s, known_s)) if source in self._own else min(offset_s, known_s)
+        own_s = min(offset_s, known_s)
+        if source in self._own:
+            if own_s >= 0.0:
+                self._own[source] = now_s
+            elif offset_s > -OWN_CLOCK_S and now_s - self._own[source] <= OWN_AHEAD_S:
+                own_s = 0.0
+            else:  # its clock was set, or drifts ahead
+                self._own.clear()
         self._offsets_s[source] = shared_s = own_s
         for each_s in self._offsets_s.values():
             if own_s - SAME_CLOCK_S < each_s < shared_s:

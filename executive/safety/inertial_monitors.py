@@ -15,6 +15,8 @@ from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
 """Averaging time of the wheel speeds at both ends of a window."""
+SLIDES_S: Final = 0.2
+"""Disagreement of wheels and accelerometer beyond that of a gap: gaps that repeat hide no slip."""
 ROLLING_NM_PER_RADPS: Final = 0.02
 """Rolling resistance of a wheel: torque per wheel rate."""
 
@@ -88,7 +90,11 @@ def wheel_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence
     last = history.wheels_in(SPEED_OVER_S, to_s)
     first = history.wheels_in(SPEED_OVER_S, to_s - window_s)
     felt = history.inertia_in(window_s, to_s - SPEED_OVER_S / 2)
-    if first is None or last is None or felt is None or inertia.gaps.missed_m(to_s - window_s):
+    if first is None or last is None or felt is None:
+        return None
+    over_ground = history.over_ground
+    slides = over_ground is not None and over_ground.apart_s > SLIDES_S
+    if inertia.gaps.missed_m(to_s - window_s) and not slides:
         return None
     gained_mps = (last.distance_m - first.distance_m) / SPEED_OVER_S
     if abs(gained_mps - felt.gained_mps) <= window.bound:

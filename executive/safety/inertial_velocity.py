@@ -46,6 +46,9 @@ RELEARN_S: Final = 10.0
 """Rest after which a bias that changed by more than that is learnt again."""
 MAX_WAITING: Final = 50
 """Number of wheel velocities that wait for inertial measurements: one second of 50 Hz."""
+TRUST_S: Final = 1.0
+"""Minimum time between two gaps after which moving wheels are trusted: gaps that repeat, or stamps
+in bursts, would hide all slip."""
 LEVEL_RAD: Final = 0.03
 """Maximum slope where friction of 0.05 brakes a sliding rover by three times `STILL_MPS2`."""
 
@@ -70,7 +73,7 @@ class InertialVelocity:
         self._learnt_s = self._turning_mps = self._sparse_mps = 0.0
         self._level = self._rests = self._unfelt = False
         self._waiting: deque[tuple[float, Velocity]] = deque(maxlen=MAX_WAITING)
-        self._compared_s = self._rolled_s = self._apart_at_s = -inf
+        self._compared_s = self._rolled_s = self._apart_at_s = self._gap_s = -inf
         self.apart_s = self.from_mps = self.slid_m = 0.0
 
     def feel(self, fact: Imu, time_s: float, resting: bool, *, lost: bool = False) -> None:
@@ -102,7 +105,9 @@ class InertialVelocity:
         if self._sums is not before:  # a gap: the velocity is assumed to be unchanged
             self._offset = _turned(*velocity, -heading_rad)
         if lost or self._sums is not before:  # velocities in the gap have no counterpart
-            self._unfelt = not self.apart_s
+            trusts = self._sums is not before or time_s - self._gap_s > TRUST_S
+            self._unfelt = not self.apart_s and (trusts or self._unfelt)
+            self._gap_s = time_s if trusts else self._gap_s
             self._waiting.clear()
         self._compare_waiting()
 
@@ -146,7 +151,9 @@ class InertialVelocity:
                 self._offset = self._offset[0] + drawn * off_x, self._offset[1] + drawn * off_y
             self.from_mps = hypot(*self._velocity)
             return
-        self.slid_m += 0.0 if self._unfelt else step_s * hypot(off_x, off_y)
+        brakes = self._acceleration_mps2(FELT_OVER_S / 2) > self._still_mps2
+        if not self._unfelt or (brakes and time_s - self._gap_s >= FELT_OVER_S / 2):
+            self.slid_m += step_s * hypot(off_x, off_y)
         self._rests = False
         self.apart_s, self._apart_at_s = self.apart_s + step_s, time_s
         if self._level and time_s - self._rolled_s >= LONG_S:

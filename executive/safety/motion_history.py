@@ -358,7 +358,7 @@ class MotionHistory:
         Includes standstill, where a base may have stopped by itself without a new command.
         """
         found: list[Velocity] = []
-        until_s = to_s
+        until_s = min(to_s, self._clock.now_s())
         for since_s, at_least, velocity in reversed(self._velocities):
             if since_s < to_s:
                 found += (at_least, velocity)

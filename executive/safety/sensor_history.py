@@ -40,6 +40,8 @@ bound of `odometry_off_gyro.slow`.
 """
 RELEARN_AFTER_S: Final = 30.0
 """Rest after which a changed bias is learnt; chosen, not measured."""
+MAX_DELAYS: Final = 100
+"""Number of late messages that are stored: more than in a window."""
 HISTORY_S: Final = 10.0
 """History of second-odometry samples."""
 MAX_WINDOW_FACTOR: Final = 2.5
@@ -85,19 +87,19 @@ class WheelHistory:
         self.travel_mps = 0.0
         self._rates = WheelSums(0.0, 0.0)
         self._period, self.gaps = StampPeriod(), Gaps()
-        self._delay = (-inf, 0.0)
+        self._delays: deque[tuple[float, float]] = deque(maxlen=MAX_DELAYS)
 
     def fresh(self, now_s: float) -> bool:
         """Whether the newest message is recent."""
         return now_s - self.sums.time_s <= FRESH_S
 
     def delay_s(self, from_s: float) -> float:
-        """Return how late the last late message since a time was; 0 without one.
+        """Return how late the latest message since a time was; 0 without a late one.
 
         A base that measures late, or not for a while, has no processor, and obeys as late.
         """
-        time_s, late_s = self._delay
-        return late_s if time_s >= from_s - BURST_S else 0.0
+        late = (late_s for time_s, late_s in self._delays if time_s >= from_s - BURST_S)
+        return max(late, default=0.0)
 
     def observe(self, fact: Joints, time_s: float, late_s: float) -> None:
         """Add a message measured at a time, and how late it is."""
@@ -120,7 +122,7 @@ class WheelHistory:
         self.gaps.observe(time_s, gap_s, fastest_mps, 0.0)
         late_s = min(max(late_s, gap_s), MAX_GAP_S)
         if late_s > MIN_GAP_S:
-            self._delay = time_s, max(late_s, self.delay_s(time_s))
+            self._delays.append((time_s, late_s))
         self.sums = extend_channel(self.sums, time_s, self._rates, rates)
         self._rates, self.count = rates, len(speeds)
         self.torques = bool(fact.left_nm and fact.right_nm)

@@ -95,12 +95,13 @@ class Stops:
         name, now_s = asset.entry.asset, self._utc()
         end_s = now_s - age_s + MAX_AGE_S
         before = self._pending.get(name)
-        if before is not None and not before.sent:
+        if before is not None and (not before.sent or end_s <= now_s):
             before.end_s = max(before.end_s, end_s)
             known = self._tracker.get(before.status.command)
             assert known is not None, "a stop is tracked until it has ended"
             return known
         if before is not None:
+            end_s = max(end_s, before.end_s)
             self._end(before, StopState.CALLED_OFF, "another stop replaces it")
         link = next((link for link, _ in _targets(asset)), next(iter(asset.links.values())))
         identity = Identity(self._desk.source(link, operator), self._numbers.next_id())

@@ -32,9 +32,10 @@ export class Stops {
     this.#unsent.set(name, Date.now());
     while (!isRepeated && this.#unsent.has(name)) {
       this.draw();
-      const end = await this.#attempt(name, this.#unsent.get(name));
+      const pressed_ms = this.#unsent.get(name);
+      const end = await this.#attempt(name, pressed_ms);
       if (!end) await pause(RETRY_MS);
-      else this.#unsent.delete(name);
+      else if (this.#unsent.get(name) === pressed_ms) this.#unsent.delete(name); // not a newer press
     }
     this.draw();
   }
