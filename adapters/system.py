@@ -8,7 +8,7 @@ import os
 import socket
 import sqlite3
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -157,6 +157,17 @@ SYNCED_APART: Final = (
 for the disk only when SQLite restarts the log, once in `_MAX_LOG_OCTETS`."""
 _MAX_LOG_OCTETS: Final = 4 << 20
 """Size of a write-ahead log above which `sync_database` moves it into the file."""
+
+
+def rewrite_log(database: Path) -> None:
+    """Write a log again after a failed sync, on the thread that writes the database.
+
+    Linux counts the pages of a failed sync as written: the next one would succeed without them.
+    """
+    with suppress(OSError), wal_of(database).open("r+b") as log:
+        octets = log.read()
+        log.seek(0)
+        log.write(octets)
 
 
 def sync_database(system: System, database: Path) -> None:

@@ -34,7 +34,7 @@ from adapters.bundle.node.settings import (
     UdpLink,
 )
 from adapters.bundle.node.store import Delivery, Queued
-from adapters.system import OPERATING_SYSTEM, System
+from adapters.system import OPERATING_SYSTEM, System, rewrite_log
 
 _LOG: Final = logging.getLogger(__name__)
 _CONTACT_POLL_S: Final = 0.2
@@ -186,6 +186,7 @@ class BundleAgent:
         self._arrived = asyncio.Event()
         self._settling = False
         self._syncing: asyncio.Task[None] | None = None
+        self._on_thread: asyncio.Future[None] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._next_tick_s = self._next_poll_s = 0.0
         self._read = 0
@@ -337,6 +338,9 @@ class BundleAgent:
         if self._syncing is not None:
             self._syncing.cancel()
             await asyncio.wait((self._syncing,))
+            if self._on_thread is not None:
+                await asyncio.wait((self._on_thread,))
+            self._syncing = None
         session.node.transaction.commit()
         self._session = None
         if self._timer is not None:
@@ -459,17 +463,22 @@ class BundleAgent:
         while True:
             try:
                 transaction.begin_sync()
-                await asyncio.to_thread(session.node.database.sync)
+                work = asyncio.to_thread(session.node.database.sync)
+                self._on_thread = asyncio.ensure_future(work)
+                await asyncio.shield(self._on_thread)
                 break
             except StoreError as error:
                 _LOG.error("%s", error)
+                rewrite_log(self._path)
                 await asyncio.sleep(_TICK_S)
         self._syncing = None
-        transaction.end_sync()
-        await asyncio.sleep(0)  # tasks in `settle` run before the deliveries that follow
-        transaction.release()
-        self._arrived.set()
-        self._wake()
+        try:
+            transaction.end_sync()
+        finally:  # also if a callback raises
+            await asyncio.sleep(0)  # tasks in `settle` run before the deliveries that follow
+            transaction.release()
+            self._arrived.set()
+            self._wake()
 
     def _due(self) -> None:
         self._timer = None

@@ -190,6 +190,15 @@ class LtpEndpoint(DatagramEndpoint):
         self._links.setdefault(engine_of(neighbour.next_hop), []).append(link)
         return link
 
+    async def open(self) -> None:
+        """Start listening, with a durable reservation of session numbers."""
+        try:
+            self._session_number()
+            self._context.node.database.sync()
+        except StoreError:  # a full disk: the first bundle reserves them
+            self._context.node.database.rollback()
+        await super().open()
+
     def _session_number(self) -> int:
         """Return a session number that is never reused, even after a restart."""
         if self._next_session == self._end_of_sessions:

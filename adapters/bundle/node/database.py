@@ -298,7 +298,7 @@ class GroupCommit:
         self._waiting: list[Callable[[StoreError | None], None]] = []
         self._written: list[Callable[[StoreError | None], None]] = []
         self._syncing: list[Callable[[StoreError | None], None]] = []
-        self._ids = database.durable
+        self._ids = self._committed = database.durable
         self.failing = self.unsynced = False
 
     @property
@@ -329,7 +329,7 @@ class GroupCommit:
     def begin_sync(self) -> None:
         """Begin the sync of all written changes, including those of a failed sync."""
         self._syncing, self._written, self.unsynced = self._syncing + self._written, [], False
-        self._ids = self._database.last_ids()
+        self._ids = self._committed
 
     def end_sync(self, failure: StoreError | None = None) -> None:
         """Run the callbacks of the sync that has ended, even if one raises."""
@@ -348,6 +348,7 @@ class GroupCommit:
                 write()
             self._database.commit()
             self._marks.clear()
+            self._committed = self._database.last_ids()
         except StoreError as error:
             failure = error
             self._database.rollback()

@@ -148,6 +148,12 @@ class NodeContext:
         self.outbox, self.inbox = Outbox(database, pause_ms), BundleInbox(database)
         self._on_status = on_status
         sequence = database.count(_LAST_SEQUENCE) + _MAX_UNSYNCED
+        try:
+            database.set_count(_LAST_SEQUENCE, sequence)
+            database.commit()
+            database.sync()  # the next start must omit those of this one, too
+        except StoreError:  # a full disk: the next commit writes it
+            database.rollback()
         self._last = Creation(database.count(_LAST_TIME), sequence)
         self._last_to_write = False
 

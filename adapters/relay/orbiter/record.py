@@ -14,7 +14,7 @@ from typing import Final
 from adapters.bundle import BundleId
 from adapters.mops import MAX_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.report_ledger import Loss, ReportLedger
-from adapters.system import OPERATING_SYSTEM, System, sync_database
+from adapters.system import OPERATING_SYSTEM, System, rewrite_log, sync_database
 from executive.commands import Command, Stop
 from executive.record import LedgerError
 from executive.values.reports import Identity, Report, Stage
@@ -133,6 +133,11 @@ class Outstanding:
         self._ledger.write("DELETE FROM outbox WHERE bundle = ?", key)
         self.note_retransmission(identity, utc_s)
         return identity
+
+    def is_retained(self, identity: Identity) -> bool:
+        """Return whether a command may be retransmitted."""
+        where = "source = ? AND command_id = ? AND message IS NOT NULL AND NOT ended"
+        return bool(self._ledger.rows(f"SELECT 1 FROM uplinked WHERE {where}", _key(identity)))
 
     def cancel_retransmissions(self) -> None:
         """Cancel all retransmissions: a stop ends all commands sent before it."""
@@ -392,7 +397,7 @@ class RoverRecord:
         self._system = system
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
         self._sync()  # writes of a killed process may not be on the disk yet
-        self._synced, self._syncing = self.ledger.sealed, asyncio.Lock()
+        self._synced, self._syncing = self.ledger.state.durable, asyncio.Lock()
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = RecordRetention(self.ledger, max_reports, self.active_stop)
 
@@ -410,9 +415,13 @@ class RoverRecord:
         async with self._syncing:
             if self._synced >= wanted:
                 return
-            sealed = self.ledger.sealed
-            await asyncio.to_thread(self._sync)
-            self._synced = sealed
+            committed = self.ledger.state.durable
+            try:
+                await asyncio.to_thread(self._sync)
+            except LedgerError:
+                rewrite_log(Path(self.ledger.path))
+                raise
+            self._synced = committed
 
     def _sync(self) -> None:
         try:

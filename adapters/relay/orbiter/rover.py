@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Final, Protocol
 
@@ -164,8 +164,12 @@ class RelayedRover:
             octets = encode(
                 self._dictionary.command(Stop(), Identity(UNKNOWN_SOURCE, 0), self._name)
             )
-        bundle, until_utc_s = await self._send(command, octets)
+        sending = asyncio.ensure_future(self._send(command, octets))
+        await asyncio.sleep(0)  # it is in the outbox; only its answer waits for the disk
         self._clear_down_override()
+        with suppress(LedgerError):  # again below
+            self.record.outstanding.cancel_retransmissions()
+        bundle, until_utc_s = await sending
         try:
             self.record.outstanding.cancel_retransmissions()
             if fault is not None:
@@ -233,6 +237,8 @@ class RelayedRover:
         now_s, begun = self._utc_s(), not self.settings.numbers_reports
         outstanding = self.record.outstanding
         for each in outstanding.unanswered(now_s - retry_s, now_s, begun, RETRANSMIT_BATCH):
+            if not outstanding.is_retained(each.identity):
+                continue  # a stop was sent during the loop
             left_s = each.until_utc_s - now_s
             _LOG.info("%s: %s is retransmitted", self.settings.asset, each.identity)
             await self._agent.send(
@@ -401,7 +407,9 @@ class RelayedRover:
             )
             return
         identity = command.identity
-        reports = self.record.ledger.recorded_on(identity)
+        ledger = self.record.ledger
+        found = ledger.recorded_on(identity)
+        reports = [each for each in found if each.cursor <= ledger.published]
         last = [each for each in reports if each.report.stage is not None][-1:]
         since = last[0].cursor if last else 0
         losses = (each for each in reports if each.report.kind is ReportKind.LINK)
