@@ -151,6 +151,31 @@ def test_a_start_during_lost_measurements_is_no_slide(lost_s: float) -> None:
     assert rover.motion.figures[0].value == pytest.approx(lost_s, abs=0.02)
 
 
+def test_gaps_that_repeat_hide_no_spin_of_the_wheels() -> None:
+    rover = Rover()
+    for _ in range(20):
+        rover.heard = False
+        rover.go(0.07, 0.0, 0.5)
+        rover.heard = True
+        rover.go(0.03, 0.0, 0.5)
+    assert rover.felt.slid_m > 0.5
+    assert rover.felt.apart_s > 1.0
+
+
+@pytest.mark.parametrize("before_s", [0.0, 0.04, 0.08])
+def test_a_slide_that_begins_in_a_gap_counts(before_s: float) -> None:
+    rover = Rover()
+    rover.go(1.0, 1.0)
+    rover.go(1.0)
+    rover.heard = False
+    rover.go(before_s)
+    rover.lock()
+    rover.brake(0.05, 0.1 - before_s)
+    rover.heard = True
+    rover.brake(0.05)
+    assert rover.felt.slid_m == pytest.approx(1.0, abs=0.2)
+
+
 def test_an_imu_of_20_hz_shows_a_slide() -> None:
     rover = Rover()
     rover.received, rover.cycle = {0}, 5

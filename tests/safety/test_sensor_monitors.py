@@ -14,7 +14,7 @@ from executive.commands import DriveFor, MoveForward, Resume, Stop
 from executive.faults import ClearPolicy, Reaction
 from executive.safety import unmonitored
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
-from executive.values.facts import Imu, Joints, SecondOdometry
+from executive.values.facts import Fact, Imu, Joints, SecondOdometry
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason
 from executive.values.reports import ReportKind, Severity, Stage
@@ -434,6 +434,19 @@ def test_a_motion_ends_by_what_its_sensors_show_and_says_so(
         assert rover.velocity == STANDING
 
 
+def test_gaps_of_the_inertial_sensors_that_repeat_hide_no_slip(tmp_path: Path) -> None:
+    rover = SensedRover(load_settings("jackal"))
+    with Bench(tmp_path, rover.body.settings, rover=rover, all_sensors=True) as bench:
+        bench.odometry = False  # it is one of the sensors
+        bench.run(1.0)
+        rover.body.grip = 0.0
+        bench.submit(MoveForward(2.0), 1)
+        for tick in range(60):
+            rover.body.lost = {Imu} if tick % 3 else set()
+            bench.step()
+        assert (bench.last(1).stage, bench.last(1).reason) == (Stage.FAILED, Reason.WHEEL_SLIP)
+
+
 @pytest.mark.at_length
 @pytest.mark.parametrize(
     ("kind", "fault"),
@@ -524,3 +537,26 @@ def test_a_base_without_processor_time_has_no_fault_of_its_wheels(
             drive.base_stalled = False
         drive.run(wanted, 1.0)
     assert drive.names == []
+
+
+class LateWheels(SensedDrive):
+    """A drive with wheel speeds that are received late."""
+
+    received_at_s = 0.0
+
+    def _send(self, fact: Fact, late_s: float) -> None:
+        late_s = (
+            max(0.08, self.received_at_s - self.clock.now_s()) if type(fact) is Joints else late_s
+        )
+        super()._send(fact, late_s)
+
+
+def test_a_dead_wheel_is_seen_after_a_burst_of_late_speeds() -> None:
+    drive = LateWheels(load_settings("jackal"))
+    drive.run(STANDING, 0.5)
+    drive.run(AHEAD, 1.0)
+    drive.received_at_s = drive.clock.now_s() + 0.4
+    drive.run(AHEAD, 1.5)
+    assert drive.names == []
+    goes_wrong(drive, limit_s=0.5, left=0.0, torque_nm=0.0)
+    assert drive.names == ["wheels_off_command"]
