@@ -18,7 +18,7 @@ class Rover:
 
     Attributes:
         pitch_rad: nose down is positive, as the ground is below it.
-        heard: whether the IMU is received.
+        is_received: whether the IMU is received.
         received, cycle: the steps of a cycle with a message, and its length.
         burst: number of messages that arrive at once.
         rolls: number of steps between two velocities of the wheels.
@@ -30,7 +30,7 @@ class Rover:
         self.true_mps = self.wheels_mps = 0.0
         self.pitch_rad, self.bias_mps2 = pitch_rad, bias_mps2
         self.aside_mps2 = 0.0
-        self.heard = True
+        self.is_received = True
         self.received, self.cycle, self._steps = {0}, 1, 0
         self.rolls, self._felt_s = 2, 10.0
         self.burst, self._delayed = 1, list[tuple[Imu, bool]]()
@@ -52,7 +52,7 @@ class Rover:
                 self.now_s, 0.0, self.pitch_rad, 0.0, 0.0, 0.0, ahead_mps2, self.aside_mps2, 9.81
             )
             self._steps += 1
-            if self.heard and self._steps % self.cycle in self.received:
+            if self.is_received and self._steps % self.cycle in self.received:
                 self._delayed.append((fact, abs(self.wheels_mps) < 1e-9))
             if len(self._delayed) >= self.burst:
                 for fact, resting in self._delayed:
@@ -88,7 +88,7 @@ def test_a_rover_at_rest_stands_whatever_the_bias() -> None:
 def test_nothing_is_told_before_the_first_message_and_once_it_is_silent() -> None:
     assert InertialVelocity(SlipSettings()).motion(1.0) is None
     rover = Rover()
-    rover.heard = False
+    rover.is_received = False
     rover.go(0.5)
     assert rover.felt.motion(rover.now_s) is None
 
@@ -154,9 +154,9 @@ def test_a_start_during_lost_measurements_is_no_slide(lost_s: float) -> None:
 def test_gaps_that_repeat_hide_no_spin_of_the_wheels() -> None:
     rover = Rover()
     for _ in range(20):
-        rover.heard = False
+        rover.is_received = False
         rover.go(0.07, 0.0, 0.5)
-        rover.heard = True
+        rover.is_received = True
         rover.go(0.03, 0.0, 0.5)
     assert rover.felt.slid_m > 0.5
     assert rover.felt.apart_s > 1.0
@@ -167,11 +167,11 @@ def test_a_slide_that_begins_in_a_gap_counts(before_s: float) -> None:
     rover = Rover()
     rover.go(1.0, 1.0)
     rover.go(1.0)
-    rover.heard = False
+    rover.is_received = False
     rover.go(before_s)
     rover.lock()
     rover.brake(0.05, 0.1 - before_s)
-    rover.heard = True
+    rover.is_received = True
     rover.brake(0.05)
     assert rover.felt.slid_m == pytest.approx(1.0, abs=0.2)
 
@@ -238,11 +238,11 @@ def test_what_drives_off_after_the_stop_is_seen_again() -> None:
 def test_on_level_ground_the_end_of_braking_is_enough() -> None:
     rover = Rover()
     rover.go(0.5, 1.0)
-    rover.heard = False
+    rover.is_received = False
     rover.go(0.4)  # the wheels lose their speed while nothing is received
     rover.lock()
     rover.true_mps = 0.0
-    rover.heard = True
+    rover.is_received = True
     rover.go(0.3)
     assert not rover.motion.is_standing
     rover.go(0.5)
@@ -252,11 +252,11 @@ def test_on_level_ground_the_end_of_braking_is_enough() -> None:
 def test_on_a_slope_it_takes_another_source() -> None:
     rover = Rover(radians(5))
     rover.go(0.5, 1.0)
-    rover.heard = False
+    rover.is_received = False
     rover.go(0.4)
     rover.lock()
     rover.true_mps = 0.0
-    rover.heard = True
+    rover.is_received = True
     rover.go(4.0)
     assert not rover.motion.is_standing
     rover.felt.reset_at_rest(rover.now_s - 0.4)
