@@ -1,5 +1,6 @@
 """A stop of an operator is repeated until the rover has answered, and stops it once."""
 
+import asyncio
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,25 @@ async def test_the_maximum_age_counts_from_the_press(rover: Aboard, tmp_path: Pa
         ended = await anna.page.command(pressed["id"], "rejected")
         assert ended["history"][-1]["detail"] == "expired after 600 s: it was not sent"
         assert mode(rover) == "IDLE"
+
+
+async def test_an_expired_stop_does_not_call_off_the_stop_of_another_operator(
+    rover: Aboard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    submit, sent, free = MrsClient.submit, asyncio.Event(), asyncio.Event()
+
+    async def submit_late(client: MrsClient, command: Command) -> None:
+        sent.set()
+        await free.wait()
+        await submit(client, command)
+
+    monkeypatch.setattr(MrsClient, "submit", submit_late)
+    async with at_console(tmp_path, rover.uri, "anna", "ben") as (anna, ben):
+        await anna.page.is_up()
+        pressed = await stop(ben)
+        await sent.wait()
+        late = (await anna.request("POST", "api/stop/jackal", json={"age": 3600.0}))[1]
+        assert late["id"] == pressed["id"]
+        free.set()
+        await ben.page.command(pressed["id"], "executed")
+        assert mode(rover) == "STOPPED"

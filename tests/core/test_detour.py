@@ -17,6 +17,7 @@ from executive.checks import check_request, detoured_segments, path_check, path_
 from executive.checks.path_check import best_detour
 from executive.commands import (
     Command,
+    DriveFor,
     FollowPath,
     MoveTo,
     Request,
@@ -170,6 +171,22 @@ def test_during_a_long_search_the_rover_is_stationary(
         assert ticks > 3
         listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in corners)
         assert bench.last(1).text == f"detour around obstacles by {listing}"
+
+
+def test_a_held_velocity_waits_for_the_search_of_the_path_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dispatcher, "MAX_SEARCH_TURNS", 0)
+    zones, target = crowd(3)
+    assert WATCHED.battery is not None
+    battery = replace(WATCHED.battery, home=Point(target.x_m, target.y_m))
+    with Bench(tmp_path, replace(WATCHED, zones=zones, battery=battery)) as bench:
+        bench.charge_ratio = battery.reserve_ratio + 1000.0 / battery.capacity_j
+        bench.step()
+        assert isinstance(bench.submit(DriveFor(-0.3, 0.0, 0.5), 1), Accepted)
+        assert bench.finish(1) is Stage.FAILED
+        assert bench.last(1).reason is Reason.BATTERY_INSUFFICIENT
+        assert bench.rover.pose == Pose()
 
 
 def test_a_search_takes_turns_of_the_core_between_ticks(tmp_path: Path) -> None:

@@ -93,6 +93,20 @@ def test_circles_are_bounded_and_the_nearest_are_retained() -> None:
     assert min(gaps_m(found, Point(nearest.x_m, nearest.y_m))) < 0.1
 
 
+def test_circles_of_a_passed_surface_change_to_its_other_side() -> None:
+    surface = [Disc(1.64 + index / 20, 0.05, 0.03) for index in range(7)]
+    read_often, read_once = LocalMap(JACKAL, Zones()), LocalMap(JACKAL, Zones())
+    for number in range(40):
+        pose, now_s = Pose(0.8, -1.4 + 0.1 * max(0, number - 10)), 0.1 * number
+        changing = Disc(pose.x_m - 1.5, pose.y_m, 0.1)
+        for found in (read_often, read_once):
+            found.add_pose(now_s, pose, STANDING)
+            found.add_scan(scan_of(pose, [*surface, changing], now_s), now_s)
+        assert read_often.circles or number == 0
+    assert set(read_often.circles) == set(read_once.circles)
+    assert any(each.x_m > 1.5 and each.y_m < 0.0 for each in read_often.circles)
+
+
 def test_one_scan_is_nothing_nor_is_one_return() -> None:
     assert seeing((Pose(), [ROCK])).circles == ()
     assert len(seeing((Pose(), [ROCK]), (Pose(), [ROCK])).circles) >= 1
