@@ -192,6 +192,21 @@ def test_a_run_on_a_slow_disk_replays(tmp_path: Path) -> None:
     assert replay(path).difference is None
 
 
+@pytest.mark.parametrize("failing", [False, True], ids=["at the end", "before"])
+def test_an_executive_on_a_full_disk_closes_and_stores_the_stop(
+    failing: bool, bench: Bench, disk: SlowDisk
+) -> None:
+    bench.drive_on()
+    disk.commit_s = 0.1
+    bench.fill_disk()
+    while failing and not bench.ledger.failing:
+        bench.step()
+    bench.executive.close()
+    assert bench.rover.velocity == STANDING
+    with closing(StopLatch(bench.folder / "ledger.stop")) as latch:
+        assert latch.stopped_by is not None
+
+
 class Gate(sqlite3.Connection):
     """A connection with commits that wait for the gate, or fail."""
 
