@@ -1,6 +1,7 @@
 """During a sync of the disk timers run and stops pass; other bundles wait, and none gets lost."""
 
 import asyncio
+import socket
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from itertools import pairwise
@@ -10,10 +11,15 @@ from typing import Any
 import pytest
 
 from adapters.bundle.agent import BundleAgent
+from adapters.bundle.links.ltp_segment import decode_segment
+from adapters.bundle.node.database import BundleDatabase
+from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import Address, Listen, LtpLink, TcpclLink
-from tests.bundle.worlds import HERE, ONE, TWO, Running, opened, settings_of
+from tests.bundle import nodes
+from tests.bundle.nodes import Clock
+from tests.bundle.worlds import ANY, HERE, LIMIT_S, ONE, TWO, Running, opened, settings_of
 from tests.support.ports import free_udp_ports
-from tests.support.unsynced import HeldDisk
+from tests.support.unsynced import UNSYNCED, HeldDisk, PowerLoss
 
 STOP, ORDINARY = b"stop", b"ordinary"
 
@@ -86,3 +92,51 @@ async def test_a_session_is_kept_alive_while_the_disk_syncs(tmp_path: Path) -> N
         disk.free.set()
         await sent
         assert (await one.take_one()).payload == ORDINARY
+
+
+def test_sequence_numbers_are_not_used_again_after_losses_of_power(tmp_path: Path) -> None:
+    disk, path, clock = PowerLoss(tmp_path / "synced"), tmp_path / "1.db", Clock()
+    identities: list[str] = []
+    for is_held in (False, True, False):
+        database = BundleDatabase(path, system=disk)
+        node = BundleNode(nodes.settings_of(1, 2), database, clock, lambda _: None)
+        disk.holds = is_held
+        identities.append(str(node.put(TWO, STOP, expedited=True)))
+        node.transaction.commit()
+        database.close()
+        disk.holds = False
+        disk.cut_power(path)
+    assert len(set(identities)) == 3
+
+
+async def test_ltp_sessions_are_not_used_again_after_losses_of_power(tmp_path: Path) -> None:
+    disk, path, loop = PowerLoss(tmp_path / "synced"), tmp_path / "1.db", asyncio.get_running_loop()
+    sessions: list[int] = []
+    for is_held in (False, True, False):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind((HERE, 0))
+            peer.setblocking(False)
+            settings = settings_of(1, 2, LtpLink(Address(*peer.getsockname())))
+            agent = BundleAgent(settings, path, Listen(ltp=ANY), system=disk)
+            async with opened(agent), asyncio.timeout(LIMIT_S):
+                disk.holds = is_held
+                await agent.send(TWO, STOP, expedited=True)
+                sessions.append(decode_segment(await loop.sock_recv(peer, 2048)).session.number)
+        disk.holds = False
+        disk.cut_power(path)
+    assert len(set(sessions)) == 3
+
+
+def test_a_sync_releases_only_bundles_that_were_committed_before(tmp_path: Path) -> None:
+    database = BundleDatabase(tmp_path / "1.db", system=UNSYNCED)
+    node = BundleNode(nodes.settings_of(1, 2), database, Clock(), lambda _: None)
+    node.put(TWO, ORDINARY)
+    node.transaction.write()
+    node.put(TWO, ORDINARY)
+    node.transaction.begin_sync()
+    node.transaction.end_sync()
+    node.transaction.release()
+    assert database.durable["outbox"] == 1
+    node.transaction.commit()
+    assert database.durable["outbox"] == 2
+    database.close()
