@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import threading
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from itertools import pairwise
@@ -92,6 +93,39 @@ async def test_a_session_is_kept_alive_while_the_disk_syncs(tmp_path: Path) -> N
         disk.free.set()
         await sent
         assert (await one.take_one()).payload == ORDINARY
+
+
+class HeldThread(HeldDisk):
+    """A computer with syncs that wait on the agent's second thread only.
+
+    Attributes:
+        waits: set once a sync waits.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.waits = threading.Event()
+
+    def sync(self, database: Path) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            if not self.free.is_set():
+                self.waits.set()
+            super().sync(database)
+
+
+async def test_an_agent_that_was_closed_during_a_sync_opens_again(tmp_path: Path) -> None:
+    disk = HeldThread()
+    (link, listen), _ = _ltp().values()
+    agent = BundleAgent(settings_of(1, 2, link), tmp_path / "1.db", listen, system=disk)
+    async with asyncio.timeout(LIMIT_S):
+        async with opened(agent) as one:
+            disk.free.clear()
+            sent = asyncio.create_task(agent.send(TWO, ORDINARY))
+            await one.until(disk.waits.is_set)
+            asyncio.get_running_loop().call_soon(disk.free.set)
+        await sent
+        async with opened(agent):
+            await agent.send(TWO, ORDINARY)
 
 
 def test_sequence_numbers_are_not_used_again_after_losses_of_power(tmp_path: Path) -> None:

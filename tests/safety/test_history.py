@@ -97,6 +97,16 @@ def test_simulated_time_that_is_received_late_makes_no_odometry_old() -> None:
     assert drive.clock.now_s() - drive.history.odometry_time_s == pytest.approx(0.02, abs=0.005)
 
 
+def test_a_clock_that_was_set_forward_does_not_hide_late_odometry() -> None:
+    drive = Drive()
+    drive.go(1.0)
+    drive.late_s = -0.3
+    drive.go(2.0)
+    drive.late_s = 0.1
+    drive.go(0.5)
+    assert drive.clock.now_s() - drive.history.odometry_time_s == pytest.approx(0.4, abs=0.03)
+
+
 def test_all_messages_of_a_burst_count_for_the_rate() -> None:
     drive = Drive()
     drive.go(2.0)

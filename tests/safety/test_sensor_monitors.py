@@ -560,3 +560,24 @@ def test_a_dead_wheel_is_seen_after_a_burst_of_late_speeds() -> None:
     assert drive.names == []
     goes_wrong(drive, limit_s=0.5, left=0.0, torque_nm=0.0)
     assert drive.names == ["wheels_off_command"]
+
+
+class StampsInBursts(SensedDrive):
+    """A drive with inertial messages that are stamped ten at a time, once in 0.1 s."""
+
+    def _send(self, fact: Fact, late_s: float) -> None:
+        if type(fact) is Imu:
+            burst, number = divmod(round(fact.stamp_s / 0.01), 10)
+            fact = replace(fact, stamp_s=0.1 * (burst + 1) + 0.001 * number)
+            late_s = 0.01 * (9 - number)
+        super()._send(fact, late_s)
+
+
+def test_stamps_in_bursts_hide_no_slip() -> None:
+    drive = StampsInBursts(load_settings("jackal"))
+    drive.run(STANDING, 1.0)
+    drive.run(Velocity(0.3), 1.0)
+    assert drive.names == []
+    goes_wrong(drive, limit_s=0.05, grip=0.0)
+    drive.run(AHEAD, 1.5)
+    assert drive.names == ["wheel_slip"]
