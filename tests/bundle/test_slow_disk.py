@@ -17,7 +17,7 @@ from adapters.bundle.node.database import BundleDatabase
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import Address, Listen, LtpLink, TcpclLink
 from tests.bundle import nodes
-from tests.bundle.nodes import Clock
+from tests.bundle.nodes import START_UTC_MS, Clock
 from tests.bundle.worlds import ANY, HERE, LIMIT_S, ONE, TWO, Running, opened, settings_of
 from tests.support.ports import free_udp_ports
 from tests.support.unsynced import UNSYNCED, HeldDisk, PowerLoss
@@ -128,10 +128,18 @@ async def test_an_agent_that_was_closed_during_a_sync_opens_again(tmp_path: Path
             await agent.send(TWO, ORDINARY)
 
 
-def test_sequence_numbers_are_not_used_again_after_losses_of_power(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("utc_ms", "held"),
+    [(START_UTC_MS, (False, True, False)), (0, (True, True))],
+    ids=["stopped clock", "first starts before 2000"],
+)
+def test_sequence_numbers_are_not_used_again_after_losses_of_power(
+    utc_ms: int, held: tuple[bool, ...], tmp_path: Path
+) -> None:
     disk, path, clock = PowerLoss(tmp_path / "synced"), tmp_path / "1.db", Clock()
+    clock.utc_ms = utc_ms
     identities: list[str] = []
-    for is_held in (False, True, False):
+    for is_held in held:
         database = BundleDatabase(path, system=disk)
         node = BundleNode(nodes.settings_of(1, 2), database, clock, lambda _: None)
         disk.holds = is_held
@@ -140,7 +148,7 @@ def test_sequence_numbers_are_not_used_again_after_losses_of_power(tmp_path: Pat
         database.close()
         disk.holds = False
         disk.cut_power(path)
-    assert len(set(identities)) == 3
+    assert len(set(identities)) == len(held)
 
 
 async def test_ltp_sessions_are_not_used_again_after_losses_of_power(tmp_path: Path) -> None:

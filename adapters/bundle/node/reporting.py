@@ -154,7 +154,8 @@ class NodeContext:
             database.sync()  # the next start must omit those of this one, too
         except StoreError:  # a full disk: the next commit writes it
             database.rollback()
-        self._last = Creation(database.count(_LAST_TIME), sequence)
+        # Before 2000 the time of each creation is 1: a first start continues the numbers, too.
+        self._last = Creation(max(database.count(_LAST_TIME), 1), sequence)
         self._last_to_write = False
 
     def notify(self, identity: BundleId, status: DeliveryStatus) -> None:
