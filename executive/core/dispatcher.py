@@ -135,17 +135,12 @@ class Dispatcher:
 
         After `MAX_SEARCH_TURNS` it need not wait: the search ends when the motion begins.
         """
-        request, context = command.request, self._context
+        detours, zones = self._context.detours, self._context.status.obstacles
         self._search_turns += 1
-        if (
-            self._search_turns <= MAX_SEARCH_TURNS
-            and isinstance(request, Motion)
-            and context.status.obstacles.not_empty
-            and isinstance(found := localized(request, context.status, context.settings), Motion)
-        ):
-            command, context.detours.undecided = replace(command, request=found), False
-            refused = self._check_path(command) or self._check_battery(command)
-            if context.detours.undecided and refused is None:
+        searches = isinstance(command.request, Motion) and zones.not_empty
+        if searches and self._search_turns <= MAX_SEARCH_TURNS:
+            detours.undecided = False
+            if self._check(command, overtaken=False) is None and detours.undecided:
                 return True
         self._search_turns = 0
         return False
