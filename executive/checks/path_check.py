@@ -5,8 +5,9 @@ left to the monitors in other motions. The check covers the path of base_link: s
 drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
 sweeps. A base that cannot turn on the spot turns by arcs, forward first if both are free.
 
-With `Detours` a detour may be undecided in this turn: its motion counts as free and straight
-until the leg, which waits for it, begins. Without them, each search runs to its end.
+With `Detours` a detour may be undecided in this turn: its motion counts as free and straight. The
+command waits for it (`Dispatcher.awaits_detour`), and the leg, too, if it is searched again.
+Without them, each search runs to its end.
 """
 
 from collections.abc import Iterable, Sequence
