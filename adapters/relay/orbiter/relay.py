@@ -136,7 +136,7 @@ class OrbiterRelay:
         """Close the agent and the records; queued bundles are retained."""
         await self.agent.close()
         for rover in self.rovers.values():
-            rover.record.close()
+            await rover.close()
 
     async def receive(self) -> None:
         """Dispatch deliveries for as long as the agent is open."""

@@ -99,7 +99,12 @@ class RelayedRover:
         self._confirm = agent.must_confirm(settings.endpoint)
         self._sending: dict[Identity, asyncio.Future[None]] = {}
         self._publishing = asyncio.Lock()
-        self._settling: asyncio.Task[None] | None = None
+        self._settling: set[asyncio.Task[None]] = set()
+
+    async def close(self) -> None:
+        """Close the record once the reports under way are published."""
+        await asyncio.gather(*self._settling)
+        self.record.close()
 
     async def submit(self, command: Command) -> None:
         """Accept responsibility for a command; once this returns it survives a crash here.
@@ -221,7 +226,9 @@ class RelayedRover:
         loss = LOSS_BY_STATUS.get(fate)
         identity = self.record.outstanding.note_departure(bundle, self._utc_s(), loss)
         if loss is not None:
-            self._settling = asyncio.create_task(self._settle())
+            settling = asyncio.create_task(self._settle())
+            self._settling.add(settling)
+            settling.add_done_callback(self._settling.discard)
         elif identity is not None:
             self._report(departure(identity, self._utc_s()))
 

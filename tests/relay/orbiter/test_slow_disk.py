@@ -2,12 +2,13 @@
 
 import asyncio
 import threading
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from adapters.bundle import BundleId, ContactOverride, Ipn, node_of
+from adapters.bundle import BundleId, ContactOverride, DeliveryStatus, Ipn, node_of
 from adapters.mal import MalError
 from adapters.mops import UNNUMBERED
 from adapters.mrs.spec import AreaError
@@ -65,6 +66,32 @@ async def test_a_report_is_published_once_it_is_on_the_disk(
         free.set()
         await until(lambda: relayed.record.ledger.published == 1)
         assert [each.report.text for each in await client.get_notifications()] == ["seen"]
+
+
+async def test_reports_of_lost_bundles_are_published_before_the_record_closes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = threading.Event()
+    async with meeting(Sky(tmp_path, "jackal")) as (relay, rover, client):
+        (relayed,) = relay.rovers.values()
+        rover.mute = True
+        sent: list[BundleId] = []
+        send = relay.agent.send
+
+        async def recorded_send(*arguments: Any, **options: Any) -> BundleId:
+            sent.append(await send(*arguments, **options))
+            return sent[-1]
+
+        monkeypatch.setattr(relay.agent, "send", recorded_send)
+        for _ in range(2):
+            await client.submit(client.command(MoveForward(1.0)))
+        published = relayed.record.ledger.published
+        monkeypatch.setattr(relayed.record, "_sync", lambda: free.wait(60))
+        for bundle in sent:
+            relayed.on_status(bundle, DeliveryStatus.EXPIRED)
+        asyncio.get_running_loop().call_later(0.05, free.set)
+    with closing(RoverRecord(Path(relayed.record.ledger.path), system=UNSYNCED)) as reopened:
+        assert reopened.ledger.published == published + len(sent)
 
 
 async def test_a_stop_clears_an_override_while_the_disk_syncs(
