@@ -25,7 +25,16 @@ from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, HousekeepingProvider
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
-from adapters.process import StartError, Termination, exclusive, require
+from adapters.process import (
+    ALIVE,
+    StartError,
+    Termination,
+    announce,
+    exclusive,
+    notify,
+    require,
+    watchdog_period_s,
+)
 from adapters.recording import BackgroundRecorder
 from adapters.ros import (
     RosAsset,
@@ -166,7 +175,9 @@ def serve(
                     watchdog.beat()
 
             spin_until(lambda: executive.status.odometry_fresh or time.monotonic() > until_s)
-            print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
+            announce(f"{settings.asset} listens at {_listen(link, executive, options)}")
+            if (period_s := watchdog_period_s()) is not None:
+                steady_timer(node, period_s, partial(notify, ALIVE))
             gc.freeze()
             spin_until(lambda: False)
             _LOG.info("termination requested: the rover stops, goals are cancelled")

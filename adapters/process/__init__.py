@@ -14,6 +14,10 @@ from adapters.process.command import log_level_option as log_level_option
 from adapters.process.command import log_to_stderr as log_to_stderr
 from adapters.process.command import process as process
 from adapters.process.command import termination_event as termination_event
+from adapters.process.service_manager import ALIVE as ALIVE
+from adapters.process.service_manager import announce as announce
+from adapters.process.service_manager import notify as notify
+from adapters.process.service_manager import watchdog_period_s as watchdog_period_s
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import require as require
 from adapters.process.usage import ResourceMonitor as ResourceMonitor

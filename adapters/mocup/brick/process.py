@@ -12,6 +12,7 @@ from adapters.process import (
     EXISTING_FILE,
     StartError,
     Termination,
+    announce,
     asset_option,
     data_option,
     default_folder,
@@ -134,7 +135,7 @@ def serve_brick(
             address, measured = settings.address, declare_topics(node)
             served = NxtNode(node, measured, settings, record, lambda: Brick(address, backend))
             with closing(served):
-                print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
+                announce(f"{settings.brick} is served for {asset}, USB {address}")
                 while not termination.requested:
                     executor.spin_once()
                 _LOG.info("termination requested: the brick is released")

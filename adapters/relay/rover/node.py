@@ -22,7 +22,7 @@ from adapters.bundle import (
     load_security,
 )
 from adapters.mops import LinkHealth, load_dictionary
-from adapters.process import StartError, Termination, exclusive
+from adapters.process import StartError, Termination, announce, exclusive
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
 from adapters.ros import (
@@ -179,7 +179,7 @@ def serve(
             _start(bridge, settings, settings_file)
             with closing(bridge):
                 topics.serve(bridge)
-                print(f"{settings.eid} relays for {settings.asset}", flush=True)
+                announce(f"{settings.eid} relays for {settings.asset}")
                 while not termination.requested:
                     executor.spin_once()
                     if reload_requests:
