@@ -37,6 +37,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[*TOP_LEVEL, *(f"{name}.*" for name in TOP_LEVEL)]),
+    py_modules=[project["name"].replace("-", "_")],
     data_files=data_files(),
     entry_points={
         "console_scripts": scripts(project["scripts"]),

@@ -2,7 +2,7 @@
 
     settings ─> plan_xml, driven and recorded ─> drive_log ─> fit ─> figures of the YAML
 
-The models are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (the extra `sim`).
+The models are those of `executive.settings.mpc_settings`. Needs SciPy (the extra `campaign`).
 docs/controllers.md shows its use.
 """
 

@@ -20,14 +20,9 @@ def bag(recording: Path, folder: Path) -> None:
       ros2 bag info run_bag
     """
     from adapters.recording import RecordingError
+    from adapters.ros.bag import write_bag
     from executive.settings import SettingsError
 
-    try:
-        from adapters.ros.bag import write_bag
-    except ImportError as error:
-        raise click.ClickException(
-            f"{error.name} is missing: pip install 'rover-executive[ros,bag]'"
-        ) from error
     if folder.exists():
         raise click.UsageError(f"{folder} exists: give a new folder")
     try:

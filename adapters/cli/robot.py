@@ -1,6 +1,7 @@
 """The commands `rover robot`: `new` makes both files of an asset, `check` is in `robot_check`."""
 
 import re
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -9,6 +10,7 @@ import click
 import yaml
 
 from adapters.cli.robot_check import check
+from adapters.process import program
 from executive.settings import (
     Settings,
     SettingsError,
@@ -112,7 +114,10 @@ def new(
             key = KEY.match(line)
             if key is not None and (meaning := TO_CHECK.get(key[1])) is not None:
                 click.echo(f"{number:4}  {line.strip()[:WIDTH]}\n        {meaning}")
-    click.echo(f"Then: ./rover robot check {name}\n      .venv/bin/rover-executive --asset {name}")
+    scripts = Path(sys.executable).parent
+    click.echo(
+        f"Then: {program()} robot check {name}\n      {scripts}/rover-executive --asset {name}"
+    )
 
 
 def _listen(namespace: str | None, seconds: float) -> "FoundRobot":

@@ -338,8 +338,9 @@ def _casadi() -> Any:
         return import_module("casadi")
     except ImportError as error:
         raise SettingsError(
-            "controller: mpc needs casadi, which is not installed: install the extra mpc"
-            " (pip install 'rover-executive[mpc]'); controller: turn_drive needs no extra"
+            "controller: mpc needs casadi, which is not installed: pip install"
+            " 'rover-executive[mpc]', or in a checkout ./rover extras; controller: turn_drive needs"
+            " no extra"
         ) from error
 
 

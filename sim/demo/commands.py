@@ -27,7 +27,7 @@ SHOWS: Final = {
     "assets": ("both_jackal", "both_mocup"),
 }
 """Scenarios in config/demo that run at the same time, by demonstration."""
-NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
+NO_CONSOLE: Final = "a console in a browser needs the extra ground: rover-executive[ground]"
 ENDS: Final = "\nThe rover and its console have ended; --stay leaves them running."
 CONSOLE_AFTER: Final = 80
 """Offset of the console's port from the rover's, as for the default ports 21000 and 21080."""
@@ -233,6 +233,8 @@ def _run_until_interrupted(
 
 def _proposals(fleet: "Fleet", uris: Sequence[str], domain: int, *, known: bool) -> str:
     """Return example commands, with a heading."""
+    from adapters.process import program
+
     lines = ["", "The rovers run." if len(fleet.rovers) > 1 else "The rover runs."]
     lines[-1] += " From a second terminal, in this folder:"
     in_domain = f"ROS_DOMAIN_ID={domain} " if domain else ""
@@ -246,7 +248,8 @@ def _proposals(fleet: "Fleet", uris: Sequence[str], domain: int, *, known: bool)
         for uri in uris[of_rover * number + 1 : of_rover * (number + 1)]:
             relay = uri.removeprefix("maltcp://").removesuffix("/MRS")
             proposed += [f"command --to {relay} moveForward -0.5", f"status --to {relay}"]
-        lines += ["", *(f"  ./rover {each}" for each in proposed), f"  {in_domain}./rover {watch}"]
+        typed = program()
+        lines += ["", *(f"  {typed} {each}" for each in proposed), f"  {in_domain}{typed} {watch}"]
     return "\n".join([*lines, ""])
 
 

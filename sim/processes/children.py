@@ -50,7 +50,8 @@ class ChildProcess:
         self.log = folder / f"{name}.log"
         self._ending = False
         self._up = up
-        self._command = [sys.executable, "-m", module, *arguments]
+        # -P: else a folder `sim` where the user is would be imported in place of ours.
+        self._command = [sys.executable, "-P", "-m", module, *arguments]
         self._environment = {**os.environ, **environment}
         self.log.write_bytes(b"")
         self._process = self._start()

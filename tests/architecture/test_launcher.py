@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+LOCKS = ("requirements.lock", "requirements-test.lock")
 SYSTEM_TOOLS = (
     "awk", "cat", "chmod", "cksum", "dirname", "env", "grep", "mkdir", "printf", "readlink", "rm",
     "sh", "sleep", "tail", "tee", "touch", "uname",
@@ -121,7 +122,7 @@ def bench(tmp_path: Path) -> Bench:
     tools = tmp_path / "bin"
     checkout.mkdir()
     tools.mkdir()
-    for name in ("rover", "requirements.lock", "pyproject.toml", "setup.py"):
+    for name in ("rover", *LOCKS, "pyproject.toml", "setup.py"):
         shutil.copy(CHECKOUT / name, checkout)
     for name in SYSTEM_TOOLS:
         found = shutil.which(name)
@@ -137,8 +138,9 @@ def test_first_start_makes_the_environment_and_the_second_only_starts(bench: Ben
     first = bench.start("status", "--json")
     assert first.stdout.startswith("started with: status --json\n"), first.stderr
     assert first.returncode == 5
-    assert "[1/3]" in first.stderr
-    assert "[3/3] ready" in first.stderr
+    assert "[1/2]" in first.stderr
+    assert first.stderr.endswith("rover: ready\n")
+    assert "requirements-test.lock" not in first.stderr
     assert bench.steps() == ["venv", "pip", "pip"]
     assert "INSTALLED=yes" in first.stdout
 
@@ -165,6 +167,40 @@ def test_changed_lock_updates_in_place(bench: Bench) -> None:
     assert bench.steps() == ["pip", "pip"]
 
 
+@pytest.mark.parametrize("command", ["test", "bench", "extras"])
+def test_the_first_command_that_needs_more_adds_the_second_lock(command: str, bench: Bench) -> None:
+    bench.start("demo")
+    bench.steps()
+    added = bench.start(command, "-x")
+    assert added.stdout.startswith(f"started with: {command} -x\n"), added.stderr
+    assert f"for `rover {command}`: packages of requirements-test.lock" in added.stderr
+    assert bench.steps() == ["pip"]
+    wanted = (bench.checkout / ".venv" / "requirements.txt").read_text()
+    assert wanted == (CHECKOUT / "requirements-test.lock").read_text()
+    assert bench.start(command).stderr == bench.start("demo").stderr == ""
+    assert bench.steps() == []
+
+
+def test_a_bare_machine_that_tests_installs_both_locks(bench: Bench) -> None:
+    assert bench.start("test").returncode == 5
+    assert bench.steps() == ["venv", "pip", "pip", "pip"]
+
+
+def test_a_change_of_the_second_lock_matters_to_tests_alone(bench: Bench) -> None:
+    bench.start("test")
+    bench.steps()
+    with (bench.checkout / "requirements-test.lock").open("a") as lock:
+        lock.write("# changed\n")
+    assert bench.start("demo").stderr == ""
+    assert bench.steps() == []
+    bench.broken.touch()
+    assert bench.start("test").returncode == 1
+    bench.broken.unlink()
+    assert bench.steps() == ["pip"]
+    assert bench.start("test").returncode == 5
+    assert bench.steps() == ["pip"]
+
+
 def test_moved_checkout_gets_a_new_environment(bench: Bench, tmp_path: Path) -> None:
     bench.start()
     bench.steps()
@@ -189,7 +225,7 @@ def test_a_second_first_start_waits_for_the_first(bench: Bench) -> None:
     os.mkfifo(bench.gate)
     with bench.begin() as first:
         assert first.stderr is not None
-        assert any("[2/3]" in line for line in iter(first.stderr.readline, ""))
+        assert any("[2/2]" in line for line in iter(first.stderr.readline, ""))
         with bench.begin() as second:
             assert second.stderr is not None
             assert "waiting for another first start" in second.stderr.readline()

@@ -3,7 +3,6 @@
 import ast
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -17,16 +16,13 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.support.wheel import PACKAGES, build_wheel
+
 CHECKOUT = Path(__file__).resolve().parents[2]
-PACKAGES = ("executive", "trees", "adapters", "sim")
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 COMMANDS = PROJECT["entry-points"]["rover.commands"]
 CHECKOUT_COMMANDS = tomllib.loads((CHECKOUT / "tests" / "commands.toml").read_text())
 ROS_NAME = PROJECT["name"].replace("-", "_")
-# What a wheel is made of, besides the rooms.
-FRAME = ("pyproject.toml", "setup.py", "setup.cfg", "package.xml", "resource", "config",
-         "docs", "launch", "README.md", "LICENSE")  # fmt: skip
-
 # How colcon reads a setup.py: what it prints must be literals.
 AS_COLCON = """
 import setuptools
@@ -55,18 +51,9 @@ def files(package: str) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel in a copy and return the folder where it is unpacked."""
-    copy = tmp_path_factory.mktemp("copy")
-    for name in (*FRAME, *PACKAGES):
-        if (CHECKOUT / name).is_dir():
-            shutil.copytree(CHECKOUT / name, copy / name)
-        else:
-            shutil.copy(CHECKOUT / name, copy)
-    build = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
-    subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, capture_output=True)
-    (built,) = (copy / "dist").glob("*.whl")
+    """Return the folder where the wheel is unpacked."""
     target = tmp_path_factory.mktemp("installed")
-    zipfile.ZipFile(built).extractall(target)
+    zipfile.ZipFile(build_wheel(tmp_path_factory.mktemp("built"))).extractall(target)
     return target
 
 
@@ -144,14 +131,17 @@ def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
     share = f"{ROS_NAME}-{PROJECT['version']}.data/data/share/"
     settings = {
         f"{share}{ROS_NAME}/{path}" for folder in ("config", "launch") for path in files(folder)
-    }
+    } | {f"{share}{ROS_NAME}/docs/{path.name}" for path in (CHECKOUT / "docs").glob("*.md")}
     marker = f"{share}ament_index/resource_index/packages/{ROS_NAME}"
     assert settings | {marker, f"{share}{ROS_NAME}/package.xml"} <= wheel
 
 
 def test_wheel_brings_no_other_top_level_name(wheel: set[str]) -> None:
     tops = {name.split("/")[0] for name in wheel}
-    assert {top for top in tops if not top.startswith(ROS_NAME)} == set(PACKAGES)
+    assert {top for top in tops if not top.startswith(f"{ROS_NAME}-")} == {
+        *PACKAGES,
+        f"{ROS_NAME}.py",
+    }
 
 
 def rover(installed: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -175,34 +165,52 @@ def test_a_bare_install_has_no_command_that_needs_a_checkout(installed: Path) ->
         assert refused.stderr.endswith(f"\n\nError: No such command '{command}'.\n")
 
 
-LOCK = (CHECKOUT / "requirements.lock").read_text()
+RUNS = ("ros", "onboard", "ground", "sim")
+"""Extras of requirements.lock; requirements-test.lock has all."""
+LOCKS = {
+    name: (CHECKOUT / name).read_text() for name in ("requirements.lock", "requirements-test.lock")
+}
+EXTRAS = PROJECT["optional-dependencies"]
 WANTED = [
-    *PROJECT["dependencies"],
-    *(line for extra in PROJECT["optional-dependencies"].values() for line in extra),
+    (name, line)
+    for name in LOCKS
+    for line in (
+        *PROJECT["dependencies"],
+        *(
+            line
+            for extra, lines in EXTRAS.items()
+            if "test" in name or extra in RUNS
+            for line in lines
+        ),
+    )
 ]
 
 
-def entries() -> list[str]:
+def entries(lock: str) -> list[str]:
     """Return one string for each requirement, with the lines that belong to it."""
-    text = "".join(line for line in LOCK.splitlines(keepends=True) if not line.startswith("#"))
+    text = "".join(
+        line for line in LOCKS[lock].splitlines(keepends=True) if not line.startswith("#")
+    )
     return re.split(r"\n(?=\S)", text.strip())
 
 
-def test_every_entry_is_pinned_and_hashed() -> None:
-    assert len(entries()) > 50
-    for entry in entries():
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_entry_is_pinned_and_hashed(lock: str) -> None:
+    assert len(entries(lock)) > 50
+    for entry in entries(lock):
         assert re.match(r"[a-z0-9-]+==\S+ (; .+ )?\\\n", entry), entry
         assert re.fullmatch(r"(\s+--hash=sha256:[0-9a-f]{64}( \\\n)?)+", entry[entry.index("\n") :])
 
 
-def test_names_no_host() -> None:
-    assert not re.search(r"https?:|file:|index-url|find-links|trusted-host", LOCK)
+@pytest.mark.parametrize("lock", LOCKS)
+def test_names_no_host(lock: str) -> None:
+    assert not re.search(r"https?:|file:|index-url|find-links|trusted-host", LOCKS[lock])
 
 
-@pytest.mark.parametrize("wanted", WANTED)
-def test_holds_the_files_required_by_pyproject(wanted: str) -> None:
+@pytest.mark.parametrize(("lock", "wanted"), WANTED)
+def test_holds_the_files_required_by_pyproject(lock: str, wanted: str) -> None:
     requirement = Requirement(wanted)
-    pinned = [Requirement(entry.split("\\")[0]) for entry in entries()]
+    pinned = [Requirement(entry.split("\\")[0]) for entry in entries(lock)]
     versions = [
         next(iter(pin.specifier)).version
         for pin in pinned
@@ -210,3 +218,19 @@ def test_holds_the_files_required_by_pyproject(wanted: str) -> None:
     ]
     assert versions
     assert all(requirement.specifier.contains(version) for version in versions)
+
+
+def test_the_second_lock_adds_to_the_first() -> None:
+    runs, everything = map(entries, LOCKS)
+    assert set(runs) < set(everything)
+
+
+def test_what_runs_brings_nothing_of_tests_and_nothing_large() -> None:
+    others = {
+        canonicalize_name(Requirement(line).name)
+        for extra, lines in EXTRAS.items()
+        if extra not in RUNS
+        for line in lines
+    }
+    names = {entry.partition("==")[0] for entry in entries("requirements.lock")}
+    assert names & others == {"setuptools"}  # which installs the checkout itself

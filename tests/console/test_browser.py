@@ -360,7 +360,7 @@ def test_a_console_without_a_rover_shows_how_to_start_one(
     with own.console():
         for path in ("", "lite"):
             page = people.visit(f"{own.url}{path}", "anna")
-            expect(page.get_by_text("./rover demo --stay").first).to_be_visible()
+            expect(page.get_by_text("rover demo --stay").first).to_be_visible()
             page.screenshot(path=picture(f"console-empty{path and '-light'}"))
             page.context.close()
 

@@ -1,4 +1,4 @@
-"""What is aboard needs no package but those of the extra `onboard`."""
+"""What is aboard needs no package but those of the extra `onboard`, with the controller mpc."""
 
 import sys
 import tomllib
@@ -54,7 +54,7 @@ def test_an_executive_starts_with_the_packages_of_its_extra(
     assert ros_domain
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    aboard = with_dependencies([*project["dependencies"], *extras["onboard"]])
+    aboard = with_dependencies([*project["dependencies"], *extras["onboard"], *extras["mpc"]])
     others = with_dependencies(
         line for name, lines in extras.items() if name != "ros" for line in lines
     )

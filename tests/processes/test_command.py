@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
-from importlib.metadata import requires
+import tomllib
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner, Result
 
+import rover_executive
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,
@@ -20,7 +21,7 @@ from adapters.process import (
     process,
 )
 from adapters.process.command import split_ros_arguments
-from adapters.process.start import EXTRAS, check_own_packages
+from adapters.process.start import EXTRAS
 from executive.settings import SettingsError
 
 WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; main({3!r})"
@@ -98,7 +99,7 @@ def test_arguments_for_ros_are_set_apart(line: str, own: str, ros: str) -> None:
         ("rclpy", "sim.ros.process:main", [], "Jazzy or newer"),
         ("rclpy", "adapters.cli.main:main", ["watch"], "Jazzy or newer"),
         ("rclpy", "adapters.cli.main:main", ["demo"], "Jazzy or newer"),
-        ("usb", "adapters.mocup.brick.process:main", [], "'rover-executive[nxt]'"),
+        ("usb", "adapters.mocup.brick.process:main", [], "'rover-executive[onboard]'"),
         ("mujoco", "adapters.cli.main:main", ["scenario", "--list"], "'rover-executive[sim]'"),
     ],
 )
@@ -114,41 +115,56 @@ def test_a_package_that_is_missing_is_named_with_what_brings_it(
 
 
 def test_the_extras_exist() -> None:
-    declared = " ".join(requires("rover-executive") or ())
-    assert all(f'extra == "{extra}"' in declared for extra in EXTRAS.values())
+    declared = tomllib.loads((rover_executive.ROOT / "pyproject.toml").read_text())["project"]
+    assert set(EXTRAS.values()) <= declared["optional-dependencies"].keys()
 
 
-@pytest.mark.parametrize("start", ["executive", "simulation", "orbiter", "relay", "brick"])
-def test_a_foreign_package_ends_the_start(start: str, tmp_path: Path) -> None:
-    (tmp_path / "executive").mkdir()
-    (tmp_path / "executive" / "__init__.py").touch()
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from adapters.process import start"
+SCRIPTS = ("rover", "console", "executive", "simulation", "orbiter", "relay", "brick")
+
+
+@pytest.mark.parametrize("package", ["executive", "adapters"])
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_foreign_package_ends_the_start(script: str, package: str, tmp_path: Path) -> None:
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").touch()
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import rover_executive as start"
     done = subprocess.run(
-        [sys.executable, "-c", f"{code}; start.{start}()"],
+        [sys.executable, "-c", f"{code}; start.{script}()"],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 1
-    found = tmp_path / "executive"
-    assert done.stderr.startswith(f"Error: Python finds package executive at {found}, and not at")
+    found = tmp_path / package
+    assert done.stderr.startswith(f"Error: Python finds package {package} at {found}, and not at")
+    assert len(done.stderr.splitlines()) == 1
 
 
-def test_files_of_another_distribution_are_warned_of(
+def test_files_of_another_distribution_end_the_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    other = tmp_path / "adapters-1.2.dist-info"
-    other.mkdir()
-    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: adapters\nVersion: 1.2\n")
-    (other / "RECORD").write_text("adapters/__init__.py,,\n")
-    assert not list(check_own_packages())
-    for package in ("executive", "trees", "adapters", "sim"):
+    rover_executive.check_own_packages()
+    for package in rover_executive.OWN_PACKAGES:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
-    monkeypatch.setattr("adapters.process.start.ROOT", tmp_path)
+    monkeypatch.setattr(rover_executive, "ROOT", tmp_path)
     monkeypatch.setattr(
-        "adapters.process.start.find_spec",
+        rover_executive,
+        "find_spec",
         lambda name: type("Spec", (), {"origin": str(tmp_path / name / "__init__.py")}),
     )
-    (warning,) = check_own_packages()
-    assert warning.startswith("adapters 1.2 has installed files into")
+    for name, file in (("rover_executive", "sim/ours.py"), ("other", "other/adapters/x.py")):
+        installed(tmp_path, name, file)
+    rover_executive.check_own_packages()
+    installed(tmp_path, "adapters", "adapters/__init__.py")
+    with pytest.raises(rover_executive.ForeignPackageError) as raised:
+        rover_executive.check_own_packages()
+    assert str(raised.value).startswith("adapters 1.2 has installed files into")
+
+
+def installed(folder: Path, name: str, file: str) -> None:
+    """Have a distribution in a folder, with one file."""
+    information = folder / f"{name}-1.2.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n")
+    (information / "RECORD").write_text(f"{file},,\n")

@@ -99,8 +99,9 @@ def entry_of(command: Sequence[str]) -> tuple[str, Sequence[str]] | None:
         return program, command
     if not {*os.environ.get("PYTHONPATH", "").split(os.pathsep)} - {""} <= {*sys.path}:
         return None
-    if program == sys.executable and arguments[:1] == ["-m"]:
-        return arguments[1], arguments[1:]
+    if program == sys.executable and "-m" in arguments[:2]:
+        started = arguments[arguments.index("-m") + 1 :]
+        return started[0], started
     path = Path(program)
     entry = _scripts().get(path.name) if path.parent == Path(sys.executable).parent else None
     return None if entry is None else (entry, command)

@@ -101,10 +101,10 @@ export class Session extends Topics {
     if (this.connection.status !== "open") {
       return "rover-console does not answer. This page reconnects by itself.";
     }
-    if (!asset) return "No rover is connected: start one with ./rover demo --stay";
+    if (!asset) return "No rover is connected: start one with rover demo --stay";
     if (asset.recording) return `${asset.recording.file} holds no such data up to this time. Choose a later time, or open another recording under “Rovers”.`;
     const links = [...asset.links.values()].map((each) => `${each.link} link (${each.uri}) ${each.state}`);
-    return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with ./rover demo --stay`;
+    return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with rover demo --stay`;
   }
 
   /** @param {Message} message */

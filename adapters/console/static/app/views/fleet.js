@@ -19,7 +19,7 @@ export class FleetView extends View {
     "div",
     { className: "no-rover" },
     html("p", { className: "title", textContent: "No rover is connected." }),
-    html("p", {}, "Start a simulated one with ", html("code", { textContent: "./rover demo --stay" }), "; it appears here by itself."),
+    html("p", {}, "Start a simulated one with ", html("code", { textContent: "rover demo --stay" }), "; it appears here by itself."),
     this.#addresses,
   );
   root = html("section", { className: "rover-view fleet-view" }, this.#noRover, html("div", { className: "scroll" }, this.#table), this.#opener);
