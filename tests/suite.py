@@ -15,10 +15,12 @@ from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import FrameType
-from typing import BinaryIO, Final, NoReturn
+from typing import TYPE_CHECKING, BinaryIO, Final, NoReturn
 
 import click
-import psutil
+
+if TYPE_CHECKING:
+    import psutil
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "trees"))
@@ -204,6 +206,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
     played = ("tests/robots/test_robots.py", "tests/robots/test_robot_new.py")
     at_once = ("-n", "2", "--dist", "worksteal")
     robots = ("env", "ROBOTS=all", *_python("pytest", "-q", *at_once, *played))
+    installed = _python("pytest", "-q", "tests/stress/installed_wheel.py")
+    bare = _python("pytest", "-q", "-rsP", "tests/stress/debian_roots.py")
     drawn = (str(path) for path in CHECKOUT.glob("tests/*/test_*.py") if DRAWN in path.read_text())
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     return [
@@ -212,6 +216,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
         CiCheck("examples", (examples,)),
+        CiCheck("installation", (installed,)),
+        *([CiCheck("Debian", (bare,))] if percent == 100 else []),
     ]
 
 
@@ -227,6 +233,8 @@ def _run(command: tuple[str, ...], output: BinaryIO | None = None) -> int:
 
 def _end_run(number: int, _: FrameType | None) -> NoReturn:
     """End every process of this run, then this one."""
+    import psutil  # of requirements-test.lock: `rover completion` imports this module without it
+
     for end in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end, signal.SIG_IGN)
     # Not psutil.wait_procs: it would take the exit status that `subprocess` waits for.
@@ -243,7 +251,9 @@ def _end_run(number: int, _: FrameType | None) -> NoReturn:
     sys.exit(128 + number)
 
 
-def _in_run(process: psutil.Process) -> bool:
+def _in_run(process: "psutil.Process") -> bool:
+    import psutil
+
     with suppress(psutil.Error):
         if process.status() != psutil.STATUS_ZOMBIE and process.pid != os.getpid():
             return process.environ().get(MARK) == RUN
