@@ -28,6 +28,9 @@ class ConsoleHousekeeping:
         data: data folder of the console.
         sample: publishes a telemetry value.
         system: clock and resource usage.
+
+    Attributes:
+        figures: last figures, by the names of `CONSOLE_HOUSEKEEPING`.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class ConsoleHousekeeping:
     ) -> None:
         self._archive, self._hub, self._sample = archive, hub, sample
         self._utc, self._usage = system.utc_s, ResourceMonitor(data, system)
+        self.figures: dict[str, float | None] = {}
         self._before = (asyncio.get_running_loop().time(), 0)
         self.entry = AssetEntry(
             asset=ASSET,
@@ -59,8 +63,8 @@ class ConsoleHousekeeping:
             await asyncio.sleep(EVERY_S)
 
     def _publish(self) -> None:
-        utc_s, figures = self._utc(), self._measure()
-        for key, value in figures.items():
+        utc_s, self.figures = self._utc(), self._measure()
+        for key, value in self.figures.items():
             quality = Quality.INVALID if value is None else Quality.GOOD
             self._sample(Sample(ASSET, key, LinkKind.CONSOLE, utc_s, utc_s, value, quality))
 

@@ -9,6 +9,7 @@ from adapters.mal.codec import Header as Header
 from adapters.mal.codec import encode_message as encode_message
 from adapters.mal.connection import SCHEME as SCHEME
 from adapters.mal.connection import Connection as Connection
+from adapters.mal.connection import LinkTraffic as LinkTraffic
 from adapters.mal.connection import MalUri as MalUri
 from adapters.mal.consumer import Consumer as Consumer
 from adapters.mal.consumer import Publication as Publication

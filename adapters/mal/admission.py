@@ -241,6 +241,7 @@ class Connections(ConnectionGuard):
     def on_opened(self, connection: Connection) -> None:
         """Called by a connection that is ready for use."""
         self._open[connection] = asyncio.get_running_loop().time()
+        self.traffic.connections += 1
         connection.lost.add_done_callback(lambda _: self._forget(connection))
 
     def reserve(self, connection: Connection, octets: int) -> None:
@@ -322,6 +323,7 @@ class Connections(ConnectionGuard):
     def _forget(self, connection: Connection) -> None:
         self._hosts.pop(connection, None)
         self._open.pop(connection, None)
+        self.traffic.connections -= 1
         self._released += _RECEIVE_BUFFER_OCTETS
         self._unfinished.release(connection)
         self._on_lost(connection)

@@ -210,16 +210,29 @@ class FairScheduler:
 OnMessage = Callable[["Connection", Header, bytes], None]
 
 
+@dataclass(slots=True)
+class LinkTraffic:
+    """Open connections, and traffic of all connections since the start; read on any thread."""
+
+    connections: int = 0
+    received_messages: int = 0
+    received_octets: int = 0
+    sent_messages: int = 0
+    sent_octets: int = 0
+
+
 class ConnectionGuard:
     """Owner of a connection: bounds and scheduling; this base class has a single connection.
 
     Attributes:
+        traffic: sent and received messages and octets of the connections.
         message_cap: Maximum octets of a message.
         capacity: Octets of each connection's buffer without a reservation.
     """
 
     def __init__(self, message_cap: int = MESSAGE_CAP, capacity: int = BUFFER_STEP_OCTETS) -> None:
         self.turns = FairScheduler()
+        self.traffic = LinkTraffic()
         self.message_cap = message_cap
         self.buffer_octets = capacity
 
@@ -263,6 +276,7 @@ class Connection(asyncio.BufferedProtocol):
     def __init__(self, on_message: OnMessage, guard: ConnectionGuard | None = None) -> None:
         self._on_message = on_message
         self._guard = guard = ConnectionGuard() if guard is None else guard
+        self._traffic = guard.traffic
         self._framer = Framer(guard.message_cap, partial(guard.reserve, self), guard.buffer_octets)
         self._transport: asyncio.Transport | None = None
         self._notifications = NotificationQueue(self._gather, self.abort)
@@ -310,6 +324,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
             self.abort(f"more than {_UNREAD_CAP} octets are unread by the peer")
             return
+        self._traffic.sent_octets += len(message)
         self._transport.write(message)
 
     async def drain(self, patience_s: float | None = None) -> None:
@@ -366,6 +381,7 @@ class Connection(asyncio.BufferedProtocol):
     def _add_gathered(self, message: bytes) -> None:
         self._gathered.append(message)
         self._gathered_octets += len(message)
+        self._traffic.sent_messages += 1
         if self._gathered_octets > _GATHERED_CAP:
             self._write_gathered()
 
@@ -422,6 +438,7 @@ class Connection(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Called by asyncio when octets were received into the buffer."""
         self._framer.add_received(nbytes)
+        self._traffic.received_octets += nbytes
         self.arrived_s = self._loop.time()
         self._drained = False
         self._serving = True
@@ -437,6 +454,7 @@ class Connection(asyncio.BufferedProtocol):
             message = self._framer.next_message()
             if message is not None:
                 header, body = decode_message(message)
+                self._traffic.received_messages += 1
                 self.messages_received, self.last_received_s = (
                     self.messages_received + 1,
                     self.arrived_s,

@@ -13,7 +13,7 @@ from adapters.mal.admission import Connections, PeerLimits
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy
 from adapters.mal.codec import Codec, Header, encode_message
-from adapters.mal.connection import Connection, MalUri
+from adapters.mal.connection import Connection, LinkTraffic, MalUri
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.specification import (
     REPLY,
@@ -330,6 +330,11 @@ class Provider:
     def set_priority_check(self, is_priority: Callable[[Connection], bool]) -> None:
         """Set the check for connections with priority, which are never aborted for other peers."""
         self._connections.is_priority = is_priority
+
+    @property
+    def traffic(self) -> LinkTraffic:
+        """The traffic of its consumers."""
+        return self._connections.traffic
 
     @property
     def uri(self) -> MalUri:

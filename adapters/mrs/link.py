@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, Protocol
 
-from adapters.mal import MalError, MalUri
+from adapters.mal import LinkTraffic, MalError, MalUri
 from adapters.mrs.aboard import (
     AssetServices,
     CoreGateway,
@@ -89,6 +89,9 @@ class MrsLink:
         history: recorded history of the executive for `getHistory`; None if it records nothing.
         housekeeping: measures the onboard processes; None for no housekeeping.
         system: clock of messages, and sockets.
+
+    Attributes:
+        traffic: traffic of its clients; None before the start.
     """
 
     def __init__(
@@ -113,6 +116,7 @@ class MrsLink:
         self._system = system
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
+        self.traffic: LinkTraffic | None = None
 
     def start(self, executive: Executive) -> MalUri:
         """Serve an executive, whose core must run on another thread from now on.
@@ -199,6 +203,7 @@ class MrsLink:
         )
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)
+        self.traffic = served.provider.traffic
         listening.set_result(served.provider.uri)
         if self._service_layer is not None:
             fleet.join(self._service_layer)

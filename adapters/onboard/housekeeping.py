@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
+from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import (
     EXECUTIVE,
     EXECUTIVE_HOUSEKEEPING,
@@ -12,9 +13,11 @@ from adapters.mrs.spec import (
     uncertainty_figures,
     usage_figures,
 )
+from adapters.onboard.metrics import ExecutiveMetrics
 from adapters.process import ResourceMonitor
 from adapters.ros import TickStatistics
 from executive.core.runner import Executive
+from executive.settings import Settings
 
 
 @runtime_checkable
@@ -37,6 +40,7 @@ class ExecutiveHousekeeping:
     Attributes:
         publish: called with the figures.
         rover: the rover class, if it provides figures.
+        metrics: stores each measurement, if metrics are served.
     """
 
     def __init__(
@@ -44,10 +48,16 @@ class ExecutiveHousekeeping:
     ) -> None:
         self.parameters = parameters
         self.rover: HousekeepingProvider | None = None
+        self.metrics: ExecutiveMetrics | None = None
         self.publish: Callable[[Mapping[str, float | None]], None] = lambda _: None
         self._data = data
         self._usage = ResourceMonitor(data)
         self._ticks: list[TickStatistics] = []
+
+    def count(self, settings: Settings, link: MrsLink) -> ExecutiveMetrics:
+        """Store each measurement for metrics from now on, and return these."""
+        self.metrics = ExecutiveMetrics(settings, self._data, link)
+        return self.metrics
 
     def note(self, ticks: TickStatistics) -> None:
         """Add the statistics of the ticks since the last call."""
@@ -75,6 +85,8 @@ class ExecutiveHousekeeping:
         if self.rover is not None:
             figures |= self.rover.housekeeping()
         self.publish(figures)
+        if self.metrics is not None:
+            self.metrics.note(executive, figures, ticks[-1] if ticks else None)
         return figures
 
     def _ledger_octets(self) -> int:

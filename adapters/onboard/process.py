@@ -17,6 +17,7 @@ from adapters.process import (
     data_option,
     default_folder,
     log_level_option,
+    metrics_option,
     process,
     take_priority,
 )
@@ -68,6 +69,7 @@ def _udp_address(_: click.Context, __: click.Parameter, text: str | None) -> Add
     is_flag=True,
     help="Serve the relay link too: MOPS strings on ROS topics, to and from rover-relay.",
 )
+@metrics_option
 @data_option("ledger and files")
 @click.option(
     "--ros-params",
@@ -87,6 +89,7 @@ def main(
     video_to: Address | None,
     service_layer: str | None,
     relay: bool,
+    metrics: Address | None,
     data: Path | None,
     ros_params: Path | None,
 ) -> None:
@@ -135,6 +138,7 @@ def main(
             terms,
             above,
             relay,
+            metrics,
         )
     )
 

@@ -23,6 +23,7 @@ from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
 from adapters.mrs.transport import CLEAR, TransportSettings, start_fault
 from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, HousekeepingProvider
+from adapters.onboard.metrics import served
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import (
@@ -89,6 +90,7 @@ class ExecutiveOptions:
         clear_text: whether the MRS may be served in clear text on an address other hosts reach.
         terms: encoding and certificates of the MRS link.
         service_layer: address of another service layer to register at; None for none.
+        metrics: address of the metrics; None for none.
     """
 
     settings: Settings
@@ -101,6 +103,7 @@ class ExecutiveOptions:
     terms: TransportSettings = CLEAR
     service_layer: MalUri | None = None
     relay: bool = False
+    metrics: tuple[str, int] | None = None
 
 
 def serve(
@@ -123,6 +126,7 @@ def serve(
     has_housekeeping = isinstance(kind, type) and issubclass(kind, HousekeepingProvider)
     parameters = ABOARD_HOUSEKEEPING if has_housekeeping else EXECUTIVE_HOUSEKEEPING
     housekeeping = ExecutiveHousekeeping(options.data, parameters)
+    metrics = options.metrics
     termination = Termination()
     try:
         with (
@@ -147,6 +151,7 @@ def serve(
                     housekeeping,
                 )
             ) as link,
+            served(housekeeping.count(settings, link), metrics) if metrics else nullcontext(),
             closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
             planning(settings) as solver,
             executive_on(
@@ -231,6 +236,10 @@ def executive_on(
         relay_topics = ExecutiveRelayTopics(node)
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
+    counted = None if housekeeping is None else housekeeping.metrics
+    if counted is not None:
+        counted.attach(ledger)
+        downlinks = [*downlinks, counted]
     with recorded(settings, recordings) as tape:
         if history is not None:
             since = ledger.last_sequence - MAX_HISTORY + 1

@@ -12,6 +12,7 @@ from adapters.process.command import exclusive as exclusive
 from adapters.process.command import guard_output as guard_output
 from adapters.process.command import log_level_option as log_level_option
 from adapters.process.command import log_to_stderr as log_to_stderr
+from adapters.process.command import metrics_option as metrics_option
 from adapters.process.command import process as process
 from adapters.process.command import termination_event as termination_event
 from adapters.process.service_manager import ALIVE as ALIVE

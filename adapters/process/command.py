@@ -137,6 +137,25 @@ def data_option(contents: str, name: str = "ASSET") -> Callable[[_Decorated], _D
     )
 
 
+def _metrics_address(
+    _: click.Context, __: click.Parameter, text: str | None
+) -> tuple[str, int] | None:
+    *host, port = (text or "0").rsplit(":", 1)
+    if not (port.isdecimal() and int(port) <= 65535):
+        raise click.BadParameter(f"{text!r} is not PORT or HOST:PORT, such as 9464")
+    return None if text is None else ("".join(host).strip("[]") or "127.0.0.1", int(port))
+
+
+metrics_option = click.option(
+    "--metrics",
+    callback=_metrics_address,
+    metavar="[HOST:]PORT",
+    help="Serve metrics for Prometheus at http://HOST:PORT/metrics, without access control;"
+    " HOST is 127.0.0.1 by default, PORT 0 takes a free one.  [default: not served]",
+)
+"""`--metrics`, an address."""
+
+
 def _log_level(_: click.Context, __: click.Parameter, level: str) -> None:
     log_to_stderr(level)
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from adapters.metrics import Histogram
 from executive.commands import Mode
 from executive.faults import summary
 from executive.safety import unmonitored
@@ -25,6 +26,7 @@ class TickStatistics:
     Attributes:
         periods, elapsed_s: number of intervals between ticks, and their sum.
         overruns: ticks since the start that were late by half a period or lasted more than one.
+        durations, lateness: of all ticks since the start; these objects change.
     """
 
     ticks: int = 0
@@ -33,6 +35,8 @@ class TickStatistics:
     max_period_s: float = 0.0
     max_tick_s: float = 0.0
     overruns: int = 0
+    durations: Histogram = field(default_factory=Histogram)
+    lateness: Histogram = field(default_factory=Histogram)
 
     @property
     def period_s(self) -> float | None:
@@ -66,6 +70,7 @@ class TickMonitor:
             now.periods += 1
             now.elapsed_s += period_s
             now.max_period_s = max(now.max_period_s, period_s)
+            now.lateness.observe(max(0.0, period_s - self._period_s))
             late = period_s > 1.5 * self._period_s
         self._last_s = now_s
         now.ticks += 1
@@ -74,11 +79,15 @@ class TickMonitor:
         finally:
             took_s = perf_counter() - began_s
             now.max_tick_s = max(now.max_tick_s, took_s)
+            now.durations.observe(took_s)
             now.overruns += late or took_s > self._period_s
 
     def pop_statistics(self) -> TickStatistics:
         """Return the statistics since the last call."""
-        taken, self.statistics = self.statistics, TickStatistics(overruns=self.statistics.overruns)
+        taken = self.statistics
+        self.statistics = TickStatistics(
+            overruns=taken.overruns, durations=taken.durations, lateness=taken.lateness
+        )
         return taken
 
 

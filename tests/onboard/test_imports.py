@@ -26,6 +26,7 @@ ABSENT: Final = {
     "numpy.ma": "numpy is there for the arrays of ROS messages only",
     "numpy.random": "numpy is there for the arrays of ROS messages only",
     "pandas": "of campaigns",
+    "prometheus_client": "of --metrics only",
     "PIL": "of cameras with raw images only",
     "rich": "of terminals",
     "sim": "the simulation's",

@@ -17,6 +17,7 @@ from adapters.console.rovers.fleet import notification_message as notification_m
 from adapters.console.rovers.fleet import plan_progress as plan_progress
 from adapters.console.rovers.fleet import tree_of as tree_of
 from adapters.console.rovers.operator_authority import OperatorAuthority as OperatorAuthority
+from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING as LINK_HOUSEKEEPING
 from adapters.console.rovers.rover_link import LastNotification as LastNotification
 from adapters.console.rovers.rover_link import RoverLink as RoverLink
 from adapters.console.rovers.tracker import REPORT_TIMEOUT_S as REPORT_TIMEOUT_S

@@ -129,6 +129,7 @@ class RoverLink:
         state, since_s, detail: state, its start time, and its reason.
         last_received_s: last reception time; None for never.
         client: the session while it is up.
+        figures: last figures of `LINK_HOUSEKEEPING`, by name.
     """
 
     def __init__(
@@ -146,6 +147,7 @@ class RoverLink:
         self.detail = ""
         self.last_received_s: float | None = None
         self.client: MrsClient | None = None
+        self.figures: dict[str, float] = {}
         self._wanted: asyncio.LifoQueue[Identity] = asyncio.LifoQueue()
 
     @property
@@ -292,6 +294,7 @@ class RoverLink:
         if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             offset_s = status.timestamp / 1e9 - (requested_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s
+        self.figures = figures
         self._listener.on_measured(self, figures, self.last_received_s or requested_s)
 
     async def _request_arguments(self, client: MrsClient) -> None:

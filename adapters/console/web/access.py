@@ -121,7 +121,7 @@ class Access:
     async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests of other origins or without a token; set the operator of the request."""
         self._require_own_origin(request)
-        if request.path.startswith(("/api/", "/ws")) and request.path != "/api/login":
+        if request.path.startswith(("/api/", "/ws", "/metrics")) and request.path != "/api/login":
             request[OPERATOR] = await self._operator(request)
         response = await handler(request)
         if not response.prepared:

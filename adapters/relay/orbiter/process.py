@@ -8,7 +8,13 @@ import click
 
 from adapters.mrs.cli import add_terms_options
 from adapters.mrs.transport import TransportSettings
-from adapters.process import data_option, default_folder, log_level_option, process
+from adapters.process import (
+    data_option,
+    default_folder,
+    log_level_option,
+    metrics_option,
+    process,
+)
 
 FOLDER: Final = "orbiter"
 
@@ -22,10 +28,16 @@ FOLDER: Final = "orbiter"
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address of the MRS.")
 @add_terms_options("orbiter")
+@metrics_option
 @data_option("bundles and records", FOLDER)
 @log_level_option
 def main(
-    config: Path | None, host: str, terms: TransportSettings, clear_text: bool, data: Path | None
+    config: Path | None,
+    host: str,
+    terms: TransportSettings,
+    clear_text: bool,
+    metrics: tuple[str, int] | None,
+    data: Path | None,
 ) -> None:
     """Serve the MRS for rovers behind the relay until SIGINT or SIGTERM.
 
@@ -51,7 +63,7 @@ def main(
 
     path = config or config_folder() / "mops" / "orbiter.yaml"
     folder = data or default_folder(FOLDER)
-    asyncio.run(serve(load_orbiter(path), path, host, folder, clear_text, terms))
+    asyncio.run(serve(load_orbiter(path), path, host, folder, clear_text, terms, metrics))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,15 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
-from adapters.mal import CallContext, MalUri, StandardError, is_loopback
+from adapters.mal import (
+    CallContext,
+    LinkTraffic,
+    MalError,
+    MalUri,
+    StandardError,
+    is_loopback,
+)
+from adapters.metrics import ReportCounter
 from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
@@ -18,8 +26,10 @@ from adapters.mrs.spec import (
     ORBITER_HOUSEKEEPING,
     AreaError,
     camera_state,
+    error_name,
     find_or_raise,
     housekeeping_values,
+    lost_command,
     notification_keys,
     notification_of,
     parameter_value,
@@ -76,6 +86,9 @@ class RoverProvider:
         link_timeout_s: time without reception after which the rover is OFFLINE.
         terms: encoding and certificates agreed on with the ground.
         system: the clock, and the sockets.
+
+    Attributes:
+        reports: counts the rover's reports, and refused commands.
     """
 
     def __init__(
@@ -88,6 +101,8 @@ class RoverProvider:
         terms: TransportSettings,
         system: System = OPERATING_SYSTEM,
     ) -> None:
+        self.reports = ReportCounter()
+        self.reports.resume(rover.record.ledger.published)
         self._rover, self._link_status, self._order = rover, link_status, order
         self._usage = usage
         self._utc_s = system.utc_s
@@ -128,6 +143,11 @@ class RoverProvider:
         return self._settings.port
 
     @property
+    def traffic(self) -> LinkTraffic:
+        """Traffic of the clients of its MRS."""
+        return self._offer.provider.traffic
+
+    @property
     def uri(self) -> MalUri:
         """URI of the service, once started."""
         return self._offer.provider.uri
@@ -143,6 +163,13 @@ class RoverProvider:
         Raises:
             MalError: the command was rejected, or is a duplicate.
         """
+        try:
+            await self._submit(command)
+        except MalError as error:
+            self.reports.add(command.name, "REFUSED", error_name(error), str(error.number))
+            raise
+
+    async def _submit(self, command: Command) -> None:
         request = command.request
         if isinstance(request, ExecuteAction):
             parts = request.action.upper().split()
@@ -154,9 +181,12 @@ class RoverProvider:
                 text = f"the rover has no actions; the orbiter has: {known}"
                 raise with_text(AreaError.NOT_SUPPORTED, text)
         await self._rover.submit(command)
+        self.reports.begin(command.identity, command.name)
 
     def on_report(self, report: Report, cursor: int | None) -> None:
         """Broadcast a report."""
+        if cursor is not None:
+            self.reports.note(report, cursor, is_lost=lost_command(report) is not None)
         notification = notification_of(report, cursor)
         self._publish(notification, keys=notification_keys(self._settings.asset, notification))
 

@@ -39,6 +39,7 @@ from adapters.relay.orbiter.link_status import (
     list_contacts,
     measure_link,
 )
+from adapters.relay.orbiter.metrics import collect
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
@@ -110,6 +111,7 @@ class OrbiterRelay:
             for each in settings.rovers
         }
         self.usage = ResourceMonitor(folder, system)
+        self._statuses: dict[Eid, RelayLinkStatus] = {}
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
@@ -157,6 +159,10 @@ class OrbiterRelay:
             next(each for each in health.neighbours if each.node == node), health.free_octets
         )
 
+    def last_statuses(self) -> list[RelayLinkStatus | None]:
+        """Return the states of the links at the last `poll`, in the order of the rovers."""
+        return [self._statuses.get(node) for node in self.rovers]
+
     def override_contact(self, node: Eid, override: ContactOverride) -> str:
         """Override the contact plan for a rover until this process ends; return the new state.
 
@@ -195,6 +201,7 @@ class OrbiterRelay:
             if not neighbour.queued:
                 self.rovers[neighbour.node].record.outstanding.outbox_empty(self._utc_s())
             status = self._measure(neighbour, health.free_octets)
+            self._statuses[neighbour.node] = status
             self._monitors[neighbour.node].update(status, self._utc_s())
 
     async def retransmit_unanswered(self) -> None:
@@ -297,6 +304,7 @@ async def serve(
     data: Path,
     clear_text: bool,
     terms: TransportSettings,
+    metrics: tuple[str, int] | None = None,
 ) -> None:
     """Serve until SIGINT or SIGTERM.
 
@@ -307,13 +315,16 @@ async def serve(
         data: folder of bundles and records.
         clear_text: whether the MRS may be served in clear text beyond this computer.
         terms: encoding and certificates of the MRS.
+        metrics: address of the metrics; None for none.
 
     Raises:
         StartError: it cannot start.
     """
     termination = termination_event()
     with exclusive(data, "orbiter.lock"):
-        await run(settings, settings_file, host, data, clear_text, terms, termination)
+        await run(
+            settings, settings_file, host, data, clear_text, terms, termination, metrics=metrics
+        )
 
 
 async def run(
@@ -325,6 +336,7 @@ async def run(
     terms: TransportSettings,
     over: asyncio.Event,
     system: System = OPERATING_SYSTEM,
+    metrics: tuple[str, int] | None = None,
 ) -> None:
     """Serve until an event is set; the arguments and errors are those of `serve`."""
     try:
@@ -361,6 +373,13 @@ async def run(
                     what = f"serve {provider.asset} at {host}:{provider.port}"
                     remedy = f", or another port in {settings_file}"
                     raise StartError(start_fault(error, what, host, remedy)) from error
+            if metrics is not None:
+                from adapters.metrics.exposition import Exposition, serving
+
+                add = partial(collect, relay.last_statuses, providers, relay.usage, data)
+                page = Exposition("orbiter", add, system)
+                url = await stack.enter_async_context(serving(page, metrics, system))
+                print(f"metrics at {url}", flush=True)
             for provider in providers:
                 print(f"{provider.asset} listens at {provider.uri}", flush=True)
             await _run_until(over, relay, providers, settings.health_interval_s)

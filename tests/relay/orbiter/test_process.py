@@ -40,7 +40,7 @@ class Orbiter:
         self._starts = 0
 
     @contextmanager
-    def serving(self, port: int | None = None) -> Iterator[Running]:
+    def serving(self, *more: str, port: int | None = None) -> Iterator[Running]:
         self._starts += 1
         self.settings.write_text(
             SETTINGS.format(
@@ -51,7 +51,7 @@ class Orbiter:
         )
         log = self.sky.folder / f"orbiter-{self._starts}.log"
         options = ("--config", str(self.settings), "--data", str(self.sky.folder / "data"))
-        with running(log, "rover-mops", *options) as process:
+        with running(log, "rover-mops", *options, *more) as process:
             process.output(r"jackal listens at (maltcp://\S+)")
             yield process
 
@@ -200,7 +200,7 @@ async def test_a_client_receives_the_reports_of_its_absence(orbiter: Orbiter) ->
         await received(client, "DTN_QUEUED", 1.0)
     foreign = free_port(socket.SOCK_STREAM)
     async with landed(orbiter.sky, "jackal"):
-        with orbiter.serving(foreign):
+        with orbiter.serving(port=foreign):
             async with await orbiter.client(foreign) as other:
                 await catch_up(other, len(STAGES))
         with orbiter.serving():

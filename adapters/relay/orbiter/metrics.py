@@ -1,0 +1,57 @@
+"""`collect` adds the metrics of the orbiter to a page: for each rover its commands and its link."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from adapters.process import ResourceMonitor
+from adapters.relay.orbiter.link_status import LINK_PARAMETERS, RelayLinkStatus
+from adapters.relay.orbiter.provider import RoverProvider
+
+if TYPE_CHECKING:
+    from adapters.metrics.exposition import Scrape
+
+_NAMES: Final = {
+    "DTN_QUEUED": "bundles_queued",
+    "DTN_QUEUED_OCTETS": "bundles_queued_bytes",
+    "DTN_OLDEST_AGE": "oldest_command_age_seconds",
+    "DTN_NEXT_CONTACT": "next_contact_seconds",
+    "DTN_LAST_RECEIVED": "last_received_age_seconds",
+    "DTN_SENT": "bundles_sent_total",
+    "DTN_ACKNOWLEDGED": "bundles_acknowledged_total",
+    "DTN_RETRANSMITTED": "retransmissions_total",
+    "DTN_EXPIRED": "bundles_expired_total",
+    "DTN_RECEIVED": "bundles_received_total",
+    "DTN_ROUND_TRIP": "round_trip_seconds",
+    "DTN_FREE_OCTETS": "store_free_bytes",
+}
+_ROWS: Final = {
+    each.name: (_NAMES[each.name], each.description)
+    for each in LINK_PARAMETERS
+    if each.name in _NAMES
+}
+
+
+def collect(
+    statuses: Callable[[], Iterable[RelayLinkStatus | None]],
+    providers: Sequence[RoverProvider],
+    usage: ResourceMonitor,
+    folder: Path,
+    scrape: "Scrape",
+) -> None:
+    """Add the metrics to a page; the state of the links is that of the last second."""
+    for status, provider in zip(statuses(), providers, strict=True):
+        scrape.labels = {"asset": provider.asset}
+        values = () if status is None else status.values(0.0)
+        figures = {each.name: each.value.value for each in values if each.value is not None}
+        contact = None if status is None else status.contact
+        scrape.add("link_contact", "1 while sending is possible", contact)
+        scrape.table(_ROWS, figures)
+        scrape.reports(provider.reports)
+        scrape.faults(provider.reports)
+        scrape.traffic(provider.traffic)
+        scrape.stores(folder, provider.asset)
+    scrape.labels = {}
+    scrape.stores(folder, "bundles")
+    text = "Free space on the disk of the data"
+    scrape.add("disk_free_bytes", text, usage.measure().disk_free_octets)

@@ -1,0 +1,182 @@
+"""The metrics of an executive: what commands and faults change in them, and who requests them."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from adapters.metrics.exposition import (
+    MAX_CONNECTIONS,
+    MAX_HEAD_OCTETS,
+    Exposition,
+    serving_on_thread,
+)
+from adapters.mrs.link import MrsLink
+from adapters.onboard.housekeeping import ExecutiveHousekeeping
+from adapters.onboard.metrics import ExecutiveMetrics
+from adapters.onboard.process import main
+from executive.commands import MoveForward, Resume, RotateBy, SetTravelSpeed, Stop
+from executive.values.ports import Downlink
+from tests.core.test_pose_uncertainty import moved
+from tests.support.ground import carry_out
+from tests.support.kinematic import Bench
+from tests.support.metrics import (
+    Page,
+    check_documented,
+    connect,
+    exchange,
+    scrape,
+    scrape_until,
+)
+from tests.support.ports import HOST
+from tests.support.processes import Running, executive
+
+COMMANDS = "rover_executive_commands_total"
+REPORTS = "rover_executive_reports_total"
+TICKS = "rover_executive_tick_duration_seconds_count"
+
+
+@contextmanager
+def measured(folder: Path, *arguments: str) -> Iterator[tuple[Running, str, str]]:
+    """Run an executive without a rover; give the process, and the addresses of both servers."""
+    with executive(folder, "--metrics", "0", *arguments) as (process, uri):
+        yield process, uri, process.output(r"metrics at (http://\S+)")
+
+
+def ended(page: Page) -> dict[tuple[str, str, str, str], float]:
+    """Return the numbers of ended commands by command, state, reason and code."""
+    return {
+        tuple(each.labels[name] for name in ("command", "state", "reason", "code")): each.value  # type: ignore[misc]
+        for each in page.samples
+        if each.name == COMMANDS
+    }
+
+
+@pytest.mark.ros
+def test_ended_commands_are_counted_and_a_restart_begins_at_zero(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain
+    with measured(tmp_path) as (process, uri, url):
+        before = scrape(url)
+        assert ended(before) == {}
+        assert before.value("rover_build_info", component="executive") == 1.0
+        carry_out(uri, MoveForward(1.0), SetTravelSpeed(0.3), Stop(), MoveForward(1.0), Resume())
+        expected = {
+            ("moveForward", "REJECTED", "NO_ODOMETRY", "203"): 1.0,
+            ("setTravelSpeed", "EXECUTED", "", ""): 1.0,
+            ("stop", "FAILED", "STOP_DEADLINE", "721"): 1.0,
+            ("moveForward", "REJECTED", "WRONG_MODE", "201"): 1.0,
+            ("resume", "EXECUTED", "", ""): 1.0,
+        }
+        page = scrape_until(url, lambda page: len(ended(page)) == len(expected))
+        assert ended(page) == expected
+        hostile_clients_are_harmless(uri, url)
+        page = scrape_until(
+            url, lambda page: page.value("rover_executive_mode", mode="IDLE") == 1.0
+        )
+        page.check_names()
+        check_documented(page, "executive")
+        assert page.value("rover_executive_mode") == 1.0
+        assert page.value("rover_executive_store_bytes", store="ledger") > 1000.0  # type: ignore[operator]
+        assert page.value("rover_executive_link_received_messages_total") >= 6.0  # type: ignore[operator]
+        assert page.value("process_resident_memory_bytes") > 1e7  # type: ignore[operator]
+        assert process.end() == 0
+        assert "Traceback" not in process.text
+    with measured(tmp_path) as (process, _, url):
+        again = scrape_until(url, lambda page: bool(page.value(REPORTS)))
+        assert ended(again) == {}, "counters begin anew, as Prometheus expects"
+        assert again.value(REPORTS) >= page.value(  # type: ignore[operator]
+            REPORTS
+        )
+
+
+def hostile_clients_are_harmless(uri: str, url: str) -> None:
+    """Let clients hang, flood and send nonsense, while the executive ticks and obeys."""
+    with ExitStack() as open_clients:
+        for _ in range(3 * MAX_CONNECTIONS):
+            client = open_clients.enter_context(connect(url))
+            client.sendall(b"GET /metrics HTTP/1.1\r\nX-Slow: ")
+        ticks = scrape(url).value(TICKS) or 0.0
+        (outcome,) = carry_out(uri, SetTravelSpeed(0.2))
+        assert outcome.executed
+        scrape_until(url, lambda page: (page.value(TICKS) or 0.0) > ticks)
+    for request, status in (
+        (b"POST /metrics HTTP/1.1\r\n\r\n", b"405"),
+        (b"DELETE /metrics HTTP/1.1\r\n\r\n", b"405"),
+        (b"GET / HTTP/1.1\r\n\r\n", b"404"),
+        (b"GET /metrics/../etc/passwd HTTP/1.1\r\n\r\n", b"404"),
+        (b"\r\n\r\n", b"405"),
+        (b"\xff\x00 \xfe\r\n\r\n", b"405"),
+    ):
+        assert exchange(url, request).split(b" ")[1] == status, request
+    assert exchange(url, b"HEAD /metrics?x=1 HTTP/1.0\r\n\r\n").endswith(b"\r\n\r\n")
+    for flood in (b"x" * 3 * MAX_HEAD_OCTETS, b"GET /" + b"y" * 3 * MAX_HEAD_OCTETS + b"\r\n\r\n"):
+        with suppress(ConnectionError):
+            assert exchange(url, flood) == b""
+
+
+class CountedBench(Bench):
+    """A bench whose executive is counted."""
+
+    metrics: ExecutiveMetrics
+
+    def downlinks(self) -> list[Downlink]:
+        self.metrics = ExecutiveMetrics(self.settings, self.folder, MrsLink(self.settings))
+        self.metrics.attach(self.ledger)
+        return [*super().downlinks(), self.metrics]
+
+    def page(self) -> Page:
+        """Measure, and return what is served then."""
+        housekeeping = ExecutiveHousekeeping(self.folder)
+        housekeeping.metrics = self.metrics
+        housekeeping.measure(self.executive)
+        with serving_on_thread(Exposition("executive", self.metrics.collect), (HOST, 0)) as url:
+            return scrape(url)
+
+
+def test_a_fault_is_active_until_it_ends_and_is_counted_once(tmp_path: Path) -> None:
+    fault = {"fault": "odometry_jumped"}
+
+    def shown(bench: CountedBench) -> tuple[float | None, ...]:
+        page = bench.page()
+        return (
+            page.value("rover_executive_fault_active", **fault),
+            page.value("rover_executive_faults_total", **fault),
+            page.value("rover_executive_mode", mode="SAFE"),
+        )
+
+    with CountedBench(tmp_path) as bench:
+        bench.run(1.0)
+        assert shown(bench) == (0.0, 0.0, 0.0)
+        bench.rover.pose = moved(bench.rover.pose, x_m=0.5)
+        bench.run(0.5)
+        assert shown(bench) == (1.0, 1.0, 1.0)
+        bench.submit(Resume(), 90)
+        bench.run(0.5)
+        assert shown(bench) == (0.0, 1.0, 0.0)
+
+
+def test_a_command_that_a_crash_interrupts_is_counted_once_by_the_next_process(
+    tmp_path: Path,
+) -> None:
+    with CountedBench(tmp_path) as bench:
+        bench.run(1.0)
+        bench.submit(RotateBy(1.0), 1)
+        bench.run(0.5)
+        assert ended(bench.page()) == {}
+    with CountedBench(tmp_path) as bench:
+        bench.run(1.0)
+        interrupted = {("rotateBy", "FAILED", "INTERRUPTED", "803"): 1.0}
+        assert ended(bench.page()) == interrupted
+        bench.submit(RotateBy(1.0), 1)
+        bench.run(0.5)
+        assert ended(bench.page()) == interrupted, "a repeat is answered, and not counted again"
+
+
+@pytest.mark.parametrize("address", ["x", "9464x", "127.0.0.1", "127.0.0.1:99999", ":", "-1"])
+def test_a_wrong_address_is_a_usage_error(address: str) -> None:
+    typed = CliRunner().invoke(main, ["--metrics", address])
+    assert (typed.exit_code, "is not PORT or HOST:PORT" in typed.output) == (2, True)
