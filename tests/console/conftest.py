@@ -17,7 +17,7 @@ from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from tests.console.postgres import NEEDED as POSTGRES_NEEDED
 from tests.console.postgres import cluster, fresh
-from tests.console.site import LIMIT_MS
+from tests.console.site import LIMIT_MS, close_shared_browser
 from tests.mrs.aboard import Aboard
 
 NEEDED = AuthoritySettings(needed=True, lease_s=3600.0)
@@ -26,6 +26,13 @@ Launch = Callable[..., Aboard]
 
 async_api.expect.set_options(timeout=LIMIT_MS)
 sync_api.expect.set_options(timeout=LIMIT_MS)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _browser_closed() -> Iterator[None]:
+    """End the browser of the tests with them."""
+    yield
+    close_shared_browser()
 
 
 @pytest.fixture

@@ -1,9 +1,12 @@
 """A simulated rover, its executive and a console, as processes; and browsers that look at it."""
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+import tempfile
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -25,6 +28,23 @@ OPTIONS: Final = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+)
+_SHARED_OPTIONS: Final = (
+    *OPTIONS,
+    # As Playwright starts a browser: pages that are not in front are as fast as the one that is.
+    "--disable-background-timer-throttling",
+    "--disable-backgrounding-occluded-windows",
+    "--disable-renderer-backgrounding",
+    "--disable-back-forward-cache",
+    "--disable-dev-shm-usage",
+    "--disable-extensions",
+    "--disable-hang-monitor",
+    "--disable-ipc-flooding-protection",
+    "--disable-popup-blocking",
+    "--force-color-profile=srgb",
+    "--hide-scrollbars",
+    "--mute-audio",
+    "--remote-debugging-port=0",
 )
 SLOW: Final = """const draw = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 100);
@@ -117,6 +137,35 @@ class Visitors:
     def _note(self, request: Request) -> None:
         if not re.match(r"(https?|wss?)://127\.0\.0\.1:|data:|blob:", request.url):
             self.requests.append(request.url)
+
+
+@cache
+def _shared_browser() -> tuple[Running, str]:
+    """Start the browser that the tests of this process share; return it with its address."""
+    assert BROWSER is not None
+    folder = Path(tempfile.mkdtemp(prefix="chromium-"))
+    profile = f"--user-data-dir={folder / 'profile'}"
+    process = Running(folder / "log", BROWSER, *_SHARED_OPTIONS, profile, "about:blank")
+    return process, process.output(r"DevTools listening on (ws://\S+)")
+
+
+def close_shared_browser() -> None:
+    """End the browser that `open_browser` has started, if it has."""
+    if _shared_browser.cache_info().currsize:
+        process, _ = _shared_browser()
+        process.end()
+        shutil.rmtree(process.log.parent, ignore_errors=True)
+        _shared_browser.cache_clear()
+
+
+@asynccontextmanager
+async def open_browser() -> AsyncIterator[async_api.Browser]:
+    """Give a browser for the time of the with; its process outlasts it, and no page does."""
+    _, address = _shared_browser()
+    async with async_api.async_playwright() as playwright:
+        browser = await playwright.chromium.connect_over_cdp(address)
+        yield browser
+        await browser.close()
 
 
 async def open_whole(page: async_api.Page, address: str) -> None:

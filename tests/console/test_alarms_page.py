@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 
 import pytest
-from playwright.async_api import async_playwright, expect
+from playwright.async_api import expect
 
 from executive.values.clock import START_UTC_S
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, SLOW, open_whole
+from tests.console.site import SLOW, open_browser, open_whole
 from tests.console.test_alarms import BATTERY, FULL_V, LOW_V, VOLTAGE, is_alarm, show
 from tests.console.test_relay_page import AHEAD, PAGE
 from tests.console.test_theme_page import AXE, violations
@@ -33,9 +33,8 @@ async def test_an_operator_finds_evidence_shelves_and_acknowledges(
     errors: list[str] = []
     async with (
         at_console(tmp_path, rover.uri, "ben") as (ben,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme="dark")
         page.on("pageerror", lambda error: errors.append(str(error)))
         await page.add_init_script(SLOW + NAMED)
@@ -113,5 +112,4 @@ async def test_an_operator_finds_evidence_shelves_and_acknowledges(
         await expect(voltage).to_contain_text("closed, acknowledged by anna")
         await page.get_by_test_id("alarms").click()
         await expect(page.locator(".alarm-list .alarms-view tr[data-source]")).to_have_count(1)
-        await browser.close()
     assert errors == []

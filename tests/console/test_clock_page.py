@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from playwright.async_api import async_playwright
 
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS
+from tests.console.site import open_browser
 from tests.support.browser import BROWSER, REQUIRED
 
 pytestmark = [
@@ -39,9 +38,8 @@ def fix(utc: float, x: float, q: str = "good", link: str = "direct") -> list[lis
 async def test_the_newest_value_is_shown_despite_a_clock_set_back(tmp_path: Path) -> None:
     async with (
         at_console(tmp_path, "maltcp://127.0.0.1:1/MRS", "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page()
         await page.goto(f"{anna.address}lite")
         before = [*fix(900.0, 8.0), *fix(901.0, 9.0), *fix(890.0, 7.0, link="relay")]
@@ -52,4 +50,3 @@ async def test_the_newest_value_is_shown_despite_a_clock_set_back(tmp_path: Path
         after = [*back, *fix(102.0, 3.0), *late]
         assert await page.evaluate(SHOWN, [*before, *after]) == [3.0, 102.0, 2.0, 102.0]
         assert await page.evaluate(RETAINED, 3002) == [3000, True, False, False, True]
-        await browser.close()

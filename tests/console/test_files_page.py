@@ -8,11 +8,11 @@ from itertools import repeat
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
-from tests.console.site import OPTIONS
+from tests.console.site import open_browser
 from tests.console.test_files import OCTETS
 from tests.mrs.aboard import Aboard
 from tests.mrs.test_file_retrieval import cutting
@@ -86,13 +86,11 @@ async def page_of_files(
     async with (
         cutting(rover.uri, budgets) as (address, _),
         at_console(folder, address, "anna", topics=["link"]) as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
         await anna.page.is_up()
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
         await page.goto(f"{anna.address}{FILES}")
         yield anna, page
-        await browser.close()
     assert errors == []

@@ -8,11 +8,11 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Locator, Page, async_playwright, expect
+from playwright.async_api import Locator, Page, expect
 
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console, served
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import open_browser, open_whole
 from tests.console.test_theme_page import AXE, violations
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
@@ -165,10 +165,9 @@ async def page_of_plans(folder: Path, uri: str) -> AsyncIterator[tuple[Operator,
     ARTIFACTS.mkdir(parents=True, exist_ok=True)
     async with (
         at_console(folder, uri, "anna", topics=["link"]) as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
         await anna.page.is_up()
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         context = await browser.new_context(viewport={"width": 1280, "height": 800})
         page = await context.new_page()
         await page.add_init_script(gzip.decompress(AXE.read_bytes()).decode())
@@ -176,5 +175,4 @@ async def page_of_plans(folder: Path, uri: str) -> AsyncIterator[tuple[Operator,
         await open_whole(page, f"{anna.address}{ROVER}~plans{SHOWN}")
         await expect(page.locator(".plans-view [data-testid=rover]")).to_be_visible()
         yield anna, page
-        await browser.close()
     assert errors == []

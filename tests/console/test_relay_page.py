@@ -5,14 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from playwright.async_api import async_playwright, expect
+from playwright.async_api import expect
 
 from adapters.bundle import ContactPlan
 from adapters.mops import LinkHealth
 from executive.values.parameters import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import open_browser, open_whole
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, publishing, until
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.certificates import certified
@@ -55,9 +55,8 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         landed(sky, "jackal") as far,
         at_console(tmp_path, [str(station.uri), launch("scout").uri], "anna") as (anna,),
         publishing(station),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
         await page.add_init_script(LATE)
@@ -111,7 +110,6 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await page.goto(f"{anna.address}{PAGE.format('jackal', 'layout')}")
         await expect(page.get_by_test_id("value-DTN_CONTACTS_UP")).to_contain_text("/")
         await expect(page.get_by_test_id("value-POS_X")).to_be_in_viewport(ratio=0.95)
-        await browser.close()
     assert errors == []
 
 
@@ -122,9 +120,8 @@ async def test_commands_and_values_use_the_chosen_link(launch: Launch, tmp_path:
         orbiting(sky) as (_, (station,)),
         landed(sky, "jackal") as far,
         at_console(tmp_path, [rover.uri, str(station.uri)], "anna", topics=[*ALL, "tm"]) as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1600, "height": 1000})
         page.on("pageerror", lambda error: errors.append(str(error)))
         await open_whole(page, anna.address)
@@ -156,7 +153,6 @@ async def test_commands_and_values_use_the_chosen_link(launch: Launch, tmp_path:
             )
             cells = tls_page.locator(".c-telemetry-table__body [aria-label^='value table cell']")
             await expect(cells).to_have_text(values)
-        await browser.close()
     assert errors == []
 
 
@@ -167,9 +163,8 @@ async def test_a_token_holder_logs_in_by_tls(tmp_path: Path) -> None:
     tls = (ends.certificate, ends.key)
     async with (
         served(tmp_path, "maltcp://127.0.0.1:1/MRS", tokens=tokens, tls=tls) as address,
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(ignore_https_errors=True)
         for path in ("lite", ""):
             await page.goto(f"{address}{path}")
@@ -181,4 +176,3 @@ async def test_a_token_holder_logs_in_by_tls(tmp_path: Path) -> None:
             await page.get_by_role("button", name="Log in").click()
             await expect(page.get_by_role("button", name="anna")).to_be_visible()
             await page.context.clear_cookies()
-        await browser.close()

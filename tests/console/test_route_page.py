@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from adapters.mrs.ground import MrsClient
 from executive.commands import (
@@ -22,7 +22,7 @@ from executive.commands import (
 from executive.obstacles.zones import ScannedObstacle
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import open_browser, open_whole
 from tests.docs.pages import CHECKOUT
 from tests.mrs.aboard import Aboard
 from tests.support import kinematic
@@ -63,15 +63,13 @@ async def map_of(rover: Aboard, folder: Path) -> AsyncIterator[tuple[Page, MrsCl
     async with (
         at_console(folder, rover.uri, "anna") as (anna,),
         await MrsClient.connect(rover.uri) as terminal,
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         page.on("pageerror", lambda error: errors.append(str(error)))
         await open_whole(page, f"{anna.address}{MAP}")
         await anna.page.is_up()
         yield page, terminal
-        await browser.close()
     assert errors == []
 
 

@@ -14,14 +14,13 @@ from playwright.async_api import (
     Page,
     ViewportSize,
     WebSocketRoute,
-    async_playwright,
     expect,
 )
 
 from executive.commands import MoveForward, MoveTo, Waypoint
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, SLOW, open_whole
+from tests.console.site import SLOW, open_browser, open_whole
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -140,9 +139,8 @@ async def page_of(folder: Path, uri: str, path: str = "") -> AsyncIterator[Page]
     """Give the whole console of a rover on a small screen, as anna sees it."""
     async with (
         at_console(folder, uri, "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport=LAPTOP)
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
@@ -153,7 +151,6 @@ async def page_of(folder: Path, uri: str, path: str = "") -> AsyncIterator[Page]
         await expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile("^-?[0-9.]+$"))
         yield page
         assert errors == []
-        await browser.close()
 
 
 def commands(page: Page) -> Locator:

@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator
 from tests.console.postgres import fresh
-from tests.console.site import OPTIONS
+from tests.console.site import open_browser
 from tests.console.test_shared_archive import two_consoles
 from tests.support.browser import BROWSER, REQUIRED
 
@@ -47,7 +47,7 @@ async def test_a_display_that_is_changed_at_one_is_shown_so_at_the_other(
     errors: list[str] = []
     async with (
         two_consoles(launch(), fresh(postgres), tmp_path) as (anna, ben),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
         members = [{"namespace": "shared", "key": "layout"}]
         await retain(
@@ -55,7 +55,6 @@ async def test_a_display_that_is_changed_at_one_is_shown_so_at_the_other(
         )
         shown = {"name": "Mine", "type": "layout", "location": "shared:displays", "composition": []}
         await retain(anna, "layout", **shown, configuration=layout("before"))
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         pages: list[Page] = []
         for each in (anna, ben):
             page = await browser.new_page(viewport={"width": 1200, "height": 700})
@@ -79,5 +78,4 @@ async def test_a_display_that_is_changed_at_one_is_shown_so_at_the_other(
         await one.evaluate(MUTATE, ["displays", "composition", [*members, second]])
         for page in pages:
             await expect(page.get_by_text("Second").first).to_be_visible()
-        await browser.close()
     assert errors == []

@@ -1,17 +1,15 @@
 """The status bar in a real browser: STOP above all else, and lost links."""
 
 import re
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from adapters.console.rovers import tracker
 from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import Operator, at_console
-from tests.console.site import OPTIONS
+from tests.console.site import open_browser
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.plans import AHEAD, plan
 
@@ -53,14 +51,6 @@ UNCOVERED = """() => {
 }"""
 
 
-@asynccontextmanager
-async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
-        yield browser
-        await browser.close()
-
-
 async def stops(anna: Operator) -> int:
     """Return how many stops the console knows."""
     return [each["name"] for each in (await anna.get("api/commands"))["commands"]].count("stop")
@@ -76,7 +66,7 @@ async def click_stop(page: Page) -> None:
 
 
 async def test_stop_is_above_all_overlays_and_dialogs(launch: Launch, tmp_path: Path) -> None:
-    async with at_console(tmp_path, launch().uri, "anna") as (anna,), browser() as chromium:
+    async with at_console(tmp_path, launch().uri, "anna") as (anna,), open_browser() as chromium:
         pressed = 0
         for path in ("", "lite"):
             page = await chromium.new_page()
@@ -111,7 +101,7 @@ async def test_a_lost_link_is_an_alarm_and_its_stop_is_repeated(
 ) -> None:
     monkeypatch.setattr(tracker, "REPORT_TIMEOUT_S", 1.0)
     rover = launch()
-    async with at_console(tmp_path, rover.uri, "anna") as (anna,), browser() as chromium:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,), open_browser() as chromium:
         page = await chromium.new_page(viewport={"width": 1280, "height": 800})
         await page.goto(f"{anna.address}lite")
         bar, mode = page.locator(".rover-bar"), page.get_by_test_id("mode")
@@ -169,7 +159,7 @@ async def test_a_lost_link_is_an_alarm_and_its_stop_is_repeated(
 
 async def test_one_button_continues_a_stopped_plan(launch: Launch, tmp_path: Path) -> None:
     rover = launch(authority=NEEDED)
-    async with at_console(tmp_path, rover.uri, "anna") as (anna,), browser() as chromium:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,), open_browser() as chromium:
         page, other = [await chromium.new_page() for _ in range(2)]
         for each, name in ((page, "anna"), (other, "bert")):
             await each.add_init_script(NAMED.format(name=name))

@@ -5,13 +5,13 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.async_api import async_playwright, expect
+from playwright.async_api import expect
 
 from executive.commands import Mode
 from executive.values.geometry import STANDING
 from tests.console.conftest import Launch
 from tests.console.consoles import JsonMessage, at_console
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import open_browser, open_whole
 from tests.mrs.aboard import Aboard
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
@@ -46,9 +46,8 @@ async def test_the_rover_drives_while_a_key_is_held(launch: Launch, tmp_path: Pa
 
     async with (
         at_console(tmp_path, rover.uri, "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         await open_whole(page, f"{anna.address}{CAMERA}")
         keys, arm = page.keyboard, page.get_by_role("button", name="drive by keys: off")
@@ -96,7 +95,6 @@ async def test_the_rover_drives_while_a_key_is_held(launch: Launch, tmp_path: Pa
         drives = page.locator(".command[data-name=drive]")
         await expect(drives.first).to_be_visible()
         assert await drives.count() <= 3  # after the stop some may have been refused
-        await browser.close()
 
 
 async def moved(rover: Aboard, duration_s: float) -> tuple[float, float]:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Final, Literal
 
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
-from tests.console.site import OPTIONS, open_whole
+from tests.console.site import open_browser, open_whole
 from tests.support.browser import BROWSER, REQUIRED
 
 pytestmark = [
@@ -48,12 +48,11 @@ async def test_nine_pages_and_the_light_one_are_accessible_in_both_themes(
     axe = gzip.decompress(AXE.read_bytes()).decode()
     async with (
         at_console(tmp_path, rover.uri, "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
         await anna.send("far", "moveForward", distance=9.0)
         rover.run(2.0)  # stages that are not reached
         await anna.page.command("far", "started")
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         context = await browser.new_context(color_scheme="dark", reduced_motion="reduce")
         page = await context.new_page()
         await page.goto(f"{anna.address}lite")
@@ -78,7 +77,6 @@ async def test_nine_pages_and_the_light_one_are_accessible_in_both_themes(
                 await page.emulate_media(color_scheme=scheme)
                 assert await violations(page) == [], f"{kind}, {scheme}"
         assert await page.evaluate("document.getAnimations().length") == 0
-        await browser.close()
 
 
 async def violations(page: Page) -> list[str]:

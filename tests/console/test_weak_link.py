@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import pytest
 from aiohttp import ClientSession
-from playwright.async_api import CDPSession, Page, Route, async_playwright, expect
+from playwright.async_api import CDPSession, Page, Route, expect
 
 from adapters.console.service import STATIC
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console, served
-from tests.console.site import LIMIT_MS, OPTIONS
+from tests.console.site import LIMIT_MS, open_browser
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 UNREACHABLE: Final = "127.0.0.1:1"
@@ -83,10 +83,9 @@ async def test_stop_and_operations_work_by_a_weak_link_before_open_mct(
     ARTIFACTS.mkdir(parents=True, exist_ok=True)
     async with (
         at_console(tmp_path, rover.uri, "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
         await anna.page.is_up()
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         page.on("pageerror", lambda error: errors.append(str(error)))
         network = await page.context.new_cdp_session(page)
@@ -114,7 +113,6 @@ async def test_stop_and_operations_work_by_a_weak_link_before_open_mct(
         await page.get_by_role("button", name="show the full console").click()
         await expect(page.locator("#operations")).to_have_count(0)
         await expect(page.get_by_label("x", exact=True)).to_have_value("3")
-        await browser.close()
     assert errors == []
 
 
@@ -137,9 +135,8 @@ async def test_a_small_window_is_offered_the_light_page_with_log_and_plans(
     rover = launch()
     async with (
         at_console(tmp_path, rover.uri, "anna") as (anna,),
-        async_playwright() as playwright,
+        open_browser() as browser,
     ):
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 390, "height": 844})
         await page.goto(anna.address)
         await page.get_by_role("link", name="Open the light page").click()
@@ -164,4 +161,3 @@ async def test_a_small_window_is_offered_the_light_page_with_log_and_plans(
         await page.get_by_role("link", name="full console").click()
         await expect(page.locator(".l-shell")).to_be_visible()
         await expect(page.get_by_role("link", name="Open the light page")).to_have_count(0)
-        await browser.close()
