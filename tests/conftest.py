@@ -20,6 +20,7 @@ from hypothesis import settings
 
 from adapters.recording import SUFFIX, RunFile
 from tests.suite import CHECKOUT, ros_files
+from tests.support.examples import examples
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -33,7 +34,7 @@ RECORDED = 4  # of a test: those with random commands make hundreds
 MAX_NAME_LENGTH = 200
 _numbers = count()
 
-settings.register_profile("rover", deadline=None)
+settings.register_profile("rover", deadline=None, max_examples=examples(100))
 settings.load_profile("rover")
 
 # Imports and tests make much that lives on, which Python's default looks through over and over.

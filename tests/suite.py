@@ -1,6 +1,7 @@
 """The command `rover test`: every check that a change must pass."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -123,7 +124,7 @@ STRESS_HOURS: Final = 24.0, 0.2
 MEMORY: Final = Path("/dev/shm")
 LEAST_FREE_OCTETS: Final = 4 << 30
 """The folders that pytest keeps, those of three runs, take a quarter of that."""
-DRAWN: Final = "from tests.support.examples import examples"
+DRAWN: Final = re.compile(r"^from (hypothesis|tests\.support\.examples) import", re.MULTILINE)
 """In files of tests with fewer examples here than in `--stress`."""
 PLANTED_SEEDS: Final = 4
 """From which each planted fault is looked for; with none, only in its situations."""
@@ -208,7 +209,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
     robots = ("env", "ROBOTS=all", *_python("pytest", "-q", *at_once, *played))
     installed = _python("pytest", "-q", "tests/stress/installed_wheel.py")
     bare = _python("pytest", "-q", "-rsP", "tests/stress/debian_roots.py")
-    drawn = (str(path) for path in CHECKOUT.glob("tests/*/test_*.py") if DRAWN in path.read_text())
+    tested = (CHECKOUT / "tests").rglob("test_*.py")
+    drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     return [
         *checks,

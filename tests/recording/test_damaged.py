@@ -15,9 +15,9 @@ from adapters.recording.run_file import part_of
 from executive.core.recording import ProcessStart, StoredFile
 from tests.stress.recording_mutants import batches_of, hostile, recording_of
 from tests.stress.recording_readers import MAX_CPU_S, MAX_MB, READERS, Meter, Reader
+from tests.support.examples import ALL
 
 CHUNK, INDEX, DATA_END = 6, 7, 15
-EACH = pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
 
 
 def messages(path: Path) -> list[tuple[str, bytes]]:
@@ -50,11 +50,18 @@ def zeros_at_the_end(path: Path) -> bytes:
     return path.read_bytes()[: offsets[len(offsets) // 2]] + bytes(4096)
 
 
-DAMAGES = pytest.mark.parametrize("damage", [in_a_chunk, in_the_kind_of_a_chunk, zeros_at_the_end])
+DAMAGES = (in_a_chunk, in_the_kind_of_a_chunk, zeros_at_the_end)
+EACH = pytest.mark.parametrize("damage", DAMAGES)
+READ = [
+    pytest.param(reader, damage, id=f"{name}-{damage.__name__}")
+    for row, (name, reader) in enumerate(READERS.items())
+    for column, damage in enumerate(DAMAGES)
+    if ALL or (row + column) % len(DAMAGES) == 0
+]
+"""Each reader with a damage, each damage with several readers; all pairs with `--stress`."""
 
 
-@EACH
-@DAMAGES
+@pytest.mark.parametrize(("reader", "damage"), READ)
 def test_every_reader_reads_up_to_the_damage(
     reader: Reader,
     damage: Callable[[Path], bytes],
@@ -72,7 +79,7 @@ def test_every_reader_reads_up_to_the_damage(
         assert all(" s: read up to there (" in each for each in message)
 
 
-@DAMAGES
+@EACH
 def test_records_before_the_damage_are_unchanged(
     damage: Callable[[Path], bytes], flushed: Path, tmp_path: Path
 ) -> None:
@@ -180,7 +187,7 @@ def test_hostile_recordings_are_read_within_bounds(batches: list[bytes], tmp_pat
         for number, (what, make) in enumerate(hostile(batches)):
             path = tmp_path / f"{number}.mcap"
             path.write_bytes(make())
-            for name in attacked:
+            for name in attacked if ALL else (attacked[number % len(attacked)],):
                 folder = tmp_path / f"{number} {name}"
                 folder.mkdir()
                 taken = meter.take(READERS[name], path, folder)

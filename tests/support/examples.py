@@ -1,8 +1,12 @@
-"""How many examples hypothesis draws: half as many in `rover test` as in `--stress`."""
+"""How many similar cases `rover test` runs: a part of them; all of them with `--stress`."""
 
 import os
+from typing import Final
+
+ALL: Final = os.environ.get("EXAMPLES") == "all"
+"""Set by `--stress`, which runs each file that imports this module or hypothesis."""
 
 
 def examples(full: int) -> int:
-    """Return the number of examples to draw; all with EXAMPLES=all, as `--stress` does."""
-    return full if os.environ.get("EXAMPLES") == "all" else full // 2
+    """Return the number of examples that hypothesis draws: half of them here."""
+    return full if ALL else full // 2
