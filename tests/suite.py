@@ -29,6 +29,23 @@ CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "
 SECURITY_TESTS: Final = ("tests/security",)
 """Attacks over sockets and on processes; they cover the core, too."""
 MEASURED: Final = (*CORE_TESTS, *SECURITY_TESTS)
+SIMULATED_TESTS: Final = (
+    "tests/calibration",
+    "tests/campaign/test_after_faults.py",
+    "tests/campaign/test_failed.py",
+    "tests/conformance",
+    "tests/docs/test_campaigns.py",
+    "tests/drawing",
+    "tests/mops",
+    "tests/plot",
+    "tests/recording/test_completion.py",
+    "tests/recording/test_damaged.py",
+    "tests/recording/test_replay.py",
+    "tests/scenarios",
+    "tests/sim",
+    "tests/simulated",
+)
+"""Other tests that need no real time."""
 WHEN_IDLE: Final = ("chrt", "--idle", "0")
 """Run a command only while a processor has nothing else to do; any other process interrupts it."""
 
@@ -74,6 +91,13 @@ def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
+def wholly_ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
+    """Return those of them that mark all of their tests: other parts need not import rclpy."""
+    marked = re.compile(r"^pytestmark = (\[[^]]*)?pytest\.mark\.ros\b", re.MULTILINE)
+    found = (path for path in ros_files(tests) if marked.search((tests.parent / path).read_text()))
+    return tuple(found)
+
+
 def _covered(*arguments: str) -> tuple[str, ...]:
     """Return the arguments of a run of tests under coverage, which doubles the time of Python.
 
@@ -85,14 +109,12 @@ def _covered(*arguments: str) -> tuple[str, ...]:
 SECURITY: Final = CiCheck(
     "pytest, security", (_python("coverage", "erase"), _covered(*SECURITY_TESTS))
 )
-# Nothing hangs that waits for a processor.
-CORE: Final = CiCheck(
-    "pytest, core", ((*WHEN_IDLE, *_covered("-o", "faulthandler_timeout=3600", *CORE_TESTS)),)
-)
-REST: Final = CiCheck(
-    "pytest",
-    # Many of these wait for others: clusters, orbiters, ION, a browser.
-    (_python(*_pytest("not ros", *(f"--ignore={package}" for package in MEASURED), workers=3)),),
+PATIENT: Final = ("-o", "faulthandler_timeout=3600")
+"""Nothing hangs that waits for a processor."""
+CORE: Final = CiCheck("pytest, core", ((*WHEN_IDLE, *_covered(*PATIENT, *CORE_TESTS)),))
+SIMULATED: Final = CiCheck(
+    "pytest, simulated",
+    ((*WHEN_IDLE, *_python("pytest", "-m", "not ros", *PATIENT, *SIMULATED_TESTS)),),
 )
 STATIC_CHECKS: Final = (
     CiCheck("ruff check", (_python("ruff", "check", "."),)),
@@ -278,17 +300,27 @@ def environment() -> dict[str, str]:
 def _carry_out_all() -> Iterator[CiCheckResult]:
     """Yield outcomes; both long parts leave some time of the processors to other checks."""
     yield from map(_carry_out, STATIC_CHECKS)
-    yield from _carry_out_beside(REST, MYPY, SECURITY)
+    of_others = (*MEASURED, *SIMULATED_TESTS, *wholly_ros_files())
+    ignored = (f"--ignore={path}" for path in of_others)
+    # Many of these wait for others: clusters, orbiters, ION, a browser.
+    rest = CiCheck("pytest", (_python(*_pytest("not ros", *ignored, workers=3)),))
+    yield from _carry_out_beside(rest, MYPY, SECURITY)
     # In real time: no more than two files at once, and nothing beside them that they would have to
     # wait for, else odometry arrives too late to drive by.
     ros = CiCheck("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
-    yield from _carry_out_beside(ros, CORE)
+    yield from _carry_out_beside(ros, CORE, SIMULATED, at_once=2)
     yield _carry_out(COVERAGE)
 
 
-def _carry_out_beside(check: CiCheck, *others: CiCheck) -> Iterator[CiCheckResult]:
-    """Yield the outcome of a check, then those of others, which run beside it in their order."""
-    with ExitStack() as files, ThreadPoolExecutor(1) as pool:
+def _carry_out_beside(
+    check: CiCheck, *others: CiCheck, at_once: int = 1
+) -> Iterator[CiCheckResult]:
+    """Yield the outcome of a check, then those of others, which run beside it in their order.
+
+    Args:
+        at_once: how many of the others.
+    """
+    with ExitStack() as files, ThreadPoolExecutor(at_once) as pool:
         outputs = [files.enter_context(TemporaryFile()) for _ in others]
         beside = list(map(pool.submit, repeat(_judge), others, outputs))
         yield _carry_out(check)

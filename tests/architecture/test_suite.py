@@ -35,11 +35,19 @@ def test_a_share_of_the_stress_is_never_none_of_it() -> None:
 
 
 def test_files_of_tests_on_ros_are_found_by_their_mark(tmp_path: Path) -> None:
-    marked, plain = tmp_path / "tests" / "room" / "test_b.py", tmp_path / "tests" / "test_a.py"
-    marked.parent.mkdir(parents=True)
-    marked.write_text("import pytest\n\npytestmark = [pytest.mark.ros, pytest.mark.slow]\n")
-    plain.write_text("def test_nothing() -> None: ...\n")
-    assert suite.ros_files(tmp_path / "tests") == ("tests/room/test_b.py",)
+    folder = tmp_path / "tests" / "some"
+    folder.mkdir(parents=True)
+    for name, text in (
+        ("a", "def test_nothing() -> None: ..."),
+        ("b", "pytestmark = [\n    pytest.mark.slow,\n    pytest.mark.ros,\n]"),
+        ("c", "pytestmark = [pytest.mark.slow]\n\n@pytest.mark.ros\ndef test_c() -> None: ..."),
+        ("d", "pytestmark = pytest.mark.ros"),
+        ("e", "WRITTEN = 'pytestmark = pytest.mark.ros'"),
+    ):
+        (folder / f"test_{name}.py").write_text(f"import pytest\n\n{text}\n")
+    tests = tmp_path / "tests"
+    assert suite.ros_files(tests) == tuple(f"tests/some/test_{name}.py" for name in "bcde")
+    assert suite.wholly_ros_files(tests) == ("tests/some/test_b.py", "tests/some/test_d.py")
     assert suite.ros_files(tmp_path / "nowhere") == ()
 
 
