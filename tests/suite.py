@@ -234,8 +234,11 @@ def stress_checks(percent: int) -> list[CiCheck]:
     tested = (CHECKOUT / "tests").rglob("test_*.py")
     drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
+    site = "runs/site"
+    shown = ("env", f"SITE={site}", *_python("pytest", "-q", "tests/docs/test_site.py"))
     return [
         *checks,
+        CiCheck("site", ((rover, "docs", f"--out={site}"), shown)),
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
