@@ -287,7 +287,7 @@ def _needed_m(settings: Settings, zones: Zones) -> float:
 
 def _obstacle_within(point: Point, needed_m: float, zones: Zones) -> str | None:
     """Return the title of an obstacle nearer to a place than needed, or None."""
-    near = (each for each in zones if each.clearance_m(point, point) < needed_m)
+    near = (each for each in zones if not has_clearance(each, point, point, needed_m))
     return next((each.label for each in near), None)
 
 

@@ -73,6 +73,11 @@ class Detours:
         copied._found = {key: at for key, at in self._found.items() if isinstance(at, Detour)}
         return copied
 
+    @property
+    def searched(self) -> bool:
+        """Whether comparisons were made since the last `advance`, or in it."""
+        return self._left < SLICE_COMPARISONS
+
     def find(self, key: Hashable, begin: Callable[[], DetourSearch]) -> Detour | None:
         """Return the result of a search, begun if its key is new; None until it is found."""
         self._found[key] = self._found.pop(key) if key in self._found else begin()
@@ -126,7 +131,7 @@ def search_detour(
         leads: whether the rover may drive straight to a point from the present position.
     """
     nodes = [end, *(yield from _nodes(zones, clearance_m))]
-    obstacles = [(each, min(clearance_m, each.clearance_m(end, end))) for each in zones]
+    obstacles = [(each, _least_m(each, end, clearance_m)) for each in zones]
     before: dict[int, int | None] = {}
     left, sides = MAX_COMPARISONS, sum(map(_sides, zones))
     to_end_m = [each.distance_m(end) for each in nodes]
@@ -217,6 +222,13 @@ def _nodes(zones: Zones, clearance_m: float) -> Generator[int, None, list[Point]
             found_free.append(node)
         yield sides
     return found_free
+
+
+def _least_m(obstacle: Obstacle, point: Point, clearance_m: float) -> float:
+    """Return the clearance of a point, up to a maximum."""
+    if has_clearance(obstacle, point, point, clearance_m):
+        return clearance_m
+    return obstacle.clearance_m(point, point)
 
 
 def _sides(obstacle: Obstacle) -> int:

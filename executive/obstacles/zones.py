@@ -257,11 +257,13 @@ class Zones:
             apart_m: required clearance from all obstacles.
         """
         first: ClearanceViolation | None = None
-        middle, reach_m = _disc_of(path)
+        (middle, reach_m), needed_m = _disc_of(path), radius_m + apart_m
         for obstacle in self:
-            if obstacle.clearance_m(middle, middle) > reach_m + radius_m + apart_m:
+            if has_clearance(obstacle, middle, middle, reach_m + needed_m):
                 continue
-            found = _first_on(path, obstacle, radius_m + apart_m)
+            if all(_is_distant(obstacle, *line, needed_m) for line in pairwise(path)):
+                continue
+            found = _first_on(path, obstacle, needed_m)
             if found is not None and (first is None or found[0] < first.distance_m):
                 distance_m, clearance_m = found
                 first = ClearanceViolation(obstacle, clearance_m - radius_m, distance_m)
@@ -283,11 +285,17 @@ def has_clearance(obstacle: Obstacle, start: Point, end: Point, needed_m: float)
 
     A distant keep-out zone is passed over by the disc around it, without its sides.
     """
-    if isinstance(obstacle, KeepOut):
-        middle, radius_m = _disc_around(obstacle.corners_m)
-        if _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M:
-            return True
+    if _is_distant(obstacle, start, end, needed_m):
+        return True
     return obstacle.clearance_m(start, end) >= needed_m
+
+
+def _is_distant(obstacle: Obstacle, start: Point, end: Point, needed_m: float) -> bool:
+    """Return whether the disc around an obstacle has a clearance; False without a disc."""
+    if not isinstance(obstacle, KeepOut):
+        return False
+    middle, radius_m = _disc_around(obstacle.corners_m)
+    return _to_line_m(middle, start, end) - radius_m > needed_m + ROUNDING_M
 
 
 @lru_cache(maxsize=256)

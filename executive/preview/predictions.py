@@ -1,8 +1,8 @@
 """`Predictor` computes a prediction of each accepted motion and each started plan, in parallel.
 
-They are computed on the core's thread, in slices shorter than a millisecond, after the work of a
-turn or tick. Neither the reply to a command nor a tick waits for one. A slice is two ticks of the
-copy, a fixed amount, so that in lock step each repeats bit for bit.
+They are computed on the core's thread, in slices, after the work of a turn or tick. Neither the
+reply to a command nor a tick waits for one. A slice is two ticks of the copy, or one with a slice
+of a search, fixed amounts, so that in lock step each repeats bit for bit.
 """
 
 import logging

@@ -6,7 +6,7 @@ so that a preview can be computed on any thread, in slices.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import ceil
+from math import ceil, inf
 from typing import Final, Protocol, assert_never
 
 from executive.checks import check_pose, check_request
@@ -26,7 +26,7 @@ from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
 from executive.obstacles.detour import Detours
-from executive.obstacles.zones import Zones
+from executive.obstacles.zones import ROUNDING_M, Zones
 from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
 from executive.preview.preview_rover import (
     CachedTrajectorySolver,
@@ -168,10 +168,12 @@ class _PathTrace:
     step_clearance: Clearance | None = None
     _earlier: Clearance | None = None
     _radius_m: float = field(init=False)
+    _gaps_m: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
         footprint = self.settings.footprint
         self._radius_m = 0.0 if footprint is None else footprint.radius_m
+        self._gaps_m = [-inf for _ in self.settings.zones]
         self._update_clearance(self.poses[0].pose, self.poses[0].pose)
 
     def add(self, time_s: float, pose: Pose) -> None:
@@ -187,10 +189,21 @@ class _PathTrace:
         self._update_clearance(before, pose)
 
     def _update_clearance(self, before: Pose, pose: Pose) -> None:
-        for obstacle in self.settings.zones:
-            left_m = obstacle.clearance_m(before.point, pose.point) - self._radius_m
-            if self.step_clearance is None or left_m < self.step_clearance.least_m:
-                self.step_clearance = Clearance(left_m, obstacle.label)
+        """Compute the distances of the obstacles that may be the nearest now.
+
+        The distance of each other one is at least the last one less the path since.
+        """
+        start, end = before.point, pose.point
+        step_m = start.distance_m(end)
+        for index, obstacle in enumerate(self.settings.zones):
+            gap_m = self._gaps_m[index] - step_m
+            least = self.step_clearance
+            if least is None or gap_m - self._radius_m <= least.least_m + ROUNDING_M:
+                gap_m = obstacle.clearance_m(start, end)
+                left_m = gap_m - self._radius_m
+                if least is None or left_m < least.least_m:
+                    self.step_clearance = Clearance(left_m, obstacle.label)
+            self._gaps_m[index] = gap_m
 
     def begin_step(self) -> None:
         self._earlier, self.step_clearance = self.clearance, None
@@ -241,6 +254,7 @@ class PreviewRun:
         self._before = MotionExtent(0.0, 0.0, 0.0)
         self._began_s = 0.0
         self._end = MotionEndKind.LINE
+        self._next = self._begin_first
         self.result: Preview | Refusal | None = None
         self.steps: list[StepPreview] = []
 
@@ -250,10 +264,15 @@ class PreviewRun:
         return self._solver is not None and self._solver.busy
 
     def advance(self, ticks: int) -> bool:
-        """Advance the copy by some ticks, after `set_up`; return whether there is a result."""
+        """Advance the copy by some ticks, after `set_up`; return whether there is a result.
+
+        A tick with a slice of a search is the last one.
+        """
         for _ in range(ticks):
             if self.result is None and not self.waiting_for_solver:
-                self._tick()
+                self._next()
+            if self._context.detours.searched:
+                break
         return self.result is not None
 
     def set_up(self) -> None:
@@ -275,6 +294,9 @@ class PreviewRun:
         )
         self._tree = self._build_tree(self._context)
         self._observe_base()
+
+    def _begin_first(self) -> None:
+        self._next = self._tick
         if isinstance(self._request, Motion):
             self._begin(self._request)
         else:

@@ -101,6 +101,7 @@ def test_a_slice_is_two_ticks_of_the_copy(tmp_path: Path) -> None:
 
     with Bench(tmp_path, build_tree=Counting) as bench:
         bench.submit(ROUND, 1)
+        bench.step()  # starts the motion, in place of a tick
         for _ in range(20):
             ticked.clear()
             bench.step()

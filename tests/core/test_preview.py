@@ -1,7 +1,7 @@
 """Previews: what becomes of the command, where they are refused, what they leave alone."""
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 from pathlib import Path
 
 import pytest
@@ -23,8 +23,10 @@ from executive.commands import (
 )
 from executive.core.runner import Executive
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
+from executive.obstacles import zones
 from executive.obstacles.zones import KeepOut, KnownRock, Zones
 from executive.preview import MAX_POSES, KinematicBase, Preview, PreviewRun, preview
+from executive.preview.predictions import SLICE_TICKS
 from executive.settings import (
     Controller,
     PredictionSettings,
@@ -33,11 +35,12 @@ from executive.settings import (
     structure,
 )
 from executive.values.clock import ManualClock
-from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Stage
 from sim.rover import World
 from sim.rover.lockstep import LockStep
+from tests.benchmarks.previews import crowd
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, BACK, plan
 
@@ -427,3 +430,54 @@ def test_energy_is_predicted_if_the_settings_have_the_power_of_motion(tmp_path: 
 def test_a_figure_that_cannot_be_is_refused(key: str, value: float) -> None:
     with pytest.raises(SettingsError, match=key):
         structure({key: value}, PredictionSettings, "rover.yaml")
+
+
+CROWDS = 4
+COMPARISONS = 1_500
+"""Of a point with a line, in one slice; each takes about half a microsecond."""
+
+
+@pytest.fixture
+def comparisons(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the comparisons of points with lines of obstacles, in the one element."""
+    count, find = [0], zones._to_line_m
+
+    def counting(point: Point, start: Point, end: Point) -> float:
+        count[0] += 1
+        return find(point, start, end)
+
+    monkeypatch.setattr(zones, "_to_line_m", counting)
+    return count
+
+
+def test_slices_are_short_by_the_number_of_their_comparisons(
+    tmp_path: Path, comparisons: list[int]
+) -> None:
+    most, detours = 0, 0
+    for seed in range(CROWDS):
+        around, target = crowd(seed)
+        with Bench(tmp_path / str(seed), replace(JACKAL, zones=around)) as bench:
+            run = bench.executive.preview(MoveTo(target))
+            assert isinstance(run, PreviewRun)
+            comparisons[0] = 0
+            run.set_up()
+            while run.result is None:
+                most, comparisons[0] = max(most, comparisons[0]), 0
+                run.advance(SLICE_TICKS)
+            most = max(most, comparisons[0])
+            detours += isinstance(run.result, Preview)
+    assert detours > 1
+    assert most < COMPARISONS
+
+
+@pytest.mark.at_length
+def test_the_clearance_is_that_of_all_obstacles_though_distant_ones_are_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    around, _ = crowd(2)
+    path = FollowPath((Waypoint(0.5, 0.2), Waypoint(0.0, -0.4), Waypoint(-0.5, 0.0)))
+    with Bench(tmp_path, replace(JACKAL, zones=around)) as bench:
+        found = previewed(bench, path).clearance
+        monkeypatch.setattr(preview, "ROUNDING_M", inf)  # passes over none
+        assert found is not None
+        assert previewed(bench, path).clearance == found

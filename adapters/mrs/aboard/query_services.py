@@ -47,8 +47,8 @@ MAX_PREVIEW_S: Final = 60.0
 class PreviewService:
     """Serves `MotionControl.preview` and those of `Plan`, `MAX_CONCURRENT` at a time.
 
-    They are computed in slices on the link's loop. A slice holds Python's interpreter lock for well
-    under a millisecond, and the loop sleeps after it. So the core's thread meets its ticks, and a
+    They are computed in slices on the link's loop. A slice holds Python's interpreter lock for a
+    millisecond or two, and the loop sleeps after it. So the core's thread meets its ticks, and a
     stop is served during a preview.
     """
 
