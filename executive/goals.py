@@ -299,7 +299,7 @@ class Goals:
         return iter((self.motion, self.camera, self.instant))
 
     def __len__(self) -> int:
-        return sum(map(len, self))
+        return len(self.motion) + len(self.camera) + len(self.instant)
 
     @property
     def waiting(self) -> int:

@@ -91,13 +91,14 @@ class Channel:
 
     Attributes:
         time_s: of the newest sums; minus infinity before the first.
+        first_s: the earliest time with known sums.
         sums: the newest.
     """
 
     def __init__(self, width: int) -> None:
         self._slots: list[Sequence[float]] = [(0.0,) * width] * SLOTS
         self._filled = self._first = 0
-        self.time_s = -inf
+        self.time_s, self.first_s = -inf, 0.0
         self.sums: Sequence[float] = (0.0,) * width
         self._last_end: tuple[float, Sequence[float]] = (-inf, self.sums)
 
@@ -114,14 +115,9 @@ class Channel:
             self._slots[index % SLOTS] = [
                 old + part * (new - old) for old, new in zip(self.sums, sums, strict=True)
             ]
-        self._filled = last
+        self._filled, self.first_s = last, max(self._first, last - SLOTS + 2) * GRID_S
         self.time_s, self.sums = time_s, sums
         self._last_end = -inf, sums
-
-    @property
-    def first_s(self) -> float:
-        """The earliest time with known sums."""
-        return max(self._first, self._filled - SLOTS + 2) * GRID_S
 
     def covers(self, time_s: float) -> bool:
         """Whether the sums at a time are known."""
@@ -139,6 +135,18 @@ class Channel:
             begun_s, high, span_s = index * GRID_S, self._slots[(index + 1) % SLOTS], GRID_S
         part = (time_s - begun_s) / span_s
         return [old + part * (new - old) for old, new in zip(low, high, strict=True)]
+
+    def sum_at(self, time_s: float, field: int) -> float:
+        """Return one of the sums at a time that is covered."""
+        index = floor(time_s / GRID_S)
+        low, begun_s, span_s = self._slots[index % SLOTS][field], index * GRID_S, GRID_S
+        if index < self._filled:
+            high = self._slots[(index + 1) % SLOTS][field]
+        else:
+            high, span_s = self.sums[field], self.time_s - begun_s
+            if span_s <= 0.0:
+                return high
+        return low + (time_s - begun_s) / span_s * (high - low)
 
     def increase_between(self, from_s: float, to_s: float) -> list[float] | None:
         """Return the increase between two times; None if it is unknown."""

@@ -62,6 +62,8 @@ class OtherDrivers:
 
     def active(self, now_s: float) -> list[Driver]:
         """Return the present publishers."""
+        if not self._drivers:
+            return []
         return [each for each in self._drivers.values() if now_s - each.last_s <= MUX_INPUT_HOLD_S]
 
     def update(

@@ -5,7 +5,7 @@ reference for the uncertainty of the pose after it.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import hypot, inf
 from typing import Final, NamedTuple
 
@@ -61,7 +61,7 @@ class _Comparison:
     """
 
     def __init__(
-        self, pose: str, other: Callable[[Sequence[float]], float], later_s: float = 0.0
+        self, pose: str, other: Callable[[Channel, float], float], later_s: float = 0.0
     ) -> None:
         self.total = 0.0
         self._pose, self._other = OdometryWindow._fields.index(pose), other
@@ -74,7 +74,7 @@ class _Comparison:
         from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
         if to_s <= from_s or not (moved.covers(to_s) and other.covers(to_s - self._later_s)):
             return
-        beyond = moved.sums_at(to_s)[self._pose] - self._other(other.sums_at(to_s - self._later_s))
+        beyond = moved.sum_at(to_s, self._pose) - self._other(other, to_s - self._later_s)
         if other is self._channel:  # a channel that begins again does so after a gap
             self.total += beyond - self._beyond + bias_per_s * (to_s - from_s)
         self._beyond, self._channel, self._to_s = beyond, other, to_s
@@ -92,10 +92,16 @@ class PoseDivergence:
 
     def __init__(self, history: MotionHistory) -> None:
         self._history = history
-        self._wheels = _Comparison("pose_ahead_m", lambda sums: (sums[0] + sums[1]) / 2)
-        self._gyro = _Comparison("pose_rad", lambda sums: sums[0])
-        self._ahead = _Comparison("pose_ahead_m", lambda sums: sums[0], COMMAND_LATENCY_S)
-        self._turn = _Comparison("pose_rad", lambda sums: sums[1], COMMAND_LATENCY_S)
+        self._wheels = _Comparison(
+            "pose_ahead_m", lambda each, at_s: (each.sum_at(at_s, 0) + each.sum_at(at_s, 1)) / 2
+        )
+        self._gyro = _Comparison("pose_rad", lambda each, at_s: each.sum_at(at_s, 0))
+        self._ahead = _Comparison(
+            "pose_ahead_m", lambda each, at_s: each.sum_at(at_s, 0), COMMAND_LATENCY_S
+        )
+        self._turn = _Comparison(
+            "pose_rad", lambda each, at_s: each.sum_at(at_s, 1), COMMAND_LATENCY_S
+        )
         self._samples: deque[tuple[float, Divergence]] = deque()
         self.now = Divergence()
 

@@ -210,7 +210,8 @@ class PoseMonitor:
         if self._stored is not None:
             self._compare_restart(self._stored)
         status, frames, now_s = self._status, self._frames, self._clock.now_s()
-        self._divergence.update(status.travelled_m)
+        travelled_m = status.travelled_m
+        self._divergence.update(travelled_m)
         disproved = [each for each in active if each.disproves is not None]
         uncertain = bool(disproved or status.uncertainty)
         if uncertain and not self._uncertain:
@@ -222,7 +223,7 @@ class PoseMonitor:
         if disproved:
             self._grow_by_faults(disproved, now_s)
         elif status.uncertainty:
-            driven_m = status.travelled_m - self._path_m
+            driven_m = travelled_m - self._path_m
             position_m = status.uncertainty.position_at_m(driven_m)
             self._status.raise_uncertainty(
                 position_m, status.uncertainty.heading_rad, status.uncertainty.cause
@@ -231,7 +232,7 @@ class PoseMonitor:
             self._cause = SECOND
         if frames.anchor is None:  # without an earlier frame no later one confirms the pose
             self._confirmed = status.uncertainty
-        self._faulty, self._uncertain, self._path_m = bool(disproved), uncertain, status.travelled_m
+        self._faulty, self._uncertain, self._path_m = bool(disproved), uncertain, travelled_m
         self._compare_frames()
         self._divergence.sample(now_s)
 

@@ -1,8 +1,10 @@
 """`RestTrack`: the last poses of the odometry, and the motion at rest that exceeds their noise."""
 
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Sequence
-from math import hypot, sqrt
+from itertools import islice
+from math import hypot, inf, sqrt
 from typing import Final, NamedTuple
 
 from executive.values.geometry import Point
@@ -45,48 +47,49 @@ class RestTrack:
 
         None if it is unknown, or not above the bound.
         """
-        poses = self._newest(window_s)
-        reference = _reference(poses, window_s)
+        reference = self._reference(window_s)
         if reference is None:
             return None
-        last, from_s = poses[-1], reference.time_s
+        last, from_s = self._poses[-1], reference.time_s
         distance_m = hypot(last.x_m - reference.x_m, last.y_m - reference.y_m)
         if distance_m / (last.time_s - from_s) <= bound_mps:
             return None
+        poses = self._newest(window_s)
         variance = (_variance(poses, "x_m") + _variance(poses, "y_m")) / 2
         speed_mps = (distance_m - NOISE_SD * sqrt(variance)) / (last.time_s - from_s)
         return speed_mps if speed_mps > bound_mps else None
 
     def rate_radps(self, window_s: float, bound_radps: float) -> float | None:
         """Return the yaw rate in the newest window, likewise."""
-        poses = self._newest(window_s)
-        reference = _reference(poses, window_s)
+        reference = self._reference(window_s)
         if reference is None:
             return None
-        last, from_s = poses[-1], reference.time_s
+        last, from_s = self._poses[-1], reference.time_s
         turned_rad = abs(last.heading_rad - reference.heading_rad)
         if turned_rad / (last.time_s - from_s) <= bound_radps:
             return None
-        noise_rad = NOISE_SD * sqrt(_variance(poses, "heading_rad"))
+        noise_rad = NOISE_SD * sqrt(_variance(self._newest(window_s), "heading_rad"))
         rate_radps = (turned_rad - noise_rad) / (last.time_s - from_s)
         return rate_radps if rate_radps > bound_radps else None
 
     def _newest(self, window_s: float) -> list[TrackedPose]:
-        found: list[TrackedPose] = []
-        for each in reversed(self._poses):
-            if found and each.time_s < found[0].time_s - window_s:
-                break
-            found.append(each)
-        return found[::-1]
+        return self._between(window_s, 0.0)
 
+    def _reference(self, window_s: float) -> TrackedPose | None:
+        """Return the mean of the first part of a window."""
+        first = self._between(window_s, (1.0 - FIRST_RATIO) * window_s)
+        if not first:
+            return None
+        return TrackedPose(*(_mean(figures) for figures in zip(*first, strict=True)))
 
-def _reference(poses: Sequence[TrackedPose], window_s: float) -> TrackedPose | None:
-    """Return the mean of the first part of a window."""
-    to_s = poses[-1].time_s - (1.0 - FIRST_RATIO) * window_s if poses else 0.0
-    first = [each for each in poses if each.time_s <= to_s]
-    if not first:
-        return None
-    return TrackedPose(*(_mean(figures) for figures in zip(*first, strict=True)))
+    def _between(self, from_s: float, to_s: float) -> list[TrackedPose]:
+        """Return the poses between two ages, by the newest."""
+        if not self._poses:
+            return []
+        now_s, count = self._poses[-1].time_s, len(self._poses)
+        begin = bisect_left(self._poses, (now_s - from_s,))
+        end = bisect_right(self._poses, (now_s - to_s, inf))
+        return list(islice(reversed(self._poses), count - end, count - begin))[::-1]
 
 
 def _mean(figures: Sequence[float]) -> float:

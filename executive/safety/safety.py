@@ -265,7 +265,7 @@ class FaultMonitor:
             or self._rows[FOREIGN_INPUT_FAULT].reaction not in HOLDING_REACTIONS
         ):
             return False
-        return any(each.overrides for each in self.history.mux_inputs)
+        return any(each.input.overrides for each in self.history.drivers)
 
     def _new_faults(self, now_s: float, moving: bool) -> Iterator[Fault]:
         known = {fault.name: fault for fault in self.active}

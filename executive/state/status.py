@@ -373,7 +373,7 @@ class Rejections:
 
     def of(self, source: Source | None) -> RejectedData | None:
         """Return the present rejection of a source, or None."""
-        found = self._until_s.get(source) if source else None
+        found = self._until_s.get(source) if self._until_s and source else None
         return found[0] if found and self._clock.now_s() <= found[1] else None
 
     def explain(self, text: str, source: Source | None) -> str:
