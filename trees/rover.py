@@ -184,6 +184,9 @@ class RoverTree:
         self.ticks = 0
         self.ticked: frozenset[Behaviour] = frozenset()
         self.plan: PlanTree | None = None
+        self._own = tuple(self.root.iterate())
+        self._seen: tuple[object, ...] = ()
+        self._snapshots: tuple[TreeNodeSnapshot, ...] = ()
 
     def tick(self) -> None:
         """Tick once from the root."""
@@ -208,11 +211,17 @@ class RoverTree:
     def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
         """Return all nodes as of the last tick; those of a plan first, below the root.
 
-        Nodes of a plan keep their results until a loop around them starts its next cycle.
+        Nodes of a plan keep their results until a loop around them starts its next cycle. Without a
+        plan, the same object until a change: a recording asks after each tick.
         """
-        root, *others = nodes(self.root, self.ticked)
-        plan = self.plan.root if self.plan else None
-        planned = nodes(plan, frozenset(plan.iterate()), depth=1) if plan else ()
+        seen = (self.ticked, *((each.status, each.feedback_message) for each in self._own))
+        if seen != self._seen:
+            self._seen, self._snapshots = seen, nodes(self.root, self.ticked)
+        if self.plan is None:
+            return self._snapshots
+        root, *others = self._snapshots
+        plan = self.plan.root
+        planned = nodes(plan, frozenset(plan.iterate()), depth=1)
         return (root, *planned, *others)
 
 

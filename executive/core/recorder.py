@@ -74,6 +74,7 @@ class Recorder:
         self._clock = clock
         self._stop_checks = 0
         self._polls = 0
+        self._tree: Sequence[TreeNodeView] = ()
         self._nodes: dict[str, TreeNodeView] = {}
         self._mode: ModeChanged | None = None
 
@@ -104,6 +105,8 @@ class Recorder:
 
     def on_writer_state(self, state: WriterState, sealed: int) -> None:
         """Record a state of the ledger's writer that is not the usual one; called at each poll."""
+        if self.tape is None:
+            return
         behind, error = sealed - state.durable, "" if state.error is None else str(state.error)
         if behind or error:
             self.put(LedgerBehind(self._polls, state.durable, error))
@@ -116,8 +119,17 @@ class Recorder:
 
     def on_state(self, tree: Sequence[TreeNodeView], mode: ModeChanged) -> None:
         """Record the changes of the tree and of the mode since the last call."""
-        before, nodes = self._nodes, {each.path: each for each in tree}
-        self._nodes = nodes
+        if tree is not self._tree:
+            self._tree = tree
+            self._put_tree({each.path: each for each in tree})
+        if self._mode is None or (
+            mode != self._mode and _without_figures(self._mode) != _without_figures(mode)
+        ):
+            self._mode = mode
+            self.put(mode)
+
+    def _put_tree(self, nodes: dict[str, TreeNodeView]) -> None:
+        before, self._nodes = self._nodes, nodes
         changed = tuple(
             TreeNodeState(path, each.status.name, each.message)
             for path, each in nodes.items()
@@ -126,9 +138,6 @@ class Recorder:
         removed = tuple(path for path in before if path not in nodes)
         if changed or removed:
             self.put(TreeChanged(changed, removed))
-        if self._mode is None or _without_figures(self._mode) != _without_figures(mode):
-            self._mode = mode
-            self.put(mode)
 
 
 def _same(before: TreeNodeView | None, now: TreeNodeView) -> bool:
