@@ -1,5 +1,6 @@
 """The behaviour tree of the rover. Only this package imports py_trees."""
 
+import trees.bare_py_trees  # noqa: F401 - before all that import py_trees
 from trees.rover import RoverTree as RoverTree
 from trees.rover import leaf_paths as leaf_paths
 from trees.rover import preview as preview
