@@ -185,7 +185,7 @@ class RoverTree:
         self.ticked: frozenset[Behaviour] = frozenset()
         self.plan: PlanTree | None = None
         self._own = tuple(self.root.iterate())
-        self._seen: tuple[object, ...] = ()
+        self._states: tuple[object, ...] = ()
         self._snapshots: tuple[TreeNodeSnapshot, ...] = ()
 
     def tick(self) -> None:
@@ -211,12 +211,12 @@ class RoverTree:
     def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
         """Return all nodes as of the last tick; those of a plan first, below the root.
 
-        Nodes of a plan keep their results until a loop around them starts its next cycle. Without a
-        plan, the same object until a change: a recording asks after each tick.
+        Nodes of a plan retain their results until a loop around them starts its next cycle. Without
+        a plan it is the same object until a change: a recording requests it after each tick.
         """
-        seen = (self.ticked, *((each.status, each.feedback_message) for each in self._own))
-        if seen != self._seen:
-            self._seen, self._snapshots = seen, nodes(self.root, self.ticked)
+        states = (self.ticked, *((each.status, each.feedback_message) for each in self._own))
+        if states != self._states:
+            self._states, self._snapshots = states, nodes(self.root, self.ticked)
         if self.plan is None:
             return self._snapshots
         root, *others = self._snapshots
