@@ -22,6 +22,7 @@ from adapters.process.service_manager import watchdog_period_s as watchdog_perio
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import program as program
 from adapters.process.start import require as require
+from adapters.process.usage import NICE as NICE
 from adapters.process.usage import ResourceMonitor as ResourceMonitor
 from adapters.process.usage import ResourceUsage as ResourceUsage
 from adapters.process.usage import take_priority as take_priority

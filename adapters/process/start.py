@@ -20,6 +20,8 @@ EXTRAS: Final = {
     "PIL": "onboard",
     "usb": "onboard",
     "OpenGL": "gl",
+    "casadi": "mpc",
+    "cryptography": "bpsec",
     "dask": "campaign",
     "distributed": "campaign",
     "jinja2": "campaign",

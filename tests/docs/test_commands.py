@@ -63,8 +63,9 @@ NO_ROVER = tuple(
 )
 """Commands that need no rover that runs, and no real time."""
 HERE = re.compile(
-    r"\./rover (authority|bag|calibrate|campaign|command|files (?!watch)|log|moveTo|plan|plot"
-    r"|preview|replay|resume|robot|scenario|services|status|stop|tree|watch --file|why)\b[^|>]*"
+    r"\./rover (authority|bag|calibrate|campaign|command|doctor|files (?!watch)|log|moveTo|plan"
+    r"|plot|preview|replay|resume|robot|scenario|services|status|stop|tree"
+    r"|watch --file|why)\b[^|>]*"
 )
 """Commands that are run in this process: another imports for longer than they take."""
 WITH_A_FILE = CHECKOUT / "docs" / "campaigns.md"

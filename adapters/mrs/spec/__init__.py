@@ -33,6 +33,7 @@ from adapters.mrs.spec.housekeeping import CONSOLE_HOUSEKEEPING as CONSOLE_HOUSE
 from adapters.mrs.spec.housekeeping import EXECUTIVE as EXECUTIVE
 from adapters.mrs.spec.housekeeping import EXECUTIVE_HOUSEKEEPING as EXECUTIVE_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import MAP_HOUSEKEEPING as MAP_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import MIN_FREE_OCTETS as MIN_FREE_OCTETS
 from adapters.mrs.spec.housekeeping import ORBITER as ORBITER
 from adapters.mrs.spec.housekeeping import ORBITER_HOUSEKEEPING as ORBITER_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import POSE_HOUSEKEEPING as POSE_HOUSEKEEPING

@@ -1,0 +1,349 @@
+"""`rover doctor` checks this computer for the processes of a rover, and prints the remedies.
+
+A check is a generator of results: level, text, and the command to type as the remedy.
+"""
+
+import errno
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib.metadata import distributions
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from adapters.process import asset_option, data_option, default_folder
+
+if TYPE_CHECKING:
+    from executive.settings import Settings
+
+TESTED: Final = ("3.11", "3.12", "3.13", "3.14")
+DISTROS: Final = ("", "jazzy", "kilted", "lyrical", "rolling")
+RANGES: Final = ("", "SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+FIRST_PORT, PORTS, MAX_DOMAIN = 7400, 250, 101
+"""UDP ports of a DDS domain; those of higher domains overlap the ports that Linux assigns."""
+GROUP: Final = "239.255.0.1"
+"""Multicast group of the discovery of DDS."""
+LISTEN_S: Final = 5.0
+SYNCS: Final = 10
+MAX_SYNC_S: Final = 0.1
+"""Duration of a disk write above which reports are late; as in `rover status`."""
+MAX_STEP_S: Final = 0.01
+"""Step of UTC against the monotonic clock within 0.1 s; chosen, not measured."""
+TIME_ERROR: Final = 5
+"""Result of adjtimex while the clock is not synchronised."""
+USB: Final = Path("/sys/bus/usb/devices")
+SHARED_MEMORY: Final = Path("/dev/shm")
+PIP: Final = f"{sys.executable} -m pip install 'rover-executive"
+OWN_ENVIRONMENT: Final = "python3 -m venv rover && rover/bin/pip install rover-executive"
+SYNCHRONISE: Final = "sudo timedatectl set-ntp true"
+
+
+class Level(StrEnum):
+    """Level of a result; an error prevents operation."""
+
+    OK = "ok"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+Results = Iterator[tuple[Level, str, str]]
+OK, WARNING, ERROR = Level
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Data folder, and the asset with its settings; without an asset the computer alone."""
+
+    data: Path
+    asset: str = ""
+    settings: "Settings | None" = None
+
+
+def _python(_: Subject) -> Results:
+    text = f"{sys.version.split()[0]}; {', '.join(TESTED)} are tested"
+    tested = "{}.{}".format(*sys.version_info) in TESTED
+    yield (OK, text, "") if tested else (WARNING, text, "sudo apt install python3.13-venv")
+
+
+def _packages(_: Subject) -> Results:
+    from adapters.process.start import EXTRAS
+    from rover_executive import ForeignPackageError, check_own_packages
+
+    try:
+        check_own_packages()
+        yield OK, "no other distribution has files in our packages", ""
+    except ForeignPackageError as error:
+        yield ERROR, str(error), OWN_ENVIRONMENT
+    missing = [name for name in EXTRAS if find_spec(name) is None]
+    for extra in dict.fromkeys(EXTRAS[name] for name in missing):
+        names = ", ".join(name for name in missing if EXTRAS[name] == extra)
+        yield OK, f"the extra {extra} would install {names}", f"{PIP}[{extra}]'"
+
+
+def _clock(_: Subject) -> Results:
+    import ctypes
+
+    began_s, offset_s = time.time(), time.time() - time.monotonic()
+    text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+    timex = ctypes.create_string_buffer(512)  # mode 0: the clock is only read
+    time.sleep(0.1)
+    step_s = time.time() - time.monotonic() - offset_s
+    if began_s < Path(__file__).stat().st_mtime:
+        yield ERROR, f"{text} is before this program was installed", SYNCHRONISE
+    elif abs(step_s) > MAX_STEP_S:
+        yield WARNING, f"{text} moved by {step_s:+.3f} s within 0.1 s", SYNCHRONISE
+    elif sys.platform == "linux" and ctypes.CDLL(None).adjtimex(timex) == TIME_ERROR:
+        yield WARNING, f"{text}, not synchronised: commands may expire too early", SYNCHRONISE
+    else:
+        yield OK, text, ""
+
+
+def _ros(_: Subject) -> Results:
+    found = [f"{each.name} {each.version}" for each in distributions() if each.name]
+    wheels = [each for each in found if re.match("ros-[a-z]+-rclpy ", each)]
+    sourced, distro = (os.environ.get(name, "") for name in ("AMENT_PREFIX_PATH", "ROS_DISTRO"))
+    if find_spec("rclpy") is None:
+        has_wheels = sys.platform == "linux" and os.uname().machine == "x86_64"
+        remedy = f"{PIP}[ros]'" if has_wheels else "sudo apt install ros-jazzy-ros-base"
+        apt = sorted(Path("/opt/ros").glob("*/setup.sh"))
+        yield ERROR, "no ROS: Python finds no rclpy", f". {apt[-1]}" if apt else remedy
+    elif wheels and "/opt/ros/" in sourced:
+        text = f"{wheels[0]} is installed beside a sourced {sourced}: their libraries mix"
+        yield ERROR, text, 'env -i HOME="$HOME" PATH="$PATH" bash'
+    elif distro not in DISTROS:
+        yield WARNING, f"{distro} is older than Jazzy, or unknown", "ls /opt/ros"
+    else:  # in a process of its own, which a wrong middleware ends
+        code = "import rclpy; print(rclpy.get_rmw_implementation_identifier())"
+        tried = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        if tried.returncode == 0:
+            yield OK, f"{(wheels or [distro])[0]} with {tried.stdout.strip()}", ""
+        else:
+            text = (tried.stderr.strip().splitlines() or ["no error text"])[-1]
+            yield ERROR, f"rclpy does not start: {text}", "unset RMW_IMPLEMENTATION"
+
+
+def local_domains() -> set[int]:
+    """Return the ROS domains of the nodes on this computer, by their UDP ports."""
+    ports: set[int] = set()
+    for table in ("/proc/net/udp", "/proc/net/udp6"):
+        with suppress(OSError):
+            rows = Path(table).read_text("ascii").splitlines()[1:]
+            ports |= {int(row.split()[1].rpartition(":")[2], 16) for row in rows}
+    bases = [(each, FIRST_PORT + PORTS * each) for each in range(MAX_DOMAIN + 1)]
+    # The multicast port, or both unicast ports of a first participant.
+    return {domain for domain, at in bases if at in ports or {at + 10, at + 11} <= ports}
+
+
+def _domain(_: Subject) -> Results:
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    found, valid = sorted(local_domains()), text.isdecimal() and int(text) <= MAX_DOMAIN
+    nodes = f"nodes on this computer: in {', '.join(map(str, found)) or 'no domain'}"
+    if not valid:
+        text = f"ROS_DOMAIN_ID is {text!r}: a number from 0 to {MAX_DOMAIN} is needed"
+        yield ERROR, text, "export ROS_DOMAIN_ID=0"
+    elif found and int(text) not in found:
+        yield WARNING, f"ROS_DOMAIN_ID is {text}; {nodes}", f"export ROS_DOMAIN_ID={found[0]}"
+    else:
+        yield OK, f"ROS_DOMAIN_ID is {text}; {nodes}", ""
+    if (reach := os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")) not in RANGES:
+        text = f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, not one of{' '.join(RANGES)}"
+        yield ERROR, text, "unset ROS_AUTOMATIC_DISCOVERY_RANGE"
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        if (profile := os.environ.get(name)) and not Path(profile).is_file():
+            yield ERROR, f"{name}: there is no file {profile}", f"unset {name}"
+
+
+def _discovery(_: Subject) -> Results:
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+            end.settimeout(1.0)
+            end.bind(("", 0))
+            membership = socket.inet_aton(GROUP) + bytes(4)
+            end.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+            end.sendto(b"rover doctor", (GROUP, end.getsockname()[1]))
+            end.recv(64)
+        yield OK, f"multicast to {GROUP} is received", ""
+    except OSError as error:
+        text = f"multicast to {GROUP} fails: {error.strerror or error}"
+        yield WARNING, text, f"sudo ip route add {GROUP}/32 dev lo"
+    segments = SHARED_MEMORY.glob("fast*")
+    users = {str(each.stat().st_uid) for each in segments if not os.access(each, os.W_OK)}
+    if users and not os.environ.get("FASTDDS_BUILTIN_TRANSPORTS"):
+        text = (
+            f"nodes of user {', '.join(users)} use the shared memory of Fast DDS: no data arrives"
+        )
+        yield WARNING, text, "export FASTDDS_BUILTIN_TRANSPORTS=UDPv4"
+
+
+def _robot(subject: Subject) -> Results:
+    if subject.settings is None:
+        return
+    from adapters.ros.check import check_robot
+
+    topics = check_robot(subject.asset, LISTEN_S, None, None).topics
+    remedy = f"rover robot check {subject.asset}"
+    for each in topics if any(each.peers for each in topics) else ():
+        level = ERROR if each.key in ("odometry", "cmd_vel") else WARNING
+        yield from ((level, f"{each.key}: {text}", remedy) for text in each.problems)
+        if not each.problems:
+            yield OK, f"{each.key}: {each.topic}", ""
+    if not any(each.peers for each in topics):
+        own = os.environ.get("ROS_DOMAIN_ID") or "0"
+        others = [str(each) for each in sorted(local_domains() - {int(own)})]
+        text = f"no node has a topic of {subject.asset} in ROS domain {own}"
+        text += f"; there are nodes in {', '.join(others)}" if others else ""
+        yield ERROR, text, f"export ROS_DOMAIN_ID={others[0]}" if others else remedy
+
+
+def _data(subject: Subject) -> Results:
+    from adapters.mrs.spec import MIN_FREE_OCTETS
+    from adapters.system import OPERATING_SYSTEM
+
+    path = subject.data.absolute()
+    folder = next(each for each in (path, *path.parents) if os.path.exists(each))
+    worst_s = 0.0
+    try:
+        free_octets = OPERATING_SYSTEM.free_octets(folder)
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+            for _ in range(SYNCS):
+                began_s = time.monotonic()
+                file.write(bytes(4096))
+                os.fsync(file.fileno())
+                worst_s = max(worst_s, time.monotonic() - began_s)
+        if locked := [each for each in path.glob("*.sqlite*") if not os.access(each, os.W_OK)]:
+            raise PermissionError(errno.EACCES, f"no right to write {locked[0].name}")
+    except OSError as error:
+        remedies = {
+            errno.ENOSPC: f"du -xh {folder} | sort -h | tail",
+            errno.EROFS: f"sudo mount -o remount,rw $(findmnt -no TARGET -T {folder})",
+        }
+        own = f'sudo chown -R "$USER" {path}'
+        own = own if folder == path else f'sudo install -d -o "$USER" {path}'
+        yield ERROR, f"{path}: {error.strerror}", remedies.get(error.errno or 0, own)
+        return
+    text = f"{path}: {free_octets / 1e6:,.0f} MB free, the slowest write {worst_s * 1e3:.1f} ms"
+    if free_octets < MIN_FREE_OCTETS:
+        text = f"{text}; {MIN_FREE_OCTETS / 1e6:.0f} MB are needed"
+        yield ERROR, text, f"du -xh {folder} | sort -h | tail"
+    elif worst_s > MAX_SYNC_S:
+        yield WARNING, f"{text}: reports wait for it", "export ROVER_DATA=FOLDER_ON_A_FASTER_DISK"
+    else:
+        yield OK, text, ""
+
+
+def _priority(_: Subject) -> Results:
+    import resource
+
+    from adapters.process import NICE
+
+    own, bound = os.getpriority(os.PRIO_PROCESS, 0), resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    text = f"nice {own}; real-time priorities up to {bound} are permitted, none is needed"
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, min(own, NICE))
+        os.setpriority(os.PRIO_PROCESS, 0, own)
+        yield OK, text, ""
+    except PermissionError:
+        remedy = f'echo "$USER - nice {NICE}" | sudo tee /etc/security/limits.d/rover.conf'
+        yield WARNING, f"nice {NICE} is permitted to units only: ticks may be late; {text}", remedy
+
+
+def _port(_: Subject) -> Results:
+    from adapters.mrs.spec import PORT
+
+    try:
+        with socket.create_server(("127.0.0.1", PORT)):
+            yield OK, f"TCP {PORT} is free", ""
+    except OSError as error:
+        text = f"TCP {PORT}: {os.strerror(error.errno or 0)}; perhaps an executive runs"
+        yield WARNING, text, f"ss -ltnp 'sport = :{PORT}'"
+
+
+def _brick(subject: Subject) -> Results:
+    if subject.settings is None:
+        return
+    from executive.settings import config_folder, load_yaml
+
+    file = config_folder() / f"{subject.settings.asset}.nxt.yaml"
+    if not file.is_file():
+        return
+    brick: Any = load_yaml(file)
+    ids = brick["/**"]["ros__parameters"]["usb"]
+    product = f"PRODUCT={ids['vendor_id']:x}/{ids['product_id']:x}/"
+    texts = [each.read_text("ascii") for each in USB.glob("*/uevent")]
+    names = [name for each in texts if product in each for name in re.findall("DEVNAME=(.+)", each)]
+    if not names:
+        yield WARNING, f"no brick is connected ({product[:-1]})", "lsusb"
+    elif os.access(device := Path("/dev", names[0]), os.W_OK):
+        yield OK, f"the brick is {device}", ""
+    else:
+        rules = config_folder() / "systemd" / "60-rover-nxt.rules"
+        remedy = f"sudo cp {rules} /etc/udev/rules.d/ && sudo udevadm trigger"
+        yield ERROR, f"no right to write {device}, the brick", remedy
+
+
+GROUND: Final = (_python, _packages, _clock)
+ABOARD: Final = (_ros, _domain, _discovery, _data, _priority, _port, _brick, _robot)
+COLOURS: Final = {OK: "green", WARNING: "yellow", ERROR: "red"}
+
+
+@click.command()
+@asset_option("Check for this asset, too: its settings, its topics, its brick.", default="")
+@data_option("ledger and files")
+@click.option("--ground", is_flag=True, help="Check only the needs of the ground's commands.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
+@click.pass_context
+def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_json: bool) -> None:
+    """Check this computer: Python, ROS, rights, clock, disk, discovery.
+
+    It prints a line for each result, and below it the command that is the remedy. It changes
+    nothing. With --asset it also listens to the robot, which has to run, and does not move.
+
+    \b
+    Examples:
+      rover doctor
+      rover doctor --asset jackal
+      rover doctor --ground
+
+    \b
+    Exit status:
+      0  no errors; there may be warnings
+      1  there are errors
+      2  an argument or a file of the asset is invalid
+    """
+    settings = None
+    if asset:
+        from executive.settings import SettingsError, load_settings
+
+        try:
+            settings = load_settings(asset)
+        except SettingsError as error:
+            raise click.UsageError(str(error)) from error
+    folder = data or default_folder(settings.asset if settings else "jackal")
+    subject = Subject(folder, asset, settings)
+    checks: tuple[Callable[[Subject], Results], ...] = GROUND if ground else GROUND + ABOARD
+    rows: list[dict[str, str]] = []
+    for check in checks:
+        errors = {row["check"] for row in rows if row["level"] == ERROR}
+        if check is _robot and errors & {"ros", "domain"}:
+            break  # it would end, or raise
+        for level, text, remedy in check(subject):
+            name = check.__name__[1:]
+            rows.append({"check": name, "level": level, "text": text, "remedy": remedy})
+            if not as_json:
+                click.echo(f"{click.style(f'{level:8}', fg=COLOURS[level])}{name}: {text}")
+                click.echo(f"          {remedy}\n" if remedy else "", nl=False)
+    if as_json:
+        click.echo(json.dumps(rows))
+    ctx.exit(any(row["level"] == ERROR for row in rows))
