@@ -81,13 +81,19 @@ def _pytest(marked: str, *arguments: str, workers: int = 2) -> tuple[str, ...]:
     return ("pytest", "-m", marked, "-n", str(workers), *in_order, *slowest, *arguments)
 
 
-def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
+def ros_files(tests: Path = CHECKOUT / "tests", busy: bool | None = None) -> tuple[str, ...]:
     """Return the files that say `mark.ros`; to import all others takes half a minute.
 
     Args:
         tests: where they are looked for; there need not be any.
+        busy: True for the files with `mark.busy`, False for those without it, None for all.
     """
-    found = (path for path in tests.rglob("test_*.py") if "mark.ros" in path.read_text())
+    texts = {path: path.read_text() for path in tests.rglob("test_*.py")}
+    found = (
+        path
+        for path, text in texts.items()
+        if "mark.ros" in text and busy in (None, "mark.busy" in text)
+    )
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
@@ -308,10 +314,13 @@ def _carry_out_all() -> Iterator[CiCheckResult]:
     # Many of these wait for others: clusters, orbiters, ION, a browser.
     rest = CiCheck("pytest", (_python(*_pytest("not ros", *ignored, workers=3)),))
     yield from _carry_out_beside(rest, MYPY, SECURITY)
-    # In real time: no more than two files at once, and nothing beside them that they would have to
-    # wait for, else odometry arrives too late to drive by.
-    ros = CiCheck("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
-    yield from _carry_out_beside(ros, CORE, SIMULATED, at_once=2)
+    # In real time: two busy files at once, and two that wait for motions and discovery. Nothing
+    # runs beside them that they would have to wait for.
+    ros, waiting = (
+        CiCheck(name, (_python(*_pytest("ros"), *ros_files(busy=busy)),))
+        for name, busy in (("pytest, ros", True), ("pytest, waiting", False))
+    )
+    yield from _carry_out_beside(ros, waiting, CORE, SIMULATED, at_once=3)
     yield _carry_out(COVERAGE)
 
 

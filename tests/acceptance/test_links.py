@@ -24,6 +24,7 @@ from sim.scenario.scene import LiveScene, live_scene
 from tests.support.lifecycles import Lifecycles, lifecycles
 
 pytestmark = [
+    pytest.mark.busy,
     pytest.mark.ros,
     pytest.mark.slow,
     pytest.mark.usefixtures("ros_domain", "warm_children"),

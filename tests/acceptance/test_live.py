@@ -58,6 +58,7 @@ def _over(timed: Scheduled, label: str, later_s: float) -> QueryParameters:
     return QueryParameters(query=label, after=after)
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["locomotion", "telemetry", "video", "camera", "files"])
@@ -92,6 +93,7 @@ expect:
 """
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.usefixtures("ros_domain")

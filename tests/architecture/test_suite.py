@@ -43,11 +43,14 @@ def test_files_of_tests_on_ros_are_found_by_their_mark(tmp_path: Path) -> None:
         ("c", "pytestmark = [pytest.mark.slow]\n\n@pytest.mark.ros\ndef test_c() -> None: ..."),
         ("d", "pytestmark = pytest.mark.ros"),
         ("e", "WRITTEN = 'pytestmark = pytest.mark.ros'"),
+        ("f", "pytestmark = [pytest.mark.busy, pytest.mark.ros]"),
     ):
         (folder / f"test_{name}.py").write_text(f"import pytest\n\n{text}\n")
     tests = tmp_path / "tests"
-    assert suite.ros_files(tests) == tuple(f"tests/some/test_{name}.py" for name in "bcde")
-    assert suite.wholly_ros_files(tests) == ("tests/some/test_b.py", "tests/some/test_d.py")
+    assert suite.ros_files(tests) == tuple(f"tests/some/test_{name}.py" for name in "bcdef")
+    assert suite.ros_files(tests, busy=False) == suite.ros_files(tests)[:-1]
+    assert suite.ros_files(tests, busy=True) == ("tests/some/test_f.py",)
+    assert suite.wholly_ros_files(tests) == tuple(f"tests/some/test_{name}.py" for name in "bdf")
     assert suite.ros_files(tmp_path / "nowhere") == ()
 
 
@@ -98,6 +101,27 @@ def test_checks_beside_another_report_after_it(capfd: pytest.CaptureFixture[str]
     assert found == [("long", True), ("first", True), ("second", False)]
     written = capfd.readouterr().out
     assert written.index("long") < written.index("of the first")
+
+
+MEET = """
+import sys, time
+from pathlib import Path
+own, other = map(Path, sys.argv[1:])
+own.touch()
+deadline_s = time.monotonic() + 60
+while not other.exists():
+    assert time.monotonic() < deadline_s
+    time.sleep(0.01)
+"""
+
+
+def test_checks_beside_another_run_at_once(tmp_path: Path) -> None:
+    def check(*names: str) -> suite.CiCheck:
+        paths = (str(tmp_path / name) for name in names)
+        return suite.CiCheck("meets", ((sys.executable, "-c", MEET, *paths),))
+
+    checks = (check("a", "b"), check("b", "c"), check("c", "a"))
+    assert all(each.passed for each in suite._carry_out_beside(*checks, at_once=2))
 
 
 DETACHED = """

@@ -210,6 +210,7 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
     assert result.output.count("met") >= 4
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain", "warm_children")
 @pytest.mark.parametrize(
@@ -320,6 +321,7 @@ def test_a_page_that_stays_open_is_measured(
     assert values["soak: CPU at last"] > 0
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain", "warm_children")
 @pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")

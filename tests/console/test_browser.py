@@ -17,6 +17,7 @@ from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.ports import free_udp_ports
 
 pytestmark = [
+    pytest.mark.busy,
     pytest.mark.ros,
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),

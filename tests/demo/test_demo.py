@@ -22,7 +22,7 @@ from tests.demo.conftest import LIMIT_S, ROVER, Demo, Played, Ran
 END_S = 60
 JACKAL = load_scenario(str(config_folder() / "demo/jackal.yaml"))
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.busy, pytest.mark.ros, pytest.mark.slow]
 
 
 @pytest.fixture

@@ -204,6 +204,7 @@ def test_commands_without_a_rover_act_as_documented(page: Path, tmp_path: Path) 
         desk.run(line)
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
     assert "./rover watch" in desk.proposed
@@ -217,6 +218,7 @@ def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
     assert "is in use, probably by another rover" in second.stderr
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 @pytest.mark.parametrize("page", pages(no_rover=False), ids=lambda page: page.stem)
 def test_commands_act_as_documented(page: Path, desk: Desk) -> None:
@@ -241,6 +243,7 @@ def printed(script: str, desk: Desk) -> str:
     return ran.stdout
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_python_commands_a_rover(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
@@ -249,6 +252,7 @@ def test_python_commands_a_rover(desk: Desk) -> None:
     assert "Pose(frame='odom'" in reported
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_python_of_a_notebook(desk: Desk) -> None:
     page = CHECKOUT / "docs" / "python-api.md"
@@ -259,6 +263,7 @@ def test_python_of_a_notebook(desk: Desk) -> None:
     assert re.search("FAILED +the left wheels do not follow", printed(reading, desk))
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_python_queries_a_console(desk: Desk) -> None:
     page = CHECKOUT / "docs" / "console.md"
@@ -272,6 +277,7 @@ def test_python_queries_a_console(desk: Desk) -> None:
     assert "('POS_X', " in reported
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_python_fetches_a_picture(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "fetch-a-picture.md", "python")
@@ -280,6 +286,7 @@ def test_python_fetches_a_picture(desk: Desk) -> None:
     assert "True ['commandId', 'POS_X'" in reported
 
 
+@pytest.mark.busy
 @pytest.mark.ros
 def test_a_client_of_ones_own_commands_a_rover(desk: Desk) -> None:
     by_specification, by_octets = blocks(CHECKOUT / "docs" / "own-client.md", "python")

@@ -27,6 +27,7 @@ from tests.support.message_builder import REQUIRED, built_tf2_msgs, missing
 
 MISSING = None if find_spec("tf2_msgs") else missing()
 pytestmark = [
+    pytest.mark.busy,
     pytest.mark.ros,
     pytest.mark.slow,
     pytest.mark.skipif(MISSING is not None and not REQUIRED, reason=str(MISSING)),

@@ -26,6 +26,7 @@ from adapters.ros import (
 )
 from executive.commands.catalogue import MoveForward
 from executive.settings import Settings, load_settings, ros_parameter_file
+from tests.robots.check_process import COMMAND
 from tests.robots.interfaces import INTERFACES
 from tests.suite import CHECKOUT
 from tests.support.ground import carry_out, until_located
@@ -185,10 +186,13 @@ def test_a_robot_that_is_found_is_driven_without_an_edited_line(
 
 def test_of_two_robots_one_is_chosen(tmp_path: Path) -> None:
     with standing("panther", tmp_path), standing("clearpath_j100", tmp_path):
-        done = new("scout", "--seconds", "7")
-        assert done.exit_code == 1
-        assert "several namespaces take velocities, /j100_0001, /panther:" in done.output
-        assert new("scout", "--namespace", "panther", "--seconds", "7").exit_code == 0
+        any_robot = Running(tmp_path / "any.log", COMMAND, "new", "rover", "--seconds", "7")
+        try:
+            assert new("scout", "--namespace", "panther", "--seconds", "7").exit_code == 0
+            assert any_robot.ended() == 1
+        finally:
+            any_robot.clean_up()
+    assert "several namespaces take velocities, /j100_0001, /panther:" in any_robot.text
     _, topics = loaded("scout")
     assert topics.odometry.name == "/panther/odometry/filtered"
     stop = topics.emergency_stop

@@ -34,7 +34,7 @@ from tests.suite import CHECKOUT
 from tests.support.ground import carry_out, until_located
 from tests.support.processes import LISTENS, Running
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.busy, pytest.mark.ros, pytest.mark.slow]
 
 SPEED: Final = 4.0
 """At most: a stand-in that is driven waits for each velocity, however long the machine takes."""
