@@ -22,6 +22,8 @@ EXTRAS: Final = {
     "OpenGL": "gl",
     "casadi": "mpc",
     "cryptography": "bpsec",
+    "casadi": "mpc",
+    "cryptography": "bpsec",
     "dask": "campaign",
     "distributed": "campaign",
     "jinja2": "campaign",

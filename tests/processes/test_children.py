@@ -50,3 +50,13 @@ def test_a_child_that_was_never_up_or_is_not_to_be_started_again_is_an_error(
     with server(tmp_path, host, up) as child, pytest.raises(ExceptionGroup) as found:
         asyncio.run(watch(child, kills=1))
     assert found.group_contains(ChildError)
+
+
+def test_a_folder_of_the_user_hides_no_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "http").mkdir()
+    (tmp_path / "http" / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    with server(tmp_path, "127.0.0.1", UP) as child:
+        asyncio.run(watch(child, kills=0))
