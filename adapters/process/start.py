@@ -22,8 +22,6 @@ EXTRAS: Final = {
     "OpenGL": "gl",
     "casadi": "mpc",
     "cryptography": "bpsec",
-    "casadi": "mpc",
-    "cryptography": "bpsec",
     "dask": "campaign",
     "distributed": "campaign",
     "jinja2": "campaign",
