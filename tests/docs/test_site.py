@@ -65,13 +65,15 @@ def test_fonts_of_others_are_found(tmp_path: Path) -> None:
 
 
 @built
-@pytest.mark.parametrize("link", ["other.md", "other.md#none", "#none"])
-def test_a_broken_link_ends_the_build(link: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("link", ["none.md", "other.md#none", "#none"])
+def test_a_broken_link_ends_the_build(
+    link: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "README.md").write_text(f"# A page\n\n[a link]({link})\n")
-    if "#none" in link:
-        (tmp_path / "other.md").write_text("---\norphan: true\n---\n\n# Another\n")
+    (tmp_path / "other.md").write_text("---\norphan: true\n---\n\n# Another\n")
     with pytest.raises(click.ClickException):
         build(tmp_path / "site", tmp_path)
+    assert capfd.readouterr().err.count("WARNING") == 1
 
 
 @pytest.fixture(scope="module")
