@@ -126,7 +126,7 @@ def test_the_search_finds_the_right_page_first(browser: Browser, query: str, pag
     "page", ["README", *ENTRANCES.values(), "docs/comparison", "docs/site/api"]
 )
 @pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("width", [1280, 1040, 390])
 def test_pages_fit_in_both_themes(browser: Browser, page: str, theme: Any, width: int) -> None:
     size: Any = {"width": width, "height": 900}
     url = (newest() / f"{page}.html").as_uri()

@@ -148,12 +148,9 @@ class Picture:
             Point(max(at.x_m for at in points) + AROUND_M, min(at.y_m for at in points) - AROUND_M)
         )
         ground = tag("rect", width="100%", height="100%", rx=4, fill="var(--soil)")
-        parts = (
-            ground,
-            *self._rocks(frame),
-            *self._plan(frame, goals),
-            *self._drive(frame, poses),
-        )
+        line, *waypoints = self._plan(frame, goals)
+        track, *marks = self._drive(frame, poses)
+        parts = (ground, *self._rocks(frame), line, track, *waypoints, *marks)
         left, top = MARGIN + across + 18, (HEIGHT - down) / 2
         title = f"{self.scenario.title}: a run of {self.run_s:.0f} s, {SPEED:g} times as fast"
         inside = [
@@ -198,6 +195,7 @@ class Picture:
                 yield tag("circle", **size, fill="var(--rock)", stroke="var(--edge)")
 
     def _plan(self, frame: "Frame", goals: Sequence[Waypoint]) -> Iterator[str]:
+        """Yield the planned line, then the waypoints."""
         spots = [frame.pixels(Point(goal.x_m, goal.y_m)) for goal in goals]
         start = frame.pixels(self.scenario.world.start_pose.point)
         line = " ".join(f"{x:.0f},{y:.0f}" for x, y in (start, *spots))
@@ -211,7 +209,7 @@ class Picture:
             yield tag("text", str(number), **at, class_="s", text_anchor="middle")
 
     def _drive(self, frame: "Frame", poses: Sequence[TruePose]) -> Iterator[str]:
-        """Yield the track, the stops and the rover."""
+        """Yield the track, then the stops and the rover."""
         frames = [
             (each.time_s, *frame.pixels(each.pose.point), turned_rad)
             for each, turned_rad in thinned(poses)
