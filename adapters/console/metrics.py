@@ -26,10 +26,6 @@ _NAMES: Final = {
     "LINK_ROUND_TRIP": "link_round_trip_seconds",
     "LINK_CLOCK_OFFSET": "link_clock_offset_seconds",
 }
-_ROWS, _LINK_ROWS = (
-    {each.name: (_NAMES[each.name], each.description) for each in parameters if each.name in _NAMES}
-    for parameters in (CONSOLE_HOUSEKEEPING, LINK_HOUSEKEEPING)
-)
 
 
 def count_command(counter: ReportCounter, command: CommandStatus) -> None:
@@ -91,9 +87,9 @@ class MetricsRequests:
                 text, last_s = "Time since the last reception", link.last_received_s
                 age_s = None if last_s is None else self._system.utc_s() - last_s
                 scrape.add("link_last_received_age_seconds", text, age_s)
-                scrape.table(_LINK_ROWS, link.figures)
+                scrape.table(_NAMES, LINK_HOUSEKEEPING, link.figures)
         scrape.labels = {}
-        scrape.table(_ROWS, self._housekeeping.figures)
+        scrape.table(_NAMES, CONSOLE_HOUSEKEEPING, self._housekeeping.figures)
         text = "Telemetry values written to the archive since the start"
         scrape.add("archive_values_total", text, self._archive.samples)
         if self._folder is not None:

@@ -12,7 +12,7 @@ from typing import Final
 from executive.commands import Command, all_declarations
 from executive.faults import DECLARED
 from executive.values.reasons import Reason, UnknownReason
-from executive.values.reports import Report, ReportKind, Stage
+from executive.values.reports import TERMINAL, Report, ReportKind, Stage
 
 BUCKETS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0)
 MAX_OPEN: Final = 5000
@@ -46,13 +46,18 @@ class Histogram:
 class ReportCounter:
     """Counts ends of commands, each once, and beginnings of faults.
 
+    All series of commands and reasons exist from the start, since Prometheus does not see the
+    increase of a series from nothing to 1.
+
     Attributes:
-        commands: numbers by name, terminal state, name and number of the reason.
+        commands: numbers by name and terminal state.
+        reasons: numbers by name and number of the reason, of commands that have one.
         faults: numbers by name.
     """
 
     def __init__(self) -> None:
-        self.commands: Counter[tuple[str, str, str, str]] = Counter()
+        self.commands = Counter({(name, each.name): 0 for name in _COMMANDS for each in TERMINAL})
+        self.reasons = Counter({_labels(each): 0 for each in Reason})
         self.faults: Counter[str] = Counter()
         self._names: dict[Hashable, str] = {}
         self._last = 0
@@ -76,11 +81,13 @@ class ReportCounter:
 
     def end(self, key: Hashable, state: str, reason: Reason | UnknownReason | None = None) -> None:
         """Count the end of a command."""
-        self.add(self._names.pop(key, OTHER), state, *_labels(reason))
+        self.add(self._names.pop(key, OTHER), state, None if reason is None else _labels(reason))
 
-    def add(self, name: str, state: str, reason: str, code: str) -> None:
-        """Count the end of a command, or its refusal."""
-        self.commands[name, state, reason, code] += 1
+    def add(self, name: str, state: str, reason: tuple[str, str] | None) -> None:
+        """Count the end of a command, or its refusal, with name and number of the reason."""
+        self.commands[name, state] += 1
+        if reason is not None:
+            self.reasons[reason] += 1
 
     def note(self, report: Report, number: int, *, is_lost: bool = False) -> None:
         """Count a report; a number that is not higher than the last is a repetition.
@@ -101,8 +108,6 @@ class ReportCounter:
             self.faults[report.fault if report.fault in _FAULTS else OTHER] += 1
 
 
-def _labels(reason: Reason | UnknownReason | None) -> tuple[str, str]:
+def _labels(reason: Reason | UnknownReason) -> tuple[str, str]:
     """Return name and number of a reason; a number that is not declared is not a label."""
-    if isinstance(reason, Reason):
-        return reason.name, str(reason.value)
-    return ("", "") if reason is None else (OTHER, "")
+    return (reason.name, str(reason.value)) if isinstance(reason, Reason) else (OTHER, "")

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from itertools import accumulate
 from pathlib import Path
 from threading import Thread
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from prometheus_client import (
     CONTENT_TYPE_LATEST,
@@ -44,6 +44,16 @@ _LINK: Final = {
 }
 
 
+class Described(Protocol):
+    """A parameter of the MRS: its name and its description."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    @property
+    def description(self) -> str: ...  # noqa: D102
+
+
 class Scrape:
     """The metrics of one page, which all have a prefix.
 
@@ -68,11 +78,15 @@ class Scrape:
             metric.add_sample(self._prefix + name, self.labels | labels, value)
 
     def table(
-        self, rows: Mapping[str, tuple[str, str]], figures: Mapping[str, float | None]
+        self,
+        names: Mapping[str, str],
+        parameters: Iterable[Described],
+        figures: Mapping[str, float | None],
     ) -> None:
-        """Add figures that have a row: name of the metric, and text."""
-        for key, (name, text) in rows.items():
-            self.add(name, text, figures.get(key))
+        """Add figures of parameters that have the name of a metric."""
+        for each in parameters:
+            if each.name in names:
+                self.add(names[each.name], each.description, figures.get(each.name))
 
     def histogram(self, name: str, text: str, found: Histogram | None) -> None:
         """Add a histogram, and its maximum as a gauge."""
@@ -89,11 +103,12 @@ class Scrape:
 
     def reports(self, counter: ReportCounter) -> None:
         """Add the ends of commands."""
-        text = "Commands that have ended, by name, terminal state and reason"
-        self.add("commands_total", text, None)
-        for key, number in dict(counter.commands).items():
-            named = zip(("command", "state", "reason", "code"), key, strict=True)
-            self.add("commands_total", text, number, **dict(named))
+        text = "Commands that have ended, by terminal state"
+        for (command, state), number in dict(counter.commands).items():
+            self.add("commands_total", text, number, command=command, state=state)
+        text = "Commands that have ended with a reason: rejected, failed, cancelled"
+        for (reason, code), number in dict(counter.reasons).items():
+            self.add("command_reasons_total", text, number, reason=reason, code=code)
 
     def faults(self, counter: ReportCounter, names: Iterable[str] = ()) -> None:
         """Add the numbers of faults, with 0 for those of `names` that have not begun."""
@@ -104,7 +119,8 @@ class Scrape:
 
     def traffic(self, traffic: object) -> None:
         """Add the traffic of a provider's clients (`adapters.mal.LinkTraffic`)."""
-        self.table(_LINK, {name: getattr(traffic, name, None) for name in _LINK})
+        for name, (metric, text) in _LINK.items():
+            self.add(metric, text, getattr(traffic, name, None))
 
     def store(self, name: str, octets: float | None) -> None:
         """Add the size of a store."""

@@ -37,11 +37,6 @@ _NAMES: Final = {
     "EXEC_HEADING_UNCERTAINTY": "heading_uncertainty_radians",
     "EXEC_DISK_FREE": "disk_free_bytes",
 }
-_ROWS: Final = {
-    each.name: (_NAMES[each.name], each.description)
-    for each in EXECUTIVE_HOUSEKEEPING
-    if each.name in _NAMES
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +112,7 @@ class ExecutiveMetrics:
         )
         scrape.histogram("tick_duration", "Duration of a tick", durations)
         scrape.histogram("tick_lateness", "Lateness of a tick", lateness)
-        scrape.table(_ROWS, now.figures)
+        scrape.table(_NAMES, EXECUTIVE_HOUSEKEEPING, now.figures)
         scrape.add("ledger_commits_total", "Commits of the ledger", now.commits)
         text = "Time since the last contact with the ground"
         scrape.add("ground_contact_age_seconds", text, now.silent_s)

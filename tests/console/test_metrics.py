@@ -12,6 +12,7 @@ from tests.support.metrics import Page, check_documented
 
 UNREACHABLE = "127.0.0.1:1"
 TOKENS = "anna 0123456789abcdef\n"
+REASONS = "rover_console_command_reasons_total"
 COMMANDS = "rover_console_commands_total"
 
 
@@ -28,7 +29,7 @@ async def test_links_and_commands_are_shown(
     link = {"asset": "jackal", "link": "direct"}
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         await anna.page.is_up()
-        assert (await read(anna)).value(COMMANDS) is None
+        assert (await read(anna)).value(COMMANDS) == 0.0
         await anna.send("turn", "rotateBy", angle=0.5)
         await anna.page.command("turn", "executed")
         await anna.send("far", "moveTo", x=1e4, y=0.0)
@@ -40,8 +41,10 @@ async def test_links_and_commands_are_shown(
         assert page.value("rover_console_link_up", **link) == 1.0
         assert page.value("rover_console_link_last_received_age_seconds", **link) is not None
         assert page.value(COMMANDS, command="rotateBy", state="EXECUTED") == 1.0
-        assert page.value(COMMANDS, command="moveTo", reason="OUT_OF_RANGE", code="102") == 1.0
-        assert page.value(COMMANDS, command="resume", state="REJECTED", code="201") == 1.0
+        assert page.value(COMMANDS, command="resume", state="REJECTED") == 1.0
+        assert page.value(COMMANDS, command="moveTo", state="REJECTED") == 1.0
+        assert page.value(REASONS, reason="OUT_OF_RANGE", code="102") == 1.0
+        assert page.value(REASONS) == 2.0
         assert page.value(COMMANDS) == 3.0
         assert page.value("rover_console_pages") is not None
         assert page.value("rover_build_info", component="console") == 1.0

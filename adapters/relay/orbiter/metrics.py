@@ -25,11 +25,6 @@ _NAMES: Final = {
     "DTN_ROUND_TRIP": "round_trip_seconds",
     "DTN_FREE_OCTETS": "store_free_bytes",
 }
-_ROWS: Final = {
-    each.name: (_NAMES[each.name], each.description)
-    for each in LINK_PARAMETERS
-    if each.name in _NAMES
-}
 
 
 def collect(
@@ -46,7 +41,7 @@ def collect(
         figures = {each.name: each.value.value for each in values if each.value is not None}
         contact = None if status is None else status.contact
         scrape.add("link_contact", "1 while sending is possible", contact)
-        scrape.table(_ROWS, figures)
+        scrape.table(_NAMES, LINK_PARAMETERS, figures)
         scrape.reports(provider.reports)
         scrape.faults(provider.reports)
         scrape.traffic(provider.traffic)

@@ -166,7 +166,8 @@ class RoverProvider:
         try:
             await self._submit(command)
         except MalError as error:
-            self.reports.add(command.name, "REFUSED", error_name(error), str(error.number))
+            reason = error_name(error), str(error.number)
+            self.reports.add(command.name, "REFUSED", reason)
             raise
 
     async def _submit(self, command: Command) -> None:

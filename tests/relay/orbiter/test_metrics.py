@@ -11,6 +11,7 @@ from tests.relay.orbiter.test_process import Orbiter
 from tests.support.metrics import check_documented, scrape, scrape_until
 from tests.support.processes import running
 
+REASONS = "rover_orbiter_command_reasons_total"
 COMMANDS = "rover_orbiter_commands_total"
 
 
@@ -19,7 +20,7 @@ async def test_the_link_and_the_ends_of_commands_are_shown(tmp_path: Path) -> No
     with orbiter.serving("--metrics", "0") as process:
         url = process.output(r"metrics at (http://\S+)")
         before = scrape_until(url, lambda page: page.value("rover_orbiter_link_contact") == 1.0)
-        assert before.value(COMMANDS) is None
+        assert before.value(COMMANDS) == 0.0
         assert before.value("rover_orbiter_last_received_age_seconds") is None, "never"
         async with landed(orbiter.sky, "jackal"), await orbiter.client() as client:
             first = client.command(MoveForward(1.0))
@@ -33,7 +34,8 @@ async def test_the_link_and_the_ends_of_commands_are_shown(tmp_path: Path) -> No
         check_documented(page, "orbiter")
         assert page.value(COMMANDS, asset="jackal", command="moveForward", state="EXECUTED") == 1.0
         assert page.value(COMMANDS, asset="jackal", command="stop", state="EXECUTED") == 1.0
-        assert page.value(COMMANDS, state="REFUSED", reason="DUPLICATE", code="3") == 1.0
+        assert page.value(COMMANDS, command="moveForward", state="REFUSED") == 1.0
+        assert page.value(REASONS, reason="DUPLICATE", code="3") == 1.0
         assert page.value("rover_orbiter_bundles_sent_total") >= 2.0  # type: ignore[operator]
         assert page.value("rover_orbiter_store_bytes", store="bundles") > 1000.0  # type: ignore[operator]
         assert page.value("rover_orbiter_store_bytes", store="jackal") > 1000.0  # type: ignore[operator]
@@ -48,4 +50,4 @@ async def test_the_link_and_the_ends_of_commands_are_shown(tmp_path: Path) -> No
             assert f"Error: metrics cannot be served at 127.0.0.1:{port} (Add" in second.text
         assert process.end() == 0
     with orbiter.serving("--metrics", "0") as process:
-        assert scrape(process.output(r"metrics at (http://\S+)")).value(COMMANDS) is None
+        assert scrape(process.output(r"metrics at (http://\S+)")).value(COMMANDS) == 0.0
