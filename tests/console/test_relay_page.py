@@ -147,11 +147,10 @@ async def test_commands_and_values_use_the_chosen_link(launch: Launch, tmp_path:
         ):
             span = f"tc.startBound={1e3 * first_s - 10:.0f}&tc.endBound={1e3 * last_s + 10:.0f}"
             table = f"rover:jackal/rover:jackal~telemetry~{link}~BATERY_VOLTAGE?view=table"
-            tls_page = await browser.new_page()
-            await tls_page.goto(
+            await page.goto(
                 f"{anna.address}#/browse/rover:rovers/{table}&tc.mode=fixed&tc.timeSystem=utc&{span}"
             )
-            cells = tls_page.locator(".c-telemetry-table__body [aria-label^='value table cell']")
+            cells = page.locator(".c-telemetry-table__body [aria-label^='value table cell']")
             await expect(cells).to_have_text(values)
     assert errors == []
 

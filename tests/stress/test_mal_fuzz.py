@@ -13,10 +13,11 @@ from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_providers as broken
 from tests.stress import mal_fuzz
+from tests.support.examples import ALL
 
 FEW, ENOUGH = 1200, 2500
 """Messages; more until so many connections are kept as may not be."""
-SOME = 1000
+SOME = 1000 if ALL else 600
 HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)
 
 
