@@ -30,20 +30,33 @@ SECURITY_TESTS: Final = ("tests/security",)
 """Attacks over sockets and on processes; they cover the core, too."""
 MEASURED: Final = (*CORE_TESTS, *SECURITY_TESTS)
 SIMULATED_TESTS: Final = (
+    "tests/brick/test_any_commands.py",
+    "tests/brick/test_manners.py",
+    "tests/brick/test_rover.py",
+    "tests/bundle/test_codec.py",
+    "tests/bundle/test_ltp.py",
+    "tests/bundle/test_node.py",
     "tests/calibration",
     "tests/campaign/test_after_faults.py",
     "tests/campaign/test_failed.py",
     "tests/conformance",
     "tests/docs/test_campaigns.py",
+    "tests/docs/test_commands.py",
     "tests/drawing",
     "tests/mops",
     "tests/plot",
     "tests/recording/test_completion.py",
     "tests/recording/test_damaged.py",
     "tests/recording/test_replay.py",
+    "tests/robots/test_figures.py",
     "tests/scenarios",
     "tests/sim",
     "tests/simulated",
+    "tests/stress/test_bundle_fuzz.py",
+    "tests/stress/test_core_storm.py",
+    "tests/stress/test_ledger_kills.py",
+    "tests/stress/test_mops_fuzz.py",
+    "tests/stress/test_recording_fuzz.py",
 )
 """Other tests that need no real time."""
 WHEN_IDLE: Final = ("chrt", "--idle", "0")
