@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     import psutil
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-CORE_TESTS: Final = tuple(f"tests/{package}" for package in ("core", "safety", "trees"))
+CORE_TESTS: Final = ("tests/core", "tests/trees")
+SAFETY_TESTS: Final = ("tests/safety",)
 """Tests in simulated time: they may wait for as long as others need the processors."""
 SECURITY_TESTS: Final = ("tests/security",)
 """Attacks over sockets and on processes; they cover the core, too."""
-MEASURED: Final = (*CORE_TESTS, *SECURITY_TESTS)
+MEASURED: Final = (*CORE_TESTS, *SAFETY_TESTS, *SECURITY_TESTS)
 SIMULATED_TESTS: Final = (
     "tests/brick/test_any_commands.py",
     "tests/brick/test_manners.py",
@@ -130,7 +131,11 @@ SECURITY: Final = CiCheck(
 )
 PATIENT: Final = ("-o", "faulthandler_timeout=3600")
 """Nothing hangs that waits for a processor."""
-CORE: Final = CiCheck("pytest, core", ((*WHEN_IDLE, *_covered(*PATIENT, *CORE_TESTS)),))
+CORE, SAFETY = (
+    CiCheck(f"pytest, {name}", ((*WHEN_IDLE, *_covered(*PATIENT, *tests)),))
+    for name, tests in (("core", CORE_TESTS), ("safety", SAFETY_TESTS))
+)
+"""Two processes, so that the last of them is not long alone."""
 SIMULATED: Final = CiCheck(
     "pytest, simulated",
     ((*WHEN_IDLE, *_python("pytest", "-m", "not ros", *PATIENT, *SIMULATED_TESTS)),),
@@ -334,7 +339,7 @@ def _carry_out_all() -> Iterator[CiCheckResult]:
         CiCheck(name, (_python(*_pytest("ros"), *ros_files(busy=busy)),))
         for name, busy in (("pytest, ros", True), ("pytest, waiting", False))
     )
-    yield from _carry_out_beside(ros, waiting, CORE, SIMULATED, at_once=3)
+    yield from _carry_out_beside(ros, waiting, CORE, SIMULATED, SAFETY, at_once=3)
     yield _carry_out(COVERAGE)
 
 
