@@ -256,6 +256,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
     not_all = () if percent == 100 else ("-k", "not commands_of_the_page")
     installed = _python("pytest", "-q", "tests/stress/installed_wheel.py", *not_all)
     bare = _python("pytest", "-q", "-rsP", "tests/stress/debian_roots.py")
+    some = () if percent == 100 else ("-k", "ground")  # the image without ROS is built soonest
+    images = _python("pytest", "-q", "-rs", "tests/stress/containers.py", *some)
     tested = (CHECKOUT / "tests").rglob("test_*.py")
     drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
@@ -269,6 +271,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("robots", (robots,)),
         CiCheck("examples", (examples,)),
         CiCheck("installation", (installed,)),
+        CiCheck("containers", (images,)),
         *([CiCheck("Debian", (bare,))] if percent == 100 else []),
     ]
 

@@ -102,7 +102,7 @@ class RelayedRover:
         self._settling: set[asyncio.Task[None]] = set()
 
     async def close(self) -> None:
-        """Close the record once the reports under way are published."""
+        """Close the record after the reports on lost bundles are published."""
         await asyncio.gather(*self._settling)
         self.record.close()
 
