@@ -110,7 +110,7 @@ def test_the_console_serves_its_pages_and_the_help(installation: Installation) -
     ("typed", "extra"),
     [("campaign normal --runs 2", "campaign"), (f"scenario to_a_goal {MPC}", "mpc")],
 )
-def test_what_is_not_installed_is_named_with_its_extra(
+def test_a_missing_package_is_named_with_its_extra(
     typed: str, extra: str, installation: Installation
 ) -> None:
     done = installation.run("rover", *typed.split())
