@@ -108,7 +108,7 @@ def test_a_killed_executive_leaves_a_stationary_rover_and_a_successor_that_repor
 def test_a_stall_of_the_executive_is_no_fault(probe: Probe, aboard: tuple[Running, str]) -> None:
     process, uri = aboard
     until_located(uri)
-    turns = [RotateBy(angle_rad) for angle_rad in (1.0, -1.5)]
+    turns = [RotateBy(angle_rad) for angle_rad in (1.2, -1.2)]
     with ThreadPoolExecutor(1) as pool:
         outcomes = pool.submit(carry_out, uri, *turns, MoveForward(0.8))
         while not outcomes.done():
