@@ -17,7 +17,8 @@ from packaging.utils import canonicalize_name
 
 from tests.suite import CHECKOUT
 
-LOCKS: Final = "requirements*.lock"
+LOCK: Final = CHECKOUT / "requirements.lock"
+"""All that runs; tests and the site have locks of their own, and are not distributed."""
 MANIFEST: Final = CHECKOUT / "adapters" / "console" / "static" / "vendor" / "MANIFEST.json"
 REFUSED: Final = re.compile(r"\b(A?GPL|GNU (Affero )?General Public)", re.IGNORECASE)
 """Licences that would apply to what is distributed together with such a package."""
@@ -26,10 +27,9 @@ PERMITTED: Final = re.compile(r"LGPL|Lesser General|linking exception", re.IGNOR
 Component = dict[str, Any]
 
 
-def locked() -> dict[str, str]:
-    """Return the versions of the packages in the locks that are for this computer."""
-    text = "\n".join(each.read_text(encoding="utf-8") for each in sorted(CHECKOUT.glob(LOCKS)))
-    lines = re.findall(r"^([a-z0-9].*?) \\$", text, re.MULTILINE)
+def locked(lock: Path = LOCK) -> dict[str, str]:
+    """Return the versions of the packages in a lock that are for this computer."""
+    lines = re.findall(r"^([a-z0-9].*?) \\$", lock.read_text(encoding="utf-8"), re.MULTILINE)
     pins = [each for each in map(Requirement, lines) if not each.marker or each.marker.evaluate()]
     return {canonicalize_name(each.name): next(iter(each.specifier)).version for each in pins}
 
@@ -66,7 +66,7 @@ def licence_of(package: Distribution) -> str:
 
 def licences() -> Iterator[tuple[str, str]]:
     """Yield each locked package that is installed here, with its licence."""
-    for name in locked():
+    for name in {name for lock in CHECKOUT.glob("requirements*.lock") for name in locked(lock)}:
         try:
             yield name, licence_of(distribution(name))
         except PackageNotFoundError:

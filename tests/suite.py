@@ -264,6 +264,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     site = "runs/site"
     shown = ("env", f"SITE={site}", *_python("pytest", "-q", "tests/docs/test_site.py"))
+    templates = ("env", "TEMPLATES=all", *_python("pytest", "-q", "tests/docs/test_examples.py"))
     return [
         *checks,
         CiCheck("site", ((rover, "docs", f"--out={site}"), shown)),
@@ -271,6 +272,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
         CiCheck("examples", (examples,)),
+        CiCheck("templates", (templates,)),
         CiCheck("installation", (installed,)),
         CiCheck("containers", (images,)),
         *([CiCheck("Debian", (bare,))] if percent == 100 else []),

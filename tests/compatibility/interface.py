@@ -156,7 +156,7 @@ def _signature(called: Callable[..., Any]) -> Plain:
         found = inspect.signature(called).parameters.values()
     except ValueError:  # of a class written in C
         return {}
-    places = {
+    positions = {
         f"({each.name})": number if each.kind in _POSITIONAL else "by name"
         for number, each in enumerate(found)
         if each.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
@@ -167,7 +167,7 @@ def _signature(called: Callable[..., Any]) -> Plain:
         if each.default is Parameter.empty
         and each.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     ]
-    return {**places, REQUIRED: required}
+    return {**positions, REQUIRED: required}
 
 
 def _members(kind: EnumType) -> Plain:

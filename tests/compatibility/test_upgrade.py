@@ -48,7 +48,7 @@ def identities(file: Path) -> list[Identity]:
     return [Identity(source, number) for source, number in rows if ":" not in source]
 
 
-def test_the_ledger_keeps_reports_settings_and_files(left: Path, bench: PlanBench) -> None:
+def test_the_ledger_has_all_reports_settings_and_files(left: Path, bench: PlanBench) -> None:
     before = decoded_reports((left / "reports.mal").read_bytes())
     now = bench.ledger.reports(1, count=10_000)
     assert [each.sequence for each in now] == list(range(1, len(now) + 1))
@@ -94,7 +94,7 @@ def test_a_suspended_plan_continues_at_its_step(bench: PlanBench) -> None:
     assert len(executed) == bench.status().total - before
 
 
-async def test_a_console_shows_what_it_showed(left: Path, data: Path) -> None:
+async def test_a_console_answers_as_before(left: Path, data: Path) -> None:
     before = json.loads((left / "http.json").read_text(encoding="utf-8"))
     with closing(launched(data / "rover")) as rover:
         async with at_console(data, rover.uri, "anna", topics=ALL, system=Then()) as (anna,):
