@@ -86,8 +86,8 @@ def test_the_template_installs_this_version() -> None:
 def test_the_scenarios_pass(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(repository)
     _, played = workflow_lines()
-    program, *words = played.removesuffix(" --out pictures").split()
-    names = [name for word in words for name in sorted(glob(word)) or [word]]
+    program, *arguments = played.removesuffix(" --out pictures").split()
+    names = [name for each in arguments for name in sorted(glob(each)) or [each]]
     done = CliRunner().invoke(main, names, prog_name=program, catch_exceptions=False)
     assert done.exit_code == 0, done.output
     assert len(ElementTree.parse("results.xml").findall("testsuite")) == 2
