@@ -4,10 +4,15 @@ import logging
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
+from time import sleep
+from typing import Final
 
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.settings import Settings
 
+PAUSE_S: Final = 0.0005
+"""Pause between slices of a search, in which the core's thread takes the interpreter lock."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -70,7 +75,9 @@ def planning(settings: Settings) -> Iterator[SharedSolver | None]:
     if not settings.offers_mpc:
         yield None
         return
-    solver = BackgroundSolver(make_solver(settings))
+    programmes = make_solver(settings)
+    programmes.pause = partial(sleep, PAUSE_S)
+    solver = BackgroundSolver(programmes)
     try:
         yield solver
     finally:

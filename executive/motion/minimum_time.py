@@ -4,7 +4,7 @@ A guess is a path of straight lines between turns on the spot, or, for a base th
 the spot, of arcs and lines.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from itertools import islice, pairwise, product
 from math import acos, atan2, cos, hypot, pi, sin, sqrt
@@ -128,6 +128,9 @@ class MinimumTimeSolver:
         obstacles: whether there may be obstacles.
         radius_m: minimum turning radius; None for a rover that turns on the spot.
 
+    Attributes:
+        pause: called between the slices of a search for a detour.
+
     Raises:
         SettingsError: casadi is not installed.
     """
@@ -144,6 +147,7 @@ class MinimumTimeSolver:
         obstacles: bool = False,
         radius_m: float | None = None,
     ) -> None:
+        self.pause: Callable[[], None] = lambda: None
         self._limits = (travel, rotate)
         self._steps = steps
         self._plan: Trajectory | None = None
@@ -225,7 +229,8 @@ class MinimumTimeSolver:
         if problem.detour_points or problem.obstacles is None:
             return problem.detour_points
         ahead_m, first = self._model.ahead_m, problem.targets[0]
-        return problem.obstacles.detour(problem.start.point_behind(ahead_m), first.base(ahead_m))
+        start, end = problem.start.point_behind(ahead_m), first.base(ahead_m)
+        return problem.obstacles.detour(start, end, self.pause)
 
     def _guess_via_points(self, problem: TrajectoryProblem, guess: Trajectory) -> Trajectory:
         """Extend a guess by polylines to all targets of a problem."""

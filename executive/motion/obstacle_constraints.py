@@ -1,9 +1,9 @@
 """`ObstacleConstraints` hold the points of an optimized trajectory off rocks and zones."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import hypot, inf
+from math import hypot
 from typing import Final
 
 from executive.obstacles.detour import Detours, search_detour
@@ -109,17 +109,20 @@ class ObstacleConstraints:
         apart_m = max(self.zones.margin_m - MARGIN_ALLOWANCE_M, 0.0)
         return self.zones.encounter(path, self._radius_m, apart_m) is None
 
-    def detour(self, start: Point, end: Point) -> tuple[Point, ...]:
+    def detour(self, start: Point, end: Point, pause: Callable[[], None]) -> tuple[Point, ...]:
         """Return the corners of a detour of straight lines; empty if a straight line is free.
 
-        Also empty if no detour is found.
+        Also empty if no detour is found. `pause` is called between the slices of the search.
         """
         if self.is_free((start, end)):
             return ()
         clearance_m = self.needed_m + TRACKING_MARGIN_M
         search = partial(search_detour, start, end, self.zones, clearance_m)
-        detour = Detours(inf).find((), lambda: search(lambda point: self.is_free((start, point))))
-        return detour.corners if detour is not None and detour.reaches_goal else ()
+        detours, begin = Detours(), partial(search, lambda point: self.is_free((start, point)))
+        while (detour := detours.find((), begin)) is None:
+            pause()
+            detours.advance()
+        return detour.corners if detour.reaches_goal else ()
 
     def rows(self, path: Sequence[Point]) -> list[float]:
         """Return the rows of each point of a path except the first, concatenated."""

@@ -131,7 +131,10 @@ def search_detour(
         leads: whether the rover may drive straight to a point from the present position.
     """
     nodes = [end, *(yield from _nodes(zones, clearance_m))]
-    obstacles = [(each, _least_m(each, end, clearance_m)) for each in zones]
+    obstacles: list[tuple[Obstacle, float]] = []
+    for each in zones:
+        far = has_clearance(each, end, end, clearance_m)
+        obstacles.append((each, clearance_m if far else each.clearance_m(end, end)))
     before: dict[int, int | None] = {}
     left, sides = MAX_COMPARISONS, sum(map(_sides, zones))
     to_end_m = [each.distance_m(end) for each in nodes]
@@ -222,13 +225,6 @@ def _nodes(zones: Zones, clearance_m: float) -> Generator[int, None, list[Point]
             found_free.append(node)
         yield sides
     return found_free
-
-
-def _least_m(obstacle: Obstacle, point: Point, clearance_m: float) -> float:
-    """Return the clearance of a point, up to a maximum."""
-    if has_clearance(obstacle, point, point, clearance_m):
-        return clearance_m
-    return obstacle.clearance_m(point, point)
 
 
 def _sides(obstacle: Obstacle) -> int:

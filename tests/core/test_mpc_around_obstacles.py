@@ -3,8 +3,9 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from math import hypot, pi
+from math import hypot, inf, pi
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -18,17 +19,21 @@ from executive.motion import (
     Trajectory,
     TrajectoryProblem,
     make_solver,
+    obstacle_constraints,
 )
 from executive.motion.motion_model import MotionState
 from executive.motion.obstacle_constraints import ObstacleConstraints
 from executive.motion.trajectory import TrajectoryTarget
-from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
+from executive.obstacles import detour
+from executive.obstacles.detour import SLICE_COMPARISONS, Detours
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones, has_clearance
 from executive.settings import Controller, LaserSettings, MpcSettings, Settings, load_settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
+from tests.benchmarks.previews import crowd
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, ScanningRover
 
@@ -157,6 +162,28 @@ def test_after_an_appearing_obstacle_the_next_plan_is_a_detour(
     plan = solver.solve(replace(among, obstacles=ObstacleConstraints(zones, RADIUS_M)))
     assert plan is not None
     assert gap_of(plan, zones) > MARGIN_M - OFF_M
+
+
+def test_the_search_for_a_detour_pauses_between_its_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    (zones, target), compared, slices = crowd(1), [0], []
+    around = ObstacleConstraints(zones, RADIUS_M)
+
+    def counting(*line: Any) -> bool:
+        compared[0] += 1
+        return has_clearance(*line)
+
+    def pause() -> None:
+        slices.append(compared[0])
+        compared[0] = 0
+
+    ends = Point(0.0, 0.0), Point(target.x_m, target.y_m)
+    monkeypatch.setattr(detour, "has_clearance", counting)
+    corners = around.detour(*ends, pause)
+    assert len(slices) > 3
+    assert max(slices) <= SLICE_COMPARISONS + len(list(zones))
+    monkeypatch.setattr(obstacle_constraints, "Detours", partial(Detours, inf))  # one slice
+    assert corners
+    assert around.detour(*ends, lambda: pytest.fail("paused")) == corners
 
 
 def test_a_start_too_near_leaves_and_does_not_approach(
