@@ -46,7 +46,11 @@ class Commits:
             self._released = None
         elif self._released is None:
             self._released = ledger.last_batch
-        ledger.seal(self._latch.take_change())
+        change = self._latch.take_change()
+        idle = change is None and self._released is None and not self._notifications.waiting
+        if idle and ledger.settled:
+            return True
+        ledger.seal(change)
         self.settle()
         if self._released is not None and self._released <= ledger.state.durable:
             self._latch.clear()

@@ -119,17 +119,10 @@ class Recorder:
 
     def on_state(self, tree: Sequence[TreeNodeView], mode: ModeChanged) -> None:
         """Record the changes of the tree and of the mode since the last call."""
-        if tree is not self._tree:
-            self._tree = tree
-            self._put_tree({each.path: each for each in tree})
-        if self._mode is None or (
-            mode != self._mode and _without_figures(self._mode) != _without_figures(mode)
-        ):
-            self._mode = mode
-            self.put(mode)
-
-    def _put_tree(self, nodes: dict[str, TreeNodeView]) -> None:
-        before, self._nodes = self._nodes, nodes
+        if tree is self._tree and mode == self._mode:
+            return
+        before, nodes = self._nodes, {each.path: each for each in tree}
+        self._tree, self._nodes = tree, nodes
         changed = tuple(
             TreeNodeState(path, each.status.name, each.message)
             for path, each in nodes.items()
@@ -138,6 +131,9 @@ class Recorder:
         removed = tuple(path for path in before if path not in nodes)
         if changed or removed:
             self.put(TreeChanged(changed, removed))
+        if self._mode is None or _without_figures(self._mode) != _without_figures(mode):
+            self._mode = mode
+            self.put(mode)
 
 
 def _same(before: TreeNodeView | None, now: TreeNodeView) -> bool:

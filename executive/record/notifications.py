@@ -110,6 +110,11 @@ class Notifications:
         return bool(self._outbox) and self._outbox[-1][0] > self._ledger.sealed
 
     @property
+    def waiting(self) -> bool:
+        """Whether reports or answers are still to be sent."""
+        return bool(self._outbox)
+
+    @property
     def commit_wait_s(self) -> float:
         """Waiting time of the first report or answer that is not committed, s; 0 without one."""
         return self._clock.now_s() - self._outbox[0][1] if self._outbox else 0.0

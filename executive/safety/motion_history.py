@@ -282,7 +282,8 @@ class MotionHistory:
             distance_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
             steps = (distance_m, turn_rad, abs(distance_m), abs(turn_rad))
             channel.add(now_s, [old + step for old, step in zip(channel.sums, steps, strict=True)])
-        self._velocities.append((now_s, at_least, velocity))
+        if self._velocities[-1] != (now_s, at_least, velocity):
+            self._velocities.append((now_s, at_least, velocity))
         while self._velocities[1][0] <= now_s - GRID_S * SLOTS:
             self._velocities.popleft()
         if velocity != STANDING:

@@ -146,6 +146,7 @@ class _FaultWatch:
     row: FaultResponse
     window: Window
     monitor: Monitor
+    always: bool
     since_s: float | None = field(default=None)
 
 
@@ -170,13 +171,11 @@ class FaultMonitor:
             and declared.name not in EXCLUDED_MONITORS[settings.locomotion]
         }
         self._watches = tuple(
-            _FaultWatch(name, row, window, MONITORS[name])
+            _FaultWatch(name, row, window, MONITORS[name], row.when is MonitoredWhen.ALWAYS)
             for name, row in self._rows.items()
             for window in row.windows
         )
-        self._at_rest = tuple(
-            each for each in self._watches if each.row.when is MonitoredWhen.ALWAYS
-        )
+        self._at_rest = tuple(each for each in self._watches if each.always)
         self._rested = False
 
     def check(self, moving: bool) -> FaultChanges:
@@ -283,7 +282,7 @@ class FaultMonitor:
             ):
                 watch.since_s = None
                 continue
-            if moving or watch.row.when is MonitoredWhen.ALWAYS or watch.name in known:
+            if moving or watch.always or watch.name in known:
                 evidence = watch.monitor(self.history, watch.window, now_s)
             if evidence is None:
                 watch.since_s = None

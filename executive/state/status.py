@@ -213,7 +213,7 @@ class Status:
         if self.odometry is None:
             return Pose()
         raw = self.odometry.pose if self.fusion is None else self.fusion.pose
-        if self._composed[:2] != (self.compensation, raw):
+        if self._composed[0] is not self.compensation or self._composed[1] is not raw:
             self._composed = self.compensation, raw, self.compensation.compose(raw)
         return self._composed[2]
 
