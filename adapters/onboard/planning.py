@@ -12,7 +12,7 @@ from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_s
 from executive.settings import Settings
 
 PAUSE_S: Final = 0.0005
-"""Pause between slices of a search, in which the core's thread takes the interpreter lock."""
+"""Pause between slices of a search, for the core's thread; chosen, not measured."""
 _LOG = logging.getLogger(__name__)
 
 

@@ -453,7 +453,7 @@ def comparisons(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_slices_are_short_by_the_number_of_their_comparisons(
     tmp_path: Path, comparisons: list[int]
 ) -> None:
-    most, detours = 0, 0
+    maximum, detours = 0, 0
     for seed in range(CROWDS):
         around, target = crowd(seed)
         with Bench(tmp_path / str(seed), replace(JACKAL, zones=around)) as bench:
@@ -462,12 +462,12 @@ def test_slices_are_short_by_the_number_of_their_comparisons(
             comparisons[0] = 0
             run.set_up()
             while run.result is None:
-                most, comparisons[0] = max(most, comparisons[0]), 0
+                maximum, comparisons[0] = max(maximum, comparisons[0]), 0
                 run.advance(SLICE_TICKS)
-            most = max(most, comparisons[0])
+            maximum = max(maximum, comparisons[0])
             detours += isinstance(run.result, Preview)
     assert detours > 1
-    assert most < COMPARISONS
+    assert maximum < COMPARISONS
 
 
 @pytest.mark.at_length
