@@ -42,7 +42,7 @@ export class RequestError extends Error {
  * Send a request to the server and return the JSON body of its response.
  * @param {string} path
  * @param {RequestInit & {json?: any}} [options] `json` is sent as the body
- * @returns {Promise<any>} the body; a RequestError is thrown for any status but 2xx
+ * @returns {Promise<any>} the body; a RequestError is thrown for any status but 2xx, an AbortError if the caller aborts
  */
 export async function fetchJson(path, options = {}) {
   const { json, headers, ...rest } = options;
@@ -59,8 +59,8 @@ export async function fetchJson(path, options = {}) {
         ...(method === "GET" ? {} : { "X-Rover-Operator": encodeURIComponent(operator.name) }),
       },
     });
-  } catch {
-    throw new RequestError(0, null);
+  } catch (error) {
+    throw error.name === "AbortError" ? error : new RequestError(0, null);
   }
   const text = await response.text();
   let body = null;
