@@ -60,6 +60,7 @@ SIMULATED_TESTS: Final = (
     "tests/stress/test_recording_fuzz.py",
 )
 """Other tests that need no real time."""
+SLOWEST: Final = ("--durations=10", "--durations-min=5")
 WHEN_IDLE: Final = ("chrt", "--idle", "0")
 """Run a command only while a processor has nothing else to do; any other process interrupts it."""
 
@@ -91,8 +92,7 @@ def _pytest(marked: str, *arguments: str, workers: int = 2) -> tuple[str, ...]:
     The order is that of `tests/conftest.py`; xdist begins with the files that have most tests.
     """
     in_order = ("--dist", "loadfile", "--no-loadscope-reorder")
-    slowest = ("--durations=10", "--durations-min=5")
-    return ("pytest", "-m", marked, "-n", str(workers), *in_order, *slowest, *arguments)
+    return ("pytest", "-m", marked, "-n", str(workers), *in_order, *SLOWEST, *arguments)
 
 
 def ros_files(tests: Path = CHECKOUT / "tests", busy: bool | None = None) -> tuple[str, ...]:
@@ -138,7 +138,7 @@ CORE, SAFETY = (
 """Two processes, so that the last of them is not long alone."""
 SIMULATED: Final = CiCheck(
     "pytest, simulated",
-    ((*WHEN_IDLE, *_python("pytest", "-m", "not ros", *PATIENT, *SIMULATED_TESTS)),),
+    ((*WHEN_IDLE, *_python("pytest", "-m", "not ros", *SLOWEST, *PATIENT, *SIMULATED_TESTS)),),
 )
 STATIC_CHECKS: Final = (
     CiCheck("ruff check", (_python("ruff", "check", "."),)),

@@ -73,6 +73,12 @@ def drive(recording_of: Callable[[str], Path]) -> Path:
 
 
 @pytest.fixture(scope="module")
+def turn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the recording of a turn that has begun."""
+    return recorded("motion_turn", tmp_path_factory.mktemp("turn"), "duration=1.5")
+
+
+@pytest.fixture(scope="module")
 def whole_ticks(flushed: Path) -> int:
     """Give how many ticks a recording has that was not cut."""
     return replay(flushed).ticks
@@ -145,7 +151,7 @@ def test_what_holds_over_crashes_is_replayed(tmp_path: Path) -> None:
 
 def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
     pytest.importorskip("casadi")
-    path = recorded("zones", tmp_path, "settings.controller=mpc", "duration=8")
+    path = recorded("zones", tmp_path, "settings.controller=mpc", "duration=5")
     answers = list(RunReader(path).messages({SolverResult}))
     assert len(answers) > 10
     assert replay(path).difference is None
@@ -326,11 +332,11 @@ def _with_message(topic: str, plain: dict[str, object]) -> Callable[[Path], None
     ],
 )
 def test_a_file_that_is_no_recording_is_reported(
-    make: Callable[[Path], None], reported: str, tmp_path: Path, drive: Path
+    make: Callable[[Path], None], reported: str, tmp_path: Path, turn: Path
 ) -> None:
     path = tmp_path / "run.mcap"
     make(path)
-    result = typed(path, drive)
+    result = typed(path, turn)
     assert result.exit_code == BAD_FILE
     first, second, summary = result.output.splitlines()
     assert first.startswith(f"Error: {path}: ")
