@@ -18,8 +18,9 @@ globalThis.fetch = async (_, { signal }) => {
     throw new TypeError("Failed to fetch");
 };
 const named = [];
+const note = ({ name, status }) => named.push(name, status ?? null);
 for (const signal of [AbortSignal.abort(), new AbortController().signal])
-    await fetchJson("/api", { signal }).catch((error) => named.push(error.name, error.status ?? null));
+    await fetchJson("/api", { signal }).catch(note);
 console.log(JSON.stringify(named));
 """
 CONNECTION = CHECKOUT / "adapters/console/static/app/model/connection.js"
