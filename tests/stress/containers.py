@@ -1,4 +1,4 @@
-"""The images of `Containerfile`, built by the commands of docs/containers.md, with those of compose.yaml.
+"""The images of `Containerfile`, built and started by the commands of docs/containers.md.
 
 They are built by buildah on a Debian that debootstrap makes, since no registry of images may be
 within reach, and run in its isolation by chroot, which needs no control groups. It needs root,
@@ -74,7 +74,7 @@ class Builder:
         return line[line.index("--tag") + 1]
 
     def run(self, image: str, *arguments: str, **variables: str) -> tuple[str, ...]:
-        """Return the command that starts a program in a new container, on the network of this host."""
+        """Return the command that starts a program in a new container, on this host's network."""
         given = (f"--env={name}={value}" for name, value in variables.items())
         container = self.do("from", "--pull-never", image)
         return self.command("run", "--isolation", "chroot", *given, container, "--", *arguments)
@@ -133,7 +133,8 @@ def test_the_services_of_the_compose_file_work_together(builder: Builder, tmp_pa
             stack.callback(running.clean_up)
             stack.callback(running.send, signal.SIGTERM)
             running.output(ready[name])
-        (line,) = re.findall(r"^podman run .* rover-ground (rover command .*)$", PAGE.read_text(), re.M)
+        pattern = r"^podman run .* rover-ground (rover command .*)$"
+        (line,) = re.findall(pattern, PAGE.read_text(), re.MULTILINE)
         command = builder.run("rover-ground", *line.split(), ROVER_URI=f"127.0.0.1:{rover}")
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr

@@ -2,7 +2,6 @@
 
 import asyncio
 import threading
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -72,9 +71,9 @@ async def test_reports_of_lost_bundles_are_published_before_the_record_closes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = threading.Event()
-    async with meeting(Sky(tmp_path, "jackal")) as (relay, rover, client):
+    async with meeting(Sky(tmp_path, "jackal")) as (relay, _, client):
         (relayed,) = relay.rovers.values()
-        rover.mute = True
+        relay.override_contact(node_of(relayed.settings.endpoint), ContactOverride.DOWN)
         sent: list[BundleId] = []
         send = relay.agent.send
 
@@ -85,13 +84,17 @@ async def test_reports_of_lost_bundles_are_published_before_the_record_closes(
         monkeypatch.setattr(relay.agent, "send", recorded_send)
         for _ in range(2):
             await client.submit(client.command(MoveForward(1.0)))
-        published = relayed.record.ledger.published
         monkeypatch.setattr(relayed.record, "_sync", lambda: free.wait(60))
         for bundle in sent:
             relayed.on_status(bundle, DeliveryStatus.EXPIRED)
-        asyncio.get_running_loop().call_later(0.05, free.set)
-    with closing(RoverRecord(Path(relayed.record.ledger.path), system=UNSYNCED)) as reopened:
-        assert reopened.ledger.published == published + len(sent)
+        close = relay.agent.close
+
+        async def close_before_the_disk() -> None:
+            await close()
+            asyncio.get_running_loop().call_later(0.05, free.set)
+
+        monkeypatch.setattr(relay.agent, "close", close_before_the_disk)
+    assert relayed.record.ledger.published == len(sent)
 
 
 async def test_a_stop_clears_an_override_while_the_disk_syncs(
