@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import click
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -68,6 +69,8 @@ def test_ros_and_python_agree() -> None:
     assert package.findtext("name") == ROS_NAME
     assert package.findtext("version") == PROJECT["version"] == version(PROJECT["name"])
     assert package.findtext("description") == PROJECT["description"]
+    citation = yaml.safe_load((CHECKOUT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (citation["version"], citation["license"]) == (PROJECT["version"], "Apache-2.0")
     assert (CHECKOUT / "resource" / ROS_NAME).is_file()
     assert f"$base/lib/{ROS_NAME}" in (CHECKOUT / "setup.cfg").read_text()
 
