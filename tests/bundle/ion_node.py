@@ -69,7 +69,7 @@ class IonNodes:
     closed: list[str] = field(default_factory=list)
     count: int = 0
     changed: asyncio.Condition = field(default_factory=asyncio.Condition)
-    serving: set[asyncio.Task[None]] = field(default_factory=set)
+    serving: dict[asyncio.Task[None], asyncio.StreamWriter] = field(default_factory=dict)
 
     def bring(self, source: str, to: str, payload: bytes) -> None:
         """Have a bundle arrive."""
@@ -111,13 +111,15 @@ class IonNodes:
 
     def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Take a connection."""
-        self.serving.add(asyncio.create_task(self._serve(reader, writer)))
+        self.serving[asyncio.create_task(self._serve(reader, writer))] = writer
 
     async def end(self) -> None:
         """Hang up on who still waits for an answer."""
         for each in self.serving:
             each.cancel()
         await asyncio.gather(*self.serving, return_exceptions=True)
+        for writer in self.serving.values():
+            writer.close()  # a task that was cancelled before its first step has not
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one question, unless who asked has died."""
