@@ -257,6 +257,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
     patient = _python("pytest", "-q", "-rsP", "-o", "faulthandler_timeout=7200")
     installed = (*patient, "tests/stress/installed_wheel.py", *not_all)
     bare = (*patient, "tests/stress/debian_roots.py")
+    service = _python("pytest", "-q", "-rs", "tests/stress/service_boot.py")
     some = () if percent == 100 else ("-k", "ground")  # the image without ROS is built soonest
     images = (*patient, "tests/stress/containers.py", *some)
     tested = (CHECKOUT / "tests").rglob("test_*.py")
@@ -275,6 +276,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("templates", (templates,)),
         CiCheck("installation", (installed,)),
         CiCheck("containers", (images,)),
+        CiCheck("service", (service,)),
         *([CiCheck("Debian", (bare,))] if percent == 100 else []),
     ]
 

@@ -1,6 +1,6 @@
 """Runs a command as a systemd unit would: its line, environment and, where the kernel can, filters.
 
-`python -m tests.support.confined FILE COMMAND ...` confines itself as FILE says, then becomes it.
+`python -m tests.support.confined FILE COMMAND ...` confines itself by FILE, then runs the command.
 """
 
 import ctypes
@@ -31,7 +31,7 @@ class Unit:
                 self.values[key].append(value)
 
     def command(self, instance: str, prefix: Path) -> list[str]:
-        """Return the words of its ExecStart, for an installation in another folder."""
+        """Return the arguments of its ExecStart, for an installation in another folder."""
         (line,) = self.values["ExecStart"]
         line = line.replace("%I", instance).replace("%i", instance).replace(INSTALLED, str(prefix))
         return [word.replace("$$", "$") for word in shlex.split(line)]
