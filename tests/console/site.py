@@ -46,6 +46,8 @@ _SHARED_OPTIONS: Final = (
     "--mute-audio",
     "--remote-debugging-port=0",
 )
+_ENDS_WITH_TESTS: Final = ("setpriv", "--pdeathsig", "TERM")
+"""Of util-linux: a browser is terminated with its parent, even if that is killed."""
 SLOW: Final = """const draw = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 100);
 """
@@ -145,7 +147,8 @@ def _shared_browser() -> tuple[Running, str]:
     assert BROWSER is not None
     folder = Path(tempfile.mkdtemp(prefix="chromium-"))
     profile = f"--user-data-dir={folder / 'profile'}"
-    process = Running(folder / "log", BROWSER, *_SHARED_OPTIONS, profile, "about:blank")
+    command = (*_ENDS_WITH_TESTS, BROWSER, *_SHARED_OPTIONS, profile, "about:blank")
+    process = Running(folder / "log", *command)
     return process, process.output(r"DevTools listening on (ws://\S+)")
 
 
