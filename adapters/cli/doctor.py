@@ -78,7 +78,7 @@ def _python(_: Subject) -> Results:
 
 
 def _packages(_: Subject) -> Results:
-    from adapters.process.start import EXTRAS
+    from adapters.process import EXTRAS
     from rover_executive import ForeignPackageError, check_own_packages
 
     try:

@@ -19,6 +19,7 @@ from adapters.process.service_manager import ALIVE as ALIVE
 from adapters.process.service_manager import announce as announce
 from adapters.process.service_manager import notify as notify
 from adapters.process.service_manager import watchdog_period_s as watchdog_period_s
+from adapters.process.start import EXTRAS as EXTRAS
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import program as program
 from adapters.process.start import require as require
