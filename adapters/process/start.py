@@ -5,13 +5,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from rover_executive import brick as brick
-from rover_executive import console as console
-from rover_executive import executive as executive
-from rover_executive import orbiter as orbiter
-from rover_executive import relay as relay
-from rover_executive import simulation as simulation
-
 DISTRIBUTION: Final = "rover-executive"
 EXTRAS: Final = {
     "mujoco": "sim",
