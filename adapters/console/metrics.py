@@ -1,7 +1,7 @@
 """`MetricsRequests` serves the metrics of the console, by the access rules of its data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from aiohttp import web
 
@@ -10,12 +10,10 @@ from adapters.console.housekeeping import ConsoleHousekeeping
 from adapters.console.messages import CommandStatus, LinkState
 from adapters.console.rovers import LINK_HOUSEKEEPING, Fleet
 from adapters.metrics import ReportCounter
+from adapters.metrics.exposition import CONTENT_TYPE, Exposition, Scrape
 from adapters.mrs.spec import CONSOLE_HOUSEKEEPING
 from adapters.system import System
 from executive.values.reasons import Reason, UnknownReason
-
-if TYPE_CHECKING:
-    from adapters.metrics.exposition import Exposition, Scrape
 
 _NAMES: Final = {
     "CONSOLE_PAGES": "pages",
@@ -64,21 +62,17 @@ class MetricsRequests:
     ) -> None:
         self._fleet, self._archive, self._housekeeping = fleet, archive, housekeeping
         self._commands, self._folder, self._system = commands, folder, system
-        self._exposition: Exposition | None = None
+        self._exposition = Exposition("console", self._collect, system)
 
     def routes(self) -> list[web.RouteDef]:
         """Return the route."""
         return [web.get("/metrics", self._page)]
 
     async def _page(self, _: web.Request) -> web.Response:
-        from adapters.metrics.exposition import CONTENT_TYPE, Exposition
-
-        if self._exposition is None:
-            self._exposition = Exposition("console", self._collect, self._system)
         headers = {"Content-Type": CONTENT_TYPE}
         return web.Response(body=self._exposition.page(), headers=headers)
 
-    def _collect(self, scrape: "Scrape") -> None:
+    def _collect(self, scrape: Scrape) -> None:
         scrape.reports(self._commands)
         for asset, known in self._fleet.assets.items():
             for kind, link in known.links.items():

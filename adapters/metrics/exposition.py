@@ -1,19 +1,19 @@
-"""`Exposition` makes the page of metrics, `serving` serves it by HTTP, without a command in it.
+"""`Exposition` makes the page of metrics, `MetricsServer` serves it by HTTP.
 
 A page is made at most once in `MIN_AGE_S`, so that requests in any number cost little. A client has
 `TIMEOUT_S` for its request and for reading the page; one connection above the maximum aborts the
 first.
 """
 
-import asyncio
+import logging
 import socket
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from itertools import accumulate
 from pathlib import Path
-from threading import Thread
+from socketserver import BaseRequestHandler, ThreadingTCPServer
+from threading import Lock, Thread
 from typing import Any, Final, Protocol
 
 from prometheus_client import (
@@ -26,14 +26,16 @@ from prometheus_client import (
 from prometheus_client.core import Metric
 
 from adapters.metrics.counts import BUCKETS_S, Histogram, ReportCounter
-from adapters.system import OPERATING_SYSTEM, System
+from adapters.system import OPERATING_SYSTEM, Socket, System
 
+_LOG: Final = logging.getLogger(__name__)
 CONTENT_TYPE: Final = CONTENT_TYPE_LATEST
 PATH: Final = "/metrics"
 MIN_AGE_S: Final = 2.0
 TIMEOUT_S: Final = 5.0
 MAX_CONNECTIONS: Final = 8
 MAX_HEAD_OCTETS: Final = 8192
+_POLL_S: Final = 0.2
 _TOTAL: Final = "_total"
 _LINK: Final = {
     "connections": ("link_connections", "Open connections of clients"),
@@ -130,11 +132,10 @@ class Scrape:
         """Add the sizes of subfolders, and of databases `NAME.sqlite` with their logs."""
         for name in names:
             path = folder / name
-            files = path.rglob("*") if path.is_dir() else folder.glob(f"{name}.sqlite*")
             octets = 0
-            for file in files:
-                with suppress(OSError):  # deleted by another thread
-                    octets += file.stat().st_size if file.is_file() else 0
+            with suppress(OSError):  # deleted by another thread; the next page is complete
+                files = path.rglob("*") if path.is_dir() else folder.glob(f"{name}.sqlite*")
+                octets = sum(file.stat().st_size for file in files if file.is_file())
             self.store(name, octets)
 
     def _metric(self, name: str, text: str, kind: str) -> Metric:
@@ -143,7 +144,7 @@ class Scrape:
 
 
 class Exposition:
-    """Makes the page of a process; on one thread.
+    """Makes the page of a process.
 
     Args:
         component: `executive`, `orbiter` or `console`.
@@ -155,7 +156,7 @@ class Exposition:
         self, component: str, collect: Callable[[Scrape], None], system: System = OPERATING_SYSTEM
     ) -> None:
         self._component, self._collect, self._now_s = component, collect, system.now_s
-        self._page, self._made_s = b"", -MIN_AGE_S
+        self._page, self._made_s, self._lock = b"", -MIN_AGE_S, Lock()
         self._registry = CollectorRegistry()
         ProcessCollector(registry=self._registry)
         PlatformCollector(registry=self._registry)
@@ -172,94 +173,84 @@ class Exposition:
 
     def page(self) -> bytes:
         """Return the page, at most `MIN_AGE_S` old."""
-        now_s = self._now_s()
-        if now_s - self._made_s >= MIN_AGE_S:
-            self._page, self._made_s = generate_latest(self._registry), now_s
-        return self._page
+        with self._lock:
+            now_s = self._now_s()
+            if now_s - self._made_s >= MIN_AGE_S:
+                self._page, self._made_s = generate_latest(self._registry), now_s
+            return self._page
 
 
-@asynccontextmanager
-async def serving(
-    exposition: Exposition, address: tuple[str, int], system: System = OPERATING_SYSTEM
-) -> AsyncIterator[str]:
-    """Serve the page within the context; yields its URL.
+class MetricsServer(ThreadingTCPServer):
+    """Serves the page by HTTP from its making until `close`, on threads of its own.
+
+    Args:
+        page: makes the page.
+        address: host and port; port 0 takes a free one.
+
+    Attributes:
+        url: address of the page.
 
     Raises:
         OSError: the address cannot be served; the text names the remedy.
     """
-    connections: dict[asyncio.StreamWriter, None] = {}
 
-    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        if len(connections) >= MAX_CONNECTIONS:
-            first = next(iter(connections))
-            del connections[first]
-            first.transport.abort()
-        connections[writer] = None
+    allow_reuse_address = daemon_threads = True
+
+    def __init__(self, page: Callable[[], bytes], address: tuple[str, int]) -> None:
+        self._page = page
+        self._open: list[Socket] = []
+        host = f"[{address[0]}]" if ":" in address[0] else address[0]
+        self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
         try:
-            async with asyncio.timeout(TIMEOUT_S):
-                writer.write(_response(await reader.readuntil(b"\r\n\r\n"), exposition))
-                writer.close()
-                await writer.wait_closed()
-        except (OSError, EOFError, asyncio.LimitOverrunError):  # a TimeoutError is an OSError
-            pass
-        finally:
-            connections.pop(writer, None)
-            writer.transport.abort()
+            super().__init__(address, BaseRequestHandler)
+        except (OSError, UnicodeError) as error:  # an impossible name of a host is no OSError
+            why = getattr(error, "strerror", None) or error
+            text = f"metrics cannot be served at {host}:{address[1]} ({why})"
+            raise OSError(f"{text}: choose another address with --metrics") from error
+        self.url = f"http://{host}:{self.server_address[1]}{PATH}"
+        Thread(target=self.serve_forever, args=(_POLL_S,), name="metrics", daemon=True).start()
 
-    host, port = address
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        listener = system.listen(address, family)
-    except OSError as error:
-        text = f"metrics cannot be served at {host}:{port} ({error.strerror})"
-        raise OSError(f"{text}: choose another address with --metrics") from error
-    server = await asyncio.start_server(answer, sock=listener, limit=MAX_HEAD_OCTETS)
-    shown = f"[{host}]" if ":" in host else host
-    try:
-        yield f"http://{shown}:{listener.getsockname()[1]}{PATH}"
-    finally:
-        server.close()
-        for writer in connections:
-            writer.transport.abort()
+    def close(self) -> None:
+        """Stop serving."""
+        self.shutdown()
+        self.server_close()
 
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start the thread of a connection; one above the maximum ends the first."""
+        self._open = [each for each in self._open if each.fileno() >= 0]
+        for first in self._open[: 1 - MAX_CONNECTIONS]:
+            with suppress(OSError):
+                first.shutdown(socket.SHUT_RDWR)  # its thread then reads the end, and closes it
+        self._open.append(request)
+        super().process_request(request, client_address)
 
-@contextmanager
-def serving_on_thread(exposition: Exposition, address: tuple[str, int]) -> Iterator[str]:
-    """Serve the page on a thread of its own within the context, as `serving`."""
-    started: Future[tuple[str, Callable[[], Any]]] = Future()
+    def finish_request(self, request: Any, client_address: Any) -> None:
+        """Answer a request, on the thread of its connection."""
+        end_s, head = OPERATING_SYSTEM.now_s() + TIMEOUT_S, b""
+        while b"\r\n\r\n" not in head:
+            request.settimeout(max(0.001, end_s - OPERATING_SYSTEM.now_s()))
+            received = request.recv(MAX_HEAD_OCTETS)
+            if not received or len(head) > MAX_HEAD_OCTETS:
+                return
+            head += received
+        request.sendall(self._response(head))
 
-    async def serve() -> None:
-        over, loop = asyncio.Event(), asyncio.get_running_loop()
-        async with serving(exposition, address) as url:
-            started.set_result((url, lambda: loop.call_soon_threadsafe(over.set)))
-            await over.wait()
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Ignored: a client disconnected, or was too slow."""
 
-    def run() -> None:
-        try:
-            asyncio.run(serve())
-        except OSError as error:
-            started.set_exception(error)
-
-    thread = Thread(target=run, name="metrics", daemon=True)
-    thread.start()
-    url, end = started.result()
-    try:
-        yield url
-    finally:
-        end()
-        thread.join()
-
-
-def _response(head: bytes, exposition: Exposition) -> bytes:
-    """Return the response to the head of a request."""
-    method, target, *_ = (*head.split(b" ", 2), b"")
-    kind = "text/plain; charset=utf-8"
-    if method not in (b"GET", b"HEAD"):
-        status, body = "405 Method Not Allowed", b"only GET\n"
-    elif target.partition(b"?")[0] != PATH.encode():
-        status, body = "404 Not Found", f"see {PATH}\n".encode()
-    else:
-        status, body, kind = "200 OK", exposition.page(), CONTENT_TYPE
-    lines = (f"HTTP/1.1 {status}", f"Content-Type: {kind}", f"Content-Length: {len(body)}")
-    head = "\r\n".join((*lines, "Connection: close", "", "")).encode()
-    return head if method == b"HEAD" else head + body
+    def _response(self, head: bytes) -> bytes:
+        method, target, *_ = (*head.split(b" ", 2), b"")
+        kind = "text/plain; charset=utf-8"
+        if method not in (b"GET", b"HEAD"):
+            status, body = "405 Method Not Allowed", b"only GET\n"
+        elif target.partition(b"?")[0] != PATH.encode():
+            status, body = "404 Not Found", f"see {PATH}\n".encode()
+        else:
+            try:
+                status, body, kind = "200 OK", self._page(), CONTENT_TYPE
+            except Exception as error:
+                _LOG.error("the page of metrics cannot be made: %r", error)
+                status, body = "500 Internal Server Error", b"see the log\n"
+        lines = (f"HTTP/1.1 {status}", f"Content-Type: {kind}", f"Content-Length: {len(body)}")
+        head = "\r\n".join((*lines, "Connection: close", "", "")).encode()
+        return head if method == b"HEAD" else head + body

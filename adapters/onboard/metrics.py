@@ -5,7 +5,7 @@ old (`snapshot_age_seconds`): nothing is measured for a request, so requests cos
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -135,13 +135,12 @@ def served(metrics: ExecutiveMetrics, address: tuple[str, int]) -> Iterator[None
     Raises:
         StartError: the address cannot be served.
     """
-    from adapters.metrics.exposition import Exposition, serving_on_thread
+    from adapters.metrics.exposition import Exposition, MetricsServer
 
-    with ExitStack() as stack:
-        page = Exposition("executive", metrics.collect)
-        try:
-            url = stack.enter_context(serving_on_thread(page, address))
-        except OSError as error:
-            raise StartError(str(error)) from error
-        print(f"metrics at {url}", flush=True)
+    try:
+        server = MetricsServer(Exposition("executive", metrics.collect).page, address)
+    except OSError as error:
+        raise StartError(str(error)) from error
+    with closing(server):
+        print(f"metrics at {server.url}", flush=True)
         yield

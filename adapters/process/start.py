@@ -25,7 +25,7 @@ EXTRAS: Final = {
     "aiohttp": "ground",
     "alembic": "ground",
     "markdown_it": "ground",
-    "prometheus_client": "ground",
+    "prometheus_client": "onboard",  # the extra ground has it, too
     "sqlalchemy": "ground",
     "psycopg": "postgresql",
 }

@@ -1,7 +1,8 @@
 """The metrics of an executive: what commands and faults change in them, and who requests them."""
 
+import select
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from adapters.metrics.exposition import (
     MAX_CONNECTIONS,
     MAX_HEAD_OCTETS,
     Exposition,
-    serving_on_thread,
+    MetricsServer,
+    Scrape,
 )
 from adapters.mrs.link import MrsLink
 from adapters.onboard.housekeeping import ExecutiveHousekeeping
@@ -136,8 +138,9 @@ class CountedBench(Bench):
         housekeeping = ExecutiveHousekeeping(self.folder)
         housekeeping.metrics = self.metrics
         housekeeping.measure(self.executive)
-        with serving_on_thread(Exposition("executive", self.metrics.collect), (HOST, 0)) as url:
-            return scrape(url)
+        page = Exposition("executive", self.metrics.collect).page
+        with closing(MetricsServer(page, (HOST, 0))) as server:
+            return scrape(server.url)
 
 
 def test_a_fault_is_active_until_it_ends_and_is_counted_once(tmp_path: Path) -> None:
@@ -191,9 +194,10 @@ def test_a_wrong_address_is_a_usage_error(address: str) -> None:
 
 
 def test_slow_and_surplus_clients_are_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
-    page = Exposition("executive", lambda _: None)
+    page = Exposition("executive", lambda _: None).page
     monkeypatch.setattr(exposition, "TIMEOUT_S", 1e6)
-    with serving_on_thread(page, (HOST, 0)) as url, ExitStack() as clients:
+    with closing(MetricsServer(page, (HOST, 0))) as server, ExitStack() as clients:
+        url = server.url
         slow = [clients.enter_context(connect(url)) for _ in range(MAX_CONNECTIONS + 1)]
         for client in slow:
             client.sendall(b"GET /metrics HTTP/1.1\r\nX-Slow: ")
@@ -202,7 +206,38 @@ def test_slow_and_surplus_clients_are_disconnected(monkeypatch: pytest.MonkeyPat
         slow[-1].sendall(b"\r\n\r\n")
         assert slow[-1].recv(12) == b"HTTP/1.1 200"
         monkeypatch.setattr(exposition, "TIMEOUT_S", 0.05)
-        late = clients.enter_context(connect(url))
-        late.sendall(b"GET /metrics HTTP/1.1\r\nX-Slow: ")
-        with suppress(ConnectionResetError):
-            assert late.recv(1) == b""
+        dribbling = clients.enter_context(connect(url))
+        with suppress(ConnectionError):
+            while not select.select([dribbling], [], [], 0.01)[0]:
+                dribbling.sendall(b"G")
+
+
+def test_a_page_that_cannot_be_made_is_an_error_in_one_line(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def fail(_: Scrape) -> None:
+        raise KeyError("of a defect")
+
+    with closing(MetricsServer(Exposition("executive", fail).page, (HOST, 0))) as server:
+        answer = exchange(server.url, b"GET /metrics HTTP/1.1\r\n\r\n")
+    assert answer.startswith(b"HTTP/1.1 500 "), answer
+    assert [each.getMessage() for each in caplog.records] == [
+        "the page of metrics cannot be made: KeyError('of a defect')"
+    ]
+
+
+def test_an_address_that_cannot_be_served_names_the_remedy() -> None:
+    for host in ("x" * 64, "192.0.2.1"):
+        with pytest.raises(OSError, match=r"cannot be served at .*: choose another address"):
+            MetricsServer(bytes, (host, 0))
+
+
+def test_a_folder_that_is_deleted_while_it_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "files").mkdir()
+    monkeypatch.setattr(Path, "rglob", lambda *_: (tmp_path / "gone").iterdir())
+    found = Scrape("rover_executive_")
+    found.stores(tmp_path, "files")
+    (metric,) = found.metrics.values()
+    assert [each.value for each in metric.samples] == [0]

@@ -374,12 +374,12 @@ async def run(
                     remedy = f", or another port in {settings_file}"
                     raise StartError(start_fault(error, what, host, remedy)) from error
             if metrics is not None:
-                from adapters.metrics.exposition import Exposition, serving
+                from adapters.metrics.exposition import Exposition, MetricsServer
 
                 add = partial(collect, relay.last_statuses, providers, relay.usage, data)
-                page = Exposition("orbiter", add, system)
-                url = await stack.enter_async_context(serving(page, metrics, system))
-                print(f"metrics at {url}", flush=True)
+                server = MetricsServer(Exposition("orbiter", add, system).page, metrics)
+                stack.callback(server.close)
+                print(f"metrics at {server.url}", flush=True)
             for provider in providers:
                 print(f"{provider.asset} listens at {provider.uri}", flush=True)
             await _run_until(over, relay, providers, settings.health_interval_s)
