@@ -26,14 +26,13 @@ from adapters.console.archive import (
 from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
 from adapters.console.messages import (
     Broadcast,
-    CommandStatus,
     LinkKind,
     LinkStatus,
     NotificationMessage,
     Sample,
     TreeState,
 )
-from adapters.console.metrics import MetricsRequests, count_command
+from adapters.console.metrics import metrics_routes
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
     AlarmRequests,
@@ -78,7 +77,6 @@ from adapters.console.web import (
     refused,
 )
 from adapters.mal import CertificateError, address_to_listen, is_loopback
-from adapters.metrics import ReportCounter
 from adapters.mrs.cli import RoverTarget
 from adapters.mrs.ground import CommandIdGenerator, parse_address
 from adapters.process import StartError, exclusive, termination_event
@@ -226,7 +224,7 @@ async def _serving(
     context: ssl.SSLContext | None,
     system: System,
 ) -> AsyncIterator[str]:
-    hub, counter = Hub(system), ReportCounter()
+    hub = Hub(system)
 
     def publish(message: Broadcast) -> None:
         hub.publish(message)
@@ -235,8 +233,6 @@ async def _serving(
             alarms.on_report(message)
         elif isinstance(message, LinkStatus):
             alarms.on_link(message)
-        elif isinstance(message, CommandStatus):
-            count_command(counter, message)
 
     def sample(value: Sample) -> None:
         hub.sample(value)
@@ -284,8 +280,6 @@ async def _serving(
     objects = SharedObjectRequests(archive, publish)
     presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
 
-    own_archive = options.data if options.archive is None else None
-
     def entries() -> Iterator[AssetEntry]:
         return chain(fleet.entries(), recordings.entries())
 
@@ -302,7 +296,7 @@ async def _serving(
         *ExportRequests(archive, recordings, lambda: (*entries(), housekeeping.entry)).routes(),
         *objects.routes(),
         *alarms.routes(),
-        *MetricsRequests(fleet, archive, housekeeping, counter, own_archive, system).routes(),
+        *metrics_routes(fleet, archive, housekeeping, options.data, system),
         *help_routes(shipped_folder("docs")),
     ]
     runner = web.AppRunner(
