@@ -53,12 +53,14 @@ class ReportCounter:
         commands: numbers by name and terminal state.
         reasons: numbers by name and number of the reason, of commands that have one.
         faults: numbers by name.
+        lost: number of commands of which a relay expects no report any more.
     """
 
     def __init__(self) -> None:
         self.commands = Counter({(name, each.name): 0 for name in _COMMANDS for each in TERMINAL})
         self.reasons = Counter({_labels(each): 0 for each in Reason})
         self.faults: Counter[str] = Counter()
+        self.lost = 0
         self._names: dict[Hashable, str] = {}
         self._last = 0
 
@@ -75,35 +77,22 @@ class ReportCounter:
         if len(self._names) > MAX_OPEN:
             del self._names[next(iter(self._names))]
 
-    def knows(self, key: Hashable) -> bool:
-        """Whether the name of a command is stored."""
-        return key in self._names
-
-    def end(self, key: Hashable, state: str, reason: Reason | UnknownReason | None = None) -> None:
-        """Count the end of a command."""
-        self.add(self._names.pop(key, OTHER), state, None if reason is None else _labels(reason))
-
-    def add(self, name: str, state: str, reason: tuple[str, str] | None) -> None:
-        """Count the end of a command, or its refusal, with name and number of the reason."""
-        self.commands[name, state] += 1
-        if reason is not None:
-            self.reasons[reason] += 1
-
     def note(self, report: Report, number: int, *, is_lost: bool = False) -> None:
         """Count a report; a number that is not higher than the last is a repetition.
 
-        With `is_lost` a relay reports that it expects no report of the end of a command.
+        With `is_lost` it is a relay's, that a command is lost. A late report may still end it.
         """
         if number <= self._last:
             return
         self._last = number
+        self.lost += is_lost
         if report.kind is ReportKind.COMMAND and report.stage is not None:
             if report.stage is Stage.RECEIVED:
                 self.begin(report.identity, report.text)
             elif report.stage.terminal:
-                self.end(report.identity, report.stage.name, report.reason)
-        elif is_lost:
-            self.end(report.identity, "LOST")
+                self.commands[self._names.pop(report.identity, OTHER), report.stage.name] += 1
+                if report.reason is not None:
+                    self.reasons[_labels(report.reason)] += 1
         elif report.fault is not None and report.reason not in _NO_BEGINNING:
             self.faults[report.fault if report.fault in _FAULTS else OTHER] += 1
 

@@ -17,7 +17,6 @@ from adapters.mrs.spec.core_values import utc_s_of as utc_s_of
 from adapters.mrs.spec.errors import AreaError as AreaError
 from adapters.mrs.spec.errors import describe_error as describe_error
 from adapters.mrs.spec.errors import duplicate_error as duplicate_error
-from adapters.mrs.spec.errors import error_name as error_name
 from adapters.mrs.spec.errors import find_or_raise as find_or_raise
 from adapters.mrs.spec.errors import invalid_error as invalid_error
 from adapters.mrs.spec.errors import refusal_error as refusal_error

@@ -81,12 +81,6 @@ def refusal_error(refusal: Refusal, identity: Identity) -> MalError:
             return with_text(AreaError.REJECTED, refusal.text)
 
 
-def error_name(error: MalError) -> str:
-    """Return the name of an error, such as NOT_SUPPORTED; its number if it has none."""
-    names = {each.value: each.name for kind in (AreaError, StandardError) for each in kind}
-    return names.get(error.number, str(error.number))
-
-
 def describe_error(error: MalError) -> str:
     """Return an error as one printable line, with the error names of the MRS."""
     try:

@@ -1,12 +1,13 @@
 """`collect` adds the metrics of the orbiter to a page: for each rover its commands and its link."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from adapters.process import ResourceMonitor
 from adapters.relay.orbiter.link_status import LINK_PARAMETERS, RelayLinkStatus
 from adapters.relay.orbiter.provider import RoverProvider
+from adapters.system import OPERATING_SYSTEM
 
 if TYPE_CHECKING:
     from adapters.metrics.exposition import Scrape
@@ -30,7 +31,6 @@ _NAMES: Final = {
 def collect(
     statuses: Callable[[], Iterable[RelayLinkStatus | None]],
     providers: Sequence[RoverProvider],
-    usage: ResourceMonitor,
     folder: Path,
     scrape: "Scrape",
 ) -> None:
@@ -44,9 +44,11 @@ def collect(
         scrape.table(_NAMES, LINK_PARAMETERS, figures)
         scrape.reports(provider.reports)
         scrape.faults(provider.reports)
-        scrape.traffic(provider.traffic)
+        text = "Commands of which no report is expected any more; a late one may still come"
+        scrape.add("lost_commands_total", text, provider.reports.lost)
         scrape.stores(folder, provider.asset)
     scrape.labels = {}
     scrape.stores(folder, "bundles")
-    text = "Free space on the disk of the data"
-    scrape.add("disk_free_bytes", text, usage.measure().disk_free_octets)
+    with suppress(OSError):
+        text = "Free space on the disk of the data"
+        scrape.add("disk_free_bytes", text, OPERATING_SYSTEM.free_octets(folder))

@@ -7,14 +7,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
-from adapters.mal import (
-    CallContext,
-    LinkTraffic,
-    MalError,
-    MalUri,
-    StandardError,
-    is_loopback,
-)
+from adapters.mal import CallContext, MalUri, StandardError, is_loopback
 from adapters.metrics import ReportCounter
 from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
@@ -26,7 +19,6 @@ from adapters.mrs.spec import (
     ORBITER_HOUSEKEEPING,
     AreaError,
     camera_state,
-    error_name,
     find_or_raise,
     housekeeping_values,
     lost_command,
@@ -88,7 +80,7 @@ class RoverProvider:
         system: the clock, and the sockets.
 
     Attributes:
-        reports: counts the rover's reports, and refused commands.
+        reports: counts the rover's reports.
     """
 
     def __init__(
@@ -143,11 +135,6 @@ class RoverProvider:
         return self._settings.port
 
     @property
-    def traffic(self) -> LinkTraffic:
-        """Traffic of the clients of its MRS."""
-        return self._offer.provider.traffic
-
-    @property
     def uri(self) -> MalUri:
         """URI of the service, once started."""
         return self._offer.provider.uri
@@ -163,14 +150,6 @@ class RoverProvider:
         Raises:
             MalError: the command was rejected, or is a duplicate.
         """
-        try:
-            await self._submit(command)
-        except MalError as error:
-            reason = error_name(error), str(error.number)
-            self.reports.add(command.name, "REFUSED", reason)
-            raise
-
-    async def _submit(self, command: Command) -> None:
         request = command.request
         if isinstance(request, ExecuteAction):
             parts = request.action.upper().split()
@@ -209,6 +188,7 @@ class RoverProvider:
             result = self._act(action, command.identity.source)
         except BundleError as error:
             raise with_text(AreaError.REJECTED, str(error)) from error
+        self.reports.begin(command.identity, command.name)
         now_s = self._utc_s()
         report = Report(
             *(

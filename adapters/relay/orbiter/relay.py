@@ -376,7 +376,7 @@ async def run(
             if metrics is not None:
                 from adapters.metrics.exposition import Exposition, MetricsServer
 
-                add = partial(collect, relay.last_statuses, providers, relay.usage, data)
+                add = partial(collect, relay.last_statuses, providers, data)
                 server = MetricsServer(Exposition("orbiter", add, system).page, metrics)
                 stack.callback(server.close)
                 print(f"metrics at {server.url}", flush=True)

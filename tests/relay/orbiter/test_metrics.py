@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from adapters.mal import MalError
-from executive.commands import MoveForward, Stop
+from adapters.metrics import ReportCounter
+from executive.commands import ExecuteAction, MoveForward, Stop
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.relay.orbiter.sky import STAGES, catch_up, landed
 from tests.relay.orbiter.test_process import Orbiter
 from tests.support.metrics import check_documented, scrape, scrape_until
@@ -29,13 +31,17 @@ async def test_the_link_and_the_ends_of_commands_are_shown(tmp_path: Path) -> No
             await catch_up(client, 2 * len(STAGES))
             with pytest.raises(MalError):
                 await client.submit(first)
-            page = scrape_until(url, lambda page: page.value(COMMANDS, state="REFUSED") == 1.0)
+            assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
+            page = scrape_until(url, lambda page: (page.value(COMMANDS) or 0.0) >= 3.0)
         page.check_names()
         check_documented(page, "orbiter")
         assert page.value(COMMANDS, asset="jackal", command="moveForward", state="EXECUTED") == 1.0
         assert page.value(COMMANDS, asset="jackal", command="stop", state="EXECUTED") == 1.0
-        assert page.value(COMMANDS, command="moveForward", state="REFUSED") == 1.0
-        assert page.value(REASONS, reason="DUPLICATE", code="3") == 1.0
+        assert page.value(COMMANDS, command="executeAction", state="EXECUTED") == 1.0, (
+            "the orbiter's own"
+        )
+        assert page.value(COMMANDS) == 3.0, "a retransmitted command is no further one"
+        assert page.value(REASONS) == 0.0
         assert page.value("rover_orbiter_bundles_sent_total") >= 2.0  # type: ignore[operator]
         assert page.value("rover_orbiter_store_bytes", store="bundles") > 1000.0  # type: ignore[operator]
         assert page.value("rover_orbiter_store_bytes", store="jackal") > 1000.0  # type: ignore[operator]
@@ -51,3 +57,15 @@ async def test_the_link_and_the_ends_of_commands_are_shown(tmp_path: Path) -> No
         assert process.end() == 0
     with orbiter.serving("--metrics", "0") as process:
         assert scrape(process.output(r"metrics at (http://\S+)")).value(COMMANDS) == 0.0
+
+
+def test_a_late_report_of_a_lost_command_ends_it_once() -> None:
+    counter, sent = ReportCounter(), Identity("anna", 1)
+    counter.begin(sent, "moveForward")
+    alarm = (ReportKind.LINK, Severity.ALARM, "lost", sent)
+    counter.note(Report(1, 0.0, *alarm), 1, is_lost=True)
+    assert (counter.lost, sum(counter.commands.values())) == (1, 0)
+    late = (ReportKind.COMMAND, Severity.INFORMATIONAL, "", sent, Stage.EXECUTED)
+    for _ in range(2):
+        counter.note(Report(2, 0.0, *late), 2)
+    assert counter.commands["moveForward", "EXECUTED"] == sum(counter.commands.values()) == 1
