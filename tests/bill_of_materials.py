@@ -57,9 +57,9 @@ def licence_of(package: Distribution) -> str:
     about = package.metadata
     classifiers = about.get_all("Classifier") or ()
     named = [
-        about["License-Expression"] or "",
+        *(about.get_all("License-Expression") or ()),
         *(each.rpartition(" :: ")[2] for each in classifiers if each.startswith("License ::")),
-        about["License"] or "",
+        *(about.get_all("License") or ()),
     ]
     return next((each.strip().partition("\n")[0] for each in named if each.strip()), "")
 

@@ -75,5 +75,5 @@ def test_no_invalid_message_breaks_a_provider_in_any_encoding(tmp_path: Path) ->
     operations = [
         each for area in areas for service in area.services for each in service.operations
     ]
-    assert values["fuzz: operations with sound messages"] > 0.9 * len(operations)  # by chance
+    assert values["fuzz: operations with sound messages"] > 0.75 * len(operations)  # by chance
     assert values["fuzz: mutated messages"] >= len(mal_fuzz.PARTS) * SOME
