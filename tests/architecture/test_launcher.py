@@ -173,7 +173,7 @@ def test_the_first_command_that_needs_more_adds_the_second_lock(command: str, be
     bench.steps()
     added = bench.start(command, "-x")
     assert added.stdout.startswith(f"started with: {command} -x\n"), added.stderr
-    assert f"for `rover {command}`: packages of requirements-test.lock" in added.stderr
+    assert "tests and all extras: packages of requirements-test.lock" in added.stderr
     assert bench.steps() == ["pip"]
     wanted = (bench.checkout / ".venv" / "requirements.txt").read_text()
     assert wanted == (CHECKOUT / "requirements-test.lock").read_text()
@@ -199,6 +199,21 @@ def test_a_change_of_the_second_lock_matters_to_tests_alone(bench: Bench) -> Non
     assert bench.steps() == ["pip"]
     assert bench.start("test").returncode == 5
     assert bench.steps() == ["pip"]
+
+
+@pytest.mark.parametrize("of_one_lock", [False, True])
+def test_a_change_of_both_locks_updates_the_extras_too(of_one_lock: bool, bench: Bench) -> None:
+    bench.start("test")
+    if of_one_lock:  # an environment of the time when there was one lock
+        (bench.checkout / ".venv" / "rover-full-stamp").unlink()
+        (bench.checkout / ".venv" / "lib/python3.12/site-packages/pandas").mkdir(parents=True)
+    bench.steps()
+    for name in LOCKS:
+        with (bench.checkout / name).open("a") as lock:
+            lock.write("# changed\n")
+    assert "packages of requirements-test.lock" in bench.start().stderr
+    assert bench.steps() == ["pip", "pip", "pip"]
+    assert bench.start("test").stderr == ""
 
 
 def test_moved_checkout_gets_a_new_environment(bench: Bench, tmp_path: Path) -> None:
