@@ -3,26 +3,31 @@
 import os
 import socket
 from contextlib import suppress
+from threading import Thread
 from typing import Final
 
 READY: Final = "READY=1"
+READY_TIMEOUT_S: Final = 5.0
+"""READY=1 is sent once, so it waits while the queue of a service manager at boot is full; on a
+thread of its own, since the caller may be the one that ticks."""
 ALIVE: Final = "WATCHDOG=1"
 
 
 def announce(text: str) -> None:
     """Print that this process serves, and report it to a systemd unit of Type=notify."""
     print(text, flush=True)
-    notify(f"{READY}\nSTATUS={text}")
+    state = f"{READY}\nSTATUS={text}"
+    Thread(target=notify, args=(state, READY_TIMEOUT_S), daemon=True).start()
 
 
-def notify(state: str) -> None:
-    """Send a state to the service manager. Never blocks; without a manager nothing is sent."""
+def notify(state: str, timeout_s: float = 0.0) -> None:
+    """Send a state to the service manager, and drop it at the timeout; without one do nothing."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return
     address = address.replace("@", "\0", 1) if address[0] == "@" else address
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:  # noqa: TID251 - to systemd alone
-        sender.setblocking(False)
+        sender.settimeout(timeout_s)
         sender.sendto(state.encode(), address)
 
 

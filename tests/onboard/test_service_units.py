@@ -8,8 +8,9 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,22 @@ def test_a_process_that_serves_is_ready(
         announce("x listens")
         assert end.recv(100) == b"READY=1\nSTATUS=x listens"
     assert capsys.readouterr().out == "x listens\n"
+
+
+def test_a_full_queue_of_the_manager_delays_readiness_but_no_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with manager(tmp_path, monkeypatch) as end, ExitStack() as stack:
+        for _ in range(100):  # a queue has room for some messages of each sender
+            sender = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            sender.setblocking(False)
+            with suppress(BlockingIOError):
+                while True:
+                    sender.sendto(b"", str(tmp_path / "notify"))
+        notify(ALIVE)
+        announce("x listens")
+        time.sleep(0.1)
+        assert next(filter(None, iter(lambda: end.recv(100), None))) == b"READY=1\nSTATUS=x listens"
 
 
 @pytest.mark.parametrize(
