@@ -19,11 +19,12 @@ from enum import StrEnum
 from importlib.metadata import distributions
 from importlib.util import find_spec
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.process import asset_option, data_option, default_folder
+from adapters.process import EXTRAS, NICE, asset_option, data_option, default_folder, program
 
 if TYPE_CHECKING:
     from executive.settings import Settings
@@ -45,8 +46,6 @@ TIME_ERROR: Final = 5
 """Result of adjtimex while the clock is not synchronised."""
 USB: Final = Path("/sys/bus/usb/devices")
 SHARED_MEMORY: Final = Path("/dev/shm")
-PIP: Final = f"{sys.executable} -m pip install 'rover-executive"
-OWN_ENVIRONMENT: Final = "python3 -m venv rover && rover/bin/pip install rover-executive"
 SYNCHRONISE: Final = "sudo timedatectl set-ntp true"
 
 
@@ -66,30 +65,48 @@ OK, WARNING, ERROR = Level
 class Subject:
     """Data folder, and the asset with its settings; without an asset the computer alone."""
 
-    data: Path
+    data: Path | None
     asset: str = ""
     settings: "Settings | None" = None
 
 
+def _guarded(check: Callable[[Subject], Results], subject: Subject) -> Results:
+    """Yield the results of a check; an exception is one, too, and the other checks still run."""
+    try:
+        yield from check(subject)
+    except Exception as error:
+        yield ERROR, f"this check failed: {type(error).__name__}: {error}", ""
+
+
+def _user() -> str:
+    """Return the name of this process's user, or its number."""
+    import pwd  # Windows has none, and `--ground` needs none
+
+    with suppress(KeyError):
+        return pwd.getpwuid(os.geteuid()).pw_name
+    return str(os.geteuid())
+
+
+def _install(extra: str) -> str:
+    """Return the command that installs an extra: of the lock in a checkout."""
+    if program() == "./rover":
+        return "./rover extras"
+    return f"{quote(sys.executable)} -m pip install 'rover-executive[{extra}]'"
+
+
 def _python(_: Subject) -> Results:
-    text = f"{sys.version.split()[0]}; {', '.join(TESTED)} are tested"
+    text = f"{sys.version.split()[0]}; {', '.join(TESTED)} are supported"
     tested = "{}.{}".format(*sys.version_info) in TESTED
     yield (OK, text, "") if tested else (WARNING, text, "sudo apt install python3.13-venv")
 
 
 def _packages(_: Subject) -> Results:
-    from adapters.process import EXTRAS
-    from rover_executive import ForeignPackageError, check_own_packages
-
-    try:
-        check_own_packages()
-        yield OK, "no other distribution has files in our packages", ""
-    except ForeignPackageError as error:
-        yield ERROR, str(error), OWN_ENVIRONMENT
     missing = [name for name in EXTRAS if find_spec(name) is None]
     for extra in dict.fromkeys(EXTRAS[name] for name in missing):
         names = ", ".join(name for name in missing if EXTRAS[name] == extra)
-        yield OK, f"the extra {extra} would install {names}", f"{PIP}[{extra}]'"
+        yield OK, f"the extra {extra} would install {names}", _install(extra)
+    if not missing:
+        yield OK, "all extras are installed", ""
 
 
 def _clock(_: Subject) -> Results:
@@ -116,7 +133,7 @@ def _ros(_: Subject) -> Results:
     sourced, distro = (os.environ.get(name, "") for name in ("AMENT_PREFIX_PATH", "ROS_DISTRO"))
     if find_spec("rclpy") is None:
         has_wheels = sys.platform == "linux" and os.uname().machine == "x86_64"
-        remedy = f"{PIP}[ros]'" if has_wheels else "sudo apt install ros-jazzy-ros-base"
+        remedy = _install("ros") if has_wheels else "sudo apt install ros-jazzy-ros-base"
         apt = sorted(Path("/opt/ros").glob("*/setup.sh"))
         yield ERROR, "no ROS: Python finds no rclpy", f". {apt[-1]}" if apt else remedy
     elif wheels and "/opt/ros/" in sourced:
@@ -127,11 +144,11 @@ def _ros(_: Subject) -> Results:
     else:  # in a process of its own, which a wrong middleware ends
         code = "import rclpy; print(rclpy.get_rmw_implementation_identifier())"
         tried = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        if tried.returncode == 0:
-            yield OK, f"{(wheels or [distro])[0]} with {tried.stdout.strip()}", ""
-        else:
-            text = (tried.stderr.strip().splitlines() or ["no error text"])[-1]
+        text = ["no error text", *tried.stderr.strip().splitlines()][-1]
+        if tried.returncode:
             yield ERROR, f"rclpy does not start: {text}", "unset RMW_IMPLEMENTATION"
+        else:
+            yield OK, f"{(wheels or [distro])[0]} with {tried.stdout.strip()}", ""
 
 
 def local_domains() -> set[int]:
@@ -178,8 +195,11 @@ def _discovery(_: Subject) -> Results:
     except OSError as error:
         text = f"multicast to {GROUP} fails: {error.strerror or error}"
         yield WARNING, text, f"sudo ip route add {GROUP}/32 dev lo"
-    segments = SHARED_MEMORY.glob("fast*")
-    users = {str(each.stat().st_uid) for each in segments if not os.access(each, os.W_OK)}
+    users = set()
+    for each in SHARED_MEMORY.glob("fast*"):
+        with suppress(OSError):  # its process may end now
+            if not os.access(each, os.W_OK):
+                users.add(str(each.stat().st_uid))
     if users and not os.environ.get("FASTDDS_BUILTIN_TRANSPORTS"):
         text = (
             f"nodes of user {', '.join(users)} use the shared memory of Fast DDS: no data arrives"
@@ -211,9 +231,11 @@ def _data(subject: Subject) -> Results:
     from adapters.mrs.spec import MIN_FREE_OCTETS
     from adapters.system import OPERATING_SYSTEM
 
-    path = subject.data.absolute()
+    asset = subject.settings.asset if subject.settings else "jackal"
+    path = (subject.data or default_folder(asset)).absolute()
     folder = next(each for each in (path, *path.parents) if os.path.exists(each))
-    worst_s = 0.0
+    worst_s, place = 0.0, quote(str(folder))
+    largest = f"du -xh {place} | sort -h | tail"
     try:
         free_octets = OPERATING_SYSTEM.free_octets(folder)
         with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
@@ -226,17 +248,18 @@ def _data(subject: Subject) -> Results:
             raise PermissionError(errno.EACCES, f"no right to write {locked[0].name}")
     except OSError as error:
         remedies = {
-            errno.ENOSPC: f"du -xh {folder} | sort -h | tail",
-            errno.EROFS: f"sudo mount -o remount,rw $(findmnt -no TARGET -T {folder})",
+            errno.ENOSPC: largest,
+            errno.EROFS: f"sudo mount -o remount,rw $(findmnt -no TARGET -T {place})",
+            errno.ENOTDIR: f"mv {place} {place}.old",
         }
-        own = f'sudo chown -R "$USER" {path}'
-        own = own if folder == path else f'sudo install -d -o "$USER" {path}'
+        own = f"chown -R {_user()}" if folder == path else f"install -d -o {_user()}"
+        own = f"sudo {own} {quote(str(path))}"
         yield ERROR, f"{path}: {error.strerror}", remedies.get(error.errno or 0, own)
         return
     text = f"{path}: {free_octets / 1e6:,.0f} MB free, the slowest write {worst_s * 1e3:.1f} ms"
     if free_octets < MIN_FREE_OCTETS:
         text = f"{text}; {MIN_FREE_OCTETS / 1e6:.0f} MB are needed"
-        yield ERROR, text, f"du -xh {folder} | sort -h | tail"
+        yield ERROR, text, largest
     elif worst_s > MAX_SYNC_S:
         yield WARNING, f"{text}: reports wait for it", "export ROVER_DATA=FOLDER_ON_A_FASTER_DISK"
     else:
@@ -244,19 +267,14 @@ def _data(subject: Subject) -> Results:
 
 
 def _priority(_: Subject) -> Results:
-    import resource
-
-    from adapters.process import NICE
-
-    own, bound = os.getpriority(os.PRIO_PROCESS, 0), resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
-    text = f"nice {own}; real-time priorities up to {bound} are permitted, none is needed"
+    own = os.getpriority(os.PRIO_PROCESS, 0)
     try:
         os.setpriority(os.PRIO_PROCESS, 0, min(own, NICE))
         os.setpriority(os.PRIO_PROCESS, 0, own)
-        yield OK, text, ""
+        yield OK, f"nice {NICE} is permitted", ""
     except PermissionError:
-        remedy = f'echo "$USER - nice {NICE}" | sudo tee /etc/security/limits.d/rover.conf'
-        yield WARNING, f"nice {NICE} is permitted to units only: ticks may be late; {text}", remedy
+        remedy = f"echo '{_user()} - nice {NICE}' | sudo tee /etc/security/limits.d/rover.conf"
+        yield WARNING, f"nice {NICE} is permitted to units only: ticks may be late", remedy
 
 
 def _port(_: Subject) -> Results:
@@ -279,7 +297,8 @@ def _brick(subject: Subject) -> Results:
     if not file.is_file():
         return
     brick: Any = load_yaml(file)
-    ids = brick["/**"]["ros__parameters"]["usb"]
+    (node,) = brick.values()  # its name, or a pattern
+    ids = node["ros__parameters"]["usb"]
     product = f"PRODUCT={ids['vendor_id']:x}/{ids['product_id']:x}/"
     texts = [each.read_text("ascii") for each in USB.glob("*/uevent")]
     names = [name for each in texts if product in each for name in re.findall("DEVNAME=(.+)", each)]
@@ -289,7 +308,7 @@ def _brick(subject: Subject) -> Results:
         yield OK, f"the brick is {device}", ""
     else:
         rules = config_folder() / "systemd" / "60-rover-nxt.rules"
-        remedy = f"sudo cp {rules} /etc/udev/rules.d/ && sudo udevadm trigger"
+        remedy = f"sudo cp {quote(str(rules))} /etc/udev/rules.d/ && sudo udevadm trigger"
         yield ERROR, f"no right to write {device}, the brick", remedy
 
 
@@ -330,15 +349,14 @@ def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_j
             settings = load_settings(asset)
         except SettingsError as error:
             raise click.UsageError(str(error)) from error
-    folder = data or default_folder(settings.asset if settings else "jackal")
-    subject = Subject(folder, asset, settings)
+    subject = Subject(data, asset, settings)
     checks: tuple[Callable[[Subject], Results], ...] = GROUND if ground else GROUND + ABOARD
     rows: list[dict[str, str]] = []
     for check in checks:
         errors = {row["check"] for row in rows if row["level"] == ERROR}
         if check is _robot and errors & {"ros", "domain"}:
             break  # it would end, or raise
-        for level, text, remedy in check(subject):
+        for level, text, remedy in _guarded(check, subject):
             name = check.__name__[1:]
             rows.append({"check": name, "level": level, "text": text, "remedy": remedy})
             if not as_json:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import pwd
+import shutil
 import socket
 import subprocess
 import sys
@@ -9,17 +11,19 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner
 
 from adapters.cli import doctor
 from adapters.cli.doctor import Level, Subject
-from executive.settings import load_settings
+from executive.settings import config_folder, load_settings
 from tests.stress.small_disk import NoDiskError, small_disk
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 UNPRIVILEGED_USER = 65534
+OTHER_USER = pwd.getpwuid(os.getuid() or UNPRIVILEGED_USER).pw_name
 HERE = Subject(Path("/"))
 Results = list[tuple[Level, str, str]]
 
@@ -62,12 +66,32 @@ def without_rights(check: Callable[[], Any]) -> Results:
         return [(Level(level), text, remedy) for level, text, remedy in json.load(results)]
 
 
-def test_a_package_of_the_same_name_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "executive").mkdir()
-    (tmp_path / "executive" / "__init__.py").touch()
-    text, remedy = found(run("--ground", path=tmp_path), Level.ERROR)
-    assert f"packages: Python finds package executive at {tmp_path}/executive" in text
-    assert "-m venv" in remedy
+def test_a_check_that_raises_is_an_error_and_the_others_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = shutil.copytree(config_folder(), tmp_path / "config")
+    monkeypatch.setenv("ROVER_CONFIG", str(config))
+    monkeypatch.setattr(doctor, "ABOARD", (doctor._brick, doctor._port))
+    brick = config / "mocup.nxt.yaml"
+    text = brick.read_text()
+    for invalid in ("", text.replace("    usb:", "   usb:"), text.replace("    usb:", "    us:")):
+        brick.write_text(invalid)
+        done = CliRunner().invoke(doctor.doctor, ["--asset", "mocup", "--json"])
+        rows = json.loads(done.output)
+        (row,) = [row for row in rows if row["check"] == "brick"]
+        assert row["text"].startswith("this check failed: ")
+        assert (row["level"], rows[-1]["check"], done.exit_code) == ("error", "port", 1)
+    brick.write_text(text.replace("/**:", "/mocup/nxt:"))
+    subject = Subject(tmp_path, "mocup", load_settings("mocup"))
+    assert found(doctor._brick(subject), Level.WARNING)[1] == "lsusb"
+
+
+def test_a_user_without_a_home_is_one_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "home", Mock(side_effect=RuntimeError("no home directory")))
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    text, _ = found(doctor._guarded(doctor._data, Subject(None)), Level.ERROR)
+    assert text == "this check failed: RuntimeError: no home directory"
+    assert found(doctor._guarded(doctor._python, Subject(None)), Level.OK)
 
 
 def test_a_middleware_that_is_missing_is_an_error() -> None:
@@ -81,7 +105,7 @@ def test_no_ros_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rclpy", None)
     text, remedy = found(doctor._ros(HERE), Level.ERROR)
     assert text == "no ROS: Python finds no rclpy"
-    assert remedy.startswith((". /opt/ros/", "sudo apt", sys.executable))
+    assert remedy.startswith((". /opt/ros/", "sudo apt", sys.executable, "./rover extras"))
 
 
 def test_wheels_beside_a_sourced_ros_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,8 +116,12 @@ def test_wheels_beside_a_sourced_ros_are_an_error(monkeypatch: pytest.MonkeyPatc
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "usb", None)
+    monkeypatch.setattr(doctor, "program", lambda: "rover")
     results = [each for each in doctor._packages(HERE) if "usb" in each[1]]
     assert found(results, Level.OK)[1].endswith("-m pip install 'rover-executive[onboard]'")
+    monkeypatch.setattr(doctor, "program", lambda: "./rover")
+    results = [each for each in doctor._packages(HERE) if "usb" in each[1]]
+    assert found(results, Level.OK)[1] == "./rover extras"
 
 
 @pytest.mark.parametrize(
@@ -154,7 +182,7 @@ def test_a_disk_that_is_full_or_read_only_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_ledger_of_another_user_is_an_error(tmp_path: Path) -> None:
-    folder = tmp_path / "data"
+    folder = tmp_path / "my data"
     folder.mkdir(mode=0o755)
     ledger = folder / "ledger.sqlite"
     ledger.touch(mode=0o400)
@@ -162,7 +190,7 @@ def test_a_ledger_of_another_user_is_an_error(tmp_path: Path) -> None:
         each.chmod(0o777)
     text, remedy = found(without_rights(lambda: doctor._data(Subject(folder))), Level.ERROR)
     assert "no right to write ledger.sqlite" in text
-    assert remedy == f'sudo chown -R "$USER" {folder}'
+    assert remedy == f"sudo chown -R {OTHER_USER} '{folder}'"
 
 
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
@@ -172,14 +200,27 @@ def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     text, remedy = found(without_rights(lambda: doctor._data(Subject(folder))), Level.ERROR)
     assert (text, remedy) == (
         f"{folder}: Permission denied",
-        f'sudo install -d -o "$USER" {folder}',
+        f"sudo install -d -o {OTHER_USER} {folder}",
     )
+
+
+def test_a_file_in_the_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "data").touch()
+    for folder in (tmp_path / "data", tmp_path / "data" / "jackal"):
+        text, remedy = found(doctor._data(Subject(folder)), Level.ERROR)
+        assert text == f"{folder}: Not a directory"
+        assert remedy == f"mv {tmp_path}/data {tmp_path}/data.old"
+
+
+def test_a_user_without_a_name_is_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 54321)
+    assert doctor._user() == "54321"
 
 
 def test_a_priority_that_is_not_permitted_is_a_warning() -> None:
     text, remedy = found(without_rights(lambda: doctor._priority(HERE)), Level.WARNING)
     assert text.startswith("nice -10 is permitted to units only")
-    assert "/etc/security/limits.d" in remedy
+    assert remedy.startswith(f"echo '{OTHER_USER} - nice -10' | sudo tee /etc/security/limits.d")
 
 
 def test_shared_memory_of_another_user_is_a_warning(
@@ -187,6 +228,7 @@ def test_shared_memory_of_another_user_is_a_warning(
 ) -> None:
     segment = tmp_path / "fastrtps_1"
     segment.touch(mode=0o444)
+    (tmp_path / "fastrtps_2").symlink_to(tmp_path / "vanished")
     monkeypatch.setattr(doctor, "SHARED_MEMORY", tmp_path)
     monkeypatch.delenv("FASTDDS_BUILTIN_TRANSPORTS", raising=False)
     for each in (tmp_path, *tmp_path.parents[:-2]):
