@@ -6,18 +6,16 @@ from contextlib import suppress
 from threading import Thread
 from typing import Final
 
-READY: Final = "READY=1"
 READY_TIMEOUT_S: Final = 5.0
-"""READY=1 is sent once, so it waits while the queue of a service manager at boot is full; on a
-thread of its own, since the caller may be the one that ticks."""
+"""READY=1 is sent once, so it waits while the queue of the service manager is full, as at boot."""
 ALIVE: Final = "WATCHDOG=1"
 
 
 def announce(text: str) -> None:
     """Print that this process serves, and report it to a systemd unit of Type=notify."""
     print(text, flush=True)
-    state = f"{READY}\nSTATUS={text}"
-    Thread(target=notify, args=(state, READY_TIMEOUT_S), daemon=True).start()
+    sent = f"READY=1\nSTATUS={text}", READY_TIMEOUT_S
+    Thread(target=notify, args=sent, daemon=True).start()  # the caller may have to tick
 
 
 def notify(state: str, timeout_s: float = 0.0) -> None:

@@ -234,7 +234,7 @@ def test_shared_memory_of_another_user_is_a_warning(
     for each in (tmp_path, *tmp_path.parents[:-2]):
         each.chmod(0o755)
     text, remedy = found(without_rights(lambda: doctor._discovery(HERE)), Level.WARNING)
-    assert f"nodes of user {os.getuid()} use the shared memory" in text
+    assert f"shared memory of Fast DDS is that of user {os.getuid()}" in text
     assert remedy == "export FASTDDS_BUILTIN_TRANSPORTS=UDPv4"
 
 
