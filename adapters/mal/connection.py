@@ -318,14 +318,15 @@ class Connection(asyncio.BufferedProtocol):
         if not self._serving:
             self._write_gathered()
 
-    def _write(self, message: bytes) -> None:
+    def _write(self, octets: bytes, messages: int) -> None:
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
             self.abort(f"more than {_UNREAD_CAP} octets are unread by the peer")
             return
-        self._traffic.sent_octets += len(message)
-        self._transport.write(message)
+        self._traffic.sent_messages += messages
+        self._traffic.sent_octets += len(octets)
+        self._transport.write(octets)
 
     async def drain(self, patience_s: float | None = None) -> None:
         """Yield to the loop, and wait until the write buffer of the connection has space.
@@ -381,16 +382,15 @@ class Connection(asyncio.BufferedProtocol):
     def _add_gathered(self, message: bytes) -> None:
         self._gathered.append(message)
         self._gathered_octets += len(message)
-        self._traffic.sent_messages += 1
         if self._gathered_octets > _GATHERED_CAP:
             self._write_gathered()
 
     def _write_gathered(self) -> None:
         if self._gathered:
-            together = b"".join(self._gathered)
+            together, messages = b"".join(self._gathered), len(self._gathered)
             self._gathered.clear()
             self._gathered_octets = 0
-            self._write(together)
+            self._write(together, messages)
 
     def refuse(self, reason: str) -> None:
         """Close the connection because of an invalid message, with the reason in the log."""

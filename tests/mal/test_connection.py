@@ -19,7 +19,14 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mal.codec import MIN_MESSAGE_OCTETS, decode_message
-from adapters.mal.connection import MESSAGE_CAP, Framer, NotificationQueue
+from adapters.mal.connection import (
+    MESSAGE_CAP,
+    Connection,
+    ConnectionGuard,
+    Framer,
+    LinkTraffic,
+    NotificationQueue,
+)
 from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided
 
 BIG = (1 << 20) * b"x"
@@ -244,3 +251,9 @@ def test_nothing_is_given_behind_what_cannot_be_a_message() -> None:
     assert next(got) == message(50, 1)
     with pytest.raises(DecodeError, match="message length 3"):
         next(got)
+
+
+async def test_what_a_closed_connection_ignores_is_no_traffic() -> None:
+    guard = ConnectionGuard()
+    Connection(lambda *_: None, guard).send(bytes(40))
+    assert guard.traffic == LinkTraffic()
