@@ -19,8 +19,10 @@ _NAMES: Final = {
     "CONSOLE_QUEUED": "archive_queued",
     "CONSOLE_LOST": "archive_lost_messages_total",
     "CONSOLE_DISK_FREE": "disk_free_bytes",
-    "LINK_ROUND_TRIP": "link_round_trip_seconds",
 }
+_LINK_NAMES: Final = {"LINK_ROUND_TRIP": "link_round_trip_seconds"}
+_PARAMETERS: Final = (*CONSOLE_HOUSEKEEPING, *LINK_HOUSEKEEPING)
+_TEXTS: Final = {each.name: each.description for each in _PARAMETERS}
 
 
 def metrics_routes(
@@ -33,9 +35,9 @@ def metrics_routes(
             for kind, link in known.links.items():
                 scrape.labels = {"asset": asset, "link": kind.value}
                 scrape.add("link_up", "1 while it answers", link.state is LinkState.UP)
-                scrape.table(_NAMES, LINK_HOUSEKEEPING, link.figures)
+                scrape.table(_LINK_NAMES, _TEXTS, link.figures)
         scrape.labels = {}
-        scrape.table(_NAMES, CONSOLE_HOUSEKEEPING, housekeeping.figures)
+        scrape.table(_NAMES, _TEXTS, housekeeping.figures)
         text = "Telemetry values written to the archive since the start"
         scrape.add("archive_values_total", text, archive.samples)
         scrape.stores(folder, "archive")

@@ -28,19 +28,17 @@ class Histogram:
 
     Attributes:
         counts: number for each of `BUCKETS_S`, and of longer ones.
-        sum_s, max_s: sum and maximum.
+        sum_s: their sum.
     """
 
     def __init__(self) -> None:
         self.counts = [0] * (len(BUCKETS_S) + 1)
-        self.sum_s = self.max_s = 0.0
+        self.sum_s = 0.0
 
     def observe(self, duration_s: float) -> None:
         """Count a duration."""
         self.counts[bisect_left(BUCKETS_S, duration_s)] += 1
         self.sum_s += duration_s
-        if duration_s > self.max_s:
-            self.max_s = duration_s
 
 
 class ReportCounter:

@@ -14,7 +14,7 @@ from itertools import accumulate
 from pathlib import Path
 from socketserver import BaseRequestHandler, ThreadingTCPServer
 from threading import Lock, Thread
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from prometheus_client import (
     CONTENT_TYPE_LATEST,
@@ -23,7 +23,7 @@ from prometheus_client import (
     ProcessCollector,
     generate_latest,
 )
-from prometheus_client.core import Metric
+from prometheus_client.core import HistogramMetricFamily, Metric
 
 from adapters.metrics.counts import BUCKETS_S, Histogram, ReportCounter
 from adapters.system import OPERATING_SYSTEM, Socket, System
@@ -36,24 +36,6 @@ TIMEOUT_S: Final = 5.0
 MAX_CONNECTIONS: Final = 8
 MAX_HEAD_OCTETS: Final = 8192
 _POLL_S: Final = 0.2
-_TOTAL: Final = "_total"
-_LINK: Final = {
-    "connections": ("link_connections", "Open connections of clients"),
-    "received_messages": ("link_received_messages_total", "Messages received from clients"),
-    "received_octets": ("link_received_bytes_total", "Octets received from clients"),
-    "sent_messages": ("link_sent_messages_total", "Messages sent to clients"),
-    "sent_octets": ("link_sent_bytes_total", "Octets sent to clients"),
-}
-
-
-class Described(Protocol):
-    """A parameter of the MRS: its name and its description."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-
-    @property
-    def description(self) -> str: ...  # noqa: D102
 
 
 class Scrape:
@@ -74,73 +56,50 @@ class Scrape:
 
     def add(self, name: str, text: str, value: float | None, **labels: str) -> None:
         """Add a gauge, or a counter if the name ends in `_total`; None declares it only."""
-        kind = "counter" if name.endswith(_TOTAL) else "gauge"
-        metric = self._metric(name, text, kind)
+        full, kind = self._prefix + name, "counter" if name.endswith("_total") else "gauge"
+        metric = self.metrics.setdefault(full, Metric(full.removesuffix("_total"), text, kind))
         if value is not None:
-            metric.add_sample(self._prefix + name, self.labels | labels, value)
+            metric.add_sample(full, self.labels | labels, value)
 
     def table(
         self,
         names: Mapping[str, str],
-        parameters: Iterable[Described],
+        texts: Mapping[str, str],
         figures: Mapping[str, float | None],
     ) -> None:
-        """Add figures of parameters that have the name of a metric."""
-        for each in parameters:
-            if each.name in names:
-                self.add(names[each.name], each.description, figures.get(each.name))
+        """Add the figures of parameters, whose metrics and descriptions are given by their name."""
+        for parameter, name in names.items():
+            self.add(name, texts[parameter], figures.get(parameter))
 
-    def histogram(self, name: str, text: str, found: Histogram | None) -> None:
-        """Add a histogram, and its maximum as a gauge."""
-        metric = self._metric(f"{name}_seconds", text, "histogram")
-        max_s = None if found is None else found.max_s
-        self.add(f"{name}_max_seconds", f"{text}: maximum since the start", max_s)
-        if found is None:
-            return
-        full, sums = f"{self._prefix}{name}_seconds", list(accumulate(found.counts))
-        for bound, number in zip((*map(str, BUCKETS_S), "+Inf"), sums, strict=True):
-            metric.add_sample(f"{full}_bucket", {**self.labels, "le": bound}, number)
-        metric.add_sample(f"{full}_count", self.labels, sums[-1])
-        metric.add_sample(f"{full}_sum", self.labels, found.sum_s)
+    def histogram(self, name: str, text: str, found: Histogram) -> None:
+        """Add a histogram."""
+        metric = HistogramMetricFamily(self._prefix + name, text, labels=tuple(self.labels))
+        bounds = (*map(str, BUCKETS_S), "+Inf")
+        buckets = list(zip(bounds, accumulate(found.counts), strict=True))
+        metric.add_metric(tuple(self.labels.values()), buckets, found.sum_s)
+        self.metrics[metric.name] = metric
 
-    def reports(self, counter: ReportCounter) -> None:
-        """Add the ends of commands."""
+    def reports(self, counter: ReportCounter, faults: Iterable[str] = ()) -> None:
+        """Add the ends of commands, and the faults, with 0 for those that have not begun."""
         text = "Commands that have ended, by terminal state"
         for (command, state), number in dict(counter.commands).items():
             self.add("commands_total", text, number, command=command, state=state)
         text = "Commands that have ended with a reason: rejected, failed, cancelled"
         for (reason, code), number in dict(counter.reasons).items():
             self.add("command_reasons_total", text, number, reason=reason, code=code)
-
-    def faults(self, counter: ReportCounter, names: Iterable[str] = ()) -> None:
-        """Add the numbers of faults, with 0 for those of `names` that have not begun."""
         text = "Faults that have begun, by name"
         self.add("faults_total", text, None)
-        for name, number in (dict.fromkeys(names, 0) | counter.faults).items():
-            self.add("faults_total", text, number, fault=name)
-
-    def traffic(self, traffic: object) -> None:
-        """Add the traffic of a provider's clients (`adapters.mal.LinkTraffic`)."""
-        for name, (metric, text) in _LINK.items():
-            self.add(metric, text, getattr(traffic, name, None))
-
-    def store(self, name: str, octets: float | None) -> None:
-        """Add the size of a store."""
-        self.add("store_bytes", "Size of a store on the disk", octets, store=name)
+        for fault, number in (dict.fromkeys(faults, 0) | counter.faults).items():
+            self.add("faults_total", text, number, fault=fault)
 
     def stores(self, folder: Path, *names: str) -> None:
         """Add the sizes of subfolders, and of databases `NAME.sqlite` with their logs."""
         for name in names:
-            path = folder / name
-            octets = 0
+            path, octets = folder / name, 0
             with suppress(OSError):  # deleted by another thread; the next page is complete
                 files = path.rglob("*") if path.is_dir() else folder.glob(f"{name}.sqlite*")
                 octets = sum(file.stat().st_size for file in files if file.is_file())
-            self.store(name, octets)
-
-    def _metric(self, name: str, text: str, kind: str) -> Metric:
-        full = self._prefix + name.removesuffix(_TOTAL)
-        return self.metrics.setdefault(full, Metric(full, text, kind))
+            self.add("store_bytes", "Size of a store on the disk", octets, store=name)
 
 
 class Exposition:

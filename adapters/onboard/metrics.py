@@ -6,7 +6,6 @@ old (`snapshot_age_seconds`): nothing is measured for a request, so requests cos
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -34,22 +33,18 @@ _NAMES: Final = {
     "EXEC_COMMIT_WAIT": "ledger_commit_wait_seconds",
     "EXEC_REPORTS": "reports_total",
     "EXEC_POSITION_UNCERTAINTY": "position_uncertainty_meters",
-    "EXEC_HEADING_UNCERTAINTY": "heading_uncertainty_radians",
     "EXEC_DISK_FREE": "disk_free_bytes",
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """Values of one measurement of the housekeeping; None before the first."""
-
-    at_s: float | None = None
-    figures: Mapping[str, float | None] = field(default_factory=dict)
-    ticks: TickStatistics | None = None
-    mode: Mode | None = None
-    faults: frozenset[str] = frozenset()
-    commits: int | None = None
-    silent_s: float | None = None
+_TEXTS: Final = {each.name: each.description for each in EXECUTIVE_HOUSEKEEPING}
+_LINK: Final = {
+    "connections": ("link_connections", "Open connections of clients"),
+    "received_messages": ("link_received_messages_total", "Messages received from clients"),
+    "received_octets": ("link_received_bytes_total", "Octets received from clients"),
+    "sent_messages": ("link_sent_messages_total", "Messages sent to clients"),
+    "sent_octets": ("link_sent_bytes_total", "Octets sent to clients"),
+}
 
 
 class ExecutiveMetrics:
@@ -64,7 +59,11 @@ class ExecutiveMetrics:
         self._settings, self._data, self._link = settings, data, link
         self._ledger: Ledger | None = None
         self._reports = ReportCounter()
-        self._latest = Snapshot()
+        self._measured_s, self._ticks = OPERATING_SYSTEM.now_s(), TickStatistics()
+        self._figures: Mapping[str, float | None] = {}
+        self._mode: Mode | None = None
+        self._faults = set[str]()
+        self._silent_s: float | None = None
 
     def attach(self, ledger: Ledger) -> None:
         """Count the reports that are added to a ledger from now on."""
@@ -78,15 +77,10 @@ class ExecutiveMetrics:
         ticks: TickStatistics | None,
     ) -> None:
         """Store the values of a measurement; on the core's thread."""
-        self._latest = Snapshot(
-            OPERATING_SYSTEM.now_s(),
-            figures,
-            ticks or self._latest.ticks,
-            executive.mode,
-            frozenset(each.name for each in executive.safety.active),
-            None if self._ledger is None else self._ledger.state.durable,
-            executive.ground.silent_s,
-        )
+        self._measured_s, self._figures = OPERATING_SYSTEM.now_s(), figures
+        self._ticks, self._mode = ticks or self._ticks, executive.mode
+        self._faults = {each.name for each in executive.safety.active}
+        self._silent_s = executive.ground.silent_s
 
     def send_reports(self, reports: Sequence[Report]) -> None:
         """Count committed reports."""
@@ -104,28 +98,25 @@ class ExecutiveMetrics:
 
     def collect(self, scrape: "Scrape") -> None:
         """Add the metrics to a page; on the thread that serves it."""
-        now, scrape.labels = self._latest, {"asset": self._settings.asset}
-        age_s = None if now.at_s is None else OPERATING_SYSTEM.now_s() - now.at_s
+        scrape.labels = {"asset": self._settings.asset}
+        age_s = OPERATING_SYSTEM.now_s() - self._measured_s
         scrape.add("snapshot_age_seconds", "Age of the measured values", age_s)
-        durations, lateness = (
-            (now.ticks.durations, now.ticks.lateness) if now.ticks else (None,) * 2
-        )
-        scrape.histogram("tick_duration", "Duration of a tick", durations)
-        scrape.histogram("tick_lateness", "Lateness of a tick", lateness)
-        scrape.table(_NAMES, EXECUTIVE_HOUSEKEEPING, now.figures)
-        scrape.add("ledger_commits_total", "Commits of the ledger", now.commits)
+        scrape.histogram("tick_duration_seconds", "Duration of a tick", self._ticks.durations)
+        scrape.histogram("tick_lateness_seconds", "Lateness of a tick", self._ticks.lateness)
+        scrape.table(_NAMES, _TEXTS, self._figures)
+        commits = None if self._ledger is None else self._ledger.state.durable
+        scrape.add("ledger_commits_total", "Commits of the ledger", commits)
         text = "Time since the last contact with the ground"
-        scrape.add("ground_contact_age_seconds", text, now.silent_s)
+        scrape.add("ground_contact_age_seconds", text, self._silent_s)
         for mode in Mode:
-            scrape.add("mode", "1 for the present mode", mode is now.mode, mode=mode.name)
-        scrape.reports(self._reports)
-        declared = {each.name for each, _ in self._settings.faults}
-        scrape.faults(self._reports, declared)
-        for name in declared | now.faults:
-            scrape.add("fault_active", "1 for an active fault", name in now.faults, fault=name)
-        scrape.traffic(self._link.traffic)
-        scrape.store("ledger", now.figures.get("EXEC_LEDGER"))
-        scrape.stores(self._data, "recordings", "files")
+            scrape.add("mode", "1 for the present mode", mode is self._mode, mode=mode.name)
+        faults, active = {each.name for each, _ in self._settings.faults}, self._faults
+        scrape.reports(self._reports, faults)
+        for name in faults | active:
+            scrape.add("fault_active", "1 for an active fault", name in active, fault=name)
+        for name, (metric, text) in _LINK.items():
+            scrape.add(metric, text, getattr(self._link.traffic, name, None))
+        scrape.stores(self._data, "ledger", "recordings", "files")
 
 
 @contextmanager

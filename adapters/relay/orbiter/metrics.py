@@ -14,18 +14,15 @@ if TYPE_CHECKING:
 
 _NAMES: Final = {
     "DTN_QUEUED": "bundles_queued",
-    "DTN_QUEUED_OCTETS": "bundles_queued_bytes",
     "DTN_OLDEST_AGE": "oldest_command_age_seconds",
-    "DTN_NEXT_CONTACT": "next_contact_seconds",
     "DTN_LAST_RECEIVED": "last_received_age_seconds",
     "DTN_SENT": "bundles_sent_total",
-    "DTN_ACKNOWLEDGED": "bundles_acknowledged_total",
     "DTN_RETRANSMITTED": "retransmissions_total",
     "DTN_EXPIRED": "bundles_expired_total",
     "DTN_RECEIVED": "bundles_received_total",
     "DTN_ROUND_TRIP": "round_trip_seconds",
-    "DTN_FREE_OCTETS": "store_free_bytes",
 }
+_TEXTS: Final = {each.name: each.description for each in LINK_PARAMETERS}
 
 
 def collect(
@@ -41,9 +38,8 @@ def collect(
         figures = {each.name: each.value.value for each in values if each.value is not None}
         contact = None if status is None else status.contact
         scrape.add("link_contact", "1 while sending is possible", contact)
-        scrape.table(_NAMES, LINK_PARAMETERS, figures)
+        scrape.table(_NAMES, _TEXTS, figures)
         scrape.reports(provider.reports)
-        scrape.faults(provider.reports)
         text = "Commands of which no report is expected any more; a late one may still come"
         scrape.add("lost_commands_total", text, provider.reports.lost)
         scrape.stores(folder, provider.asset)
