@@ -49,6 +49,7 @@ class Commits:
         change = self._latch.take_change()
         idle = change is None and self._released is None and not self._notifications.waiting
         if idle and ledger.settled:
+            self._recorder.on_writer_state(ledger.poll(), ledger.sealed)  # recordings count polls
             return True
         ledger.seal(change)
         self.settle()

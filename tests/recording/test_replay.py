@@ -34,18 +34,19 @@ from executive.core.runner import Executive
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
 from executive.motion.velocity_control import DriveLaw
-from executive.record import Ledger, Synchronous
+from executive.record import Ledger, Notifications, Synchronous
 from executive.settings import config_folder, load_settings
 from executive.values.clock import ManualClock
 from executive.values.facts import ForeignMuxInput, Odometry
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason, Refusal
-from executive.values.reports import Identity, Severity
+from executive.values.reports import Identity, Severity, Stage
 from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import RunMode
 from sim.scenario.outcome import digest_of
 from sim.scenario.reading import load_scenario
+from tests.core.test_ledger_writer import SlowDisk, submitted
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 from trees import RoverTree
 
@@ -451,6 +452,23 @@ def test_a_ledger_that_cannot_be_written_for_a_while_is_replayed(tmp_path: Path)
     assert (found.difference, found.starts) == (None, 2)
     failed = [each for each in RunReader(path).messages() if each.topic.kind is LedgerBehind]
     assert "readonly" in json.loads(failed[0].data)["error"]
+
+
+def test_a_run_on_a_slow_disk_is_replayed_though_no_flush_was_cut_short(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.mcap"
+    with monkeypatch.context() as patch, closing(RunFile(path)) as tape:
+        patch.setattr(Notifications, "waiting", True)  # no flush is an idle one
+        with Bench(tmp_path, tape=tape) as bench:
+            SlowDisk(bench).commit_s = 0.03
+            for number in (1, 2):
+                submitted(bench, MoveForward(0.2), number)
+                bench.run(3.0)
+                assert bench.stages(number)[-1] is Stage.EXECUTED
+    behind = [each for each in RunReader(path).messages() if each.topic.kind is LedgerBehind]
+    assert any(json.loads(each.data)["polls"] > 0 for each in behind)
+    assert replay(path).difference is None
 
 
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:
