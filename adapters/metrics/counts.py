@@ -51,7 +51,7 @@ class ReportCounter:
         commands: numbers by name and terminal state.
         reasons: numbers by name and number of the reason, of commands that have one.
         faults: numbers by name.
-        lost: number of commands of which a relay expects no report any more.
+        lost: number of commands that a relay reported as lost.
     """
 
     def __init__(self) -> None:

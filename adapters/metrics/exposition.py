@@ -67,7 +67,7 @@ class Scrape:
         texts: Mapping[str, str],
         figures: Mapping[str, float | None],
     ) -> None:
-        """Add the figures of parameters, whose metrics and descriptions are given by their name."""
+        """Add figures by parameter; `names` has their metrics, `texts` their descriptions."""
         for parameter, name in names.items():
             self.add(name, texts[parameter], figures.get(parameter))
 

@@ -35,8 +35,6 @@ _NAMES: Final = {
     "EXEC_POSITION_UNCERTAINTY": "position_uncertainty_meters",
     "EXEC_DISK_FREE": "disk_free_bytes",
 }
-
-
 _TEXTS: Final = {each.name: each.description for each in EXECUTIVE_HOUSEKEEPING}
 _LINK: Final = {
     "connections": ("link_connections", "Open connections of clients"),

@@ -40,7 +40,7 @@ def collect(
         scrape.add("link_contact", "1 while sending is possible", contact)
         scrape.table(_NAMES, _TEXTS, figures)
         scrape.reports(provider.reports)
-        text = "Commands of which no report is expected any more; a late one may still come"
+        text = "Commands reported as lost; a late report may still end them"
         scrape.add("lost_commands_total", text, provider.reports.lost)
         scrape.stores(folder, provider.asset)
     scrape.labels = {}
