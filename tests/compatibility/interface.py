@@ -1,6 +1,8 @@
 """Describes the public interface as plain data, and compares that of two versions."""
 
+import ast
 import inspect
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from enum import EnumType
@@ -60,9 +62,9 @@ def public_interface() -> Plain:
     entries = (EntryPoint(name, value, "rover.commands") for name, value in COMMANDS.items())
     commands: list[click.Command] = [*(each.load() for each in entries), *_PROCESSES]
     return {
-        "command line": {str(each.name): _command(each) for each in commands},
+        "command line": {str(each.name): command_line(each) for each in commands},
         "python": {
-            name: _python(value)
+            name: python(value)
             for name, value in vars(api).items()
             if not (name.startswith("_") or inspect.ismodule(value))
         },
@@ -107,7 +109,8 @@ def _parts(parts: Any) -> list[tuple[str, str, bool]]:
     ]
 
 
-def _command(command: click.Command) -> Plain:
+def command_line(command: click.Command) -> Plain:
+    """Return a command's options and arguments, with those of its commands."""
     shown: Plain = {REQUIRED: [each.name for each in command.params if each.required]}
     for each in command.params:
         names = each.opts if isinstance(each, click.Option) else [f"argument {each.name}"]
@@ -117,7 +120,7 @@ def _command(command: click.Command) -> Plain:
         inner = {
             name: command.get_command(context, name) for name in command.list_commands(context)
         }
-        shown |= {name: _command(each) for name, each in inner.items() if each is not None}
+        shown |= {name: command_line(each) for name, each in inner.items() if each is not None}
     return shown
 
 
@@ -127,12 +130,15 @@ def _parameter(parameter: click.Parameter) -> Plain:
         shown |= {"flag": parameter.is_flag}
     if isinstance(parameter.type, click.Choice):
         shown |= {"choices": [*map(str, parameter.type.choices)]}
-    if type(parameter.default) in (bool, int, float, str):
-        shown |= {"default": parameter.default}
+    if isinstance(parameter, click.Option) and parameter.name != "help":
+        default = parameter.to_info_dict()["default"]
+        plain = isinstance(default, bool | int | float | str | None)
+        shown |= {"default": default if plain else str(default)}
     return shown
 
 
-def _python(value: Any) -> Plain:
+def python(value: Any) -> Plain:
+    """Return the members, signatures and attributes of a Python name."""
     if isinstance(value, EnumType):
         return _members(value)
     shown = _signature(value) if callable(value) else {}
@@ -142,13 +148,27 @@ def _python(value: Any) -> Plain:
             for name in dir(value)
             if not name.startswith("_") and value.__module__ != "builtins"
         }
+        shown |= {name: {"attribute": True} for name in _instance_attributes(value)}
         shown |= {
             name: _signature(cast(Any, getattr(value, name)))
             if inspect.isroutine(each) or isinstance(each, classmethod | staticmethod)
-            else {}
+            else {"attribute": True}
             for name, each in own.items()
         }
     return shown
+
+
+def _instance_attributes(kind: type) -> Iterator[str]:
+    """Yield the public names that the methods of a class of ours assign to `self`."""
+    ours = ("adapters", "executive", "tests", "trees")
+    for each in kind.__mro__:
+        if each.__module__.partition(".")[0] in ours:
+            tree = ast.parse(textwrap.dedent(inspect.getsource(each)))
+            attributes = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
+            for node in attributes:
+                name, own = node.attr, ast.unparse(node.value) == "self"
+                if own and isinstance(node.ctx, ast.Store) and not name.startswith("_"):
+                    yield name
 
 
 def _signature(called: Callable[..., Any]) -> Plain:
@@ -156,7 +176,12 @@ def _signature(called: Callable[..., Any]) -> Plain:
         found = inspect.signature(called).parameters.values()
     except ValueError:  # of a class written in C
         return {}
-    positions = {
+    defaults = {
+        f"default of ({each.name})": repr(each.default)
+        for each in found
+        if type(each.default) in (bool, int, float, str, type(None))
+    }
+    positions: Plain = {
         f"({each.name})": number if each.kind in _POSITIONAL else "by name"
         for number, each in enumerate(found)
         if each.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
@@ -167,7 +192,8 @@ def _signature(called: Callable[..., Any]) -> Plain:
         if each.default is Parameter.empty
         and each.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     ]
-    return {**positions, REQUIRED: required}
+    how = {"async": inspect.iscoroutinefunction(called)}
+    return {**positions, **defaults, **how, REQUIRED: required}
 
 
 def _members(kind: EnumType) -> Plain:

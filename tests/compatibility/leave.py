@@ -17,12 +17,14 @@ import yaml
 
 from adapters.mops import load_dictionary
 from adapters.recording import RunFile
+from executive.commands import Stop
 from executive.record import Ledger
 from executive.settings import config_folder, load_settings, unstructure
 from tests.compatibility.interface import public_interface
-from tests.compatibility.messages import encoded_reports, encoded_requests
+from tests.compatibility.messages import encoded_reports, encoded_requests, mops_replies
 from tests.compatibility.session import drive, work
 from tests.suite import CHECKOUT
+from tests.support.plans import PlanBench
 
 INTERFACE: Final = "interface.json"
 DATA: Final = "data.tar.xz"
@@ -55,6 +57,10 @@ def _fill(data: Path) -> None:
     (data / "requests.json").write_text(
         _json(encoded_requests(load_dictionary())), encoding="utf-8"
     )
+    (data / "replies.json").write_text(_json(mops_replies(load_dictionary())), encoding="utf-8")
+    with PlanBench(data / "stopped") as bench:
+        bench.execute(Stop(), 1)
+        bench.executive.simulate_crash()
     copy = shutil.copy(data / "rover" / "ledger.sqlite", data / "copy.sqlite")
     with closing(Ledger(Path(copy))) as ledger:
         (data / "reports.mal").write_bytes(encoded_reports(ledger.reports(1, count=1000)))
@@ -68,7 +74,7 @@ def _anonymous(member: tarfile.TarInfo) -> tarfile.TarInfo:
 
 
 def _json(value: Any) -> str:
-    return json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+    return json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, default=str) + "\n"
 
 
 if __name__ == "__main__":

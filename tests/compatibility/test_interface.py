@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 import yaml
 
@@ -13,7 +14,7 @@ from adapters.mops import load_dictionary
 from adapters.mrs.spec import mrs_specification
 from adapters.relay.orbiter.settings import load_orbiter
 from adapters.relay.rover.settings import load_relay
-from executive.commands import PlanDefinition
+from executive.commands import Mode, PlanDefinition
 from executive.plans import FORMAT, read_plan
 from executive.record import digest
 from executive.settings import config_folder, load_settings, names_in, unstructure
@@ -22,7 +23,14 @@ from sim.campaign.reading import load_campaign
 from sim.rover import load_world
 from sim.scenario.reading import load_scenario
 from tests.compatibility.conftest import HERE, VERSIONS
-from tests.compatibility.interface import REQUIRED, changes, public_interface, services
+from tests.compatibility.interface import (
+    REQUIRED,
+    changes,
+    command_line,
+    public_interface,
+    python,
+    services,
+)
 from tests.compatibility.messages import command as command_of
 from tests.compatibility.messages import (
     decoded_reports,
@@ -30,6 +38,7 @@ from tests.compatibility.messages import (
     from_mal,
     from_mops,
     mal_octets,
+    mops_values,
 )
 
 REMOVED = tomllib.loads((HERE / "removed.toml").read_text(encoding="utf-8"))
@@ -83,6 +92,56 @@ def test_what_breaks_users_is_found(now: Any, expected: list[str]) -> None:
     assert list(changes(before, whole)) == expected
 
 
+class Before:
+    """Names as a release has them."""
+
+    def __init__(self) -> None:
+        self.holder = "MOE"
+
+    @property
+    def events(self) -> int:
+        """Return their number."""
+        return 1
+
+    async def stop(self, after_s: float = 1.0) -> None:
+        """Stop."""
+
+
+class After:
+    """The same names, incompatible."""
+
+    def events(self) -> int:
+        """Return their number."""
+        return 1
+
+    def stop(self, after_s: float = 9.0) -> None:
+        """Stop."""
+
+
+def test_a_changed_kind_or_default_of_a_python_name_is_found() -> None:
+    assert list(changes(python(Before), python(Before))) == []
+    assert list(changes(python(Before), python(After))) == [
+        "holder: is missing",
+        "events attribute: is missing",
+        "stop default of (after_s): was 1.0, is 9.0",
+        "stop async: was True, is False",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [(None, 5), (Path("a"), Path("b")), (("a",), ("b",)), (Mode.IDLE, Mode.SAFE)],
+)
+def test_a_changed_default_of_an_option_is_found(before: Any, now: Any) -> None:
+    def described(default: Any) -> Any:
+        multiple = isinstance(default, tuple)
+        option = click.Option(["--name"], default=default, multiple=multiple)
+        return command_line(click.Command("do", params=[option]))
+
+    assert list(changes(described(before), described(before))) == []
+    assert len(list(changes(described(before), described(now)))) == 1
+
+
 def test_the_services_have_all_that_they_had(left: Path) -> None:
     (before,) = read_areas(left / "mrs.xml")
     (now,) = (area for area in mrs_specification().areas if area.name == before.name)
@@ -105,6 +164,14 @@ def test_messages_have_the_same_octets(left: Path) -> None:
     reports = decoded_reports(body)
     assert len(reports) > 20
     assert encoded_reports(reports) == body
+
+
+def test_messages_of_the_relay_link_have_the_values_that_they_had(left: Path) -> None:
+    replies = json.loads((left / "replies.json").read_text(encoding="utf-8"))
+    assert len(replies) == 6
+    for kind, before in replies.items():
+        now = plain(mops_values(kind, before["text"], load_dictionary()))
+        assert list(changes(before["values"], now)) == [], kind
 
 
 def test_settings_are_read(left: Path, monkeypatch: pytest.MonkeyPatch) -> None:

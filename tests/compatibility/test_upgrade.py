@@ -12,11 +12,12 @@ import pytest
 
 from adapters.recording import RunReader, read_history
 from adapters.recording.replay import replay
-from executive.commands import Command, ResumePlan
+from executive.commands import Command, Mode, MoveForward, ResumePlan
 from executive.commands.lifecycle import Duplicate
 from executive.core.recording import ProcessStart
 from executive.values.clock import ManualClock
 from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
 from executive.values.reports import Identity, PlanStatus, Stage
 from tests.compatibility.messages import decoded_reports
 from tests.compatibility.session import DRIVEN, PENDING, Then, answers, launched
@@ -93,6 +94,12 @@ def test_a_suspended_plan_continues_at_its_step(bench: PlanBench) -> None:
     assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED
     executed = [each for each, stages in bench.commanded() if stages[-1] is Stage.EXECUTED]
     assert len(executed) == bench.status().total - before
+
+
+def test_a_stop_before_a_power_loss_still_holds(data: Path) -> None:
+    with PlanBench(data / "stopped") as bench:
+        assert bench.executive.mode is Mode.STOPPED
+        assert bench.refusal(MoveForward(1.0), 2).reason is Reason.WRONG_MODE
 
 
 async def test_a_console_answers_as_before(left: Path, data: Path) -> None:
