@@ -37,11 +37,9 @@ FIRST_PORT, PORTS, MAX_DOMAIN = 7400, 250, 101
 GROUP: Final = "239.255.0.1"
 """Multicast group of the discovery of DDS."""
 LISTEN_S: Final = 5.0
-SYNCS: Final = 10
 MAX_SYNC_S: Final = 0.1
 """Duration of a disk write above which reports are late; as in `rover status`."""
-TIME_ERROR: Final = 5
-"""Result of adjtimex while the clock is not synchronised."""
+TIME_ERROR: Final = 5  # of adjtimex while the clock is not synchronised
 USB: Final = Path("/sys/bus/usb/devices")
 SHARED_MEMORY: Final = Path("/dev/shm")
 SYNCHRONISE: Final = "sudo timedatectl set-ntp true"
@@ -87,9 +85,8 @@ def _user() -> str:
 
 def _install(extra: str) -> str:
     """Return the command that installs an extra: of the lock in a checkout."""
-    if program() == "./rover":
-        return "./rover extras"
-    return f"{quote(sys.executable)} -m pip install 'rover-executive[{extra}]'"
+    pip = f"{quote(sys.executable)} -m pip install 'rover-executive[{extra}]'"
+    return "./rover extras" if program() == "./rover" else pip
 
 
 def _python(_: Subject) -> Results:
@@ -103,8 +100,6 @@ def _packages(_: Subject) -> Results:
     for extra in dict.fromkeys(EXTRAS[name] for name in missing):
         names = ", ".join(name for name in missing if EXTRAS[name] == extra)
         yield OK, f"the extra {extra} would install {names}", _install(extra)
-    if not missing:
-        yield OK, "all extras are installed", ""
 
 
 def _clock(_: Subject) -> Results:
@@ -188,11 +183,10 @@ def _discovery(_: Subject) -> Results:
     except OSError as error:
         text = f"multicast to {GROUP} fails: {error.strerror or error}"
         yield WARNING, text, f"sudo ip route add {GROUP}/32 dev lo"
-    users = set()
+    users: set[str] = set()
     for each in SHARED_MEMORY.glob("fast*"):
         with suppress(OSError):  # its process may end now
-            if not os.access(each, os.W_OK):
-                users.add(str(each.stat().st_uid))
+            users |= set() if os.access(each, os.W_OK) else {str(each.stat().st_uid)}
     if users and not os.environ.get("FASTDDS_BUILTIN_TRANSPORTS"):
         text = f"shared memory of Fast DDS is that of user {', '.join(users)}: no data arrives"
         yield WARNING, text, "export FASTDDS_BUILTIN_TRANSPORTS=UDPv4"
@@ -225,12 +219,12 @@ def _data(subject: Subject) -> Results:
     asset = subject.settings.asset if subject.settings else "jackal"
     path = (subject.data or default_folder(asset)).absolute()
     folder = next(each for each in (path, *path.parents) if os.path.exists(each))
-    worst_s, place = 0.0, quote(str(folder))
-    largest = f"du -xh {place} | sort -h | tail"
+    worst_s, quoted = 0.0, quote(str(folder))
+    usage = f"du -xh {quoted} | sort -h | tail"
     try:
         free_octets = OPERATING_SYSTEM.free_octets(folder)
         with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
-            for _ in range(SYNCS):
+            for _ in range(10):
                 began_s = time.monotonic()
                 file.write(bytes(4096))
                 os.fsync(file.fileno())
@@ -239,18 +233,17 @@ def _data(subject: Subject) -> Results:
             raise PermissionError(errno.EACCES, f"no right to write {locked[0].name}")
     except OSError as error:
         remedies = {
-            errno.ENOSPC: largest,
-            errno.EROFS: f"sudo mount -o remount,rw $(findmnt -no TARGET -T {place})",
-            errno.ENOTDIR: f"mv {place} {place}.old",
+            errno.ENOSPC: usage,
+            errno.EROFS: f"sudo mount -o remount,rw $(findmnt -no TARGET -T {quoted})",
+            errno.ENOTDIR: f"mv {quoted} {quoted}.old",
         }
-        own = f"chown -R {_user()}" if folder == path else f"install -d -o {_user()}"
-        own = f"sudo {own} {quote(str(path))}"
-        yield ERROR, f"{path}: {error.strerror}", remedies.get(error.errno or 0, own)
+        own = f"{'chown -R' if folder == path else 'install -d -o'} {_user()} {quote(str(path))}"
+        yield ERROR, f"{path}: {error.strerror}", remedies.get(error.errno or 0, f"sudo {own}")
         return
     text = f"{path}: {free_octets / 1e6:,.0f} MB free, the slowest write {worst_s * 1e3:.1f} ms"
     if free_octets < MIN_FREE_OCTETS:
         text = f"{text}; {MIN_FREE_OCTETS / 1e6:.0f} MB are needed"
-        yield ERROR, text, largest
+        yield ERROR, text, usage
     elif worst_s > MAX_SYNC_S:
         yield WARNING, f"{text}: reports wait for it", "export ROVER_DATA=FOLDER_ON_A_FASTER_DISK"
     else:
@@ -339,14 +332,13 @@ def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_j
             settings = load_settings(asset)
         except SettingsError as error:
             raise click.UsageError(str(error)) from error
-    subject = Subject(data, asset, settings)
     checks: tuple[Callable[[Subject], Results], ...] = GROUND if ground else GROUND + ABOARD
     rows: list[dict[str, str]] = []
     for check in checks:
         errors = {row["check"] for row in rows if row["level"] == ERROR}
         if check is _robot and errors & {"ros", "domain"}:
             break  # it would end, or raise
-        for level, text, remedy in _guarded(check, subject):
+        for level, text, remedy in _guarded(check, Subject(data, asset, settings)):
             name = check.__name__[1:]
             rows.append({"check": name, "level": level, "text": text, "remedy": remedy})
             if not as_json:

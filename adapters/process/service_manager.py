@@ -21,9 +21,7 @@ def announce(text: str) -> None:
 def notify(state: str, timeout_s: float = 0.0) -> None:
     """Send a state to the service manager, and drop it at the timeout; without one do nothing."""
     address = os.environ.get("NOTIFY_SOCKET", "")
-    if not address:
-        return
-    address = address.replace("@", "\0", 1) if address[0] == "@" else address
+    address = f"\0{address[1:]}" if address[:1] == "@" else address
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:  # noqa: TID251 - to systemd alone
         sender.settimeout(timeout_s)
         sender.sendto(state.encode(), address)

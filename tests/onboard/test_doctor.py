@@ -204,7 +204,7 @@ def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_in_the_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
+def test_a_file_with_the_name_of_the_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "data").touch()
     for folder in (tmp_path / "data", tmp_path / "data" / "jackal"):
         text, remedy = found(doctor._data(Subject(folder)), Level.ERROR)

@@ -97,7 +97,7 @@ def test_a_full_queue_of_the_manager_delays_readiness_but_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with manager(tmp_path, monkeypatch) as end, ExitStack() as stack:
-        for _ in range(100):  # a queue has room for some messages of each sender
+        for _ in range(100):  # a queue has space for some messages of each sender
             sender = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
             sender.setblocking(False)
             with suppress(BlockingIOError):
