@@ -1,4 +1,6 @@
+import sys
 import xml.etree.ElementTree as ET
+from importlib import reload
 from io import StringIO
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from trees import (
     TreeNodeSnapshot,
     TreeSnapshot,
     as_svg,
+    bare_py_trees,
     commands_by_node,
     display_statuses,
 )
@@ -207,3 +210,16 @@ def test_a_small_terminal_shows_no_failure_of_an_idle_rover(bench: Bench) -> Non
     assert "priority stop –" in shown
     assert "stopping?" not in shown, "it is collapsed"
     assert "✕" not in shown
+
+
+def test_other_programs_of_the_process_have_all_of_py_trees(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delitem(sys.modules, "py_trees")
+    reload(bare_py_trees)
+    bare = sys.modules["py_trees"]
+    assert "display" not in vars(bare)
+    for name in ("behaviour", "display", "trees", "version", "visitors"):
+        assert getattr(bare, name) is sys.modules[f"py_trees.{name}"]
+    for name in ("absent", "__version__"):
+        assert not hasattr(bare, name)
