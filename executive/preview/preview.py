@@ -191,7 +191,8 @@ class _PathTrace:
     def _update_clearance(self, before: Pose, pose: Pose) -> None:
         """Compute the distances of the obstacles that may be the nearest now.
 
-        The distance of each other one is at least the last one less the path since.
+        The distance of each other one is at least the last one less the path since. Inside a zone
+        the last one is that of a line's shallowest point; its end may be deeper by its length.
         """
         start, end = before.point, pose.point
         step_m = start.distance_m(end)
@@ -203,6 +204,8 @@ class _PathTrace:
                 left_m = gap_m - self._radius_m
                 if least is None or left_m < least.least_m:
                     self.step_clearance = Clearance(left_m, obstacle.label)
+                if gap_m <= 0.0:
+                    gap_m -= step_m
             self._gaps_m[index] = gap_m
 
     def begin_step(self) -> None:

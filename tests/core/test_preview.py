@@ -25,7 +25,7 @@ from executive.core.runner import Executive
 from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.obstacles import zones
 from executive.obstacles.zones import KeepOut, KnownRock, Zones
-from executive.preview import MAX_POSES, KinematicBase, Preview, PreviewRun, preview
+from executive.preview import MAX_POSES, KinematicBase, Preview, PreviewRun, TimedPose, preview
 from executive.preview.predictions import SLICE_TICKS
 from executive.settings import (
     Controller,
@@ -481,3 +481,16 @@ def test_the_clearance_is_that_of_all_obstacles_though_distant_ones_are_passed_o
         monkeypatch.setattr(preview, "ROUNDING_M", inf)  # passes over none
         assert found is not None
         assert previewed(bench, path).clearance == found
+
+
+def test_a_line_that_ends_deep_in_a_zone_is_near_to_it() -> None:
+    strip = KeepOut("strip", ((-2.0, -0.2), (2.0, -0.2), (2.0, 0.2), (-2.0, 0.2)))
+    square = KeepOut("square", ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
+    jackal = replace(JACKAL, zones=Zones((), (strip, square)))
+    assert jackal.footprint is not None
+    trace = preview._PathTrace(jackal, [TimedPose(0.0, Pose(-1.5))])
+    for x_m in (-0.5, -0.4):  # of the first line the edge of the square is the nearest
+        trace.add(0.0, Pose(x_m))
+    assert trace.clearance is not None
+    assert trace.clearance.least_m == pytest.approx(-0.5 - jackal.footprint.radius_m)
+    assert trace.clearance.obstacle == square.label
