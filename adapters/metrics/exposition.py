@@ -154,6 +154,7 @@ class MetricsServer(ThreadingTCPServer):
     """
 
     allow_reuse_address = daemon_threads = True
+    request_queue_size = 64
 
     def __init__(self, page: Callable[[], bytes], address: tuple[str, int]) -> None:
         self._page = page

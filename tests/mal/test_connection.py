@@ -253,7 +253,7 @@ def test_nothing_is_given_behind_what_cannot_be_a_message() -> None:
         next(got)
 
 
-async def test_what_a_closed_connection_ignores_is_no_traffic() -> None:
+async def test_messages_to_a_closed_connection_are_not_traffic() -> None:
     guard = ConnectionGuard()
     Connection(lambda *_: None, guard).send(bytes(40))
     assert guard.traffic == LinkTraffic()
