@@ -16,12 +16,9 @@ from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import FrameType
-from typing import TYPE_CHECKING, BinaryIO, Final, NoReturn
+from typing import BinaryIO, Final, NoReturn
 
 import click
-
-if TYPE_CHECKING:
-    import psutil
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 CORE_TESTS: Final = ("tests/core", "tests/trees")
@@ -178,6 +175,8 @@ MARK: Final = "ROVER_TEST"
 """Variable in the environment of all processes of a run, whatever their parent or session."""
 RUN: Final = uuid.uuid4().hex
 TERMINATE_TIMEOUT_S: Final = 5.0
+_ended_by: Final[list[int]] = []
+"""The signals that end this run: after one, no check in a queue begins."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -293,13 +292,20 @@ def _run(command: tuple[str, ...], output: BinaryIO | None = None) -> int:
 
 def _end_run(number: int, _: FrameType | None) -> NoReturn:
     """End every process of this run, then this one."""
+    _ended_by.append(number)
     import psutil  # of requirements-test.lock: `rover completion` imports this module without it
+
+    def in_run(process: psutil.Process) -> bool:
+        with suppress(psutil.Error):
+            if process.status() != psutil.STATUS_ZOMBIE and process.pid != os.getpid():
+                return process.environ().get(MARK) == RUN
+        return False
 
     for end in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end, signal.SIG_IGN)
     # Not psutil.wait_procs: it would take the exit status that `subprocess` waits for.
     deadline_s, terminated = time.monotonic() + TERMINATE_TIMEOUT_S, set[int]()
-    while found := [process for process in psutil.process_iter() if _in_run(process)]:
+    while found := [process for process in psutil.process_iter() if in_run(process)]:
         for process in found:
             with suppress(psutil.NoSuchProcess):
                 if time.monotonic() > deadline_s:
@@ -309,15 +315,6 @@ def _end_run(number: int, _: FrameType | None) -> NoReturn:
             terminated.add(process.pid)
         time.sleep(0.1)
     sys.exit(128 + number)
-
-
-def _in_run(process: "psutil.Process") -> bool:
-    import psutil
-
-    with suppress(psutil.Error):
-        if process.status() != psutil.STATUS_ZOMBIE and process.pid != os.getpid():
-            return process.environ().get(MARK) == RUN
-    return False
 
 
 def environment() -> dict[str, str]:
@@ -378,6 +375,8 @@ def _carry_out(check: CiCheck) -> CiCheckResult:
 
 def _judge(check: CiCheck, output: BinaryIO | None = None) -> CiCheckResult:
     """Run a check; its output goes to a file, or where that of this process goes."""
+    if _ended_by:
+        return CiCheckResult(check.name, False, 0.0)
     began_s = time.monotonic()
     passed = all(_run(command, output) == 0 for command in check.commands)
     return CiCheckResult(check.name, passed, time.monotonic() - began_s)

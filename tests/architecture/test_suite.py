@@ -136,15 +136,19 @@ import sys
 from tests import suite
 from tests.suite import CiCheck, test
 check = CiCheck("dummy", ((sys.executable, "-c", sys.argv.pop()),))
-suite._carry_out_all = lambda: map(suite._carry_out, (check, check))
+queued = CiCheck("queued", ((sys.executable, "-c", f"open({sys.argv.pop()!r}, 'w')"),))
+suite._carry_out_all = lambda: suite._carry_out_beside(check, check, queued)
 test(standalone_mode=False)
 """
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_all_processes_of_a_run_in_any_session(number: signal.Signals) -> None:
+def test_a_signal_ends_all_processes_of_a_run_in_any_session(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    began = tmp_path / "began"
     with subprocess.Popen(
-        [sys.executable, "-c", RUN_CHECK, DETACHED],
+        [sys.executable, "-c", RUN_CHECK, str(began), DETACHED],
         stdout=subprocess.PIPE,
         text=True,
         cwd=suite.CHECKOUT,
@@ -160,3 +164,4 @@ def test_a_signal_ends_all_processes_of_a_run_in_any_session(number: signal.Sign
     assert run.returncode == 128 + number
     assert "summary" not in rest
     assert [each for each in started if each.is_running() and each.status() != "zombie"] == []
+    assert not began.exists(), "a check in the queue has begun"

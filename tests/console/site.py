@@ -149,7 +149,11 @@ def _shared_browser() -> tuple[Running, str]:
     profile = f"--user-data-dir={folder / 'profile'}"
     command = (*_ENDS_WITH_TESTS, BROWSER, *_SHARED_OPTIONS, profile, "about:blank")
     process = Running(folder / "log", *command)
-    return process, process.output(r"DevTools listening on (ws://\S+)")
+    try:
+        return process, process.output(r"DevTools listening on (ws://\S+)")
+    except BaseException:
+        process.clean_up()
+        raise
 
 
 def close_shared_browser() -> None:
@@ -163,7 +167,12 @@ def close_shared_browser() -> None:
 
 @asynccontextmanager
 async def open_browser() -> AsyncIterator[async_api.Browser]:
-    """Give a browser for the time of the with; its process outlasts it, and no page does."""
+    """Give a browser for the time of the with; its process outlasts it, and no page does.
+
+    A browser that has died is replaced: it fails one test, not all that follow.
+    """
+    if _shared_browser.cache_info().currsize and not _shared_browser()[0].is_running:
+        close_shared_browser()
     _, address = _shared_browser()
     async with async_api.async_playwright() as playwright:
         browser = await playwright.chromium.connect_over_cdp(address)

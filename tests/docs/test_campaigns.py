@@ -14,6 +14,8 @@ from tests.docs.test_commands import Desk, laid_out
 from tests.support.processes import run_to_end
 
 PAGE = CHECKOUT / "docs" / "campaigns.md"
+IDLE_LIMIT_S = 3600.0
+"""The suite runs these tests while a processor is idle: they may wait for long."""
 
 
 def played_here(_: object, play: Callable[[J], R], jobs: Iterable[J]) -> Iterator[R]:
@@ -42,5 +44,5 @@ def test_the_campaign_is_played_and_its_data_set_is_read(
     for line in lines(PAGE):
         desk.run(line)
     (script,) = blocks(PAGE, "python")
-    ran = run_to_end(sys.executable, "-c", script)
+    ran = run_to_end(sys.executable, "-c", script, timeout_s=IDLE_LIMIT_S)
     assert ran.stdout.startswith("3 runs, "), ran.stderr

@@ -28,6 +28,8 @@ from tests.support.processes import Running, run_to_end
 BIN = Path(sys.executable).parent
 INTERFACE = "adapters/mrs/spec/mrs.xml"
 LIMIT_S = 600
+IDLE_LIMIT_S = 3600
+"""The suite runs the tests without a rover while a processor is idle: they may wait for long."""
 START = "./rover demo --no-session"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
@@ -110,7 +112,7 @@ class Desk:
             cwd=self.folder,
             capture_output=True,
             text=True,
-            timeout=LIMIT_S,
+            timeout=IDLE_LIMIT_S,
             check=False,
         )
         assert done.returncode == line.status, f"{line.text}: {done.stdout}{done.stderr}"

@@ -44,6 +44,10 @@ class Running:
         return self._process.pid
 
     @property
+    def is_running(self) -> bool:
+        return self._process.poll() is None
+
+    @property
     def text(self) -> str:
         return self.log.read_text(encoding="utf-8")
 
@@ -75,7 +79,7 @@ class Running:
 
 
 def run_to_end(
-    *command: str | Path, cwd: Path | None = None, **environment: str
+    *command: str | Path, cwd: Path | None = None, timeout_s: float = LIMIT_S, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run a command, with more in its environment; return how it ended and what it said."""
     return subprocess.run(
@@ -84,7 +88,7 @@ def run_to_end(
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        timeout=LIMIT_S,
+        timeout=timeout_s,
         check=False,
     )
 
