@@ -18,13 +18,16 @@ from packaging.requirements import Requirement
 
 from adapters.cli.main import main
 from tests.architecture.test_packaging import PROJECT
-from tests.docs.pages import CHECKOUT, blocks, lines
+from tests.docs.pages import CHECKOUT, PAGES, blocks, lines
 
 BIN = Path(sys.executable).parent
 EXAMPLES = CHECKOUT / "examples"
 TEMPLATE = EXAMPLES / "ci"
 INSTALL = "pip install --requirement requirements.txt"
 LIMIT_S = 600
+NAMED_EXTRAS = re.compile(
+    r"(?:rover-executive|[ '\"]\.|\.whl)\[([a-z,]+)\]|\bextras?\s((?:`[a-z]+`(?:,\s|\sand\s)?)+)"
+)
 LITERALLY = pytest.mark.skipif(
     "TEMPLATES" not in os.environ, reason="./rover test --stress runs it, in processes of its own"
 )
@@ -77,10 +80,25 @@ def test_all_run_the_same_commands() -> None:
 
 
 def test_the_template_installs_this_version() -> None:
-    (wanted,) = map(Requirement, (TEMPLATE / "requirements.txt").read_text().split())
-    assert wanted.name == PROJECT["name"]
-    assert wanted.extras <= set(PROJECT["optional-dependencies"])
-    assert wanted.specifier.contains(PROJECT["version"])
+    *comments, wheel = (TEMPLATE / "requirements.txt").read_text().splitlines()
+    name = PROJECT["name"].replace("-", "_")
+    assert wheel == f"./wheels/{name}-{PROJECT['version']}-py3-none-any.whl[sim]"
+    released = Requirement(comments[-1].split()[-1])
+    assert released.name == PROJECT["name"]
+    assert released.specifier.contains(PROJECT["version"])
+
+
+def test_named_extras_exist() -> None:
+    paths = [*PAGES, *EXAMPLES.rglob("*.*")]
+    texts = {path: path.read_text(encoding="utf-8") for path in paths if path.is_file()}
+    found = {
+        (path.name, extra)
+        for path, text in texts.items()
+        for names in NAMED_EXTRAS.findall(text)
+        for extra in re.findall(r"[a-z]+", re.sub(r"\sand\s", ",", "".join(names)))
+    }
+    assert len(found) > 10
+    assert {each for each in found if each[1] not in PROJECT["optional-dependencies"]} == set()
 
 
 def test_the_scenarios_pass(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
