@@ -64,6 +64,7 @@ class Subject:
     data: Path | None
     asset: str = ""
     settings: "Settings | None" = None
+    namespace: str | None = None
 
 
 def _guarded(check: Callable[[Subject], Results], subject: Subject) -> Results:
@@ -192,19 +193,32 @@ def _discovery(_: Subject) -> Results:
         yield WARNING, text, "export FASTDDS_BUILTIN_TRANSPORTS=UDPv4"
 
 
+def _first(topic: str) -> str:
+    """Return the outermost namespace of a topic."""
+    return topic[: topic.find("/", 1)] if topic.count("/") > 1 else "/"
+
+
 def _robot(subject: Subject) -> Results:
     if subject.settings is None:
         return
     from adapters.ros.check import check_robot
 
-    topics = check_robot(subject.asset, LISTEN_S, None, None).topics
-    remedy = f"rover robot check {subject.asset}"
-    for each in topics if any(each.peers for each in topics) else ():
+    topics = check_robot(subject.asset, LISTEN_S, subject.namespace, None).topics
+    namespace = f" --namespace {subject.namespace}" if subject.namespace else ""
+    remedy = f"{program()} robot check {subject.asset}{namespace}"
+    expected = _first(topics[0].topic)
+    near = {_first(name) for each in topics for name in each.others}
+    present = expected in near or any(each.peers for each in topics)
+    for each in topics if present else ():
         level = ERROR if each.key in ("odometry", "cmd_vel") else WARNING
         yield from ((level, f"{each.key}: {text}", remedy) for text in each.problems)
         if not each.problems:
             yield OK, f"{each.key}: {each.topic}", ""
-    if not any(each.peers for each in topics):
+    if near and not present:
+        text = f"no node has a topic of {subject.asset} in namespace {expected}"
+        text += f"; topics of their types are in {', '.join(sorted(near))}"
+        yield ERROR, text, f"{program()} doctor --asset {subject.asset} --namespace {min(near)}"
+    elif not present:
         own = os.environ.get("ROS_DOMAIN_ID") or "0"
         others = [str(each) for each in sorted(local_domains() - {int(own)})]
         text = f"no node has a topic of {subject.asset} in ROS domain {own}"
@@ -303,10 +317,18 @@ COLOURS: Final = {OK: "green", WARNING: "yellow", ERROR: "red"}
 @click.command()
 @asset_option("Check for this asset, too: its settings, its topics, its brick.", default="")
 @data_option("ledger and files")
+@click.option("--namespace", help="ROS namespace of the robot.  [default: the asset's name]")
 @click.option("--ground", is_flag=True, help="Check only the needs of the ground's commands.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
 @click.pass_context
-def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_json: bool) -> None:
+def doctor(
+    ctx: click.Context,
+    asset: str,
+    data: Path | None,
+    namespace: str | None,
+    ground: bool,
+    as_json: bool,
+) -> None:
     """Check this computer: Python, ROS, rights, clock, disk, discovery.
 
     It prints a line for each result, and below it the command that is the remedy. It changes
@@ -315,7 +337,7 @@ def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_j
     \b
     Examples:
       rover doctor
-      rover doctor --asset jackal
+      rover doctor --asset robots/clearpath_j100 --namespace j100_0001
       rover doctor --ground
 
     \b
@@ -338,7 +360,7 @@ def doctor(ctx: click.Context, asset: str, data: Path | None, ground: bool, as_j
         errors = {row["check"] for row in rows if row["level"] == ERROR}
         if check is _robot and errors & {"ros", "domain"}:
             break  # it would end, or raise
-        for level, text, remedy in _guarded(check, Subject(data, asset, settings)):
+        for level, text, remedy in _guarded(check, Subject(data, asset, settings, namespace)):
             name = check.__name__[1:]
             rows.append({"check": name, "level": level, "text": text, "remedy": remedy})
             if not as_json:

@@ -16,6 +16,7 @@ from executive.settings import (
     SettingsError,
     asset_file,
     config_folder,
+    installed_warning,
     load_settings,
     names_in,
     parse_yaml,
@@ -103,6 +104,8 @@ def new(
         structure(parse_yaml(texts[0], str(paths[0])), Settings, str(paths[0]))
     except SettingsError as error:
         raise click.UsageError(str(error)) from error
+    if warning := installed_warning(paths[0]):
+        click.echo(f"Warning: {warning}", err=True)
     for path, text in zip(paths, texts, strict=True):
         try:
             with path.open("x", encoding="utf-8") as file:
@@ -193,7 +196,9 @@ def shipped(wanted: str) -> Path:
     Raises:
         SettingsError: no robot is meant, or several.
     """
-    names = names_in(config_folder() / "robots")
+    names = names_in(folder := config_folder() / "robots")
+    if not names:
+        raise SettingsError(f"--like: {folder} has no robots: set ROVER_CONFIG to all of config")
     about = {each: f"{each} {load_settings(f'robots/{each}').description}" for each in names}
     meant = [each for each in names if each == wanted] or [
         each for each, text in about.items() if wanted.lower() in text.lower()

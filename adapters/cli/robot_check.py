@@ -98,7 +98,7 @@ def check(
 
 def _write(edits: "tuple[FileEdit, ...]", quiet: bool) -> list[str]:
     """Write the files that differ, and return their paths."""
-    from executive.settings import SettingsError, write_edits
+    from executive.settings import SettingsError, installed_warning, write_edits
 
     changed = [each for each in edits if each.summary]
     try:
@@ -109,8 +109,8 @@ def _write(edits: "tuple[FileEdit, ...]", quiet: bool) -> list[str]:
         text = f"{error.filename} cannot be written: {error.strerror}; nothing is written"
         raise click.UsageError(text) from error
     for each in changed:
-        if each.warning:
-            click.echo(f"Warning: {each.warning}", err=True)
+        if warning := installed_warning(each.path):
+            click.echo(f"Warning: {warning}", err=True)
         if not quiet:
             click.echo(f"{each.path}: {each.summary}")
     if not quiet:

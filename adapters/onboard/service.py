@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Final, assert_never
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import Image
@@ -180,6 +181,8 @@ def serve(
                     watchdog.beat()
 
             spin_until(lambda: executive.status.odometry_fresh or time.monotonic() > until_s)
+            if not executive.status.odometry_fresh:
+                warn_of_missing_odometry(node)
             announce(f"{settings.asset} listens at {_listen(link, executive, options)}")
             if (period_s := watchdog_period_s()) is not None:
                 steady_timer(node, period_s, partial(notify, ALIVE))
@@ -188,6 +191,15 @@ def serve(
             _LOG.info("termination requested: the rover stops, goals are cancelled")
     except LedgerError as error:
         raise StartError(str(error)) from error
+
+
+def warn_of_missing_odometry(node: Node) -> None:
+    """Log the topics of odometry, with the number of their publishers."""
+    for each in node.subscriptions:
+        if each.msg_type is Odometry:
+            count = node.count_publishers(each.topic_name)
+            text = "no odometry yet: %s has %d publishers (namespace: --ros-args -r __ns:=/NAME)"
+            _LOG.warning(text, each.topic_name, count)
 
 
 @contextmanager

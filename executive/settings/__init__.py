@@ -27,6 +27,7 @@ from executive.settings.asset_settings import ros_parameter_file as ros_paramete
 from executive.settings.fault_rows import settings_reader as settings_reader
 from executive.settings.file_edit import FileEdit as FileEdit
 from executive.settings.file_edit import edit_file as edit_file
+from executive.settings.file_edit import installed_warning as installed_warning
 from executive.settings.file_edit import with_values as with_values
 from executive.settings.file_edit import write_edits as write_edits
 from executive.settings.mpc_settings import MpcSettings as MpcSettings

@@ -34,17 +34,6 @@ class FileEdit:
     sections: str
     summary: str
 
-    @property
-    def warning(self) -> str:
-        """Why the file should not be changed; empty for a file of the user."""
-        folder = config_folder().resolve()
-        if folder.parts[-3:] != INSTALLED or not self.path.resolve().is_relative_to(folder):
-            return ""
-        return (
-            f"{self.path} belongs to the installed package, and its next version replaces it: copy"
-            " both files of the asset into a folder of yours, and set ROVER_CONFIG to it"
-        )
-
     def text(self) -> str:
         """Return the new content.
 
@@ -107,6 +96,17 @@ def _text(path: Path) -> str:
         return path.read_bytes().decode()
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: cannot be read ({error})") from error
+
+
+def installed_warning(path: Path) -> str:
+    """Return why a file should not be written; empty for a file of the user."""
+    folder = config_folder().resolve()
+    if folder.parts[-3:] != INSTALLED or not path.resolve().is_relative_to(folder):
+        return ""
+    return (
+        f"{path} belongs to the installed package, and is lost with it: copy all of {folder} to a"
+        " folder of yours, and set ROVER_CONFIG to that"
+    )
 
 
 def with_values(text: str, values: Mapping[str, Value]) -> str:

@@ -44,6 +44,7 @@ COMMAND = """#!/bin/sh
 echo "started with: $*"
 echo "PYTHONPATH=${PYTHONPATH-unset} PROFILE=${FASTRTPS_DEFAULT_PROFILES_FILE-unset}"
 echo "FAST_DDS_3=${FASTDDS_DEFAULT_PROFILES_FILE-unset}"
+echo "RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE-unset}"
 echo "INSTALLED=${ROVER_INSTALLED-no}"
 exit 5
 """
@@ -181,6 +182,13 @@ def test_the_first_command_that_needs_more_adds_the_second_lock(command: str, be
     assert bench.steps() == []
 
 
+def test_help_of_the_extras_installs_none(bench: Bench) -> None:
+    bench.start("demo")
+    bench.steps()
+    assert bench.start("extras", "--help").stdout.startswith("started with: extras --help\n")
+    assert bench.steps() == []
+
+
 def test_a_bare_machine_that_tests_installs_both_locks(bench: Bench) -> None:
     assert bench.start("test").returncode == 5
     assert bench.steps() == ["venv", "pip", "pip", "pip"]
@@ -314,3 +322,13 @@ def test_preserves_the_profile_chosen_by_the_user(name: str, bench: Bench) -> No
     started = bench.start(env={f"{name}_DEFAULT_PROFILES_FILE": "/my/profile.xml"})
     assert "PROFILE=/my/profile.xml" in started.stdout
     assert "FAST_DDS_3=/my/profile.xml" in started.stdout
+
+
+def test_a_discovery_range_is_followed_by_commands_to_a_robot_alone(bench: Bench) -> None:
+    env = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    robot = bench.start("robot", "new", "scout", env=env).stdout
+    assert "PROFILE=unset" in robot
+    assert "RANGE=SUBNET" in robot
+    demo = bench.start("demo", env=env).stdout
+    assert f"PROFILE={bench.checkout}/config/fastdds.xml" in demo
+    assert "RANGE=unset" in demo

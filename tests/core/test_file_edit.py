@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from executive.settings import SettingsError, edit_file, load_settings, with_values, write_edits
+from executive.settings import (
+    SettingsError,
+    edit_file,
+    installed_warning,
+    load_settings,
+    with_values,
+    write_edits,
+)
 from tests.suite import CHECKOUT
 
 YAML = """\
@@ -72,7 +79,7 @@ def test_a_section_to_change_is_printed_with_its_other_keys(tmp_path: Path) -> N
     edit = edit_file(path, values, "/**", "ros__parameters")
     assert edit.sections == "imu: {topic: '', depth: 5}\ncmd_vel: {type: a/msg/B}\n"
     assert edit.summary == "imu.topic /imu → '', cmd_vel.type a/msg/B"
-    assert edit.warning == ""
+    assert installed_warning(edit.path) == ""
     write_edits([edit])
     assert path.read_bytes().decode().startswith(TOPICS.replace("/imu", "''"))
     assert edit_file(path, values, *edit.root).summary == ""
@@ -109,6 +116,6 @@ def test_a_file_of_the_installed_package_has_a_warning(
     path = folder / "jackal.yaml"
     path.write_bytes((CHECKOUT / "config/jackal.yaml").read_bytes())
     edit = edit_file(path, {"odometry.rate_hz": 40.0})
-    assert "belongs to the installed package" in edit.warning
+    assert "belongs to the installed package" in installed_warning(path)
     write_edits([edit])
     assert load_settings("jackal").odometry.rate_hz == 40.0

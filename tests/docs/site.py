@@ -69,6 +69,7 @@ def install() -> None:
     shutil.rmtree(PACKAGES, ignore_errors=True)
     locked = ("--no-deps", "--only-binary", ":all:", "--require-hashes", "-r", str(LOCK))
     quiet = ("-qq", "--disable-pip-version-check")
+    click.echo(f"first use: downloading the tool into {PACKAGES.name} (a minute or two)", err=True)
     command = (sys.executable, "-m", "pip", "install", *quiet, "--target", str(PACKAGES), *locked)
     if subprocess.run(command, check=False).returncode:
         raise click.ClickException(

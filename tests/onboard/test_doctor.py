@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -158,6 +159,26 @@ def test_a_robot_in_another_domain_is_found(
         text, remedy = found(doctor._robot(subject), Level.ERROR)
         assert f"no node has a topic of jackal in ROS domain {other}; there are nodes in" in text
         assert remedy.startswith("export ROS_DOMAIN_ID=")
+
+
+@pytest.mark.ros
+def test_a_robot_in_another_namespace_is_found(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nav_msgs.msg import Odometry
+
+    from adapters.ros import ros_node
+
+    monkeypatch.setattr(doctor, "LISTEN_S", 3.0)
+    subject = Subject(Path("/"), "jackal", load_settings("jackal"))
+    with ros_node("base", "j100_0001", domain_id=ros_domain) as base:
+        base.create_publisher(Odometry, "ekf/odom", 1)
+        text, remedy = found(doctor._robot(subject), Level.ERROR)
+        assert "in namespace /jackal; topics of their types are in /j100_0001" in text
+        assert remedy.endswith("doctor --asset jackal --namespace /j100_0001")
+        subject = replace(subject, namespace="j100_0001")
+        texts = [text for level, text, _ in doctor._robot(subject) if level is Level.ERROR]
+    assert "/j100_0001/ekf/odom (Odometry) would fit" in texts[0]
 
 
 def test_a_disk_that_is_full_or_read_only_is_an_error(tmp_path: Path) -> None:

@@ -119,6 +119,17 @@ def test_minimal_files_have_nothing_of_another_robot(config: Path) -> None:
     assert f"{number:4}  travel_speed_mps: 0.2\n" in done.output
 
 
+def test_files_in_an_installed_package_have_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "share" / "rover_executive" / "config"
+    folder.mkdir(parents=True)
+    monkeypatch.setenv("ROVER_CONFIG", str(folder))
+    assert f"copy all of {folder} to a folder of yours" in new("scout", "--minimal").output
+    refused = new("bender", "--like", "leo")
+    assert f"{folder}/robots has no robots: set ROVER_CONFIG" in refused.output
+
+
 @pytest.mark.parametrize("end", [".yaml", ".ros.yaml"])
 def test_no_file_is_overwritten(end: str, config: Path) -> None:
     there = config / f"scout{end}"

@@ -21,6 +21,7 @@ from std_msgs.msg import Float32, Float64
 from trajectory_msgs.msg import JointTrajectory
 
 from adapters.onboard.process import main as executive
+from adapters.onboard.service import warn_of_missing_odometry
 from adapters.ros import MessageError, conversions, odometry_message, ros_node
 from adapters.ros.conversions import Precision, quaternion
 from adapters.ros.diagnostics import TickMonitor
@@ -372,3 +373,14 @@ def test_an_angle_is_commanded_in_the_type_of_its_topic() -> None:
     state = conversions.joint_command(JointState, "pan", 0.5, 0.4, -0.2)
     assert (state.name, list(state.position), list(state.velocity)) == (["pan"], [0.5], [0.4])
     assert conversions.joint_command(Float64, "", 0.5, 0.4, 0.1) == Float64(data=0.5)
+
+
+@pytest.mark.ros
+def test_odometry_that_is_missing_is_logged_with_its_topic(
+    ros_domain: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert ros_domain
+    with ros_node("executive", "scout") as node:
+        node.create_subscription(OdometryMessage, "odom", lambda _: None, 1)
+        warn_of_missing_odometry(node)
+    assert "no odometry yet: /scout/odom has 0 publishers" in caplog.text

@@ -47,6 +47,7 @@ class TopicResult:
         key: in the parameter file of the asset.
         peers: nodes at the robot's end, with their types.
         timing: None for topics that are sent, or with few messages.
+        others: topics that would fit, if the robot does not have this one.
     """
 
     key: str
@@ -56,6 +57,7 @@ class TopicResult:
     problems: tuple[str, ...]
     changes: tuple[Change, ...] = ()
     timing: Timing | None = None
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

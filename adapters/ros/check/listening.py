@@ -165,7 +165,8 @@ class Listening:
         name = node.resolve_topic_name(topic.name)
         peers = [each for each in self._peers(name, sent) if each.node_name not in OWN_NODES]
         labels = {f"{_path(each)} as {_short(each.topic_type)}" for each in peers}
-        problems, changes = self._mismatch(key, topic, name, peers)
+        others = {} if peers or key in GENERAL else self._others(key, topic, sent)
+        problems, changes = self._mismatch(key, topic, name, peers, others)
         received = self._received.get(key)
         if received is not None:
             problems += received.problems
@@ -173,8 +174,8 @@ class Listening:
                 problems.append("there is a publisher, but no message was received")
         if key == "emergency_stop" and self._stopped:
             problems.append("it is active: release it at the robot")
-        if key == "cmd_vel" and (others := self.publishers(OWN_NODES)):
-            problems.append(f"{', '.join(others)} publishes velocities, too")
+        if key == "cmd_vel" and (publishers := self.publishers(OWN_NODES)):
+            problems.append(f"{', '.join(publishers)} publishes velocities, too")
         return TopicResult(
             key,
             name,
@@ -183,6 +184,7 @@ class Listening:
             tuple(problems),
             tuple(changes),
             None if received is None else timing(received.times),
+            tuple(others),
         )
 
     def publishers(self, besides: Collection[str] = ()) -> list[str]:
@@ -197,13 +199,12 @@ class Listening:
         return [each for each in find(name) if each.node_name != node.get_name()]
 
     def _mismatch(
-        self, key: str, topic: Topic, name: str, peers: list[Any]
+        self, key: str, topic: Topic, name: str, peers: list[Any], others: dict[str, str]
     ) -> tuple[list[str], list[Change]]:
         """Return why the robot's end of a topic does not fit, and the lines that make it fit."""
         sent, own = key in SENT, type_name(topic.type)
         verb, role = ("subscribed to", "subscriber") if sent else ("published", "publisher")
         if not peers:
-            others = {} if key in GENERAL else self._others(key, topic, sent)
             found = "".join(f"; {each} ({_short(kind)}) would fit" for each, kind in others.items())
             changes = [] if key in REQUIRED or others else [Change(f"{key}.topic", "")]
             if len(others) == 1:
