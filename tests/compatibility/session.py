@@ -3,13 +3,16 @@
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import MoveForward, MoveTo, Resume, Stop, TakePicture, Waypoint
+from executive.commands import Command, MoveForward, MoveTo, Resume, Stop, TakePicture, Waypoint
+from executive.commands.lifecycle import SubmitResult
 from executive.core.recording import RecordingSink
+from executive.core.runner import Executive
 from executive.values.clock import START_UTC_S
 from executive.values.reports import PlanStatus, Stage
 from tests.console.conftest import NEEDED
 from tests.console.consoles import ALL, Operator, at_console
 from tests.console.test_alarms import BATTERY, FULL_V, LOW_V, acknowledge, is_alarm, show
+from tests.core.test_ledger_writer import SlowDisk
 from tests.mrs.aboard import Aboard
 from tests.support.plans import PlanBench, plan
 from tests.support.timed_system import TimedSystem
@@ -21,6 +24,7 @@ PLAN: Final = """<Sequence>
   <rotateBy angle="0.5" deadline_s="60"/>
 </Sequence>"""
 PICTURE: Final = "pictures/rock.jpg"
+COMMIT_S: Final = 0.03
 PENDING: Final = ("active", "queued")
 """Commands of the console that have not ended when the rover loses its power."""
 DRIVEN: Final = {
@@ -97,9 +101,27 @@ async def work(folder: Path) -> dict[str, Any]:
     return found
 
 
+class _SlowDiskBench(PlanBench):
+    """A bench whose commits end between ticks: its recording has states of the ledger's writer."""
+
+    def _start(self) -> Executive:
+        executive = super()._start()
+        SlowDisk(self).commit_s = COMMIT_S
+        return executive
+
+    def send(self, command: Command) -> SubmitResult:
+        """Send a command, and let time pass until it is answered."""
+        answers: list[SubmitResult] = []
+        self.executive.submit(command, answers.append)
+        self.executive.serve_inbox()
+        while not answers:
+            self.step()
+        return answers[0]
+
+
 def drive(folder: Path, tape: RecordingSink) -> None:
-    """Record a drive with a refusal, a stop, a plan and a loss of power."""
-    with PlanBench(folder, tape=tape) as bench:
+    """Record a drive with a refusal, a stop, a plan and a loss of power, on a slow disk."""
+    with _SlowDiskBench(folder, tape=tape) as bench:
         bench.execute(MoveTo(Waypoint(1.0, 0.5, 1.0)), 1)
         bench.refusal(MoveTo(Waypoint(500.0, 0.0)), 2)
         bench.execute(TakePicture(), 3)

@@ -14,7 +14,7 @@ from adapters.recording import RunReader, read_history
 from adapters.recording.replay import replay
 from executive.commands import Command, Mode, MoveForward, ResumePlan
 from executive.commands.lifecycle import Duplicate
-from executive.core.recording import ProcessStart
+from executive.core.recording import LedgerBehind, ProcessStart
 from executive.values.clock import ManualClock
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
@@ -163,6 +163,7 @@ def test_a_recording_is_explained_and_its_commands_end_the_same(left: Path) -> N
     assert {number: ends[number] for number in DRIVEN} == DRIVEN
     # With settings it is replayed to its end. Decisions may be better, or at another tick.
     reader = RunReader(path)
+    assert any(reader.messages({LedgerBehind}))  # found by their numbers of polls
     recorded: ProcessStart = reader.decoded(next(reader.messages({ProcessStart})))
     replayed = replay(path, recorded.settings)
     assert replayed.whole
