@@ -70,7 +70,7 @@ class GyroHeading:
             return None
         known_s = min(time_s, sums.time_s)
         rate_radps = self._inertia.rate_radps
-        self._total_rad = sums.sums_at(known_s)[0] + rate_radps * (time_s - known_s)
+        self._total_rad = sums.sum_at(known_s, 0) + rate_radps * (time_s - known_s)
         continued, self._channel = self._channel is sums, sums
         turn_rad = self._total_rad - before_rad - self._inertia.bias_radps * step_s
         return turn_rad if continued else None

@@ -54,7 +54,7 @@ class RestTrack:
         distance_m = hypot(last.x_m - reference.x_m, last.y_m - reference.y_m)
         if distance_m / (last.time_s - from_s) <= bound_mps:
             return None
-        poses = self._newest(window_s)
+        poses = self._between(window_s, 0.0)
         variance = (_variance(poses, "x_m") + _variance(poses, "y_m")) / 2
         speed_mps = (distance_m - NOISE_SD * sqrt(variance)) / (last.time_s - from_s)
         return speed_mps if speed_mps > bound_mps else None
@@ -68,12 +68,9 @@ class RestTrack:
         turned_rad = abs(last.heading_rad - reference.heading_rad)
         if turned_rad / (last.time_s - from_s) <= bound_radps:
             return None
-        noise_rad = NOISE_SD * sqrt(_variance(self._newest(window_s), "heading_rad"))
+        noise_rad = NOISE_SD * sqrt(_variance(self._between(window_s, 0.0), "heading_rad"))
         rate_radps = (turned_rad - noise_rad) / (last.time_s - from_s)
         return rate_radps if rate_radps > bound_radps else None
-
-    def _newest(self, window_s: float) -> list[TrackedPose]:
-        return self._between(window_s, 0.0)
 
     def _reference(self, window_s: float) -> TrackedPose | None:
         """Return the mean of the first part of a window."""

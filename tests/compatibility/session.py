@@ -102,7 +102,7 @@ async def work(folder: Path) -> dict[str, Any]:
 
 
 class _SlowDiskBench(PlanBench):
-    """A bench whose commits end between ticks: its recording has states of the ledger's writer."""
+    """A bench with commits that end between ticks; its recording has the writer's states."""
 
     def _start(self) -> Executive:
         executive = super()._start()
