@@ -118,7 +118,8 @@ def _area(area: Area) -> Iterator[str]:
     yield from _table(("number", "error", "meaning"), errors)
     yield from ("", "## Reasons", "", "`Notification.code` has the number.", "")
     yield from _table(("number", "reason", "error, if it refuses a command"), map(_reason, Reason))
-    yield from ("", "## Parameters", "")
+    spelling = "The names are spelled as in the thesis, BATERY_VOLTAGE included."
+    yield from ("", "## Parameters", "", spelling, "")
     parameters = ((each.value, each.unit, each.description) for each in Parameter)
     yield from _table(("name", "unit", "meaning"), parameters)
     yield from ("", "## Commands", "", _COMMANDS, "")
