@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -218,7 +219,12 @@ def test_only_rovers_that_take_velocities_offer_it() -> None:
 
 def test_a_solver_is_made_only_where_mpc_is_offered(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Settings] = []
-    monkeypatch.setattr(onboard, "make_solver", made.append)
+
+    def make(settings: Settings) -> SimpleNamespace:
+        made.append(settings)
+        return SimpleNamespace()
+
+    monkeypatch.setattr(onboard, "make_solver", make)
     with onboard.planning(JACKAL) as none, onboard.planning(OFFERING) as solver:
         assert none is None
         assert solver is not None
