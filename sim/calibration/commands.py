@@ -128,7 +128,13 @@ def _fitted(drive: "Callable[[], DriveLog]") -> "Calibration":
 
 def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> Path | None:
     """Write the asset's YAML with the new figures, and return its path; None if not requested."""
-    from executive.settings import SettingsError, asset_file, edit_file, write_edits
+    from executive.settings import (
+        SettingsError,
+        asset_file,
+        edit_file,
+        installed_warning,
+        write_edits,
+    )
 
     if out is None and not write:
         return None
@@ -144,8 +150,8 @@ def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> P
     except OSError as error:
         where = error.filename or out
         raise click.UsageError(f"{where} cannot be written: {error.strerror}") from error
-    if out is None and edit.warning:
-        click.echo(edit.warning, err=True)
+    if out is None and (warning := installed_warning(edit.path)):
+        click.echo(warning, err=True)
     return out or edit.path
 
 
