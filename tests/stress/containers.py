@@ -8,7 +8,6 @@ Debian's mirror and the package index; `rover test --stress` runs it.
 import os
 import re
 import shutil
-import signal
 import subprocess
 import urllib.request
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 import pytest
 import yaml
 
@@ -27,6 +27,7 @@ from tests.support.wheel import CHECKOUT
 
 PAGE = CHECKOUT / "docs" / "containers.md"
 BASE = "localhost/rover-base"
+END_TIMEOUT_S = 30.0
 SERVICES = yaml.safe_load((CHECKOUT / "compose.yaml").read_text())["services"]
 RUNS = {
     "onboard": (("rover-executive", "rover-relay", "rover-nxt"), ("mujoco", "aiohttp", "mypy")),
@@ -80,6 +81,16 @@ class Builder:
         return self.command("run", "--isolation", "chroot", *given, container, "--", *arguments)
 
 
+def end(running: Running) -> None:
+    """End a container's processes, which a killed buildah would leave."""
+    processes = psutil.Process(running.pid).children(recursive=True)
+    for process in processes:
+        process.terminate()
+    _, alive = psutil.wait_procs(processes, timeout=END_TIMEOUT_S)
+    running.clean_up()
+    assert not alive
+
+
 @pytest.fixture(scope="module")
 def builder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Builder]:
     """Return a builder that has the base image."""
@@ -115,6 +126,7 @@ def test_an_image_has_its_programs_and_nothing_of_others(stage: str, builder: Bu
     assert done.returncode == 1, f"{image} has one of {absent}"
 
 
+@pytest.mark.usefixtures("ros_domain")
 def test_the_services_of_the_compose_file_work_together(builder: Builder, tmp_path: Path) -> None:
     assert {service["network_mode"] for service in SERVICES.values()} == {"host"}
     domain = os.environ["ROS_DOMAIN_ID"]
@@ -130,8 +142,7 @@ def test_the_services_of_the_compose_file_work_together(builder: Builder, tmp_pa
                 ROS_DOMAIN_ID=domain, ROVER_URI=f"127.0.0.1:{rover}",
             )  # fmt: skip
             running = Running(tmp_path / name, *command)
-            stack.callback(running.clean_up)
-            stack.callback(running.send, signal.SIGTERM)
+            stack.callback(end, running)
             running.output(ready[name])
         pattern = r"^podman run .* rover-ground (rover command .*)$"
         (line,) = re.findall(pattern, PAGE.read_text(), re.MULTILINE)
