@@ -21,6 +21,7 @@ import yaml
 
 from tests.docs.pages import blocks
 from tests.stress.debian_roots import COPIED, mirror
+from tests.support.browser import REQUIRED
 from tests.support.ports import free_ports
 from tests.support.processes import LISTENS, Running
 from tests.support.wheel import CHECKOUT
@@ -39,7 +40,9 @@ RUNS = {
 pytestmark = [
     pytest.mark.skipif(os.geteuid() != 0, reason="debootstrap and buildah need root here"),
     *(
-        pytest.mark.skipif(shutil.which(tool) is None, reason=f"apt install {tool}")
+        pytest.mark.skipif(
+            shutil.which(tool) is None and not REQUIRED, reason=f"apt install {tool}"
+        )
         for tool in ("buildah", "debootstrap")
     ),
 ]
