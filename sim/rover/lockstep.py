@@ -111,6 +111,7 @@ class LockStep:
         odometry: accuracy of a Jackal's odometry.
         solver: solver of plans; created if the settings offer mpc, unless given.
         tape: receives a recording of the executive; None for none.
+        rover: a Jackal with further parts, such as a navigation; None for that of the settings.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP if it executes whole motions.
@@ -129,13 +130,14 @@ class LockStep:
         odometry: SimulatedOdometry | None = None,
         solver: SharedSolver | None = None,
         tape: RecordingSink | None = None,
+        rover: SimulatedJackal | None = None,
     ) -> None:
         self.settings = settings
         if solver is None and settings.offers_mpc:
             solver = make_solver(settings)
         self._solver = solver
         self._tape = tape
-        self.rover = _rover(settings, world, seed, picture, odometry)
+        self.rover = rover or _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
         self.downlink_record = DownlinkRecorder()
         self._folder = folder

@@ -17,6 +17,7 @@ from executive.values.geometry import wrap_rad
 from executive.values.reasons import Reason, Refusal
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
+from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import STEP_S, DownlinkRecorder, LockStep
 from sim.scenario import model
 from sim.scenario.model import Entry, RunMode, Scenario
@@ -78,8 +79,19 @@ class DownlinkCollector:
         record.plans += downlink.plans[len(record.plans) :]
 
 
-def run_in_lock_step(scenario: Scenario, folder: Path, tape: RecordingSink | None = None) -> Record:
-    """Run a scenario and return its record. `tape` records the executive.
+def run_in_lock_step(
+    scenario: Scenario,
+    folder: Path,
+    tape: RecordingSink | None = None,
+    rover: SimulatedJackal | None = None,
+) -> Record:
+    """Run a scenario and return its record.
+
+    Args:
+        scenario: scenario to run.
+        folder: empty folder for ledger and files.
+        tape: records the executive; None for no recording.
+        rover: a Jackal in the scenario's world with further parts; None for the scenario's rover.
 
     Raises:
         SettingsError: MuJoCo refuses the world.
@@ -95,6 +107,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path, tape: RecordingSink | Non
             picture=picture,
             odometry=scenario.odometry,
             tape=tape,
+            rover=rover,
         )
     except ValueError as error:
         raise SettingsError(f"world: {error}") from error
