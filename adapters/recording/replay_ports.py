@@ -29,7 +29,7 @@ from executive.core.runner import Executive
 from executive.motion import Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous, WriterState
 from executive.values.geometry import Velocity
-from executive.values.ports import CameraIntent, DelegatedMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, NavigationGoal, PathRequest
 
 
 class RecordedClock:
@@ -226,6 +226,18 @@ class NullRover:
         """Ignored."""
 
     def halt(self) -> None:
+        """Ignored."""
+
+    def navigate(self, goal: NavigationGoal) -> None:
+        """Ignored."""
+
+    def cancel_navigation(self) -> None:
+        """Ignored."""
+
+    def open_gate(self, is_open: bool) -> None:
+        """Ignored."""
+
+    def plan_path(self, request: PathRequest) -> None:
         """Ignored."""
 
     def point_camera(self, wanted: CameraIntent) -> None:

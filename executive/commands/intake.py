@@ -103,6 +103,11 @@ def _controller(chosen: Controller | None, settings: Settings) -> Refusal | None
             f"controller mpc: {settings.asset} does not offer it; leave it out, or set"
             " mpc.selectable to true in the settings of the asset, which needs the extra mpc"
         )
+    elif chosen is Controller.NAVIGATION and not settings.offers_navigation:
+        text = (
+            f"controller navigation: {settings.asset} does not offer it; leave it out, or add the"
+            " section navigation to the settings of the asset"
+        )
     else:
         return None
     return Refusal(Reason.NOT_SUPPORTED, text, argument=_CONTROLLER.position)

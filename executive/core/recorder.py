@@ -18,6 +18,10 @@ from executive.core.recording import (
     ModeChanged,
     MotionCommanded,
     MuxLockChanged,
+    NavigationCancelled,
+    NavigationCommanded,
+    NavigationGateChanged,
+    PathRequested,
     PlanUpdateSent,
     ProcessStart,
     RecordingSink,
@@ -48,6 +52,9 @@ from executive.values.ports import (
     DelegatedMotion,
     DelegatedMotionRover,
     Downlink,
+    NavigationGoal,
+    NavigationRover,
+    PathRequest,
     Rover,
     VelocityRover,
     Video,
@@ -176,7 +183,10 @@ def recorded_ports(
 ]:
     """Return the ports of an executive, recorded; not a rover that mismatches the settings."""
     if settings.locomotion is LocomotionKind.VELOCITY and isinstance(rover, VelocityRover):
-        rover = _RecordedVelocityRover(rover, tape)
+        if settings.navigation is not None and isinstance(rover, NavigationRover):
+            rover = _RecordedNavigationRover(rover, tape)
+        else:
+            rover = _RecordedVelocityRover(rover, tape)
     elif settings.locomotion is LocomotionKind.DELEGATED and isinstance(
         rover, DelegatedMotionRover
     ):
@@ -217,6 +227,32 @@ class _RecordedVelocityRover(_RecordedRover[VelocityRover]):
     def drive(self, velocity: Velocity) -> None:
         self._tape.put(VelocityCommanded(velocity))
         self._rover.drive(velocity)
+
+
+class _RecordedNavigationRover(_RecordedRover[NavigationRover]):
+    _is_open: bool | None = None
+
+    def drive(self, velocity: Velocity) -> None:
+        self._tape.put(VelocityCommanded(velocity))
+        self._rover.drive(velocity)
+
+    def navigate(self, goal: NavigationGoal) -> None:
+        self._tape.put(NavigationCommanded(goal))
+        self._rover.navigate(goal)
+
+    def cancel_navigation(self) -> None:
+        self._tape.put(NavigationCancelled())
+        self._rover.cancel_navigation()
+
+    def open_gate(self, is_open: bool) -> None:
+        if is_open is not self._is_open:
+            self._is_open = is_open
+            self._tape.put(NavigationGateChanged(is_open))
+        self._rover.open_gate(is_open)
+
+    def plan_path(self, request: PathRequest) -> None:
+        self._tape.put(PathRequested(request))
+        self._rover.plan_path(request)
 
 
 class _RecordedMotionRover(_RecordedRover[DelegatedMotionRover]):

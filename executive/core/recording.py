@@ -16,7 +16,7 @@ from executive.settings import Settings
 from executive.values.facts import Fact
 from executive.values.geometry import Pose, Velocity
 from executive.values.parameters import ParameterValue
-from executive.values.ports import CameraIntent, DelegatedMotion
+from executive.values.ports import CameraIntent, DelegatedMotion, NavigationGoal, PathRequest
 from executive.values.reasons import Figure, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Severity
 
@@ -217,6 +217,32 @@ class MuxLockChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class NavigationCommanded:
+    """The goal that was sent to the navigation."""
+
+    goal: NavigationGoal
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationCancelled:
+    """All goals of the navigation were cancelled."""
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationGateChanged:
+    """The gate of the navigation's velocity was opened or shut; recorded on change."""
+
+    is_open: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PathRequested:
+    """A path that was requested of the navigation's planner."""
+
+    request: PathRequest
+
+
+@dataclass(frozen=True, slots=True)
 class CameraCommanded:
     """The camera was commanded to point."""
 
@@ -324,6 +350,10 @@ Decision = (
     | MotionCommanded
     | HaltCommanded
     | MuxLockChanged
+    | NavigationCommanded
+    | NavigationCancelled
+    | NavigationGateChanged
+    | PathRequested
     | CameraCommanded
     | FrameRequested
     | VideoSwitched

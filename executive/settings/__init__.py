@@ -13,12 +13,9 @@ from executive.settings.asset_settings import LinkLossAction as LinkLossAction
 from executive.settings.asset_settings import LinkLossSettings as LinkLossSettings
 from executive.settings.asset_settings import LinkLossStage as LinkLossStage
 from executive.settings.asset_settings import LocomotionKind as LocomotionKind
-from executive.settings.asset_settings import MuxEntry as MuxEntry
-from executive.settings.asset_settings import MuxSettings as MuxSettings
 from executive.settings.asset_settings import RecordingSettings as RecordingSettings
 from executive.settings.asset_settings import Settings as Settings
 from executive.settings.asset_settings import SpeedProfileKind as SpeedProfileKind
-from executive.settings.asset_settings import TargetFrame as TargetFrame
 from executive.settings.asset_settings import TurnDriveSettings as TurnDriveSettings
 from executive.settings.asset_settings import VideoSettings as VideoSettings
 from executive.settings.asset_settings import asset_file as asset_file
@@ -33,6 +30,10 @@ from executive.settings.file_edit import write_edits as write_edits
 from executive.settings.mpc_settings import MpcSettings as MpcSettings
 from executive.settings.mpc_settings import SlipSettings as SlipSettings
 from executive.settings.mpc_settings import YawResponse as YawResponse
+from executive.settings.navigation_settings import MuxEntry as MuxEntry
+from executive.settings.navigation_settings import MuxSettings as MuxSettings
+from executive.settings.navigation_settings import NavigationGate as NavigationGate
+from executive.settings.navigation_settings import NavigationSettings as NavigationSettings
 from executive.settings.prediction_settings import BatterySettings as BatterySettings
 from executive.settings.prediction_settings import MotionEndKind as MotionEndKind
 from executive.settings.prediction_settings import MotionExtent as MotionExtent
@@ -67,3 +68,4 @@ from executive.settings.strict_reader import figure as figure
 from executive.settings.strict_reader import in_degrees as in_degrees
 from executive.settings.strict_reader import quoted as quoted
 from executive.settings.strict_reader import suggestion as suggestion
+from executive.values.geometry import TargetFrame as TargetFrame

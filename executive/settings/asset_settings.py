@@ -9,6 +9,7 @@ from typing import Final
 from executive.faults import FaultTable
 from executive.obstacles.zones import Footprint, Zones
 from executive.settings.mpc_settings import MpcSettings
+from executive.settings.navigation_settings import MuxSettings, NavigationSettings
 from executive.settings.prediction_settings import BatterySettings, PredictionSettings
 from executive.settings.sensor_settings import OdometrySettings, Sensors, TurnSource
 from executive.settings.settings_files import (
@@ -18,9 +19,9 @@ from executive.settings.settings_files import (
     read_yaml,
     require_above_zero,
 )
+from executive.values.geometry import TargetFrame
 
 MAX_PORT: Final = 65535
-MAX_PRIORITY: Final = 255
 MIN_MB: Final = 10.0
 MIN_REPORTS: Final = 1000
 
@@ -31,14 +32,7 @@ class Controller(Enum):
 
     TURN_DRIVE = "turn_drive"
     MPC = "mpc"
-
-
-@unique
-class TargetFrame(Enum):
-    """Frame of the waypoints of a command (REP 105)."""
-
-    ODOM = "odom"
-    MAP = "map"
+    NAVIGATION = "navigation"
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,73 +246,6 @@ class VideoSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class MuxEntry:
-    """An input or a lock of a mux, in the terms of twist_mux.
-
-    Attributes:
-        topic: topic of the messages: geometry_msgs/Twist of an input, std_msgs/Bool of a lock.
-        timeout: seconds without a message after which an input is inactive, and a lock is
-            locked; 0 for never.
-        priority: an input is masked by inputs and locks of a higher priority.
-    """
-
-    topic: str
-    timeout: float
-    priority: int
-
-    def __post_init__(self) -> None:
-        """Raise ValueError if twist_mux would interpret a value differently."""
-        if not 0.0 <= self.timeout <= MAX_VALUE:
-            raise ValueError(f"timeout is {self.timeout}: 0 for never, or seconds above it")
-        if not 0 <= self.priority <= MAX_PRIORITY:
-            raise ValueError(f"priority is {self.priority}: 0 to {MAX_PRIORITY}")
-
-
-@dataclass(frozen=True, slots=True)
-class MuxSettings:
-    """The mux between velocity publishers and the base.
-
-    Attributes:
-        input: the executive's own input in `topics`.
-        lock: the lock in `locks` that the executive holds while the rover must be stationary.
-        topics, locks: as in the file of twist_mux.
-        stop: the input in `topics` that then receives zero from the executive, of the lock's
-            priority or a higher one; None: a locked base stops after its own timeout.
-        lower_may_drive: whether inputs of a lower priority than the executive's may drive the rover
-            while it is idle; if not, it is STOPPED when it moves by them.
-    """
-
-    input: str
-    lock: str
-    topics: dict[str, MuxEntry]
-    locks: dict[str, MuxEntry]
-    stop: str | None = None
-    lower_may_drive: bool = True
-
-    def __post_init__(self) -> None:
-        """Raise ValueError if the executive's own input or lock is missing or ineffective."""
-        for key, name, there in (
-            ("input", self.input, self.topics),
-            ("lock", self.lock, self.locks),
-            ("stop", self.stop, self.topics),
-        ):
-            if name is not None and name not in there:
-                known = ", ".join(there) or "none"
-                raise ValueError(f"{key} is {name!r}, which the mux does not have: {known}")
-        own, lock = self.topics[self.input].priority, self.locks[self.lock].priority
-        if lock <= own:
-            raise ValueError(
-                f"lock {self.lock} has priority {lock}: it must be above {own}, that of"
-                f" {self.input}, or it has no effect"
-            )
-        if self.stop is not None and self.topics[self.stop].priority < lock:
-            raise ValueError(
-                f"stop {self.stop} has priority {self.topics[self.stop].priority}: it must be at"
-                f" least {lock}, that of {self.lock}, which masks it otherwise"
-            )
-
-
-@dataclass(frozen=True, slots=True)
 class RecordingSettings:
     """Recording of the executive, for replay.
 
@@ -361,6 +288,7 @@ class Settings:
             command selects another.
         frame: frame of waypoints, unless the command names another.
         mpc: model of the rover for model predictive control.
+        navigation: the navigation below; None without one.
         mux: None if the base receives velocities from one topic, from any publisher.
         prediction: accuracy of predicted motion.
         battery: battery figures; None if no motion is refused for energy.
@@ -394,6 +322,7 @@ class Settings:
     controller: Controller = Controller.TURN_DRIVE
     frame: TargetFrame = TargetFrame.ODOM
     mpc: MpcSettings = field(default_factory=MpcSettings)
+    navigation: NavigationSettings | None = None
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
     battery: BatterySettings | None = None
     recording: RecordingSettings = field(default_factory=RecordingSettings)
@@ -410,6 +339,14 @@ class Settings:
                 f"{offers}: it is for rovers whose locomotion is velocity, not"
                 f" {self.locomotion.value}"
             )
+        if self.navigation is not None:
+            if self.locomotion is not LocomotionKind.VELOCITY:
+                raise ValueError(
+                    f"navigation needs locomotion velocity, not {self.locomotion.value}"
+                )
+            self.navigation.check_gate(self.mux)
+        elif self.controller is Controller.NAVIGATION:
+            raise ValueError("controller is navigation: it needs the section navigation")
         if self.battery is not None and self.prediction.standing_w is None:
             raise ValueError(
                 "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"
@@ -432,6 +369,13 @@ class Settings:
     def offers_mpc(self) -> bool:
         """Whether model predictive control may drive the rover: by default, or for a command."""
         return self.controller is Controller.MPC or self.mpc.selectable
+
+    @property
+    def offers_navigation(self) -> bool:
+        """Whether the navigation may drive the rover: by default, or for a command."""
+        return self.navigation is not None and (
+            self.controller is Controller.NAVIGATION or self.navigation.selectable
+        )
 
     def for_access(self, *, by_others: bool) -> "Settings":
         """Return the settings for a rover that other hosts can reach, or cannot.

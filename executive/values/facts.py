@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from executive.values.geometry import Pose, Vector, Velocity
+from executive.values.geometry import Point, Pose, Vector, Velocity
 from executive.values.reasons import Figure, Identity, Reason, Refusal
 
 
@@ -236,6 +236,83 @@ class MapToOdom:
     pose: Pose
 
 
+class NavigationState(Enum):
+    """State of a goal of the navigation, as its server reports it.
+
+    Attributes:
+        UNAVAILABLE: there is no server, or its interface package is missing here.
+        LOST: the server does not know the goal, or is another than the one that accepted it.
+        PREEMPTED: the goal of another client is executed.
+    """
+
+    UNAVAILABLE = "unavailable"
+    ACCEPTED = "accepted"
+    REJECTED = "rejected"
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELLED = "cancelled"
+    LOST = "lost"
+    PREEMPTED = "preempted"
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationStatus:
+    """A state of a goal of the navigation.
+
+    Attributes:
+        number: number of the goal.
+        code, code_name: its error code, and the name of that; 0 and empty without one.
+        text: its error message.
+        missed: indices of the poses that it missed.
+    """
+
+    number: int
+    state: NavigationState
+    code: int = 0
+    code_name: str = ""
+    text: str = ""
+    missed: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationFeedback:
+    """Feedback on a goal of the navigation; it is never evidence of motion.
+
+    Attributes:
+        number: number of the goal.
+        remaining_m: length of the path that is left; None if not reported.
+        recoveries: number of recovery actions.
+        poses_remaining: number of poses that are left; None if not reported.
+    """
+
+    number: int
+    remaining_m: float | None
+    recoveries: int = 0
+    poses_remaining: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationVelocity:
+    """A velocity that the navigation published, with the gate open or shut; also zero."""
+
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPath:
+    """The planner's answer to a `PathRequest`.
+
+    Attributes:
+        number: number of the request.
+        points: in the frame of the request; empty without a path.
+        text: why there is no path.
+    """
+
+    number: int
+    points: tuple[Point, ...]
+    text: str = ""
+
+
 class Source(Enum):
     """Source or destination of data, as named in messages; member names prefix names of faults."""
 
@@ -293,6 +370,10 @@ Fact = (
     | RejectedData
     | EmergencyStop
     | MapToOdom
+    | NavigationStatus
+    | NavigationFeedback
+    | NavigationVelocity
+    | PlannedPath
 )
 
 

@@ -1,6 +1,7 @@
 """Planar geometry of the rover, in SI units and the frames of REP 103 and REP 105."""
 
 from dataclasses import dataclass, replace
+from enum import Enum, unique
 from math import atan2, ceil, cos, hypot, isfinite, pi, sin
 from typing import Final
 
@@ -11,6 +12,14 @@ def wrap_rad(angle_rad: float) -> float:
     """Return the angle in (-pi, pi]."""
     wrapped = (angle_rad + pi) % (2 * pi) - pi
     return pi if wrapped == -pi else wrapped
+
+
+@unique
+class TargetFrame(Enum):
+    """Frame of the waypoints of a command (REP 105)."""
+
+    ODOM = "odom"
+    MAP = "map"
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from executive.values.geometry import Velocity
+from executive.values.geometry import Pose, TargetFrame, Velocity
 from executive.values.parameters import ParameterValue
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report
 
@@ -47,7 +47,49 @@ class DelegatedMotion:
     command: Identity
 
 
-MotionIntent = Velocity | DelegatedMotion
+@dataclass(frozen=True, slots=True)
+class NavigateTo:
+    """Go to poses in order, m and rad; the navigation plans the path between them.
+
+    Attributes:
+        frame: frame of the poses.
+    """
+
+    poses: tuple[Pose, ...]
+    frame: TargetFrame
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationGoal:
+    """A goal of a navigation server.
+
+    Attributes:
+        number: counts from 1 in one process; the facts of the goal carry it.
+        task: poses, or a relative action (Nav2: spin, drive_on_heading).
+        command: the command that the goal is a part of.
+    """
+
+    number: int
+    task: NavigateTo | TurnBy | DriveBy
+    command: Identity
+
+
+@dataclass(frozen=True, slots=True)
+class PathRequest:
+    """A request to the planner of the navigation.
+
+    Attributes:
+        number: counts from 1, apart from the numbers of goals; the answer carries it.
+        frame: frame of start and goal.
+    """
+
+    number: int
+    start: Pose
+    goal: Pose
+    frame: TargetFrame
+
+
+MotionIntent = Velocity | DelegatedMotion | NavigationGoal
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +143,30 @@ class DelegatedMotionRover(Rover, Protocol):
 
     def halt(self) -> None:
         """Stop, and hold zero velocity."""
+
+
+@runtime_checkable
+class NavigationRover(VelocityRover, Protocol):
+    """A rover with a navigation behind a gate: its velocity reaches the base while that is open.
+
+    No method waits. Facts answer: `NavigationStatus`, `NavigationFeedback`, `NavigationVelocity`,
+    `PlannedPath`.
+    """
+
+    def navigate(self, goal: NavigationGoal) -> None:
+        """Send the goal to the server under a new UUID, also if its number is repeated."""
+
+    def cancel_navigation(self) -> None:
+        """Cancel all goals of the servers, of any client.
+
+        An acceptance that arrives later, of a goal that was sent before, is cancelled, too.
+        """
+
+    def open_gate(self, is_open: bool) -> None:
+        """Open or shut the gate. Called once a tick; `emergency_stop` shuts it, too."""
+
+    def plan_path(self, request: PathRequest) -> None:
+        """Request a path of the planner; `PlannedPath` answers."""
 
 
 class Video(Protocol):

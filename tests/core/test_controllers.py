@@ -32,7 +32,7 @@ from tests.support.plans import PlanBench, plan
 
 pytestmark = pytest.mark.at_length
 
-TURN_DRIVE, MPC = Controller
+TURN_DRIVE, MPC = OWN = (Controller.TURN_DRIVE, Controller.MPC)
 JACKAL = load_settings("jackal")
 OFFERING = replace(
     JACKAL,
@@ -90,7 +90,7 @@ def test_a_queue_is_driven_by_what_each_command_chooses(bench: PlanBench) -> Non
 
 
 def test_a_path_is_passed_through_by_mpc_alone(bench: PlanBench) -> None:
-    for number, controller in enumerate(Controller, 1):
+    for number, controller in enumerate(OWN, 1):
         bench.execute(FollowPath(BEND, controller), 2 * number)
         bench.execute(MoveTo(BACK), 2 * number + 1)
     took_s = [bench.last(2 * number).figures[0].value for number in (1, 2)]
@@ -109,7 +109,7 @@ def test_the_controller_of_the_command_overrides_that_of_the_asset(
 
 
 @pytest.mark.parametrize("then", [Reaction.PAUSE, Reaction.SLOW_DOWN])
-@pytest.mark.parametrize("controller", Controller)
+@pytest.mark.parametrize("controller", OWN)
 def test_it_stays_after_a_pause_and_while_slow(
     controller: Controller, then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
@@ -127,7 +127,7 @@ def test_it_stays_after_a_pause_and_while_slow(
 
 
 def test_speeds_set_during_the_drive_hold_with_either(bench: PlanBench) -> None:
-    for number, controller in enumerate(Controller, 1):
+    for number, controller in enumerate(OWN, 1):
         bench.submit(FollowPath(BEND, controller), 10 * number)
         bench.run(1.0)
         bench.submit(SetTravelSpeed(0.3), 10 * number + 1)

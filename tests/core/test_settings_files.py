@@ -37,7 +37,7 @@ def changed(folder: Path, key: str, value: object) -> Settings:
         ("camera.pan_min_rad", "left", "expected a number (radians, or degrees as 90deg)"),
         ("mux.topics", 5, "expected keys and values, got 5"),
         ("mux", 5, "expected keys and values, got 5"),
-        ("controller", "TURN_DRIVE", "'TURN_DRIVE' is none of turn_drive, mpc"),
+        ("controller", "TURN_DRIVE", "'TURN_DRIVE' is none of turn_drive, mpc, navigation"),
     ],
 )
 def test_a_value_of_the_wrong_kind_is_refused(

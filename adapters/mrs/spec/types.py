@@ -74,10 +74,12 @@ class Controller(Enum):
     Attributes:
         TURN_DRIVE: Drives by turns on the spot and straight lines.
         MPC: Drives along time-optimal curves by model predictive control. Not every asset has it.
+        NAVIGATION: Drives by the navigation below the executive. Not every asset has one.
     """
 
     TURN_DRIVE = 1
     MPC = 2
+    NAVIGATION = 3
 
 
 class NodeKind(Enum):
