@@ -21,6 +21,7 @@ from hypothesis import settings
 from adapters.recording import SUFFIX, RunFile
 from tests.suite import CHECKOUT, ros_files
 from tests.support.examples import examples
+from tests.support.interface_packages import interface_package, python_path
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -253,3 +254,12 @@ def module_ros_domain(patient: Path, tmp_path_factory: pytest.TempPathFactory) -
     with reserved_domain() as domain, pytest.MonkeyPatch.context() as patch:
         _environment(patch, domain, patient, tmp_path_factory.mktemp("ros") / "log")
         yield domain
+
+
+@pytest.fixture
+def nav2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give this test, and the processes that it starts, the package nav2_msgs."""
+    folder = interface_package("nav2_msgs")
+    if folder is not None:
+        monkeypatch.syspath_prepend(folder)  # warm processes inherit it
+        monkeypatch.setenv("PYTHONPATH", python_path(folder))

@@ -1,8 +1,6 @@
 """A robot that is known by tf2 alone: its odometry, and a map that jumps under it."""
 
-import os
 import time
-from importlib.util import find_spec
 from math import cos, hypot, sin
 from pathlib import Path
 
@@ -21,17 +19,10 @@ from tests.robots.test_robots import (
     module,
     where,
 )
-from tests.suite import CHECKOUT
 from tests.support.ground import carry_out, until_located
-from tests.support.message_builder import REQUIRED, built_tf2_msgs, missing
+from tests.support.interface_packages import interface_package, python_path
 
-MISSING = None if find_spec("tf2_msgs") else missing()
-pytestmark = [
-    pytest.mark.busy,
-    pytest.mark.ros,
-    pytest.mark.slow,
-    pytest.mark.skipif(MISSING is not None and not REQUIRED, reason=str(MISSING)),
-]
+pytestmark = [pytest.mark.busy, pytest.mark.ros, pytest.mark.slow]
 
 NAME = "localized"
 TOPICS = """
@@ -62,10 +53,7 @@ def test_targets_in_the_map_are_reached_by_transforms_alone(
     ros_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     assert ros_domain > 0
-    paths = [str(CHECKOUT)]
-    if find_spec("tf2_msgs") is None:
-        paths.append(str(built_tf2_msgs(tmp_path / "messages")))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    monkeypatch.setenv("PYTHONPATH", python_path(interface_package("tf2_msgs")))
     found = INTERFACES[NAME].localization
     assert found is not None
     x_m, y_m, turned_rad = found.first
