@@ -27,6 +27,8 @@ from executive.values.ports import (
     CameraIntent,
     DelegatedMotionRover,
     MotionIntent,
+    NavigationRover,
+    PathRequest,
     Rover,
     VelocityRover,
 )
@@ -42,12 +44,14 @@ class Intents:
     motion: MotionIntent | None = None
     camera: CameraIntent | None = None
     frame: bool = False
+    path: PathRequest | None = None
 
     def clear(self) -> None:
         """Remove all intents."""
         self.motion = None
         self.camera = None
         self.frame = False
+        self.path = None
 
 
 class Arbiter:
@@ -124,6 +128,8 @@ class Arbiter:
             self._rover.point_camera(intents.camera)
         if intents.frame:
             self._rover.request_frame()
+        if intents.path is not None and isinstance(self._rover, NavigationRover):
+            self._rover.plan_path(intents.path)
 
     def stop_if_stale(self) -> None:
         """Dead-man: stop if intents are stale while moving. Called between ticks."""

@@ -136,6 +136,7 @@ class Leg:
         detour_points: corners of a detour around obstacles, if it is driven as a curve.
         force_turn_then_drive: whether turns and lines drive it, for any controller.
         curves: arcs of its turn, for a base that cannot turn on the spot.
+        path: of base_link, if the navigation drives it: that of its planner, or straight lines.
     """
 
     toward_rad: float | None
@@ -149,6 +150,7 @@ class Leg:
     detour_points: tuple[Point, ...] = ()
     force_turn_then_drive: bool = False
     curves: tuple[Curve, ...] = ()
+    path: tuple[Point, ...] = ()
 
     def moved(self, origin: Pose) -> "Leg":
         """Return the end of the leg after its frame has moved, to be compared with the pose."""

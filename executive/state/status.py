@@ -1,5 +1,6 @@
 """`Status`: the asset's state, from the facts of sensors; `Telemetry` sends it as parameters."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import cos, inf, isfinite, nan, sin
@@ -28,6 +29,7 @@ from executive.values.facts import (
     MotionEnded,
     MotionStarted,
     Odometry,
+    PlannedPath,
     RejectedData,
     SecondOdometry,
     Source,
@@ -39,6 +41,8 @@ from executive.values.reports import Identity
 
 ODOMETER_STEP_M: Final = 0.01
 """Minimum step that counts for the distance travelled: noise of odometry at rest does not count."""
+MAX_PLANNED_PATHS: Final = 4
+"""Number of answers of the navigation's planner that are stored: of a leg, and of previews."""
 MAX_TRANSFORM_AGE_S: Final = 1.0
 """Maximum age of the map's transform, by arrival; localisations repeat it at 10 Hz and more."""
 REJECTION_S: Final = 2.5
@@ -98,6 +102,7 @@ class Status:
         self._map_at_s = -inf
         self._raw = Pose()
         self._composed = (Pose(), Pose(), Pose())
+        self._planned_paths: deque[PlannedPath] = deque(maxlen=MAX_PLANNED_PATHS)
         self.emergency_stop = False
         self.foreign_publishers: tuple[str, ...] = ()
         self.standstill = StandstillDetector(clock)
@@ -158,6 +163,8 @@ class Status:
                 self.emergency_stop = active
             case MapToOdom(pose):
                 self.map_to_odom, self._map_at_s = pose, self._clock.now_s()
+            case PlannedPath():
+                self._planned_paths.append(fact)
             case _:
                 pass  # independent of the asset's state
 
@@ -251,6 +258,15 @@ class Status:
             bound = Figure("bound", MAX_TRANSFORM_AGE_S, "s")
             return Refusal(Reason.NO_MAP, text, (Figure("age", age_s, "s"), bound))
         return self.pose.compose(self.map_to_odom.compose(self._raw).inverse)
+
+    @property
+    def odom_origin(self) -> Pose:
+        """The origin of the rover's odometry in the frame of `pose`."""
+        return self.pose.compose(self._raw.inverse)
+
+    def planned_path(self, number: int) -> PlannedPath | None:
+        """Return the answer of the navigation's planner to a request; None without one."""
+        return next((each for each in self._planned_paths if each.number == number), None)
 
     def turn_slide(self, turn_rad: float) -> Point:
         """Return the expected slide of a turn on the spot here, in the frame of `pose`."""

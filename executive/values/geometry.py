@@ -1,7 +1,9 @@
 """Planar geometry of the rover, in SI units and the frames of REP 103 and REP 105."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, unique
+from itertools import pairwise
 from math import atan2, ceil, cos, hypot, isfinite, pi, sin
 from typing import Final
 
@@ -185,6 +187,11 @@ def inclination(up: Vector) -> tuple[float, float]:
 
 ARC_RESOLUTION_RAD: Final = 0.2
 """Maximum turn of an arc for each line segment that approximates it; chosen, not measured."""
+
+
+def path_length_m(path: Sequence[Point]) -> float:
+    """Return the length of the straight lines between points."""
+    return sum(start.distance_m(end) for start, end in pairwise(path))
 
 
 def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point], Pose]:
