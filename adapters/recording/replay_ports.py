@@ -25,6 +25,7 @@ from executive.core.recording import (
     SolverResult,
     StopPending,
 )
+from executive.core.ros_clients import CancelRequest
 from executive.core.runner import Executive
 from executive.motion import Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous, WriterState
@@ -60,7 +61,7 @@ class Decisions:
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
-ReplayedItem = CommandDequeued | AuthorityRequest | EventReported | SafeModeEntered
+ReplayedItem = CommandDequeued | AuthorityRequest | CancelRequest | EventReported | SafeModeEntered
 """Items that the inbox replays: commands, and effects of queries by other threads."""
 
 
@@ -128,6 +129,8 @@ class ReplayInbox(Inbox):
         match item:
             case AuthorityRequest():
                 core.request_authority(item, lambda _: None)
+            case CancelRequest():
+                core.cancel(item)
             case EventReported() | SafeModeEntered():
                 notice(core, item)
             case CommandDequeued():

@@ -420,6 +420,10 @@ GROUND_LINKS: Final = frozenset({DIRECT_LINK, RELAY_LINK})
 """Links from the ground."""
 PLAN_LINK: Final = "plan"
 """Link of commands of a plan."""
+ROS_LINK: Final = "ros"
+"""Link of commands of ROS clients; any node of the ROS domain can use it."""
+ROS_SOURCE: Final = "ROS"
+"""Source of all commands of ROS clients."""
 ABOARD_LINK: Final = "aboard"
 """Link of commands of the executive itself."""
 OWN_LINKS: Final = frozenset({PLAN_LINK, ABOARD_LINK})

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final, assert_never
 
-from executive.commands import OWN_LINKS, RELAY_LINK, Command
+from executive.commands import OWN_LINKS, RELAY_LINK, ROS_LINK, Command
 from executive.commands.intake import is_valid_source
 from executive.record import Ledger
 from executive.settings import AuthoritySettings
@@ -20,6 +20,8 @@ from executive.values.reasons import Figure, Reason, Refusal
 
 ACQUIRE_HINT: Final = "request it from its holder by requestAuthority (`rover authority request`)"
 REQUEST_HINT: Final = "request it first (`rover authority request`)"
+HOLD_LEASE_S: Final = 5.0
+"""Lease of a source that holds the authority by its commands: an operator gets it soon after."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,9 +256,29 @@ class Authority:
             return self._refusal(f"{source} does not hold authority {epoch}", ACQUIRE_HINT)
         return self._store_grant(Grant(None, epoch), f"{source} released the authority")
 
+    def hold(self, source: str) -> bool:
+        """Grant it to a source without a request if it is free, or renew its lease.
+
+        Returns:
+            Whether commands of the source may run: it holds the authority, or none is needed.
+        """
+        if not self._settings.needed:
+            return True
+        if self._holder == source:
+            self._renew()
+        elif self._holder is None:
+            text = f"{source} holds the authority by its commands"
+            self._transfer(source, text, min(HOLD_LEASE_S, self._settings.lease_s))
+        return self._holder == source
+
+    def settle(self, grant: Grant, written: bool) -> None:
+        """Note whether a grant was stored, as `on_written` does."""
+        self.on_written(grant, written)
+
     def check_command(self, command: Command) -> Refusal | None:
         """Return a refusal if the sender may not give the command, or None; renew the lease.
 
+        A command of a ROS client claims none: `hold` requests it once the command is accepted.
         The sender of a relayed command is the orbiter, on behalf only of the source that handed the
         authority over to it. Commands of a plan have the authority of the source that activated it;
         the executive needs none.
@@ -264,6 +286,8 @@ class Authority:
         claimed = command.authority
         if command.link in OWN_LINKS or (claimed is None and not self._settings.needed):
             return None
+        if command.link == ROS_LINK:
+            return self._check_unrequested(command.identity.source)
         if claimed is None:
             if self._holder is None:
                 return self._refusal("a command needs the authority", REQUEST_HINT)
@@ -279,6 +303,15 @@ class Authority:
             return None
         wrong = f"{sender} does not hold authority {claimed}"
         return self._refusal(wrong, REQUEST_HINT if self._holder is None else ACQUIRE_HINT)
+
+    def _check_unrequested(self, source: str) -> Refusal | None:
+        """Return a refusal if a source can neither get the authority nor use it, or None."""
+        if self._holder not in {None, source}:
+            return self._refusal("a command needs the authority", ACQUIRE_HINT)
+        if self._holder == source and self._requested_by not in {None, source}:
+            wrong = f"{self._requested_by} requested the authority"
+            return self._refusal(wrong, "it is released after the present goals")
+        return None
 
     def renew_lease(self, epoch: int) -> None:
         """Renew the lease after another process accepted a command under this authority."""

@@ -6,6 +6,7 @@ from typing import Final, assert_never
 from executive.checks import check_battery, check_pose, check_request, expected_pose
 from executive.commands import (
     ABOARD_LINK,
+    ROS_LINK,
     ActivatePlan,
     CameraWork,
     Command,
@@ -39,6 +40,7 @@ from executive.commands.lifecycle import (
 from executive.core.authority import Authority
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
+from executive.core.ros_clients import RosClients
 from executive.goals import Context
 from executive.plans import Planner, PlanNode
 from executive.preview import Predictor
@@ -88,6 +90,12 @@ class Dispatcher:
         self._telemetry = telemetry
         self._planner = planner
         self._search_turns = 0
+        self.ros_clients = RosClients(context, authority, notifications)
+
+    def tick(self) -> None:
+        """Update the authority once a tick."""
+        self.ros_clients.tick()
+        self._authority.tick()
 
     def submit(self, command: Command, overtaken: bool = False) -> SubmitResult:
         """Accept or reject a command.
@@ -162,7 +170,7 @@ class Dispatcher:
         if not isinstance(command.request, Stop):
             if command.overtaken:
                 return OVERTAKEN
-            refusal = self._authority.check_command(command)
+            refusal = self.ros_clients.check(command) or self._authority.check_command(command)
             if refusal is not None:
                 return refusal
         context = self._context
@@ -220,7 +228,8 @@ class Dispatcher:
         """Return the expected pose of the rover when a motion begins."""
         context, status = self._context, self._context.status
         pose, goals = status.pose, context.goals.motion
-        if command.preemption is PreemptionPolicy.REPLACE:
+        beside_others = command.link == ROS_LINK and self.ros_clients.has_other_motion
+        if command.preemption is PreemptionPolicy.REPLACE and not beside_others:
             return pose
         return expected_pose(goals, pose, context.clock, context.settings, context.scene)
 
@@ -254,6 +263,8 @@ class Dispatcher:
 
     def _accept(self, lifecycle: CommandLifecycle) -> None:
         request, context = lifecycle.command.request, self._context
+        if lifecycle.command.link == ROS_LINK and not isinstance(request, Stop):
+            self.ros_clients.hold_authority()
         named = f"{lifecycle.command.identity} {lifecycle.command.name}"
         if isinstance(request, PlanRequest):
             lifecycle.start()
@@ -264,10 +275,7 @@ class Dispatcher:
                 isinstance(request, Motion)
                 and lifecycle.command.preemption is PreemptionPolicy.REPLACE
             ):
-                cause = lifecycle.command.identity
-                context.goals.motion.cancel_all(
-                    Refusal(Reason.REPLACED, f"replaced by {cause}", cause=cause)
-                )
+                self._replace_motion(lifecycle.command)
             start = self._expected_start_pose(lifecycle.command)
             goal = context.goals.add(request, lifecycle, self._ledger.last_batch)
             goal.localize(context.status, context.settings)
@@ -297,6 +305,15 @@ class Dispatcher:
             lifecycle.execute()
         else:
             assert_never(request)
+
+    def _replace_motion(self, command: Command) -> None:
+        """Cancel the motions that a command replaces: all, or those of ROS clients for theirs."""
+        cause = command.identity
+        refusal = Refusal(Reason.REPLACED, f"replaced by {cause}", cause=cause)
+        if command.link == ROS_LINK:
+            self.ros_clients.replace_motion(refusal)
+        else:
+            self._context.goals.motion.cancel_all(refusal)
 
     def _apply_setting(self, setting: Setting) -> None:
         status = self._context.status

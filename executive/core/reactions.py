@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Final
 
-from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, is_absolute
+from executive.commands import ABOARD_LINK, ROS_SOURCE, Command, FollowPath, Mode, is_absolute
 from executive.commands.intake import ABOARD_PREFIX, MAX_SOURCE_LENGTH
 from executive.commands.lifecycle import Accepted, CommandLifecycle, Rejected, SubmitResult
 from executive.core.link_loss import GroundMonitor
@@ -108,8 +108,10 @@ class Reactions:
         if not self._context.latches.stopping:
             self._context.latches.stopped_from = self._arbiter.velocity
         self._arbiter.stop()
-        self._context.latches.stopped_by = stopped_by
-        self._latch.set(stopped_by)
+        standing = self._context.latches.stop
+        if standing is None or standing.source == ROS_SOURCE or cause.source != ROS_SOURCE:
+            self._context.latches.stopped_by = stopped_by  # else the operator's stop remains
+            self._latch.set(stopped_by)
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}", cause=cause))
 
     def enter_safe_mode(self, danger: Refusal) -> None:

@@ -11,6 +11,7 @@ from typing import Protocol, TypeGuard
 
 from executive.commands import Command, Mode
 from executive.core.authority import AuthorityRequest
+from executive.core.ros_clients import CancelRequest
 from executive.motion import MotionState, Trajectory, TrajectoryTarget
 from executive.settings import Settings
 from executive.values.facts import Fact
@@ -185,6 +186,7 @@ Input = (
     | SolverBusy
     | StopPending
     | AuthorityRequest
+    | CancelRequest
     | LedgerBehind
 )
 """Inputs received during an entry."""

@@ -34,7 +34,7 @@ from executive.core.recording import (
     RecordingSink,
     SafeModeEntered,
 )
-from executive.faults import ClearPolicy, Reaction
+from executive.core.ros_clients import CancelRequest
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.plans import LeafError, Planner, Tree, check_plan
@@ -251,12 +251,7 @@ class Executive:
 
         The robot's own emergency stop is released at the robot first, and does not count here.
         """
-        return self._context.latches.stopped_by is not None or any(
-            each.row.reaction in {Reaction.STOP, Reaction.SAFE}
-            and each.row.clears is ClearPolicy.ON_RESUME
-            and each.refusal.reason is not Reason.EMERGENCY_STOP
-            for each in self.safety.active
-        )
+        return self._context.latches.stopped_by is not None or self.safety.held_until_resume
 
     @property
     def velocity(self) -> Velocity:
@@ -402,6 +397,11 @@ class Executive:
         on_written = partial(self.authority.on_written, grant)
         self._notifications.answer(lambda written: reply(on_written(written) or result))
 
+    def cancel(self, request: CancelRequest) -> None:
+        """Cancel one command of a ROS client; on the executive's thread, in a query."""
+        self._recorder.put(request)
+        self._dispatcher.ros_clients.cancel(request)
+
     def report_event(
         self,
         severity: Severity,
@@ -493,7 +493,7 @@ class Executive:
             self._reactions.suspend_plan_if_held()
             self._run_tree()
             self._telemetry.update()
-            self.authority.tick()
+            self._dispatcher.tick()
             if self._commits.flush():
                 try:
                     self.retention.tick()

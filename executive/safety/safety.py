@@ -198,6 +198,16 @@ class FaultMonitor:
                 self._slid = fault
         return changes
 
+    @property
+    def held_until_resume(self) -> bool:
+        """Whether a fault other than the robot's own emergency stop holds until a resume."""
+        return any(
+            each.row.reaction in {Reaction.STOP, Reaction.SAFE}
+            and each.row.clears is ClearPolicy.ON_RESUME
+            and each.refusal.reason is not Reason.EMERGENCY_STOP
+            for each in self.active
+        )
+
     def unresolved_cause(self) -> Refusal | None:
         """Return the fault that a resume cannot clear because its cause persists, or None."""
         now_s = self._clock.now_s()

@@ -14,6 +14,8 @@ from executive.settings.asset_settings import LinkLossSettings as LinkLossSettin
 from executive.settings.asset_settings import LinkLossStage as LinkLossStage
 from executive.settings.asset_settings import LocomotionKind as LocomotionKind
 from executive.settings.asset_settings import RecordingSettings as RecordingSettings
+from executive.settings.asset_settings import RosCommands as RosCommands
+from executive.settings.asset_settings import RosSettings as RosSettings
 from executive.settings.asset_settings import Settings as Settings
 from executive.settings.asset_settings import SpeedProfileKind as SpeedProfileKind
 from executive.settings.asset_settings import TurnDriveSettings as TurnDriveSettings

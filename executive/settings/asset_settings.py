@@ -160,6 +160,35 @@ class AuthoritySettings:
         require_above_zero(self, "lease_s", "max_lease_s")
 
 
+@unique
+class RosCommands(Enum):
+    """When commands of ROS clients are accepted; any node of the ROS domain can send them.
+
+    A stop is accepted always.
+
+    Attributes:
+        OFF: never.
+        WHEN_FREE: unless an operator has goals, a running plan or the authority. They resume only
+            after a stop of their own, and do not change or confirm the pose.
+        ALWAYS: as of any other source.
+    """
+
+    OFF = "off"
+    WHEN_FREE = "when_free"
+    ALWAYS = "always"
+
+
+@dataclass(frozen=True, slots=True)
+class RosSettings:
+    """ROS clients that command the rover.
+
+    Attributes:
+        commands: when their commands are accepted.
+    """
+
+    commands: RosCommands = RosCommands.OFF
+
+
 class LinkLossAction(Enum):
     """Action of the rover after the loss of the ground link."""
 
@@ -293,6 +322,7 @@ class Settings:
         prediction: accuracy of predicted motion.
         battery: battery figures; None if no motion is refused for energy.
         recording: recording of `rover-executive`.
+        ros: ROS clients that command the rover.
     """
 
     asset: str
@@ -326,6 +356,7 @@ class Settings:
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
     battery: BatterySettings | None = None
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    ros: RosSettings = field(default_factory=RosSettings)
 
     def __post_init__(self) -> None:
         """Raise ValueError unless all settings are consistent and within bounds."""

@@ -315,6 +315,8 @@ def _mapping(raw: object) -> Mapping[Any, Any]:
 
 def _choice(raw: object, kind: type[Enum]) -> Enum:
     choices = {each.value if isinstance(each.value, str) else each.name: each for each in kind}
+    if raw is False and "off" in choices:  # YAML 1.1 reads an unquoted off as false
+        return choices["off"]
     for word, member in choices.items():
         if raw in (word, member.value) and not isinstance(raw, bool):
             return member

@@ -43,6 +43,7 @@ class Reason(Enum):
     POSE_UNCERTAIN = 213
     TURN_TOO_TIGHT = 214
     NO_MAP = 215
+    OPERATOR_ACTIVE = 216
 
     DUPLICATE = 301
 
@@ -84,6 +85,7 @@ class Reason(Enum):
     PLAN_SUSPENDED = 804
     STEP_HALTED = 805
     PLAN_ABORTED = 806
+    CANCELLED_BY_CLIENT = 807
 
     LEAF_RAISED = 901
     ODOMETRY_STALE = 902
