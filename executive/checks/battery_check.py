@@ -86,7 +86,12 @@ def estimate_energy_j(
 
 
 def check_battery(
-    what: Motion | PlanNode, pose: Pose, status: Status, settings: Settings, scene: Scene
+    what: Motion | PlanNode,
+    pose: Pose,
+    status: Status,
+    settings: Settings,
+    scene: Scene,
+    longer_m: float = 0.0,
 ) -> Refusal | None:
     """Return a refusal if the battery lacks energy for a motion or plan and the return, or None.
 
@@ -100,6 +105,7 @@ def check_battery(
         status: provides the charge and the speed limits.
         settings: provide the energy figures and the battery's reserve.
         scene: the obstacles, and the detours around them.
+        longer_m: by how much the planner's path of a navigated motion exceeds the straight lines.
     """
     battery, last_battery = settings.battery, status.battery
     if battery is None or last_battery is None or last_battery.charge_ratio is None:
@@ -119,12 +125,13 @@ def check_battery(
         estimator.add(request)
         if estimator.energy_j > battery.capacity_j:
             break
+    estimator.energy_j += _drive_j(longer_m, speeds, settings)
     home, end = battery.home, estimator.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
     back_j = estimate_energy_j(to_home, estimator.pose, speeds, settings, scene)
     if status.uncertainty:  # home may be farther away by that much
-        farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
-        back_j += estimate_energy_j(farther, Pose(), speeds, settings, (Zones(), None))
+        farther_m = status.uncertainty.position_at_m(end.distance_m(home))
+        back_j += _drive_j(farther_m, speeds, settings)
     needed_j = estimator.energy_j + back_j
     if estimator.energy_j == 0.0 or needed_j <= left_j:
         return None
@@ -145,6 +152,12 @@ def check_battery(
             Figure("reserve", reserve_j, "J"),
         ),
     )
+
+
+def _drive_j(distance_m: float, speeds: SpeedLimits, settings: Settings) -> float:
+    """Return the energy of a straight drive in joules."""
+    scene = Zones(), None
+    return estimate_energy_j(MoveForward(distance_m), Pose(), speeds, settings, scene)
 
 
 def _motions(requests: Iterable[object], estimator: _EnergyEstimator) -> Iterator[Motion]:

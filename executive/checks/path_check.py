@@ -5,6 +5,9 @@ left to the monitors in other motions. The check covers the path of base_link: s
 drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
 sweeps. A base that cannot turn on the spot turns by arcs, forward first if both are free.
 
+The navigation plans the paths of its motions. Until a leg of one begins, only its targets are
+checked; then the path of its planner is (`check_planned_path`), or the straight line without one.
+
 With `Detours` a detour may be undecided in this turn: its motion counts as free and straight. The
 command waits for it (`Dispatcher.awaits_detour`), and the leg, too, if it is searched again.
 Without them, each search runs to its end.
@@ -54,6 +57,7 @@ from executive.values.reasons import Figure, Reason, Refusal
 DETOUR_CLEARANCE_M: Final = 0.02
 """Extra clearance of a detour beyond the margin, for the accuracy of its corners; chosen."""
 ROUNDING: Final = 1e-6
+_DRIVES_CURVES: Final = {Controller.MPC, Controller.NAVIGATION}
 LOOKAHEAD_M: Final = 2.0
 """Lookahead distance within which a scanned obstacle stops a motion; chosen, not measured."""
 
@@ -99,6 +103,8 @@ def check_request(
     if not zones.not_empty:
         return None
     zones = avoided_obstacles(settings, zones)
+    if is_navigated(request, settings):
+        return _blocked_waypoint(waypoints_of(request), settings, zones, zones)
     if isinstance(request, MoveTo):
         detour = detour_to(request.target, pose, settings, zones, detours)
         return detour if isinstance(detour, Refusal) else None
@@ -106,8 +112,44 @@ def check_request(
     segments = detoured_segments(request, pose, settings, known)
     refusal = check_path(path_of(segments, law), settings, known)
     if refusal is None and isinstance(request, FollowPath):
-        return _blocked_waypoint(request.waypoints, settings, zones)
+        return _blocked_waypoint(request.waypoints, settings, zones, zones.scanned)
     return refusal
+
+
+def is_navigated(request: Request, settings: Settings) -> bool:
+    """Return whether the navigation carries out a motion, and plans its path."""
+    return requested_controller(request, settings.controller) is Controller.NAVIGATION
+
+
+def waypoints_of(request: Request) -> tuple[Waypoint, ...]:
+    """Return the targets of a motion; none of a relative one."""
+    match request:
+        case MoveTo(target):
+            return (target,)
+        case FollowPath(waypoints):
+            return waypoints
+        case _:
+            return ()
+
+
+def check_planned_path(
+    path: Sequence[Point], settings: Settings, zones: Zones, missing: str = ""
+) -> Refusal | None:
+    """Return a refusal if the path of a navigated leg violates the clearance, or None.
+
+    The navigation itself avoids scanned obstacles.
+
+    Args:
+        path: that of the navigation's planner, or straight lines to the targets.
+        settings: settings of the asset.
+        zones: the obstacles.
+        missing: why the planner gave no path; empty if it did.
+    """
+    refusal = check_path(path, settings, zones.known)
+    if refusal is None:
+        return None
+    text = f"straight {refusal.text}; {missing}" if missing else f"planned {refusal.text}"
+    return replace(refusal, text=text)
 
 
 def check_turns(
@@ -126,7 +168,7 @@ def check_turns(
         if rotate_radps * radius_m > travel_mps * (1.0 + ROUNDING):
             needed_m = travel_mps / rotate_radps
             text = f"turns at a radius of {needed_m:.2f} m: turn more slowly, or drive faster"
-    elif requested_controller(request, settings.controller) is not Controller.MPC:
+    elif requested_controller(request, settings.controller) not in _DRIVES_CURVES:
         tolerance_rad = settings.turn_drive.heading_tolerance_rad
         segments = detoured_segments(request, pose, settings, zones, detours)
         turns_rad = [each.by_rad for each in segments]
@@ -179,7 +221,7 @@ def leg_detour(
     zones, detours = avoided_obstacles(settings, scene[0]), scene[1]
     if not isinstance(step, Waypoint):
         return check_request(step, pose, settings, zones) or ()
-    if isinstance(request, FollowPath) and not left_path:
+    if isinstance(request, FollowPath) and not left_path and not is_navigated(request, settings):
         path = replace(request, waypoints=(*through, step))
         blocked = check_request(path, pose, settings, zones)
         if blocked is not None or through or not zones.scanned:
@@ -188,13 +230,13 @@ def leg_detour(
 
 
 def _blocked_waypoint(
-    waypoints: Sequence[Waypoint], settings: Settings, zones: Zones
+    waypoints: Sequence[Waypoint], settings: Settings, zones: Zones, obstacles: Iterable[Obstacle]
 ) -> Refusal | None:
-    """Return a refusal that names a waypoint too near to a scanned obstacle, or None."""
+    """Return a refusal that names a waypoint too near to one of these obstacles, or None."""
     needed_m = _needed_m(settings, zones)
     for each in waypoints:
         point = Point(each.x_m, each.y_m)
-        for seen in zones.scanned:
+        for seen in obstacles:
             gap_m = seen.clearance_m(point, point) - needed_m + zones.margin_m
             if gap_m < zones.margin_m:
                 at = f"the waypoint ({each.x_m:g}, {each.y_m:g})"
@@ -302,7 +344,7 @@ def detoured_segments(
 ) -> tuple[Segment, ...]:
     """Return the segments of a motion from a pose, with its detour, and with curves for turns."""
     law, radius_m = settings.turn_drive, settings.drive.min_turning_radius_m
-    if isinstance(request, MoveTo):
+    if isinstance(request, MoveTo) and not is_navigated(request, settings):
         avoided = avoided_obstacles(settings, zones)
         path = best_detour(request.target, pose, settings, avoided, detours)
         request = FollowPath((*(path or ()), request.target))

@@ -11,9 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
-from executive.commands.intake import check_localized
 from executive.commands.lifecycle import Accepted, Rejected, SubmitResult
 from executive.core.authority import Authority, AuthorityRecord, AuthorityRequest, AuthorityState
 from executive.core.commits import Commits, open_stop_latch
@@ -37,7 +35,7 @@ from executive.core.recording import (
 from executive.core.ros_clients import CancelRequest
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
-from executive.plans import LeafError, Planner, Tree, check_plan
+from executive.plans import LeafError, Planner, Tree
 from executive.preview import Predictor, PreviewRun
 from executive.record import Ledger, LedgerError, LedgerRetention, Notifications, PlanStore
 from executive.safety import FaultMonitor, unmonitored
@@ -54,7 +52,13 @@ from executive.values.facts import (
 )
 from executive.values.geometry import STANDING, Velocity
 from executive.values.parameters import ParameterValue
-from executive.values.ports import DelegatedMotionRover, Downlink, VelocityRover, Video
+from executive.values.ports import (
+    DelegatedMotionRover,
+    Downlink,
+    NavigationRover,
+    VelocityRover,
+    Video,
+)
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import (
     FileEvent,
@@ -91,6 +95,7 @@ class Executive:
 
     Attributes:
         ground: monitor of the time since the last contact with the ground.
+        predictions: predictions, and the paths that previews request.
         safety: the active faults.
         wake: called after each `submit` or `query`, on its thread; must be thread-safe
             and quick.
@@ -115,6 +120,7 @@ class Executive:
         self._clock = clock = LatchedClock(clock)
         self._recorder = Recorder(tape, clock)
         self.files = FileFolder(files, self._send_file_event)
+        planner = rover if isinstance(rover, NavigationRover) else None
         if tape is not None:
             tape.put(process_start(settings, ledger, self.files, solver, video))
             rover, downlinks, video, solver = recorded_ports(
@@ -142,7 +148,9 @@ class Executive:
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
         self.tree = build_tree(self._context)
-        self._predictions = Predictor(self._context, self._notifications, build_tree, solver)
+        self.predictions = Predictor(
+            self._context, self._notifications, build_tree, solver, planner
+        )
         self._planner = Planner(
             clock,
             settings,
@@ -151,7 +159,7 @@ class Executive:
             self._context.plans,
             self.tree,
             self._context.goals.cancel,
-            self._predictions.predict_plan,
+            self.predictions.predict_plan,
         )
         self.authority = Authority(
             clock,
@@ -181,7 +189,7 @@ class Executive:
             self._telemetry,
             self._planner,
             self.authority,
-            self._predictions,
+            self.predictions,
             self._pose,
             self._reactions,
         )
@@ -349,16 +357,7 @@ class Executive:
         The preview begins where the waiting and active motions end. Mode, queue and authority do
         not matter, since nothing is commanded.
         """
-        status, settings, context, clock = self.status, self.settings, self._context, self._clock
-        what = check_plan(request, settings) if isinstance(request, PlanDefinition) else request
-        if isinstance(what, Refusal):
-            return what
-        if (refusal := check_localized(status, settings)) is not None:
-            return refusal
-        scene = status.obstacles, context.detours.copy()  # as queries are not recorded
-        pose = expected_pose(context.goals.motion, status.pose, clock, settings, scene)
-        refusal = check_battery(what, pose, status, settings, scene)
-        return refusal or self._predictions.run(what, pose, apart=True)
+        return self.predictions.preview(request)
 
     def observe(self, fact: Fact) -> None:
         """Process a fact."""
@@ -590,9 +589,9 @@ class Executive:
     def _predict(self) -> None:
         """Advance searches of detours by a slice, or else predictions."""
         searching = self._context.detours.advance()
-        if not searching and self._predictions.advance():
+        if not searching and self.predictions.advance():
             self._commits.flush()
-        if searching or self._searching is not None or self._predictions.pending:
+        if searching or self._searching is not None or self.predictions.pending:
             self.wake()
 
 

@@ -8,14 +8,24 @@ of a search, fixed amounts, so that in lock step each repeats bit for bit.
 import logging
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from math import degrees
 from typing import Final
 
-from executive.commands import PLAN_LINK, Command, DriveFor, Motion, PreemptionPolicy
+from executive.checks import check_battery, expected_pose, is_navigated
+from executive.commands import (
+    PLAN_LINK,
+    Command,
+    DriveFor,
+    Motion,
+    PlanDefinition,
+    PreemptionPolicy,
+)
+from executive.commands.intake import check_localized
 from executive.goals import Context, Goal
 from executive.motion import SharedSolver
-from executive.plans import PlanNode
+from executive.plans import PlanNode, check_plan
 from executive.preview.preview import (
     Preview,
     PreviewRun,
@@ -25,11 +35,14 @@ from executive.preview.preview import (
 )
 from executive.record import Notifications
 from executive.state import MotionStatistics
+from executive.values.facts import PlannedPath
 from executive.values.geometry import Pose
+from executive.values.ports import NavigationRover, PathRequest
 from executive.values.reasons import PREDICTED, Figure, Refusal
 
 _LOG = logging.getLogger(__name__)
 
+NOT_REQUESTED: Final = "a prediction requests no path of the planner"
 SLICE_TICKS: Final = 2
 """Ticks of the copy in one slice."""
 
@@ -67,6 +80,7 @@ class Predictor:
         context: context of the asset; its values are copied.
         build_tree: builds the tree of a copy.
         solver: trajectory solver for mpc, if the asset offers it.
+        planner: answers requests of paths for previews, unrecorded as these are; None without one.
     """
 
     def __init__(
@@ -75,8 +89,11 @@ class Predictor:
         notifications: Notifications,
         build_tree: Callable[[Context], TickableTree],
         solver: SharedSolver | None = None,
+        planner: NavigationRover | None = None,
     ) -> None:
         self._context = context
+        self._planner = planner
+        self._path_numbers = count(1)
         self._notifications = notifications
         self._build_tree = build_tree
         self._solver = solver
@@ -86,6 +103,34 @@ class Predictor:
     def pending(self) -> bool:
         """Whether a job can be advanced now."""
         return bool(self._waiting) and self._ready(self._waiting[0])
+
+    def preview(self, request: Motion | PlanDefinition) -> PreviewRun | Refusal:
+        """See `Executive.preview`."""
+        context = self._context
+        settings, status = context.settings, context.status
+        what = check_plan(request, settings) if isinstance(request, PlanDefinition) else request
+        if isinstance(what, Refusal):
+            return what
+        if (refusal := check_localized(status, settings)) is not None:
+            return refusal
+        scene = status.obstacles, context.detours.copy()  # as queries are not recorded
+        pose = expected_pose(context.goals.motion, status.pose, context.clock, settings, scene)
+        refusal = check_battery(what, pose, status, settings, scene)
+        return refusal or self.run(what, pose, apart=True)
+
+    def request_path(self, request: PathRequest) -> PathRequest | None:
+        """Request a path for a preview; return the request as numbered, or None.
+
+        The planner serves one request at a time: while a navigated motion is active it serves that.
+        """
+        active = self._context.goals.motion.active
+        if self._planner is None:
+            return None
+        if active is not None and is_navigated(active.request, self._context.settings):
+            return None
+        request = replace(request, number=-next(self._path_numbers))
+        self._planner.plan_path(request)
+        return request
 
     def run(self, what: Motion | PlanNode, pose: Pose, apart: bool = False) -> PreviewRun:
         """Return a preview run of a motion or a plan from a pose.
@@ -104,6 +149,8 @@ class Predictor:
             *(pose, *speeds, context.files, status.obstacles, status.uncertainty),
             map_origin=None if isinstance(origin, Refusal) else origin,
             detours=context.detours.copy(),
+            odom_origin=status.odom_origin,
+            battery=status.battery,
         )
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
@@ -184,6 +231,8 @@ class Predictor:
         if work.run is None:
             work.run = self.run(work.subject, work.start)
             work.run.set_up()
+        elif (request := work.run.path_request) is not None:
+            work.run.provide_path(PlannedPath(request.number, (), NOT_REQUESTED))
         else:
             work.run.advance(SLICE_TICKS)
         return work.run.result
@@ -211,4 +260,5 @@ def describe(preview: Preview) -> str:
     energy = "" if energy_j is None else f" {energy_j:.0f} J,"
     position_text = f"({end.x_m:.2f}, {end.y_m:.2f}, {degrees(end.heading_rad):.0f}°)"
     took = f"{preview.duration_s:.1f} s, {preview.length_m:.1f} m"
-    return f"{took},{energy} end {position_text} ± {preview.within_m:.2f} m"
+    note = preview.note and f", {preview.note}"
+    return f"{took},{energy} end {position_text} ± {preview.within_m:.2f} m{note}"

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 from math import ceil, inf
 from typing import Final, Protocol, assert_never
 
-from executive.checks import check_pose, check_request
+from executive.checks import check_pose, check_request, is_navigated
 from executive.commands import (
     ABOARD_LINK,
+    DIRECT_LINK,
     Command,
     DriveFor,
     Line,
@@ -28,6 +29,7 @@ from executive.motion import Arbiter, TrajectorySolver, make_locomotion
 from executive.obstacles.detour import Detours
 from executive.obstacles.zones import ROUNDING_M, Zones
 from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
+from executive.preview.navigated_base import NavigatedBase
 from executive.preview.preview_rover import (
     CachedTrajectorySolver,
     DelegatedMotionBase,
@@ -40,14 +42,17 @@ from executive.settings import (
     LocomotionKind,
     MotionEndKind,
     MotionExtent,
+    NavigationGate,
+    NavigationSettings,
     Sensors,
     Settings,
     curved_m,
 )
 from executive.state import FileFolder, Status, Uncertainty
 from executive.values.clock import ManualClock
-from executive.values.facts import MapToOdom
-from executive.values.geometry import STANDING, Pose, wrap_rad
+from executive.values.facts import Battery, MapToOdom, PlannedPath
+from executive.values.geometry import STANDING, Pose, TargetFrame, Velocity, wrap_rad
+from executive.values.ports import PathRequest
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 
@@ -90,6 +95,7 @@ class Preview:
         within_m, within_rad: deviation from the end pose at 2 sigma.
         energy_j: None if the asset's settings lack energy figures.
         clearance: None without zones and known rocks.
+        note: a restriction of the prediction, for display; empty without one.
     """
 
     duration_s: float
@@ -100,6 +106,7 @@ class Preview:
     within_rad: float
     energy_j: float | None
     clearance: Clearance | None
+    note: str = ""
 
     @property
     def end(self) -> Pose:
@@ -136,6 +143,8 @@ class PreviewStart:
         uncertainty: uncertainty of the pose.
         map_origin: origin of the map in the frame of the pose; None if it is unknown.
         detours: detours, with earlier results.
+        odom_origin: origin of the rover's odometry in the frame of the pose.
+        battery: state of the battery, for navigated motions.
     """
 
     pose: Pose
@@ -147,6 +156,8 @@ class PreviewStart:
     uncertainty: Uncertainty
     map_origin: Pose | None = None
     detours: Detours = field(default_factory=Detours)
+    odom_origin: Pose = field(default_factory=Pose)
+    battery: Battery | None = None
 
 
 class TickableTree(Protocol):
@@ -241,13 +252,19 @@ class PreviewRun:
         self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
         self._confirmation_s = 0.0 if settings.sensors.imu is None else CONFIRMATION_S
         self._solver: CachedTrajectorySolver | None = None
-        if solver is not None and uses_mpc(request, settings):
+        self._straight = ""
+        navigation = _previewed_navigation(request, settings)
+        mpc, controller = replace(settings.mpc, selectable=False), Controller.TURN_DRIVE
+        if navigation is not None and settings.controller is Controller.NAVIGATION:
+            controller = Controller.NAVIGATION
+        elif navigation is None and solver is not None and uses_mpc(request, settings):
             self._solver = CachedTrajectorySolver(solver)
-            exact = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
-            self._settings = replace(self._settings, mpc=exact)
-        else:
-            without = replace(settings.mpc, selectable=False)
-            self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
+            mpc = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
+            if settings.controller is Controller.MPC:
+                controller = Controller.MPC
+        self._settings = replace(
+            self._settings, controller=controller, mpc=mpc, navigation=navigation
+        )
         self._build_tree = build_tree
         self._holds_velocity = any(isinstance(each, DriveFor) for each in _requests(request))
         self._course = iter(()) if isinstance(request, Motion) else nominal_steps(request)
@@ -266,12 +283,36 @@ class PreviewRun:
         """Whether it waits for a trajectory."""
         return self._solver is not None and self._solver.busy
 
+    @property
+    def path_request(self) -> PathRequest | None:
+        """The path of the navigation's planner that it waits for; None if it waits for none."""
+        base = self._base
+        request = base.path_request if isinstance(base, NavigatedBase) else None
+        if request is None or request.frame is TargetFrame.MAP:
+            return request
+        into = self._start.odom_origin.inverse
+        return replace(request, start=into.compose(request.start), goal=into.compose(request.goal))
+
+    def provide_path(self, path: PlannedPath) -> None:
+        """Provide the path that it waits for, as the planner answered, or why there is none."""
+        base = self._base
+        assert isinstance(base, NavigatedBase)
+        if not path.points:
+            self._straight = path.text
+        elif base.path_request is not None and base.path_request.frame is TargetFrame.ODOM:
+            origin = self._start.odom_origin
+            points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points]
+            path = replace(path, points=tuple(points))
+        base.provide_path(path)
+
     def advance(self, ticks: int) -> bool:
         """Advance the copy by some ticks, after `set_up`; return whether there is a result.
 
         A tick with a slice of a search is the last one.
         """
         for _ in range(ticks):
+            if self.path_request is not None:
+                break
             if self.result is None and not self.waiting_for_solver:
                 self._next()
             if self._context.detours.searched:
@@ -296,6 +337,8 @@ class PreviewRun:
             detours=start.detours,
         )
         self._tree = self._build_tree(self._context)
+        if start.battery is not None:
+            status.observe(start.battery)
         self._observe_base()
 
     def _begin_first(self) -> None:
@@ -308,7 +351,12 @@ class PreviewRun:
     def _copied_base(
         self, clock: ManualClock
     ) -> KinematicBase | DynamicModelBase | DelegatedMotionBase:
-        settings, pose = self._settings, self._start.pose
+        settings, start = self._settings, self._start
+        pose = start.pose
+        if settings.navigation is not None:
+            ratio = start.slow_ratio
+            speeds = Velocity(start.travel_speed_mps * ratio, start.rotate_speed_radps * ratio)
+            return NavigatedBase(clock, settings, pose, start.map_origin or Pose(), speeds)
         match settings.locomotion:
             case LocomotionKind.DELEGATED:
                 return DelegatedMotionBase(clock, settings, pose)
@@ -411,9 +459,8 @@ class PreviewRun:
             return
         self._began_s = self._clock.now_s()
         self._end = end_kind(request, pose, settings)
-        self._lifecycle = CommandLifecycle(
-            Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None
-        )
+        link = DIRECT_LINK if is_navigated(request, settings) else ABOARD_LINK
+        self._lifecycle = CommandLifecycle(Command(_IDENTITY, request, link), lambda *_: None)
         self._lifecycle.accept()
         self._context.goals.motion.add(self._lifecycle)
 
@@ -469,6 +516,7 @@ class PreviewRun:
             prediction.heading_deviation_rad(extent),
             prediction.energy_j(extent),
             track.clearance,
+            self._straight and f"along straight lines: {self._straight}",
         )
 
 
@@ -503,6 +551,14 @@ def uses_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
         requested_controller(each, settings.controller) is Controller.MPC
         for each in _requests(what)
     )
+
+
+def _previewed_navigation(what: Motion | PlanNode, settings: Settings) -> NavigationSettings | None:
+    """Return the settings of the copy's navigation; None if no motion is navigated."""
+    navigation = settings.navigation
+    if navigation is None or not any(is_navigated(each, settings) for each in _requests(what)):
+        return None
+    return replace(navigation, gate=NavigationGate.RELAY, input=None, lock=None)
 
 
 def _requests(what: Motion | PlanNode) -> tuple[Request, ...]:

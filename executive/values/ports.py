@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from executive.values.geometry import Pose, TargetFrame, Velocity
 from executive.values.parameters import ParameterValue
@@ -143,6 +143,10 @@ class DelegatedMotionRover(Rover, Protocol):
 
     def halt(self) -> None:
         """Stop, and hold zero velocity."""
+
+
+PLANNER_WAIT_S: Final = 2.0
+"""Maximum time to wait for the paths of a leg or of a preview; chosen, not measured."""
 
 
 @runtime_checkable

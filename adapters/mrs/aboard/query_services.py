@@ -33,6 +33,8 @@ from executive.history import ReceivedCommand, RunHistory
 from executive.history.history_builder import HistoryBuilder
 from executive.preview import Preview, PreviewRun, StepPreview
 from executive.settings import Settings
+from executive.values.facts import PlannedPath
+from executive.values.ports import PLANNER_WAIT_S, PathRequest
 from executive.values.reasons import Refusal
 from executive.values.reports import Identity, Report, without_figures
 from trees import TreeSnapshot, snapshot_of
@@ -40,6 +42,7 @@ from trees import TreeSnapshot, snapshot_of
 SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005
 MAX_CONCURRENT: Final = 2
+PLANNER_POLL_S: Final = 0.05
 MAX_PREVIEW_S: Final = 60.0
 """Timeout of a preview, e.g. if the trajectory solver does not answer; chosen, not measured."""
 
@@ -97,22 +100,38 @@ class PreviewService:
             run = await self._gateway.query(lambda executive: executive.preview(request))
             if isinstance(run, Refusal):
                 return run, ()
-            return await _run_in_slices(run), run.steps
+            return await self._run_in_slices(run), run.steps
         finally:
             self._running -= 1
 
+    async def _run_in_slices(self, run: PreviewRun) -> Preview | Refusal:
+        run.set_up()
+        try:
+            async with asyncio.timeout(MAX_PREVIEW_S):
+                while run.result is None:
+                    await asyncio.sleep(PAUSE_S)
+                    run.advance(SLICE_TICKS)
+                    if run.path_request is not None:
+                        run.provide_path(await self._planned(run.path_request))
+        except TimeoutError:
+            text = f"the preview was not computed within {MAX_PREVIEW_S:g} s: preview it in parts"
+            raise with_text(AreaError.BUSY, text) from None
+        return run.result
 
-async def _run_in_slices(run: PreviewRun) -> Preview | Refusal:
-    run.set_up()
-    try:
-        async with asyncio.timeout(MAX_PREVIEW_S):
-            while run.result is None:
-                await asyncio.sleep(PAUSE_S)
-                run.advance(SLICE_TICKS)
-    except TimeoutError:
-        text = f"the preview was not computed within {MAX_PREVIEW_S:g} s: preview it in parts"
-        raise with_text(AreaError.BUSY, text) from None
-    return run.result
+    async def _planned(self, wanted: PathRequest) -> PlannedPath:
+        """Return the answer of the navigation's planner; without points there is no path."""
+        query = self._gateway.query
+        request = await query(lambda executive: executive.predictions.request_path(wanted))
+        if request is None:
+            return PlannedPath(wanted.number, (), "the planner is not available during a drive")
+        loop = asyncio.get_running_loop()
+        until_s = loop.time() + PLANNER_WAIT_S
+        while loop.time() < until_s:
+            await asyncio.sleep(PLANNER_POLL_S)
+            path = await query(lambda executive: executive.status.planned_path(request.number))
+            if path is not None:
+                return path
+        return PlannedPath(wanted.number, (), f"no path of the planner in {PLANNER_WAIT_S:g} s")
 
 
 def _refusal_error(refusal: Refusal) -> MalError:

@@ -91,6 +91,8 @@ def preview_lines(found: Preview) -> list[str]:
     ]
     if found.clearance is not None:
         lines.append(f"clearance {found.clearance:.2f} m to {found.nearest}")
+    if found.note is not None:
+        lines.append(found.note)
     return lines
 
 

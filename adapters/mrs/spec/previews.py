@@ -83,6 +83,7 @@ def wire_preview(preview: "Preview") -> types.Preview:
         energy=preview.energy_j,
         clearance=None if clearance is None else clearance.least_m,
         nearest=None if clearance is None else clearance.obstacle,
+        note=preview.note or None,
     )
 
 

@@ -578,6 +578,8 @@ class Preview:
         clearance: m. Minimum distance from the disc swept by the turning footprint to zones and
             known rocks. NULL: none known.
         nearest: The zone or rock at that distance, for the operator.
+        note: A restriction, for the operator: e.g. straight lines instead of the navigation's path.
+            NULL: none.
     """
 
     duration: float
@@ -589,6 +591,7 @@ class Preview:
     energy: float | None = None
     clearance: float | None = None
     nearest: str | None = None
+    note: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@
 /** A file of a component. */ export type FileEntry = { path: string; size: number; modified: number; mime: string | null; checksum: number | null; meta: Record<string, number | string | boolean | null> };
 /** A submitted plan. */ export type PlanRevision = { asset: string; plan: string; revision: number; command: string; operator: string; utc: number; content: string };
 /** Predicted pose at one time. */ export type PreviewPose = { time: number; x: number; y: number; heading: number };
-/** Prediction of a motion or plan. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endUncertainty: number; headingUncertainty: number; energy: number | null; clearance: number | null; nearest: string | null };
+/** Prediction of a motion or plan. */ export type Preview = { duration: number; length: number; frame: string; path: PreviewPose[]; endUncertainty: number; headingUncertainty: number; energy: number | null; clearance: number | null; nearest: string | null; note: string | null };
 /** A step of an explanation. */ export type ExplanationStepBody = { utc: number | null; text: string };
 /** An explanation. */ export type ExplanationBody = { headline: string; reason: string | null; code: number | null; steps: ExplanationStepBody[]; evidence: string[]; lines: string[] };
 /** A step of a plan, if each step before it succeeds. */ export type RouteStep = { node: string; number: number; name: string; args: Record<string, any>; frame: string; points: number[][]; at: number[] | null; times: number };

@@ -191,12 +191,13 @@ export class CommandForm extends View {
 }
 
 /** Format a prediction in one line. @param {import("../model/messages.js").Preview} preview */
-export function predictionText({ duration, length, energy, path, clearance, nearest }) {
+export function predictionText({ duration, length, energy, path, clearance, nearest, note }) {
   const end = path.at(-1);
   return (
     `takes ${duration.toFixed(1)} s, ${length.toFixed(2)} m${energy == null ? "" : `, ${number(energy)} J`};` +
     ` ends at x ${end.x.toFixed(2)} m, y ${end.y.toFixed(2)} m, ${degrees(end.heading).toFixed(0)}°` +
-    (clearance == null ? "" : `; minimum clearance ${clearance.toFixed(2)} m, to ${nearest}`)
+    (clearance == null ? "" : `; minimum clearance ${clearance.toFixed(2)} m, to ${nearest}`) +
+    (note ? `; ${note}` : "")
   );
 }
 
