@@ -1,4 +1,4 @@
-"""`NavigatedBase` stands in for a rover and its navigation in a preview: it follows the path."""
+"""`NavigatedBase` simulates a rover with its navigation in a preview: it follows the path."""
 
 from math import copysign
 
@@ -20,7 +20,7 @@ CORNER_RAD = 0.5
 
 
 class NavigatedBase(KinematicBase):
-    """Base whose navigation drives along the planner's path exactly, at the maximum speeds.
+    """Base with a navigation that drives along the planner's path exactly, at the maximum speeds.
 
     Without such a path it drives straight to each pose. Its odometry frame is that of the pose.
 

@@ -92,6 +92,21 @@ class NavigationGate(Enum):
     RELAY = "relay"
 
 
+@unique
+class RelativeActions(Enum):
+    """Actions that carry out moveForward and rotateBy.
+
+    Attributes:
+        OFF: none; the executive drives them itself.
+        NAV2: drive_on_heading and spin of Nav2.
+        CREATE3: drive_distance and rotate_angle of a Create 3.
+    """
+
+    OFF = "off"
+    NAV2 = "nav2"
+    CREATE3 = "create3"
+
+
 @dataclass(frozen=True, slots=True)
 class NavigationSettings:
     """The navigation: Nav2's action servers or others with these interfaces.
@@ -105,6 +120,7 @@ class NavigationSettings:
             drives to the target itself.
         recovery_s: added to the deadline of a motion for the navigation's recoveries.
         passing_m: radius within which it counts an intermediate pose as passed.
+        relative: actions that carry out moveForward and rotateBy.
     """
 
     gate: NavigationGate
@@ -114,6 +130,7 @@ class NavigationSettings:
     finish_within_m: float = 0.5
     recovery_s: float = 60.0
     passing_m: float = 0.7
+    relative: RelativeActions = RelativeActions.OFF
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the figures are positive, and the gate has its names."""
