@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from typing import Final
 
 from py_trees.common import Status
@@ -11,6 +12,7 @@ from executive.checks import (
     check_request,
     check_target,
     check_turns,
+    is_navigated,
     leg_detour,
     scanned_obstacle_ahead,
     turning_curves,
@@ -43,9 +45,11 @@ from executive.obstacles.detour import Scene
 from executive.obstacles.zones import ClearanceViolation
 from executive.settings import Controller
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
+from executive.values.ports import PLANNER_WAIT_S
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.motion_leaf import MAX_ATTEMPTS, MAX_DETOURS, MotionLeaf
+from trees.planner_path import PathPlanning
 
 EXTERNAL_START_WINDOW_S = 0.5
 """Time for a rover to report that it already executes the command from another link."""
@@ -82,11 +86,16 @@ HOLD_POSITION_TOLERANCE_M, HOLD_POSITION_TOLERANCE_PER_M = 0.12, 0.04
 class PlanLeg(MotionLeaf):
     """Waits for standstill, then plans the leg from there."""
 
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name, context)
+        self._path_numbers = count(1)
+
     def begin(self) -> float:
         """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
         self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Scene] | None = None
+        self._planning: PathPlanning | None = None
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
@@ -115,10 +124,25 @@ class PlanLeg(MotionLeaf):
             self._count_passed_waypoints()
             step, through = _next_step(goal, self.context.locomotion)
             self._scene = step, through, status.pose, self.context.scene
+            if isinstance(step, Waypoint) and self._navigated:
+                self._planning = PathPlanning(
+                    self.context, goal, (*through, step), self._path_numbers
+                )
+                self.set_deadline(self._deadline_for(PLANNER_WAIT_S))
         step, through, pose, scene = self._scene
         self.context.detours.undecided = False
-        path = goal.request, goal.progress.left_path, step, through
-        detour, refusal = leg_detour(*path, pose, settings, scene), self._check_begin(pose, scene)
+        planned = None if self._planning is None else self._planning.path()
+        if self._planning is not None and planned is None:
+            self.feedback_message = "waiting for the planner's path"
+            self.context.intents.motion = STANDING
+            return Status.RUNNING
+        detour: tuple[Waypoint, ...] | Refusal
+        if planned is None:
+            path = goal.request, goal.progress.left_path, step, through
+            detour = leg_detour(*path, pose, settings, scene)
+        else:
+            detour = planned.check(self.context) or ()
+        refusal = self._check_begin(pose, scene, 0.0 if planned is None else planned.longer_m)
         if self.context.detours.undecided:
             self.feedback_message = "searching for a detour"
             self.context.intents.motion = STANDING
@@ -129,8 +153,8 @@ class PlanLeg(MotionLeaf):
             return self.fail(refusal)
         progress, supported = goal.progress, self.context.locomotion.supports_curve
         one_curve = isinstance(step, Waypoint) and supported(goal.command, step)
-        in_one = one_curve and not progress.turn_then_drive
-        if isinstance(step, Waypoint) and not in_one:
+        in_one = planned is None and one_curve and not progress.turn_then_drive
+        if isinstance(step, Waypoint) and not in_one and planned is None:
             rest = FollowPath((*detour, step), Controller.TURN_DRIVE)
             tight = check_turns(rest, status.pose, settings, status.obstacles)
             if tight is not None:
@@ -145,11 +169,20 @@ class PlanLeg(MotionLeaf):
             leg,
             curves=turning_curves(step, status.pose, settings, status.obstacles.known),
             force_turn_then_drive=progress.turn_then_drive or progress.at_detour,
+            path=() if planned is None else planned.points,
         )
+        if planned is not None:
+            goal.lifecycle.advance(progress.step, goal.step_count, str(planned))
         goal.start_pose = status.pose
         if progress.untried:
             goal.origin = status.pose
         return Status.SUCCESS
+
+    @property
+    def _navigated(self) -> bool:
+        """Whether the navigation drives the leg; after it the rover drives to the target itself."""
+        goal = self.goal
+        return is_navigated(goal.request, self.context.settings) and not goal.progress.attempts
 
     def _count_passed_waypoints(self) -> None:
         """Count the waypoints that the rover passed without a motion: while braking for a pause."""

@@ -70,8 +70,14 @@ class MotionLeaf(GoalLeaf):
         text = f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
         return text if uncertainty else ""
 
-    def _check_begin(self, pose: Pose, scene: Scene) -> Refusal | None:
-        """Return a refusal if a goal may not start here, by pose or battery, or None."""
+    def _check_begin(self, pose: Pose, scene: Scene, longer_m: float = 0.0) -> Refusal | None:
+        """Return a refusal if a goal may not start here, by pose or battery, or None.
+
+        Args:
+            pose: start pose.
+            scene: the obstacles, and the detours around them.
+            longer_m: by how much a planner's path exceeds the straight lines.
+        """
         context, goal, status = self.context, self.goal, self.context.status
         request = goal.request
         if not goal.progress.new:
@@ -80,7 +86,7 @@ class MotionLeaf(GoalLeaf):
         uncertain = check_pose(request, pose, status.uncertainty, context.settings)
         if uncertain is not None or goal.command.link == ABOARD_LINK:
             return uncertain
-        return check_battery(request, pose, status, context.settings, scene)
+        return check_battery(request, pose, status, context.settings, scene, longer_m)
 
     @property
     def _odometry_late(self) -> bool:
