@@ -42,6 +42,7 @@ SIMULATED_TESTS: Final = (
     "tests/docs/test_commands.py",
     "tests/drawing",
     "tests/mops",
+    "tests/navigation",
     "tests/plot",
     "tests/recording/test_completion.py",
     "tests/recording/test_damaged.py",

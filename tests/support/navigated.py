@@ -46,6 +46,7 @@ from tests.support.navigation import (
 )
 
 BASE_TIMEOUT_S: Final = 0.3
+MAX_MPS: Final = 2.0
 BRAKING_MPS2: Final = 2.0
 BRAKING_RADPS2: Final = 6.0
 ANSWER_S: Final = 0.1
@@ -270,7 +271,10 @@ class NavigatedRover(KinematicRover):
     # The base
 
     def _command(self, velocity: Velocity) -> None:
-        self._wanted, self._wanted_at_s = velocity, self.now_s
+        if velocity.finite:
+            travel_mps = max(-MAX_MPS, min(MAX_MPS, velocity.travel_mps))
+            self._wanted = Velocity(travel_mps, velocity.rotate_radps)
+            self._wanted_at_s = self.now_s
 
     def _move(self, step_s: float) -> None:
         timed_out = self.now_s - self._wanted_at_s > BASE_TIMEOUT_S + 1e-9
