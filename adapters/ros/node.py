@@ -30,7 +30,7 @@ from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.emergency_stop import RobotEmergencyStop
 from adapters.ros.parameters import TF_MESSAGE, Topic, Topics, declare_flag, declare_rate
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
-from adapters.ros.rover import RosAsset, foreign_publishers
+from adapters.ros.rover import PolledRover, RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.subscription import ReceivedData, TopicSubscription
 from adapters.ros.transforms import Transforms
@@ -147,6 +147,7 @@ class ExecutiveNode:
         if topics.camera is not None:
             rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
         rover.subscribe(self.subscribe, self._observe)
+        self._polled = rover if isinstance(rover, PolledRover) else None
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
@@ -283,6 +284,8 @@ class ExecutiveNode:
         self._odometry.poll()
         self._sensors.poll()
         self._transforms.poll()
+        if self._polled is not None:
+            self._polled.poll(self._transforms.map_to_odom)
 
     def _tick(self) -> None:
         with self._ticks.tick():
