@@ -12,7 +12,6 @@ from executive.checks import (
     check_request,
     check_target,
     check_turns,
-    is_navigated,
     leg_detour,
     scanned_obstacle_ahead,
     turning_curves,
@@ -38,6 +37,7 @@ from executive.motion import (
     Verified,
     hold_extent,
     leg_errors,
+    navigate_to,
     passes_within,
     plan_leg,
 )
@@ -122,9 +122,10 @@ class PlanLeg(MotionLeaf):
         if self._scene is None:  # a search continues from its first scene
             goal.localize(status, settings)
             self._count_passed_waypoints()
+            self._limit_finish()
             step, through = _next_step(goal, self.context.locomotion)
             self._scene = step, through, status.pose, self.context.scene
-            if isinstance(step, Waypoint) and self._navigated:
+            if isinstance(step, Waypoint) and self._navigates:
                 self._planning = PathPlanning(
                     self.context, goal, (*through, step), self._path_numbers
                 )
@@ -164,7 +165,9 @@ class PlanLeg(MotionLeaf):
             leg = plan_leg(detour[0], settings, status)
         else:
             around = tuple(Point(each.x_m, each.y_m) for each in detour)
-            leg = plan_leg(step, settings, status, through, around)
+            leg = plan_leg(step, settings, status, through, around, planned is not None)
+        if planned is not None and isinstance(step, Waypoint) and leg.target is not None:
+            leg = navigate_to(leg, step, status.pose, *goal.target_frame(status))
         goal.leg = replace(
             leg,
             curves=turning_curves(step, status.pose, settings, status.obstacles.known),
@@ -177,12 +180,6 @@ class PlanLeg(MotionLeaf):
         if progress.untried:
             goal.origin = status.pose
         return Status.SUCCESS
-
-    @property
-    def _navigated(self) -> bool:
-        """Whether the navigation drives the leg; after it the rover drives to the target itself."""
-        goal = self.goal
-        return is_navigated(goal.request, self.context.settings) and not goal.progress.attempts
 
     def _count_passed_waypoints(self) -> None:
         """Count the waypoints that the rover passed without a motion: while braking for a pause."""
@@ -198,6 +195,15 @@ class PlanLeg(MotionLeaf):
             if not passes_within(Point(each.x_m, each.y_m), near_m, before, now):
                 return
             self._advance()
+
+    def _limit_finish(self) -> None:
+        """Let the navigation drive again if the rover is no longer near its target."""
+        goal, navigation = self.goal, self.context.settings.navigation
+        if goal.progress.finishing and navigation is not None:
+            step, _ = _next_step(goal, self.context.locomotion)
+            assert isinstance(step, Waypoint)
+            off_m = self.context.status.pose.point.distance_m(Point(step.x_m, step.y_m))
+            goal.progress.finishing = off_m <= navigation.finish_within_m
 
     def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:
         """Report a detour once, and again after a new obstacle.
@@ -320,6 +326,7 @@ class FinishLeg(MotionLeaf):
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
         known_by = f"{self._evidence_sources}{self._from_where(goal.origin)}"
+        known_by += f"; {goal.navigation_report}" if goal.navigation_report else ""
         self.queue.complete_active(
             f"{goal.command.name} done in {took_s:.2f} s, {known_by}",
             (
@@ -328,6 +335,7 @@ class FinishLeg(MotionLeaf):
                 Figure("heading error", heading_rad, "rad"),
                 *self.context.status.pose_figures,
                 *goal.map_figures(self.context.status),
+                *goal.navigation_figures,
                 *verified.figures,
             ),
         )

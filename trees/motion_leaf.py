@@ -8,7 +8,7 @@ from executive.checks import check_battery, check_pose
 from executive.commands import ABOARD_LINK
 from executive.commands import Motion as CommandedMotion
 from executive.goals import Context
-from executive.motion import WAIT_S, Motion, Verified
+from executive.motion import WAIT_S, Motion, NavigatedMotion, Verified
 from executive.obstacles.detour import Scene
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Pose
@@ -21,6 +21,8 @@ MAX_DETOURS = 20
 """Maximum detours to one target that a new obstacle may interrupt; chosen, not measured."""
 MAX_START_AGE_RATIO = 0.5
 """Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
+MAP_WAIT_S: Final = 3.0
+"""Maximum wait of a navigated motion for the transform: the navigation needs it, too."""
 WAITING_FOR_MAP: Final = "waiting for the transform from map to odom"
 SLID_M, SLID_PER_M = 0.1, 0.05
 """Slide tolerance of a rover without second odometry, constant and per metre of its path."""
@@ -44,14 +46,23 @@ class MotionLeaf(GoalLeaf):
         """Hold while the map is lost, as long as for a second-odometry frame; report it once."""
         goal = self.goal
         before, goal.waits_for_map = goal.waits_for_map, self.context.lost_map is not None
+        navigates = self.context.locomotion.navigates(goal.command)
         if before is not goal.waits_for_map:
-            self.set_deadline(self._deadline_for(WAIT_S))
+            self.set_deadline(MAP_WAIT_S if navigates else self._deadline_for(WAIT_S))
         if goal.waits_for_map:
             self.feedback_message = WAITING_FOR_MAP
             self.context.intents.motion = STANDING
             if not before:
                 goal.lifecycle.advance(goal.progress.step, goal.step_count, WAITING_FOR_MAP)
         return goal.waits_for_map
+
+    @property
+    def _navigates(self) -> bool:
+        """Whether the navigation drives the next leg."""
+        return (
+            self.context.locomotion.navigates(self.goal.command)
+            and not self.goal.progress.finishing
+        )
 
     @property
     def _executed_by_relay(self) -> bool:
@@ -135,12 +146,18 @@ class MotionLeaf(GoalLeaf):
 
     def _begin(self, motion: Motion | None) -> float:
         self._motion, self._noticed, self._passed = motion, False, 0
-        return self._deadline_for(0.0 if motion is None else motion.expected_s)
+        return self._deadline_for(0.0) if motion is None else self._allowed_s(motion)
+
+    def _allowed_s(self, motion: Motion) -> float:
+        return self._deadline_for(motion.expected_s) + motion.extra_s
 
     def _run_motion(self, standing: bool) -> Status:
         """Set the intents of a motion until it has ended, or the next may start."""
         motion, goal = self._motion, self.goal
         if motion is not None:
+            if goal.leg.navigation is not None:
+                goal.localize(self.context.status, self.context.settings)
+                motion.observe(goal.leg)
             for _ in range(motion.waypoints_passed - self._passed):
                 self._advance()
             self._passed = motion.waypoints_passed
@@ -148,6 +165,8 @@ class MotionLeaf(GoalLeaf):
                 self._on_abort(motion)
                 return Status.FAILURE
         if motion is None or (motion.done if standing else motion.handover_allowed):
+            if isinstance(motion, NavigatedMotion):
+                goal.end_navigation(motion.report, motion.figures)
             return Status.SUCCESS
         if motion.failure is not None:
             return self.fail(motion.failure)
@@ -156,7 +175,7 @@ class MotionLeaf(GoalLeaf):
         if self.context.lost_map is not None and not self._executed_by_relay:
             return Status.FAILURE  # PlanLeg holds until the map returns
         if motion.update_limits(now_s) or self._executed_by_relay:
-            self.set_deadline(self._deadline_for(motion.expected_s))
+            self.set_deadline(self._allowed_s(motion))
         self.context.intents.motion = motion.intent(now_s)
         self.feedback_message = motion.remaining_text
         if motion.progress_note is not None and not self._noticed:

@@ -16,6 +16,7 @@ from typing import Final, assert_never
 from executive.commands.lifecycle import CommandLifecycle
 from executive.motion.delegated_motion import DelegatedDriver, DelegatedLocomotion
 from executive.motion.locomotion import BaseDriver, Locomotion
+from executive.motion.navigation import NavigationDriver, NavigationLocomotion
 from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.trajectory import TrajectorySolver
 from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
@@ -199,11 +200,17 @@ def make_locomotion(
     match settings.locomotion:
         case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
             mover = VelocityDriver(clock, settings, status, rover)
+            own = VelocityLocomotion(clock, settings, status)
             if settings.offers_mpc:
                 if solver is None:
                     raise SettingsError(NO_SOLVER)
-                return PredictiveLocomotion(clock, settings, status, mover, solver), mover
-            return VelocityLocomotion(clock, settings, status), mover
+                own = PredictiveLocomotion(clock, settings, status, mover, solver)
+            if settings.navigation is None:
+                return own, mover
+            if not isinstance(rover, NavigationRover):
+                raise TypeError(f"{rover} has no navigation, as its settings declare")
+            driver = NavigationDriver(clock, settings, status, rover, mover)
+            return NavigationLocomotion(clock, settings, status, own), driver
         case LocomotionKind.DELEGATED if isinstance(rover, DelegatedMotionRover):
             return DelegatedLocomotion(settings, status), DelegatedDriver(
                 clock, settings, status, rover
