@@ -129,6 +129,7 @@ class NavigationClient:
         self._frames = {TargetFrame.ODOM: odom, TargetFrame.MAP: map_frame or "map"}
         self._facts: list[Fact] = []
         self._sent: _SentGoal | None = None
+        self._aborted: _SentGoal | None = None
         self._waiting: NavigationGoal | None = None
         self._abandoned: dict[bytes, PolledAction] = {}
         self._paths: dict[int, tuple[PathRequest, float]] = {}
@@ -225,7 +226,7 @@ class NavigationClient:
         return self._frames[task.frame] if isinstance(task, NavigateTo) else ""
 
     def _abandon(self) -> None:
-        self._waiting = None
+        self._waiting = self._aborted = None
         if self._sent is not None:
             self._abandoned[self._sent.uuid] = self._sent.server.action
             self._sent = None
@@ -294,7 +295,7 @@ class NavigationClient:
                     server.action.cancel(uuid)
                 elif status in ENDED:
                     del self._abandoned[uuid]
-        sent = self._sent
+        sent = self._sent or self._aborted
         if sent is None or sent.server is not server or sent.uuid not in statuses:
             return
         status, since_ns = statuses[sent.uuid]
@@ -338,6 +339,8 @@ class NavigationClient:
         self._sent = None
         if state is NavigationState.LOST:
             self._abandoned[sent.uuid] = sent.server.action
+        if state is NavigationState.ABORTED:
+            self._aborted = sent  # the cause may be a goal of another client, which arrives later
         code = int(getattr(result, "error_code", 0))
         text = text or str(getattr(result, "error_msg", ""))
         self._report(sent.goal, state, code=code, text=text, missed=missed_poses(result))

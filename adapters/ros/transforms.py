@@ -128,7 +128,7 @@ def frame_names(node: Node) -> tuple[str, str, str]:
     for name, default in (("map", ""), ("odom", ODOM), ("base_link", BASE_LINK)):
         key = f"frames.{name}"
         if node.has_parameter(key):
-            text = str(node.get_parameter(key).value or "")
+            text = str(node.get_parameter_or(key).value or "")
         else:
             text = declare_optional_text(node, key, f"frame {name}")
         found.append(text or default)
