@@ -159,7 +159,12 @@ class Leg:
         if self.target is None:
             return replace(self, heading_rad=_turned(self.heading_rad, origin))
         end = origin.compose(Pose(self.target.x_m, self.target.y_m))
-        return replace(self, target=end.point, heading_rad=_turned(self.heading_rad, origin))
+        return replace(
+            self,
+            target=end.point,
+            heading_rad=_turned(self.heading_rad, origin),
+            via_points=tuple(each.moved(origin) for each in self.via_points),
+        )
 
     @property
     def free(self) -> bool:

@@ -56,6 +56,8 @@ SETTLE_S: Final = 0.3
 """Time from a cancellation of all goals to the next request, which it must not reach."""
 RELAYED_S: Final = 0.2
 """Maximum age of a velocity of the navigation that is relayed."""
+MOVED_M: Final = 0.05
+"""Minimum distance moved after the end that is reported; chosen."""
 BRAKING_S: Final = 0.6
 """Time from the shut gate to standstill: the velocity is not known."""
 UNKNOWN: Final = Velocity(-inf, -inf), Velocity(inf, inf)
@@ -158,7 +160,8 @@ class NavigatedMotion(Motion):
         assert leg.navigation is not None
         assert status.navigation is not None
         assert settings.navigation is not None
-        self._leg, self._task = leg, leg.navigation
+        self._leg = self._end_leg = leg
+        self._task = leg.navigation
         self._command, self._numbers = command, numbers
         self._clock, self._settings, self._status = clock, settings, status
         self._navigation: NavigationSettings = settings.navigation
@@ -166,6 +169,7 @@ class NavigatedMotion(Motion):
         self._begun_s = clock.now_s()
         self._goal = self._next_goal()
         self._sent = self._accepted = self._ended = False
+        self._end_m = 0.0
         self._standing_s: float | None = None
         self._last_point = status.pose.point
         self._map_to_odom = status.map_to_odom
@@ -199,6 +203,11 @@ class NavigatedMotion(Motion):
         return self._ended and self._status.standing and self._missed and self.failure is None
 
     @property
+    def _reach_m(self) -> float:
+        """Maximum distance from the target at the end of the navigation."""
+        return max(self._navigation.finish_within_m, self._leg.tolerance_m)
+
+    @property
     def _missed(self) -> bool:
         return self.waypoints_passed < len(self._leg.via_points)
 
@@ -207,7 +216,12 @@ class NavigatedMotion(Motion):
         """Why it failed: by the navigation's reports, or as it ended too far from the target."""
         if self._failure is not None or not self._ended:
             return self._failure
-        reach_m, (off_m, off_rad) = self._navigation.finish_within_m, self._errors
+        # A leg that moves with the map after the end is compared once the rover is stationary.
+        reach_m = self._reach_m
+        off_m, off_rad = leg_errors(self._end_leg, self._settings, self._status)
+        text = self.report
+        if self._status.standing and abs(off_m - self._end_m) > MOVED_M:
+            text += f", and the rover stopped {off_m:.2f} m from it"
         if not self._status.standing:
             travel_mps = self._status.velocity.travel_mps
             reach_m += travel_mps**2 / (2 * self._settings.drive.braking_mps2)
@@ -216,11 +230,11 @@ class NavigatedMotion(Motion):
             return None
         figures = (
             Figure("position error", off_m, "m"),
-            Figure("bound", self._navigation.finish_within_m, "m"),
+            Figure("bound", self._reach_m, "m"),
             Figure("heading error", off_rad, "rad"),
             *self.figures,
         )
-        return Refusal(Reason.OFF_TARGET, self.report, figures)
+        return Refusal(Reason.OFF_TARGET, text, figures)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
@@ -312,7 +326,7 @@ class NavigatedMotion(Motion):
             figures = Figure("silent", silent_s, "s"), Figure("bound", bound_s, "s")
             self._fail(Reason.NAVIGATION_TIMEOUT, text, *figures)
             return
-        within = self._errors[0] <= self._navigation.finish_within_m and not self._missed
+        within = self._errors[0] <= self._reach_m and not self._missed
         if not (within and self._status.standing):
             self._standing_s = None
         elif self._standing_s is None:
@@ -360,8 +374,8 @@ class NavigatedMotion(Motion):
         return within and self._status.standing and not self._missed
 
     def _end(self, text: str) -> None:
-        self._ended = True
-        self.report = f"{text} {self._errors[0]:.2f} m from the target"
+        self._ended, self._end_leg, self._end_m = True, self._leg, self._errors[0]
+        self.report = f"{text} {self._end_m:.2f} m from the target"
 
     def _fail(self, reason: Reason, text: str, *figures: Figure) -> None:
         off = Figure("position error", self._errors[0], "m")
