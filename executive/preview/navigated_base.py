@@ -17,6 +17,8 @@ from executive.values.ports import NavigateTo, NavigationGoal, PathRequest
 
 CORNER_RAD = 0.5
 """Maximum corner of a path that is turned while driving; others are turned on the spot. Chosen."""
+END_M = END_RAD = 0.15
+"""Distance and angle from its target at which the navigation ends; chosen. Nav2: at most 0.25."""
 
 
 class NavigatedBase(KinematicBase):
@@ -71,7 +73,7 @@ class NavigatedBase(KinematicBase):
         origin = self._origins[goal.task.frame]
         ends = [origin.compose(each) for each in goal.task.poses]
         points = [each.point for each in ends]
-        self._left = [*self._left, points[-1]] if self._left else points
+        self._left = [*self._left[:-1], points[-1]] if self._left else points
         self._heading_rad = ends[-1].heading_rad
 
     def cancel_navigation(self) -> None:
@@ -114,7 +116,8 @@ class NavigatedBase(KinematicBase):
         """Follow the path for a time; return the time that is left at its end."""
         while self._left and left_s:
             at = self.pose.point
-            point, length_m = self._left[0], at.distance_m(self._left[0])
+            point, is_last = self._left[0], len(self._left) == 1
+            length_m = max(0.0, at.distance_m(point) - (END_M if is_last else 0.0))
             if length_m:
                 left_s = self._turn(at.bearing_rad(point), left_s, CORNER_RAD)
             moved_m = min(length_m, self._speeds.travel_mps * left_s)
@@ -124,7 +127,9 @@ class NavigatedBase(KinematicBase):
             ahead = self.pose.ahead(moved_m)
             self.pose = Pose(ahead.x_m, ahead.y_m, heading_rad=self.pose.heading_rad)
         if not self._left:
-            left_s = self._turn(self._heading_rad, left_s, 0.0)
+            by_rad = wrap_rad(self._heading_rad - self.pose.heading_rad)
+            by_rad = copysign(max(0.0, abs(by_rad) - END_RAD), by_rad)
+            left_s = self._turn(self.pose.heading_rad + by_rad, left_s, 0.0)
         return left_s
 
     def _turn(self, heading_rad: float, left_s: float, free_rad: float) -> float:

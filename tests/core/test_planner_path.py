@@ -1,7 +1,7 @@
 """The path of the navigation's planner: waited for, checked, and what happens without one."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import nan, pi
 from pathlib import Path
 
@@ -16,73 +16,21 @@ from executive.commands import (
 )
 from executive.faults import Reaction
 from executive.obstacles.zones import KeepOut, Zones
-from executive.preview import Preview, PreviewRun
-from executive.settings import BatterySettings, NavigationGate, Settings
+from executive.preview import Preview
+from executive.settings import BatterySettings, NavigationGate
 from executive.values.facts import PlannedPath
-from executive.values.geometry import Point, Pose, TargetFrame
+from executive.values.geometry import Point, Pose, TargetFrame, wrap_rad
 from executive.values.ports import PathRequest
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Report, Stage
-from tests.support.navigated import NavigatedBench, NavigatedRover, settings
+from tests.support.navigated import settings
+from tests.support.planned import PlannedBench
 
 THERE = Waypoint(4.0, 0.0)
 AROUND = (Point(1.0, 1.5), Point(3.0, 1.5))
 CRATER = KeepOut("crater", ((1.5, -0.5), (2.5, -0.5), (2.5, 0.5), (1.5, 0.5)))
 ZONED = settings(NavigationGate.RELAY, zones=Zones(keep_out=(CRATER,)))
 FREE = settings(NavigationGate.RELAY)
-
-
-@dataclass
-class PlannedRover(NavigatedRover):
-    """Its planner answers with these points, with none and a reason, or not at all (None)."""
-
-    via: tuple[Point, ...] | str | None = ()
-    requests: list[PathRequest] = field(default_factory=list)
-
-    def plan_path(self, request: PathRequest) -> None:
-        self.requests.append(request)
-        if isinstance(self.via, str):
-            self.facts.append(PlannedPath(request.number, (), self.via))
-        elif self.via is not None:
-            points = request.start.point, *self.via, request.goal.point
-            self.facts.append(PlannedPath(request.number, points))
-
-
-class PlannedBench(NavigatedBench):
-    rover: PlannedRover
-
-    def __init__(self, folder: Path, asset: Settings) -> None:
-        super(NavigatedBench, self).__init__(
-            folder, asset, rover=PlannedRover(gate=NavigationGate.RELAY)
-        )
-
-    def texts(self, number: int) -> list[str]:
-        return [each.text for each in self.of(number) if each.stage is Stage.PROGRESS]
-
-    def of(self, number: int) -> Iterator[Report]:
-        reports = self.received.reports
-        return (each for each in reports if each.identity and each.identity.command_id == number)
-
-    def previewed(self, motion: Motion) -> Preview | Refusal:
-        """Preview a motion as the link does: the planner's answers arrive as facts."""
-        run = self.executive.preview(motion)
-        if isinstance(run, Refusal):
-            return run
-        run.set_up()
-        while not run.advance(7):
-            self.answer(run)
-        assert run.result is not None
-        return run.result
-
-    def answer(self, run: PreviewRun) -> None:
-        wanted = run.path_request
-        if wanted is None:
-            return
-        request = self.executive.predictions.request_path(wanted)
-        assert request is not None
-        self.run(0.1)
-        path = self.executive.status.planned_path(request.number)
-        run.provide_path(path or PlannedPath(request.number, (), "no path in time"))
 
 
 @pytest.fixture
@@ -254,3 +202,49 @@ def test_a_preview_leaves_the_planner_to_a_navigated_drive(free: PlannedBench) -
     numbered = free.executive.predictions.request_path(wanted)
     assert numbered is not None
     assert numbered.number == -1
+
+
+def test_a_preview_follows_the_path_of_the_planner(zoned: PlannedBench) -> None:
+    zoned.rover.via = AROUND
+    found = zoned.previewed(MoveTo(THERE))
+    assert isinstance(found, Preview), found
+    length_m = 2 * Point(0.0, 0.0).distance_m(AROUND[0]) + 2.0
+    assert found.length_m == pytest.approx(length_m, abs=0.15)
+    assert not found.note
+    assert max(each.pose.y_m for each in found.path) == pytest.approx(1.5, abs=0.05)
+    assert found.end.point.distance_m(Point(4.0, 0.0)) < 0.05
+    zoned.submit(MoveTo(THERE), 1)
+    zoned.run(0.5)
+    assert found.energy_j is not None
+
+
+@pytest.mark.at_length
+@pytest.mark.parametrize("gate", NavigationGate)
+@pytest.mark.parametrize(
+    ("motion", "via"),
+    [
+        (MoveTo(Waypoint(4.0, 0.0, pi / 2)), AROUND),
+        (MoveTo(Waypoint(3.0, 1.0), frame=TargetFrame.MAP), ()),
+        (FollowPath((Waypoint(2.0, 0.5, tolerance_m=0.8), Waypoint(4.0, 0.0, -1.0))), ()),
+        (FollowPath((Waypoint(2.0, 0.0), Waypoint(2.0, 2.0, 0.0), Waypoint(2.0, 2.0, 1.0))), ()),
+    ],
+)
+def test_a_preview_agrees_with_the_drive(
+    tmp_path: Path, motion: Motion, via: tuple[Point, ...], gate: NavigationGate
+) -> None:
+    with PlannedBench(tmp_path, settings(gate)) as bench:
+        bench.rover.via = via
+        bench.rover.map_to_odom = Pose(0.5, 0.5, heading_rad=0.3)
+        bench.submit(SetPositionCompensation(1.0, 0.0, 0.0, 0.4), 1)
+        bench.run(0.5)
+        found = bench.previewed(motion)
+        assert isinstance(found, Preview), found
+        before_m, before_s = bench.executive.status.travelled_m, bench.clock.now_s()
+        bench.execute(motion, 2)
+        pose = bench.executive.status.pose
+        assert pose.point.distance_m(found.end.point) <= found.within_m
+        assert abs(wrap_rad(pose.heading_rad - found.end.heading_rad)) <= found.within_rad + 0.05
+        driven_m = bench.executive.status.travelled_m - before_m
+        assert found.length_m == pytest.approx(driven_m, rel=0.12)
+        took_s = bench.clock.now_s() - before_s  # the navigation's speeds are its own
+        assert 0.4 * took_s <= found.duration_s <= took_s
