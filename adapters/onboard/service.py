@@ -51,6 +51,7 @@ from adapters.ros import (
     single_threaded,
     steady_timer,
 )
+from adapters.ros.client_link import ReadCommandText, RosClientLink
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
 from executive.core.recording import RecordingTee
@@ -59,7 +60,7 @@ from executive.goals import Context
 from executive.history.history_builder import HistoryBuilder
 from executive.motion import SharedSolver
 from executive.record import Ledger, LedgerError
-from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.settings import LocomotionKind, RosCommands, Settings, SettingsError
 from executive.values.clock import Clock
 from executive.values.ports import Downlink, Video
 from executive.values.reports import Severity
@@ -248,6 +249,12 @@ def executive_on(
         relay_topics = ExecutiveRelayTopics(node)
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
+    read_text: ReadCommandText | None = None
+    if settings.ros.commands is not RosCommands.OFF:
+        from adapters.mrs.cli import command_text
+
+        read_text = command_text.read_command_text
+    clients = RosClientLink(node, settings, read_text)
     counted = None if housekeeping is None else housekeeping.metrics
     if counted is not None:
         counted.attach(ledger)
@@ -263,7 +270,7 @@ def executive_on(
             rover=rover,
             ledger=ledger,
             files=files,
-            downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
+            downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else []), clients],
             build_tree=build_tree,
             video=video,
             solver=solver,
@@ -276,6 +283,7 @@ def executive_on(
         if housekeeping is not None:
             served.on_ticks = housekeeping.note
             housekeeping.rover = rover if isinstance(rover, HousekeepingProvider) else None
+        clients.serve(executive, served)
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.publish = relay.publish_housekeeping
@@ -284,6 +292,7 @@ def executive_on(
         try:
             yield executive
         finally:
+            clients.close()
             served.close()
             executive.close()
             if not _stop_until_acknowledged(rover):

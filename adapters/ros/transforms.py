@@ -33,7 +33,7 @@ from adapters.ros.parameters import (
 from adapters.ros.robot_model import TF, TF_STATIC, latched_qos
 from adapters.ros.subscription import TopicSubscription
 from executive.values.facts import MapToOdom, Odometry
-from executive.values.geometry import Pose, Velocity, wrap_rad
+from executive.values.geometry import Pose, TargetFrame, Velocity, wrap_rad
 
 MAX_STEP_S: Final = 1.0
 """Maximum time between two transforms that give a velocity."""
@@ -76,6 +76,12 @@ class Transforms:
         ):
             callback = contained(partial(self._on_map, static))
             self.subscriptions.append(TopicSubscription(node, topic, callback, polled=True))
+
+    @property
+    def target_frames(self) -> dict[str, TargetFrame]:
+        """The frames of targets by their names here; without a name there is no map."""
+        named = {self._map: TargetFrame.MAP, self._odom: TargetFrame.ODOM}
+        return {name: frame for name, frame in named.items() if name}
 
     def of_base(self, receive: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback for TFMessages that passes on each transform of base_link."""

@@ -168,7 +168,7 @@ def test_a_cancel_ends_one_command_and_leaves_no_stop(tmp_path: Path) -> None:
         assert bench.rover.pose.x_m < 1.5
 
 
-def test_the_authority_is_requested_when_free_kept_and_never_taken(tmp_path: Path) -> None:
+def test_the_authority_is_requested_when_free_and_never_taken(tmp_path: Path) -> None:
     with bench_of(tmp_path, RosCommands.ALWAYS, needed=True) as bench:
         authority = RequestedAuthority(bench)
         operator = authority.request("MOE")

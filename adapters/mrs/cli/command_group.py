@@ -24,6 +24,7 @@ from executive.commands import (
     ExecuteAction,
     Family,
     PreemptionPolicy,
+    Request,
     Waypoint,
     all_declarations,
     arguments_of,
@@ -282,7 +283,6 @@ def command(**_: Any) -> None:
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
     """Return the sub-command of a request."""
-    written = declaration.user_arguments
     parameters = parameters_of(declaration)
     if declaration.family is Family.MOTION:
         parameters.append(_replace())
@@ -294,11 +294,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         **given: Any,
     ) -> None:
-        if declaration.at_least_one and all(value is None for value in given.values()):
-            names = ", ".join(f"--{argument.name}" for argument in written)
-            raise click.UsageError(f"give at least one of {names}")
-        values = (given[argument.field] for argument in written)
-        sender.send(declaration.build_request(*values), preemption)
+        sender.send(_request_of(declaration, given), preemption)
 
     return SendingCommand(
         declaration.name,
@@ -306,6 +302,30 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         callback=send,
         help=help_of(declaration, parameters, "rover command", declaration.examples),
     )
+
+
+def _request_of(declaration: CommandDeclaration, given: dict[str, Any]) -> Request:
+    """Return the request of the given values; raise click.UsageError if all are missing."""
+    written = declaration.user_arguments
+    if declaration.at_least_one and all(value is None for value in given.values()):
+        names = ", ".join(f"--{argument.name}" for argument in written)
+        raise click.UsageError(f"give at least one of {names}")
+    request: Request = declaration.build_request(*(given[each.field] for each in written))
+    return request
+
+
+def operation_request(name: str, given: dict[str, Any]) -> Request:
+    """Return the request of an operation with the given values.
+
+    Raises:
+        click.UsageError: it needs at least one of them.
+    """
+    return _request_of(next(each for each in all_declarations() if each.name == name), given)
+
+
+def sending_option(name: str) -> click.Parameter:
+    """Return an option of `rover command`."""
+    return next(each for each in _SENDING_OPTIONS if each.name == name)
 
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:

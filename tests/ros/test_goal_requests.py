@@ -1,0 +1,159 @@
+"""Goals of actions become motions, or are refused with the field that is wrong."""
+
+from math import nan
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, PoseStamped
+
+from adapters.mrs.cli.command_text import read_command_text
+from adapters.ros.client_link import BURST, Admission
+from adapters.ros.conversions import MessageError
+from adapters.ros.goal_requests import (
+    PASSED_M,
+    goal_request,
+    number_of_pose,
+    number_of_uuid,
+    pose_request,
+    time_allowance_s,
+)
+from executive.commands import ExecuteAction, FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
+from executive.values.geometry import TargetFrame
+from executive.values.reports import Identity
+from tests.support.ros_client import pose_of
+
+pytestmark = pytest.mark.ros
+
+FRAMES = {"odom": TargetFrame.ODOM, "world": TargetFrame.MAP}
+
+
+def request_of(action: str, **fields: Any) -> Any:
+    return goal_request(action, SimpleNamespace(**fields), FRAMES, max_waypoints=6)
+
+
+def test_each_action_becomes_a_motion() -> None:
+    two = [pose_of(1.0, 0.0, 0.5), pose_of(2.0, 0.0, 1.0)]
+    odom = TargetFrame.ODOM
+    assert request_of("navigate_to_pose", pose=pose_of(1.0, 2.0, 0.5, "world")) == MoveTo(
+        Waypoint(1.0, 2.0, 0.5), frame=TargetFrame.MAP
+    )
+    through = FollowPath(
+        (Waypoint(1.0, 0.0, tolerance_m=PASSED_M), Waypoint(2.0, 0.0, 1.0)), frame=odom
+    )
+    assert request_of("navigate_through_poses", poses=two) == through
+    assert request_of("navigate_through_poses", poses=SimpleNamespace(goals=two)) == through
+    stops = Waypoint(1.0, 0.0, 0.5), Waypoint(2.0, 0.0, 1.0)
+    looped = request_of("follow_waypoints", poses=two, goal_index=1, number_of_loops=1)
+    assert looped == FollowPath((stops[1], *stops), frame=odom)
+    assert request_of("spin", target_yaw=0.5) == RotateBy(0.5)
+    for x_m in (0.3, -0.3):
+        assert request_of("backup", target=Point(x=x_m), speed=0.1) == MoveForward(-0.3)
+    assert request_of("drive_on_heading", target=Point(x=-0.3), speed=-0.1) == MoveForward(-0.3)
+
+
+def tilted() -> PoseStamped:
+    pose = pose_of(0.0, 0.0)
+    pose.pose.orientation.x, pose.pose.orientation.w = 0.6, 0.8
+    return pose
+
+
+def high() -> PoseStamped:
+    pose = pose_of(0.0, 0.0)
+    pose.pose.position.z = 1.0
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("action", "fields", "wrong"),
+    [
+        ("navigate_to_pose", {"pose": pose_of(nan, 0.0)}, "position.x is nan"),
+        ("navigate_to_pose", {"pose": tilted()}, "not level"),
+        ("navigate_to_pose", {"pose": high()}, "not level"),
+        ("navigate_to_pose", {"pose": pose_of(0.0, 0.0, frame="map")}, "knows odom or world"),
+        ("navigate_to_pose", {"pose": pose_of(0, 0), "behavior_tree": "a.xml"}, "behavior_tree"),
+        ("navigate_through_poses", {"poses": []}, "has none"),
+        (
+            "navigate_through_poses",
+            {"poses": [pose_of(0.0, 0.0), pose_of(0.0, 0.0, frame="world")]},
+            "several frames",
+        ),
+        (
+            "follow_waypoints",
+            {"poses": [pose_of(0.0, 0.0)], "goal_index": 1, "number_of_loops": 0},
+            "goal_index is 1",
+        ),
+        (
+            "follow_waypoints",
+            {"poses": [pose_of(0.0, 0.0)], "goal_index": 0, "number_of_loops": 4_000_000_000},
+            "at most 6",
+        ),
+        ("spin", {"target_yaw": nan}, "target_yaw is nan"),
+        ("spin", {"target_yaw": 1.0, "time_allowance": Duration(sec=-1)}, "time_allowance"),
+        ("backup", {"target": Point(x=1.0, y=0.1), "speed": 0.1}, "only x"),
+        ("drive_on_heading", {"target": Point(x=1.0), "speed": -0.1}, "same sign"),
+    ],
+)
+def test_a_wrong_goal_is_refused_by_its_field(
+    action: str, fields: dict[str, Any], wrong: str
+) -> None:
+    with pytest.raises(MessageError, match=wrong):
+        request_of(action, **fields)
+
+
+def test_a_time_allowance_of_zero_is_none() -> None:
+    assert time_allowance_s(SimpleNamespace(time_allowance=Duration())) is None
+    assert (
+        time_allowance_s(SimpleNamespace(time_allowance=Duration(sec=1, nanosec=500))) == 1.0000005
+    )
+
+
+def test_numbers_fit_a_command_and_differ_by_goal_and_stamp() -> None:
+    assert number_of_uuid(bytes(16)) == 1
+    assert number_of_uuid(b"\xff" * 16) == (1 << 63) - 1
+    assert number_of_uuid(bytes(range(16))) != number_of_uuid(bytes(range(1, 17)))
+    first, later = pose_of(1.0, 0.0), pose_of(1.0, 0.0)
+    assert number_of_pose(first) == number_of_pose(later)
+    later.header.stamp.sec = 1
+    assert 0 < number_of_pose(first) != number_of_pose(later) < 1 << 63
+    assert pose_request(first, FRAMES) == pose_request(later, FRAMES)
+
+
+def test_a_flood_is_refused_after_a_burst_and_reported_once_a_second() -> None:
+    now_s = 0.0
+    admission = Admission(lambda: now_s)
+    assert [admission.admit() for _ in range(BURST + 5)].count(True) == BURST
+    refusal = admission.take_refusal()
+    assert refusal is not None
+    assert "5 commands" in refusal.text
+    admitted = 0
+    for _ in range(200):
+        now_s += 0.005
+        admitted += admission.admit()
+    assert admitted == 10
+    assert admission.take_refusal() is not None
+    assert admission.take_refusal() is None
+
+
+def test_texts_are_read_with_their_options_or_refused() -> None:
+    identity = Identity("ROS", 1)
+    command = read_command_text(
+        "moveTo 1 2 --heading 90deg --lifetime 10s --replace", identity, "ros"
+    )
+    assert isinstance(command.request, MoveTo)
+    assert (command.lifetime_s, command.preemption.value) == (10.0, "replace")
+    assert read_command_text("action VIDEO ON", identity, "ros").request == ExecuteAction(
+        "VIDEO ON"
+    )
+    for wrong in (
+        "",
+        "fly",
+        "halt",
+        "moveForward",
+        "moveForward 1 'x",
+        "action",
+        "moveTo 1 --to a",
+    ):
+        with pytest.raises(ValueError, match=r"\w"):
+            read_command_text(wrong, identity, "ros")
