@@ -40,15 +40,17 @@ class MotionLeaf(GoalLeaf):
     def on_timeout(self) -> Status:
         """Fail the goal on timeout, with the reason of the map if that is lost."""
         lost = self.context.lost_map
+        if self.goal.leg.navigation is not None:
+            self.timeout_text = f"{self.name}: not done ({self.feedback_message})"
         return super().on_timeout() if lost is None else self.fail(lost)
 
     def _hold_for_map(self) -> bool:
         """Hold while the map is lost, as long as for a second-odometry frame; report it once."""
         goal = self.goal
         before, goal.waits_for_map = goal.waits_for_map, self.context.lost_map is not None
-        navigates = self.context.locomotion.navigates(goal.command)
         if before is not goal.waits_for_map:
-            self.set_deadline(MAP_WAIT_S if navigates else self._deadline_for(WAIT_S))
+            short = goal.waits_for_map and self.context.locomotion.navigates(goal.command)
+            self.set_deadline(MAP_WAIT_S if short else self._deadline_for(WAIT_S))
         if goal.waits_for_map:
             self.feedback_message = WAITING_FOR_MAP
             self.context.intents.motion = STANDING

@@ -116,10 +116,10 @@ class NavigationTrack:
         parts = ["requested" if answer is None else answer.state.value]
         if feedback is not None and feedback.remaining_m is not None:
             parts.append(f"{quantity_text(feedback.remaining_m, 'm', '.2f')} of its path left")
-        if feedback is not None and feedback.poses_remaining is not None:
+        if feedback is not None and (feedback.poses_remaining or 0) > 1:
             parts.append(f"{feedback.poses_remaining} poses left")
         if feedback is not None and feedback.recoveries:
-            parts.append(f"{feedback.recoveries} recoveries")
+            parts.append(f"recoveries: {feedback.recoveries}")
         return f"navigation goal {goal.number} {', '.join(parts)}"
 
 

@@ -12,7 +12,8 @@ from adapters.recording.replay import replay
 from executive.commands import FollowPath, MoveForward, MoveTo, Resume, Stop, Waypoint
 from executive.commands.catalogue import DriveFor, SetPositionCompensation
 from executive.motion import Leg
-from executive.settings import Controller, NavigationGate, TargetFrame
+from executive.safety import unmonitored
+from executive.settings import Controller, NavigationGate, NavigationSettings, TargetFrame
 from executive.state import NavigationTrack
 from executive.values.clock import ManualClock
 from executive.values.facts import (
@@ -171,6 +172,33 @@ def test_a_goal_of_the_process_before_is_cancelled_and_drives_nothing(
     bench.execute(MoveTo(Waypoint(1.0, 0.0)), 2)
 
 
+class Undecided(Navigation):
+    """Gives feedback, and never drives."""
+
+    def step(self, now_s: float, pose: Pose) -> Velocity | None:
+        if self.goal is not None:
+            self._feed(self.goal, now_s, 1.5)
+        return None
+
+
+def test_a_drive_without_an_end_has_a_deadline_that_names_its_state(start: Start) -> None:
+    section = NavigationSettings(RELAY, recovery_s=2.0)
+    bench = start(RELAY, navigation=section)
+    bench.rover.navigation = Undecided()
+    bench.submit(NEAR, 1)
+    bench.run(2.0)
+    state = "navigation goal 1 accepted, 1.50 m of its path left"
+    assert bench.executive.why == f"standing during MOE:1 moveTo, {state}"
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.DRIVE_DEADLINE
+    assert bench.last(1).text.startswith(f"drive: not done ({state}) within ")
+
+
+def test_motion_behind_a_lock_is_listed_as_not_monitored() -> None:
+    named = {name for each in unmonitored(settings(LOCK)) for name in each.faults}
+    assert "off_command" in named - {n for e in unmonitored(settings(RELAY)) for n in e.faults}
+
+
 def test_the_position_of_odometry_counts_not_the_report(start: Start) -> None:
     bench = start(LOCK, "succeeds_at_once")
     bench.submit(MoveTo(Waypoint(0.7, 0.4)), 1)
@@ -316,8 +344,7 @@ def test_reports_of_other_goals_and_after_the_end_change_nothing() -> None:
     for state in NavigationState:
         track.observe(NavigationStatus(1, state))
     track.observe(NavigationFeedback(1, 0.0))
-    assert track.answer is None
-    assert track.feedback is None
+    assert track.text == "navigation goal 2 requested"
     track.observe(NavigationStatus(2, NavigationState.UNAVAILABLE))
     assert not track.answered
     track.observe(NavigationStatus(2, NavigationState.ACCEPTED))
