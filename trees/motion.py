@@ -179,6 +179,7 @@ class PlanLeg(MotionLeaf):
         goal.start_pose = status.pose
         if progress.untried:
             goal.origin = status.pose
+            goal.navigation_report, goal.navigation_figures = "", ()
         return Status.SUCCESS
 
     def _count_passed_waypoints(self) -> None:
@@ -296,6 +297,11 @@ class FinishLeg(MotionLeaf):
         verified: Verified | Refusal | None = Verified(())
         if progress.step + 1 == goal.step_count and not progress.at_detour:
             verified = self._verify()
+            navigation = self.context.status.navigation
+            if goal.navigation_report and navigation is not None and navigation.moves:
+                self.feedback_message = "the navigation still commands a velocity"
+                self.context.intents.motion = STANDING
+                return Status.RUNNING
         if verified is None:
             return Status.RUNNING
         if isinstance(verified, Refusal):

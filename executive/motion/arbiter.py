@@ -37,6 +37,8 @@ from executive.values.reasons import Identity, Refusal
 
 NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started without one"
 
+NO_NAVIGATION: Final = "the settings have the section navigation, but this rover has no navigation"
+
 
 @dataclass(slots=True)
 class Intents:
@@ -194,7 +196,8 @@ def make_locomotion(
     The solver computes trajectories for model predictive control, if the asset offers that.
 
     Raises:
-        SettingsError: the settings offer model predictive control, and there is no solver.
+        SettingsError: the settings offer model predictive control, and there is no solver; or a
+            navigation, and the rover has none.
         TypeError: the rover is not of the kind that the settings name.
     """
     match settings.locomotion:
@@ -208,7 +211,7 @@ def make_locomotion(
             if settings.navigation is None:
                 return own, mover
             if not isinstance(rover, NavigationRover):
-                raise TypeError(f"{rover} has no navigation, as its settings declare")
+                raise SettingsError(NO_NAVIGATION)
             driver = NavigationDriver(clock, settings, status, rover, mover)
             return NavigationLocomotion(clock, settings, status, own), driver
         case LocomotionKind.DELEGATED if isinstance(rover, DelegatedMotionRover):

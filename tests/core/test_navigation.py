@@ -13,7 +13,13 @@ from executive.commands import FollowPath, MoveForward, MoveTo, Resume, Stop, Wa
 from executive.commands.catalogue import DriveFor, SetPositionCompensation
 from executive.motion import Leg
 from executive.safety import unmonitored
-from executive.settings import Controller, NavigationGate, NavigationSettings, TargetFrame
+from executive.settings import (
+    Controller,
+    NavigationGate,
+    NavigationSettings,
+    SettingsError,
+    TargetFrame,
+)
 from executive.state import NavigationTrack
 from executive.values.clock import ManualClock
 from executive.values.facts import (
@@ -26,6 +32,7 @@ from executive.values.geometry import STANDING, Point, Pose, Velocity
 from executive.values.ports import NavigateTo, NavigationGoal
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Stage
+from tests.support.kinematic import Bench
 from tests.support.navigated import NavigatedBench, NavigatedRover, Server, settings
 from tests.support.navigation import Navigation
 
@@ -170,6 +177,38 @@ def test_a_goal_of_the_process_before_is_cancelled_and_drives_nothing(
     assert bench.rover.moved_m == path_m
     assert bench.executive.mode.name == "IDLE"
     bench.execute(MoveTo(Waypoint(1.0, 0.0)), 2)
+
+
+class Late(Navigation):
+    """Reaches its target, and repeats its last velocity afterwards, by no goal."""
+
+    until_s = 0.0
+    repeats_s = 0.8
+
+    def step(self, now_s: float, pose: Pose) -> Velocity | None:
+        goal, velocity = self.goal, super().step(now_s, pose)
+        if goal is not None and self.goal is None:
+            self.until_s = now_s + self.repeats_s
+        return Velocity(0.2, 0.0) if now_s < self.until_s else velocity
+
+
+@pytest.mark.parametrize("repeats_s", [0.8, 4.0])
+def test_success_waits_until_the_navigation_is_silent(start: Start, repeats_s: float) -> None:
+    bench, late = start(LOCK), Late()
+    bench.rover.navigation, late.repeats_s = late, repeats_s
+    bench.submit(MoveTo(Waypoint(1.0, 0.0, tolerance_m=0.3)), 1)
+    ended = bench.finish(1)
+    assert ended is (Stage.EXECUTED if repeats_s < 1.0 else Stage.FAILED)
+    if ended is Stage.EXECUTED:
+        assert bench.clock.now_s() >= late.until_s
+    else:
+        assert bench.last(1).reason is Reason.NAVIGATION_UNCOMMANDED_MOTION
+        assert bench.executive.mode.name == "SAFE"
+
+
+def test_settings_with_a_navigation_need_a_rover_with_one(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="this rover has no navigation"):
+        Bench(tmp_path, settings(LOCK))
 
 
 class Undecided(Navigation):
