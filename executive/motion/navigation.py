@@ -320,7 +320,10 @@ class NavigatedMotion(Motion):
     def _check_active(self, now_s: float) -> None:
         """Fail a goal without feedback; end one if the rover is stationary within reach."""
         silent_s = now_s - self._track.contact_s
-        bound_s = MOVING_SILENCE_S if self._track.moves else SILENCE_S
+        # A navigation that planned in silence has as long for its first feedback in motion.
+        moving_s = now_s - max(self._track.contact_s, self._track.moving_since_s)
+        is_silent_moving = self._track.moves and moving_s > MOVING_SILENCE_S
+        bound_s = MOVING_SILENCE_S if is_silent_moving else SILENCE_S
         if silent_s > bound_s:
             text = f"the navigation accepted the goal, then reported nothing for {silent_s:.1f} s"
             figures = Figure("silent", silent_s, "s"), Figure("bound", bound_s, "s")

@@ -37,6 +37,7 @@ class NavigationTrack:
         is_open: whether the gate is open.
         idle_s: since when no goal is active; infinite while one is.
         velocity: the newest velocity of the navigation, of any goal, and `velocity_s`, its time.
+        moving_since_s: since when it commands motion, if it does.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -48,7 +49,7 @@ class NavigationTrack:
         self.is_open = False
         self.idle_s = clock.now_s() + START_GRACE_S
         self.velocity, self.velocity_s = STANDING, -inf
-        self._moved_s = -inf
+        self._moved_s = self.moving_since_s = -inf
 
     def begin(self, goal: NavigationGoal) -> None:
         """Follow a goal that is requested now."""
@@ -65,6 +66,8 @@ class NavigationTrack:
         """Add a fact."""
         now_s = self._clock.now_s()
         if isinstance(fact, NavigationVelocity):
+            if not self.moves:
+                self.moving_since_s = now_s
             self.velocity, self.velocity_s = fact.velocity, now_s
             if is_motion(fact.velocity):
                 self._moved_s = now_s

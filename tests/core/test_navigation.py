@@ -120,7 +120,7 @@ def test_each_end_shuts_the_gate_and_cancels(start: Start, gate: NavigationGate,
     bench.run(0.5)
     assert bench.rover.cancels > cancels
     if end in {"stop", "joystick"}:
-        assert bench.rover.stands
+        assert bench.rover.is_stationary
         path_m = bench.rover.moved_m
         bench.run(1.0)
         assert bench.rover.moved_m == path_m
@@ -136,7 +136,7 @@ def test_a_pause_ends_the_goal_and_its_end_requests_another(start: Start) -> Non
     bench.run(2.0)
     bench.rover.joystick = STANDING
     bench.run(1.0)
-    assert bench.rover.stands
+    assert bench.rover.is_stationary
     bench.rover.joystick = None
     bench.run(1.0)
     bench.execute(Resume(), 2)
@@ -314,7 +314,7 @@ def test_a_lost_transform_holds_the_motion_and_then_fails_it(start: Start) -> No
     bench.run(2.0)
     bench.rover.map_to_odom = None
     bench.run(1.6)
-    assert bench.rover.stands
+    assert bench.rover.is_stationary
     bench.rover.map_to_odom = ODOM_IN_MAP
     bench.run(1.5)
     assert bench.rover.moving.travel_mps > 0.1
@@ -322,7 +322,7 @@ def test_a_lost_transform_holds_the_motion_and_then_fails_it(start: Start) -> No
     assert bench.finish(1, 6.0) is Stage.FAILED
     assert bench.last(1).reason is Reason.NO_MAP
     assert 3.9 < figure(bench, 1, "age") < 5.5
-    assert bench.rover.stands
+    assert bench.rover.is_stationary
 
 
 def test_the_waypoints_of_a_leg_move_with_its_map() -> None:

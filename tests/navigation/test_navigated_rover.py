@@ -49,7 +49,7 @@ def test_a_navigation_drives_to_its_goal_through_an_open_gate() -> None:
 def test_a_gate_that_is_shut_or_left_alone_stops_it(is_open: bool | None, extra_s: float) -> None:
     rover = driving()
     run(rover, extra_s + BASE_TIMEOUT_S + BRAKING_S + 2 * STEP_S, is_open)
-    assert rover.stands
+    assert rover.is_stationary
 
 
 def test_zero_on_the_own_input_stops_it_sooner() -> None:
@@ -57,7 +57,7 @@ def test_zero_on_the_own_input_stops_it_sooner() -> None:
     rover.open_gate(False)
     rover.drive(Velocity())
     run(rover, BRAKING_S + STEP_S, False)
-    assert rover.stands
+    assert rover.is_stationary
 
 
 def test_a_relayed_navigation_moves_nothing_by_itself() -> None:
@@ -89,7 +89,7 @@ def test_requests_are_lost_by_a_server_that_was_killed_and_wait_while_it_is_froz
     assert run(rover, 0.1) == [NavigationState.UNAVAILABLE.name]
 
 
-def test_a_goal_that_is_accepted_after_it_was_given_up_is_cancelled() -> None:
+def test_a_goal_that_is_accepted_too_late_is_cancelled() -> None:
     rover = NavigatedRover(answer_s=1.5)
     rover.navigate(GOAL)
     run(rover, 1.0)

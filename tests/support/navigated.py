@@ -69,7 +69,7 @@ MUX: Final = MuxSettings(
 _ENDS: Final = {
     GoalEnd.SUCCEEDED: NavigationState.SUCCEEDED,
     GoalEnd.ABORTED: NavigationState.ABORTED,
-    GoalEnd.CANCELED: NavigationState.CANCELLED,
+    GoalEnd.CANCELLED: NavigationState.CANCELLED,
 }
 
 
@@ -160,7 +160,7 @@ class NavigatedRover(KinematicRover):
     _process: int = 1
     _serial: int = 0
     _key: _Key | None = None
-    _given_up: set[object] = field(default_factory=set)
+    _abandoned: set[object] = field(default_factory=set)
     _answered: set[object] = field(default_factory=set)
     _others: set[object] = field(default_factory=set)
     _later: list[tuple[float, Callable[[], None]]] = field(default_factory=list)
@@ -194,7 +194,7 @@ class NavigatedRover(KinematicRover):
     def navigate(self, goal: NavigationGoal) -> None:
         self.goals.append(goal)
         self.first_request_s = min(self.first_request_s, self.now_s)
-        self._give_up()
+        self._abandon()
         self._serial += 1
         key = self._key = _Key(self._process, goal.number, self._serial)
         if self.server is Server.ABSENT:
@@ -206,7 +206,7 @@ class NavigatedRover(KinematicRover):
 
     def cancel_navigation(self) -> None:
         self.cancels += 1
-        self._give_up()
+        self._abandon()
         if self.random.random() >= self.loss_ratio:
             self._request(lambda: self._cancel(None))
 
@@ -234,7 +234,7 @@ class NavigatedRover(KinematicRover):
         """Lose what the executive's process knew; messages that it sent are under way."""
         self._process += 1
         self._key = None
-        self._given_up.clear()
+        self._abandoned.clear()
         self.facts.clear()
 
     def guard(self) -> None:
@@ -243,7 +243,7 @@ class NavigatedRover(KinematicRover):
         self.drive(STANDING)
 
     @property
-    def stands(self) -> bool:
+    def is_stationary(self) -> bool:
         """Whether it is stationary by ground truth."""
         return self._moving == STANDING
 
@@ -307,9 +307,9 @@ class NavigatedRover(KinematicRover):
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         self._later.append((self.now_s + delay_s, action))
 
-    def _give_up(self) -> None:
+    def _abandon(self) -> None:
         if self._key is not None and self._key not in self._answered:
-            self._given_up.add(self._key)
+            self._abandoned.add(self._key)
 
     def _cancel(self, key: object | None) -> None:
         self.navigation.cancel(key)
@@ -329,7 +329,7 @@ class NavigatedRover(KinematicRover):
         if key.process != self._process:
             return
         self._answered.add(key)
-        if key in self._given_up:
+        if key in self._abandoned:
             if accepted:
                 self._request(lambda: self._cancel(key))
             return
@@ -392,7 +392,7 @@ class NavigatedRover(KinematicRover):
 
     def _take_event(self, event: GoalFeedback | GoalResult | ServerRestarted) -> None:
         key = event.key
-        if not isinstance(key, _Key) or not self._is_own(key) or key in self._given_up:
+        if not isinstance(key, _Key) or not self._is_own(key) or key in self._abandoned:
             return
         number = key.number  # also of an earlier goal
         self.last_event_s = self.now_s
@@ -421,8 +421,10 @@ class NavigatedBench(Bench):
         gate: NavigationGate,
         navigation: Navigation | None = None,
         settings_: Settings | None = None,
+        start: Pose | None = None,
     ) -> None:
-        rover = NavigatedRover(gate=gate, navigation=navigation or Navigation())
+        pose, navigation = start or Pose(), navigation or Navigation()
+        rover = NavigatedRover(pose=pose, truth=pose, gate=gate, navigation=navigation)
         super().__init__(folder, settings_ or settings(gate), rover=rover)
 
     def step(self) -> None:

@@ -21,7 +21,7 @@ PERIOD_S: Final = 0.05
 _ENDS: Final = {
     GoalEnd.SUCCEEDED: NavigationState.SUCCEEDED,
     GoalEnd.ABORTED: NavigationState.ABORTED,
-    GoalEnd.CANCELED: NavigationState.CANCELLED,
+    GoalEnd.CANCELLED: NavigationState.CANCELLED,
 }
 
 

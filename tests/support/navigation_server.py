@@ -108,15 +108,15 @@ class NavigationServer:
                 result.error_msg = ended.text
             if ended.end is GoalEnd.SUCCEEDED:
                 handle.succeed()
-            elif ended.end is GoalEnd.CANCELED and handle.is_cancel_requested:
+            elif ended.end is GoalEnd.CANCELLED and handle.is_cancel_requested:
                 handle.canceled()
             else:
                 handle.abort()
             return result
 
         def on_cancel(handle: Any) -> CancelResponse:
-            canceling = navigation.cancel(bytes(handle.goal_id.uuid))
-            return CancelResponse.ACCEPT if canceling else CancelResponse.REJECT
+            cancelling = navigation.cancel(bytes(handle.goal_id.uuid))
+            return CancelResponse.ACCEPT if cancelling else CancelResponse.REJECT
 
         self._serve_action(
             kind,
@@ -208,17 +208,22 @@ class NavigationServer:
             message.number_of_recoveries = event.recoveries
             remaining_s = int(event.remaining_m / self._navigation.speed_mps)
             message.estimated_time_remaining.sec = remaining_s
-        if hasattr(message, "number_of_poses_remaining"):
-            message.number_of_poses_remaining = event.poses_remaining
         goal = self._navigation.goal
-        if hasattr(message, "current_waypoint") and goal is not None:
-            message.current_waypoint = goal.index
-        if hasattr(message, "distance_traveled"):
-            message.distance_traveled = float(max(0.0, first_m - event.remaining_m))
-        if hasattr(message, "angular_distance_traveled"):
-            turned_rad = wrap_rad(pose.heading_rad - start.heading_rad)
-            message.angular_distance_traveled = float(turned_rad)
+        _fill(
+            message,
+            number_of_poses_remaining=event.poses_remaining,
+            current_waypoint=0 if goal is None else goal.index,
+            distance_traveled=float(max(0.0, first_m - event.remaining_m)),
+            angular_distance_traveled=float(wrap_rad(pose.heading_rad - start.heading_rad)),
+        )
         handle.publish_feedback(message)
+
+
+def _fill(message: Any, **fields: float) -> None:
+    """Set those fields that the type of the message has."""
+    for name, value in fields.items():
+        if hasattr(message, name):
+            setattr(message, name, value)
 
 
 def _has_poses(request: Any) -> bool:
