@@ -1,0 +1,131 @@
+"""A Jackal below rover-sim with a navigation behind its mux, and the processes of all three."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import dist
+from pathlib import Path
+from typing import Final
+
+from adapters.mrs.ground import CommandOutcome, MrsClient
+from executive.commands.catalogue import MoveTo, Waypoint
+from executive.settings import Controller
+from executive.values.reports import Report
+from tests.support.ground import call_ground
+from tests.support.probe import Probe
+from tests.support.processes import Running
+
+ODOMETRY: Final = "platform/odom/filtered"
+MUX: Final = (
+    ("external: {topic: cmd_vel, timeout: 0.5, priority: 1}",
+     "external: {topic: cmd_vel, timeout: 0.5, priority: 2}\n"
+     "    navigation: {topic: nav_vel, timeout: 0.5, priority: 1}"),
+    ("e_stop: {topic: e_stop, timeout: 0.0, priority: 255}",
+     "e_stop: {topic: e_stop, timeout: 0.0, priority: 255}\n"
+     "    navigation: {topic: navigation_lock, timeout: 0.2, priority: 2}"),
+)  # fmt: skip
+LOCK: Final = "\nnavigation: {gate: lock, input: navigation, lock: navigation}\n"
+MAX_STANDING_MPS, MAX_STANDING_RADPS = 0.03, 0.06
+"""True speeds of a rover at standstill."""
+LIMIT_S, POLL_S = 90.0, 0.2
+
+
+def navigated(config: Path) -> None:
+    """Change a copy of the configuration: the Jackal has a navigation behind its mux."""
+    path = config / "jackal.yaml"
+    text = path.read_text()
+    for before, after in MUX:
+        assert text.count(before) == 1, before
+        text = text.replace(before, after)
+    path.write_text(text + LOCK)
+
+
+@contextmanager
+def navigation(log: Path, behaviour: str, *arguments: str) -> Iterator[Running]:
+    """Run a stand-in navigation, and wait until it serves."""
+    module = ("-m", "tests.support.navigation_server", "--behaviour", behaviour)
+    options = ("--stamped", "--odometry", ODOMETRY, *arguments)
+    process = Running(log, sys.executable, *module, *options)
+    try:
+        process.output(f"stand-in navigation: {behaviour}")
+        yield process
+    finally:
+        process.clean_up()
+
+
+def start_move(uri: str, x_m: float, y_m: float, heading_rad: float | None = None) -> int:
+    """Send moveTo by the navigation, and hang up; return its number."""
+    request = MoveTo(Waypoint(x_m, y_m, heading_rad), Controller.NAVIGATION)
+
+    async def submit(client: MrsClient) -> int:
+        command = client.command(request)
+        await client.submit(command)
+        return command.identity.command_id
+
+    return call_ground(uri, submit)
+
+
+def move(uri: str, x_m: float, y_m: float, heading_rad: float | None = None) -> CommandOutcome:
+    """Send moveTo by the navigation; return its outcome."""
+    request = MoveTo(Waypoint(x_m, y_m, heading_rad), Controller.NAVIGATION)
+
+    async def run(client: MrsClient) -> CommandOutcome:
+        return await client.run(client.command(request))
+
+    return call_ground(uri, run)
+
+
+def end_of(uri: str, number: int) -> Report:
+    """Wait for the last report of a command."""
+    deadline_s = time.monotonic() + LIMIT_S
+    while time.monotonic() < deadline_s:
+        for each in call_ground(uri, lambda client: client.get_notifications()):
+            report = each.report
+            ended = report.stage is not None and report.stage.terminal
+            if ended and report.identity is not None and report.identity.command_id == number:
+                return report
+        time.sleep(POLL_S)
+    raise TimeoutError(f"command {number} does not end")
+
+
+@dataclass
+class Track:
+    """The true motion of a rover from a time on.
+
+    Attributes:
+        since_s: that time.
+        start: the true position then, or at the end of the motion.
+    """
+
+    probe: Probe
+    since_s: float = field(default_factory=time.monotonic)
+    start: tuple[float, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Store the position."""
+        self.start = self.position()
+
+    def stationary(self) -> tuple[float, float]:
+        """Wait for a second of standstill; return its start, s, and the distance until then, m."""
+        stopped_s = None
+        while stopped_s is None or time.monotonic() - stopped_s < 1.0:
+            twist = self.probe.fresh_truth().twist.twist
+            if abs(twist.linear.x) > MAX_STANDING_MPS or abs(twist.angular.z) > MAX_STANDING_RADPS:
+                stopped_s = None
+            elif stopped_s is None:
+                stopped_s = time.monotonic()
+            assert time.monotonic() - self.since_s < LIMIT_S, "it does not stop"
+        moved_m = self.moved_m()
+        self.start = self.position()
+        return stopped_s - self.since_s, moved_m
+
+    def moved_m(self) -> float:
+        """Return the distance from the start."""
+        return dist(self.start, self.position())
+
+    def position(self) -> tuple[float, float]:
+        """Return the true position."""
+        at = self.probe.fresh_truth().pose.pose.position
+        return at.x, at.y
