@@ -1,4 +1,4 @@
-"""A rover whose navigation is another process: honest, failing, killed."""
+"""A rover with a navigation in another process: honest, failing, killed."""
 
 import shutil
 import signal

@@ -44,12 +44,12 @@ def navigated(config: Path) -> None:
 
 @contextmanager
 def navigation(log: Path, behaviour: str, *arguments: str) -> Iterator[Running]:
-    """Run a stand-in navigation, and wait until it serves."""
+    """Run a navigation of tests, and wait until it serves."""
     module = ("-m", "tests.support.navigation_server", "--behaviour", behaviour)
     options = ("--stamped", "--odometry", ODOMETRY, *arguments)
     process = Running(log, sys.executable, *module, *options)
     try:
-        process.output(f"stand-in navigation: {behaviour}")
+        process.output(f"navigation serves: {behaviour}")
         yield process
     finally:
         process.clean_up()

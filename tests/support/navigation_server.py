@@ -1,12 +1,12 @@
-"""A process that serves a stand-in navigation on ROS 2 by the action names of Nav2.
+"""A process that serves a navigation of tests on ROS 2 by the action names of Nav2.
 
     python -m tests.support.navigation_server --namespace /jackal --behaviour aborts_and_drives_on
 
 It serves `navigate_to_pose`, `navigate_through_poses`, `follow_waypoints`, `spin` (by less than
-half a turn), `backup`, `drive_on_heading`, and `compute_path_to_pose`, whose path is a straight
-line. It publishes Twist (TwistStamped with `--stamped`) on `nav_vel`, and subscribes `odom` or the
-topic of `--odometry`, in whose frame it takes all poses. If a goal of another client preempts one,
-a second client here has sent it. It needs nav2_msgs. SIGINT or SIGTERM ends it.
+half a turn), `backup`, `drive_on_heading`, and `compute_path_to_pose`: a straight path. It
+publishes Twist (TwistStamped with `--stamped`) on `nav_vel`, and subscribes `odom` or the topic of
+`--odometry`; all poses are in its frame. If a goal of another client preempts one, a second client
+here has sent it. It needs nav2_msgs. SIGINT or SIGTERM ends it.
 """
 
 import argparse
@@ -45,7 +45,11 @@ ANOTHER: Final = "another"
 
 
 class NavigationServer:
-    """A navigation on a node. A restart of it destroys its action servers, and makes new ones."""
+    """A navigation on a node. A restart of it destroys its action servers, and makes new ones.
+
+    Attributes:
+        located: whether it has received odometry.
+    """
 
     def __init__(
         self,
@@ -58,6 +62,7 @@ class NavigationServer:
         self._node, self._executor, self._navigation = node, executor, navigation
         self._stamped = stamped
         self._pose = Pose()
+        self.located = False
         self._goals: dict[object, tuple[Any, Any, Future]] = {}
         self._starts: dict[object, tuple[Pose, float]] = {}
         self._servers: list[Any] = []
@@ -77,7 +82,7 @@ class NavigationServer:
         node.create_timer(STEP_S, self._step)
 
     def _on_odometry(self, message: Any) -> None:
-        self._pose = _pose_of(message.pose.pose)
+        self._pose, self.located = _pose_of(message.pose.pose), True
 
     def _serve(self) -> None:
         from nav2_msgs import action
@@ -278,8 +283,10 @@ def serve(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: ended.append(received))
     with ros_node("stand_in_navigation", namespace) as node, single_threaded(node) as executor:
-        NavigationServer(node, executor, navigation, stamped, odometry)
-        print("stand-in navigation:", navigation.behaviour, flush=True)
+        server = NavigationServer(node, executor, navigation, stamped, odometry)
+        while not (ended or server.located):
+            executor.spin_once(timeout_sec=STEP_S)
+        print("navigation serves:", navigation.behaviour, flush=True)
         while not ended:
             executor.spin_once(timeout_sec=STEP_S)
 
@@ -288,7 +295,7 @@ def main() -> None:
     """Serve the behaviour that the command line names."""
     names = Navigation.behaviours()
     parser = argparse.ArgumentParser(
-        description="Stand-in navigation servers.",
+        description="Navigation servers of tests.",
         epilog="\n".join(f"  {name}: {Navigation.description(name)}" for name in names),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
