@@ -35,6 +35,8 @@ from executive.motion import (
     MotionVerification,
     Step,
     Verified,
+    act_relatively,
+    finish_relative,
     hold_extent,
     leg_errors,
     navigate_to,
@@ -119,6 +121,9 @@ class PlanLeg(MotionLeaf):
         if self._hold_for_map():
             return Status.RUNNING
         goal, status, settings = self.goal, self.context.status, self.context.settings
+        if goal.progress.finishing and (left := finish_relative(goal.leg, settings, status)):
+            goal.leg = left
+            return Status.SUCCESS
         if self._scene is None:  # a search continues from its first scene
             goal.localize(status, settings)
             self._count_passed_waypoints()
@@ -168,9 +173,10 @@ class PlanLeg(MotionLeaf):
             leg = plan_leg(step, settings, status, through, around, planned is not None)
         if planned is not None and isinstance(step, Waypoint) and leg.target is not None:
             leg = navigate_to(leg, step, status.pose, *goal.target_frame(status))
+        curves = turning_curves(step, status.pose, settings, status.obstacles.known)
+        leg = act_relatively(replace(leg, curves=curves), step, settings, status)
         goal.leg = replace(
             leg,
-            curves=turning_curves(step, status.pose, settings, status.obstacles.known),
             force_turn_then_drive=progress.turn_then_drive or progress.at_detour,
             path=() if planned is None else planned.points,
         )
@@ -310,8 +316,10 @@ class FinishLeg(MotionLeaf):
         position_error_m, near_m, heading_rad = self._errors()
         if position_error_m > near_m or heading_rad > HEADING_TOLERANCE_RAD:
             progress.attempts += 1
-            relative = not isinstance(request, MoveTo | FollowPath)
-            if not relative and progress.attempts < MAX_ATTEMPTS:
+            max_attempts = MAX_ATTEMPTS
+            if not isinstance(request, MoveTo | FollowPath):
+                max_attempts = 2 if progress.finishing else 1
+            if progress.attempts < max_attempts:
                 return Status.FAILURE
             text = f"off target by {position_error_m:.3f} m and {angle_text(heading_rad)}"
             figures = (

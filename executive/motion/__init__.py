@@ -32,6 +32,8 @@ from executive.motion.navigation import NavigatedMotion as NavigatedMotion
 from executive.motion.navigation import navigate_to as navigate_to
 from executive.motion.predictive_control import make_solver as make_solver
 from executive.motion.predictive_control import model_of as model_of
+from executive.motion.relative_actions import act_relatively as act_relatively
+from executive.motion.relative_actions import finish_relative as finish_relative
 from executive.motion.route import passes_within as passes_within
 from executive.motion.trajectory import SharedSolver as SharedSolver
 from executive.motion.trajectory import Trajectory as Trajectory

@@ -18,7 +18,7 @@ from executive.commands import Command, Curve, DriveFor, MoveForward, RotateBy, 
 from executive.settings import Settings, SpeedProfileKind
 from executive.state import Status
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
-from executive.values.ports import MotionIntent, NavigateTo
+from executive.values.ports import DriveBy, MotionIntent, NavigateTo, TurnBy
 from executive.values.reasons import Refusal
 
 
@@ -136,7 +136,8 @@ class Leg:
         detour_points: corners of a detour around obstacles, if it is driven as a curve.
         force_turn_then_drive: whether turns and lines drive it, for any controller.
         curves: arcs of its turn, for a base that cannot turn on the spot.
-        navigation: the task of the navigation, if that drives it.
+        navigation: the task of the navigation, if that drives it; the rest of a relative one is
+            derived from target and heading.
         path: of base_link, if the navigation drives it: that of its planner, or straight lines.
     """
 
@@ -151,7 +152,7 @@ class Leg:
     detour_points: tuple[Point, ...] = ()
     force_turn_then_drive: bool = False
     curves: tuple[Curve, ...] = ()
-    navigation: NavigateTo | None = None
+    navigation: NavigateTo | DriveBy | TurnBy | None = None
     path: tuple[Point, ...] = ()
 
     def moved(self, origin: Pose) -> "Leg":
@@ -169,7 +170,8 @@ class Leg:
     @property
     def free(self) -> bool:
         """Whether base_link ends at the target, at any heading."""
-        any_end = bool(self.via_points or self.detour_points) or self.navigation is not None
+        navigated = isinstance(self.navigation, NavigateTo)
+        any_end = bool(self.via_points or self.detour_points) or navigated
         return any_end and self.heading_rad is None
 
 

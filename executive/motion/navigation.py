@@ -22,6 +22,7 @@ from executive.motion.locomotion import (
     leg_errors,
     turn_bounds,
 )
+from executive.motion.relative_actions import remaining_action
 from executive.motion.route import passes_within
 from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
 from executive.settings import Controller, NavigationGate, NavigationSettings, Settings
@@ -37,6 +38,7 @@ from executive.values.geometry import (
     path_length_m,
 )
 from executive.values.ports import MotionIntent, NavigateTo, NavigationGoal, NavigationRover
+from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
 REPEAT_S: Final = 1.0
@@ -58,6 +60,8 @@ RELAYED_S: Final = 0.2
 """Maximum age of a velocity of the navigation that is relayed."""
 MOVED_M: Final = 0.05
 """Minimum distance moved after the end that is reported; chosen."""
+TURN_REACH_RAD: Final = 0.25
+"""Maximum angle from the heading at which a turn at standstill has ended; Nav2's tolerance."""
 BRAKING_S: Final = 0.6
 """Time from the shut gate to standstill: the velocity is not known."""
 UNKNOWN: Final = Velocity(-inf, -inf), Velocity(inf, inf)
@@ -185,12 +189,16 @@ class NavigatedMotion(Motion):
         """Return the length of the planned path, or of straight lines."""
         if self._leg.path:
             return path_length_m(self._leg.path)
-        assert self._leg.target is not None
+        if self._leg.target is None:
+            return 0.0
         points = (Point(each.x_m, each.y_m) for each in self._leg.via_points)
         return path_length_m((self._status.pose.point, *points, self._leg.target))
 
     def _next_goal(self) -> NavigationGoal:
-        return NavigationGoal(next(self._numbers), self._task, self._command.identity)
+        task = self._task
+        if not isinstance(task, NavigateTo):
+            task = remaining_action(self._leg, self._settings, self._status)
+        return NavigationGoal(next(self._numbers), task, self._command.identity)
 
     @property
     def done(self) -> bool:
@@ -329,7 +337,10 @@ class NavigatedMotion(Motion):
             figures = Figure("silent", silent_s, "s"), Figure("bound", bound_s, "s")
             self._fail(Reason.NAVIGATION_TIMEOUT, text, *figures)
             return
-        within = self._errors[0] <= self._reach_m and not self._missed
+        off_m, off_rad = self._errors
+        within = off_m <= self._reach_m and not self._missed
+        if self._leg.target is None:
+            within = off_rad <= TURN_REACH_RAD
         if not (within and self._status.standing):
             self._standing_s = None
         elif self._standing_s is None:
@@ -377,8 +388,9 @@ class NavigatedMotion(Motion):
         return within and self._status.standing and not self._missed
 
     def _end(self, text: str) -> None:
-        self._ended, self._end_leg, self._end_m = True, self._leg, self._errors[0]
-        self.report = f"{text} {self._end_m:.2f} m from the target"
+        self._ended, self._end_leg, (self._end_m, off_rad) = True, self._leg, self._errors
+        off = f"{self._end_m:.2f} m" if self._leg.target is not None else angle_text(off_rad)
+        self.report = f"{text} {off} from the target"
 
     def _fail(self, reason: Reason, text: str, *figures: Figure) -> None:
         off = Figure("position error", self._errors[0], "m")

@@ -44,6 +44,7 @@ from executive.settings import (
     MotionExtent,
     NavigationGate,
     NavigationSettings,
+    RelativeActions,
     Sensors,
     Settings,
     curved_m,
@@ -558,7 +559,8 @@ def _previewed_navigation(what: Motion | PlanNode, settings: Settings) -> Naviga
     navigation = settings.navigation
     if navigation is None or not any(is_navigated(each, settings) for each in _requests(what)):
         return None
-    return replace(navigation, gate=NavigationGate.RELAY, input=None, lock=None)
+    own = RelativeActions.OFF
+    return replace(navigation, gate=NavigationGate.RELAY, input=None, lock=None, relative=own)
 
 
 def _requests(what: Motion | PlanNode) -> tuple[Request, ...]:
