@@ -103,7 +103,7 @@ class Desk:
             authority_for(keys, "rover", "moe")
             return
         if HERE.fullmatch(line.text):
-            status, output = self._run_here(line.text)
+            status, output = self.run_here(line.text)
             assert status == line.status, f"{line.text}: {output}"
             return
         done = subprocess.run(
@@ -117,7 +117,7 @@ class Desk:
         )
         assert done.returncode == line.status, f"{line.text}: {done.stdout}{done.stderr}"
 
-    def _run_here(self, text: str) -> tuple[int, str]:
+    def run_here(self, text: str) -> tuple[int, str]:
         """Run a command without a process of its own; return its exit status and its output."""
         _, *arguments = shlex.split(self.here(text))
         with chdir(self.folder), pytest.MonkeyPatch.context() as patch:
