@@ -138,7 +138,10 @@ class Arbiter:
         """Dead-man: stop if intents are stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
-            self.zero_velocity()
+            if isinstance(self._driver, NavigationDriver):
+                self._driver.shut()
+            else:
+                self.zero_velocity()
 
 
 class Latches:

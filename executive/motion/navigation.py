@@ -322,7 +322,8 @@ class NavigatedMotion(Motion):
             else:
                 text = f"the navigation is not available for {waited_s:.1f} s{_detail(answer)}"
                 self._fail(Reason.NAVIGATION_UNAVAILABLE, text, waited)
-        elif now_s - self._track.sent_s >= REPEAT_S - 1e-9:
+        elif now_s - self._track.sent_s >= REPEAT_S - 1e-9 and not self._track.moves:
+            # A navigation that drives has the goal, and its answer is late.
             self._goal, self._sent = self._next_goal(), False
 
     def _check_active(self, now_s: float) -> None:
@@ -447,17 +448,20 @@ class NavigationDriver:
             return UNKNOWN
         return self._own.expected
 
-    def stop(self) -> None:
-        """Shut the gate, send zero, cancel all goals."""
+    def shut(self) -> None:
+        """Shut the gate and send zero; the goal continues with the next tick."""
         self._set_gate(False)
         self._own.stop()
+
+    def stop(self) -> None:
+        """Shut the gate, send zero, cancel all goals."""
+        self.shut()
         if self._track.goal is not None:
             self._cancel()
 
     def hold(self) -> None:
         """Hold the gate shut, and zero velocity."""
-        self._set_gate(False)
-        self._own.hold()
+        self.shut()
         self._cancel_remaining()
 
     def commit(self, wanted: MotionIntent | None, now_s: float, step_s: float) -> None:
