@@ -263,6 +263,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
     images = (*patient, "tests/stress/containers.py", *some)
     tested = (CHECKOUT / "tests").rglob("test_*.py")
     drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
+    clients = ("env", f"ROS_CLIENTS={percent}", *_python("pytest", "-q", "-rP"))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     site = "runs/site"
     shown = ("env", f"SITE={site}", *_python("pytest", "-q", "tests/docs/test_site.py"))
@@ -273,6 +274,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
+        CiCheck("ROS clients", ((*clients, "tests/stress/ros_clients.py"),)),
         CiCheck("examples", (examples,)),
         CiCheck("templates", (templates,)),
         CiCheck("installation", (installed,)),

@@ -116,15 +116,17 @@ class RosClientLink:
         names = (self._node.resolve_topic_name(e) for e in (self._goal_topic, NAV2_GOAL_TOPIC))
         if len({*names}) > 1:
             served.subscribe(Topic(NAV2_GOAL_TOPIC, PoseStamped, qos), self._on_nav2_goal)
+        admit, contained = self._goal_admission.admit, served.contained
         self._servers = GoalServers(
-            self._node, executive, self._frames, self._goal_admission.admit, self.refuse
+            self._node, executive, self._frames, contained, admit, self.refuse
         )
         steady_timer(self._node, POLL_S, served.contained(self._poll))
 
     def close(self) -> None:
         """End the action servers."""
-        if self._servers is not None:
-            self._servers.close()
+        servers, self._servers = self._servers, None
+        if servers is not None:
+            servers.close()
 
     def send_reports(self, reports: Sequence[Report]) -> None:
         """Publish reports, and pass them on to the goals of actions."""

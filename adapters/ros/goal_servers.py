@@ -86,7 +86,8 @@ class Goal:
         message: the goal.
         uuid: its UUID.
         allowance_s: maximum duration from its start; None for no limit.
-        handle: None until it is accepted.
+        handle: None until it is accepted, or if its client is gone by then.
+        answered: whether its request was answered.
         last: last report on the command.
         step: number of waypoints that were reached.
         started_s: when it started; None before.
@@ -102,6 +103,7 @@ class Goal:
     uuid: bytes
     allowance_s: float | None
     handle: Any = None
+    answered: bool = False
     last: Report | None = None
     step: int = 0
     started_s: float | None = None
@@ -117,6 +119,7 @@ class GoalServers:
         node: serves them.
         executive: receives the commands.
         frames: frames of targets by their names.
+        contained: returns a callback without exceptions.
         admit: whether another command may be submitted now.
         refuse: called with number and refusal of a goal that the core does not report.
     """
@@ -126,11 +129,12 @@ class GoalServers:
         node: Node,
         executive: Executive,
         frames: Frames,
+        contained: Callable[[Callable[..., None]], Callable[..., None]],
         admit: Callable[[], bool],
         refuse: Callable[[int, Refusal], None],
     ) -> None:
         self._node, self._executive, self._frames = node, executive, frames
-        self._admit, self._refuse = admit, refuse
+        self._contained, self._admit, self._refuse = contained, admit, refuse
         self._odom = next(name for name, each in frames.items() if each is TargetFrame.ODOM)
         self._goals: dict[Identity, Goal] = {}
         group = ReentrantCallbackGroup()
@@ -146,11 +150,11 @@ class GoalServers:
             f"{self._node.get_fully_qualified_name()}/{action}",
             lambda _: kind.Result(),
             callback_group=group,
-            handle_accepted_callback=self._on_accepted,
+            handle_accepted_callback=self._contained(self._on_accepted),
             cancel_callback=self._on_cancel,
         )
         server.register_goal_callback(partial(self._on_goal, action, server))
-        server.cancels = self._on_cancel_request
+        server.cancels = self._contained(self._on_cancel_request)
         return server
 
     def close(self) -> None:
@@ -168,8 +172,10 @@ class GoalServers:
 
     def poll(self) -> None:
         """Send feedback, end cancelled goals of a stationary rover, apply time allowances."""
-        for goal in tuple(self._goals.values()):
+        for identity, goal in tuple(self._goals.items()):
             self._continue(goal)
+            if goal.handle is None and goal.answered and goal.last and _is_over(goal.last):
+                del self._goals[identity]
             if goal.started_s is None or goal.ended_s is not None or goal.handle is None:
                 continue
             duration_s, allowance_s = time.monotonic() - goal.started_s, goal.allowance_s
@@ -205,6 +211,7 @@ class GoalServers:
         if goal.cancel_requested and refusal is None:
             refusal = Refusal(Reason.CANCELLED_BY_CLIENT, "cancelled before it was accepted")
             self._cancel(goal, refusal.text)
+        goal.answered = True
         if refusal is None:
             return GoalResponse.ACCEPT
         del self._goals[identity]
@@ -318,6 +325,10 @@ def _installed_actions() -> dict[str, Any]:
         _LOG.info("no actions for ROS clients: %s (Nav2 installs ros-jazzy-nav2-msgs)", error)
         return {}
     return {name: getattr(types, kind) for name, kind in ACTIONS.items() if hasattr(types, kind)}
+
+
+def _is_over(report: Report) -> bool:
+    return report.stage is not None and report.stage.terminal
 
 
 def _set(message: Any, **fields: Any) -> None:
