@@ -254,7 +254,7 @@ def executive_on(
         from adapters.mrs.cli import command_text
 
         read_text = command_text.read_command_text
-    clients = RosClientLink(node, settings, read_text)
+    clients = RosClientLink(node, read_text)
     counted = None if housekeeping is None else housekeeping.metrics
     if counted is not None:
         counted.attach(ledger)

@@ -1,7 +1,7 @@
 """`RosClientLink`: commands of ROS clients on topics and actions, and the reports on them.
 
 Any node of the ROS domain can send them; the core decides by the setting `ros.commands`. A stop is
-open to all: it is submitted before the rest of its message is read.
+open to all.
 """
 
 import json
@@ -28,27 +28,29 @@ from executive.commands import ROS_LINK, ROS_SOURCE, Command, PreemptionPolicy, 
 from executive.commands.lifecycle import Rejected, SubmitResult
 from executive.core.ros_clients import OFF
 from executive.core.runner import Executive
-from executive.settings import RosCommands, Settings
+from executive.settings import RosCommands
 from executive.values.parameters import ParameterValue
-from executive.values.reasons import Reason, Refusal
-from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Severity, Stage
+from executive.values.reasons import Reason
+from executive.values.reports import (
+    FileEvent,
+    Identity,
+    PlanUpdate,
+    Report,
+    ReportKind,
+    Severity,
+    Stage,
+)
 
-COMMAND_TOPIC: Final = "~/command"
-REPORT_TOPIC: Final = "~/report"
-GOAL_TOPIC: Final = "~/goal_pose"
 NAV2_GOAL_TOPIC: Final = "goal_pose"
 """Topic of goals that Nav2's bt_navigator subscribes to itself."""
 REPORT_DEPTH: Final = 100
 DEPTH: Final = 10
 POLL_S: Final = 0.1
-NAV2_GOAL_EVENT_S: Final = 10.0
-"""Minimum time between two events on goals of Nav2's own topic."""
 RATE_HZ: Final = 10.0
 BURST: Final = 20
 """Commands of ROS clients are refused above this rate, after this number at once."""
 MAX_TEXT_LENGTH: Final = 4096
 STOP: Final = "stop"
-TEXT_KEY: Final = "words"
 UNREPORTED: Final = frozenset({Reason.DUPLICATE, Reason.BAD_IDENTIFIER, Reason.LEDGER_FAILED})
 """Refusals without a report of the core: the number is that of another command, or is lost."""
 ReadCommandText = Callable[[str, Identity, str], Command]
@@ -57,31 +59,20 @@ _LOG = logging.getLogger(__name__)
 
 
 class Admission:
-    """Limits a rate of commands; for one thread."""
+    """Limits the rate of commands or events, on one thread."""
 
-    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self._clock_s = clock_s
-        self._left, self._at_s = float(BURST), clock_s()
-        self._refused, self._reported_s = 0, -1.0
+    def __init__(self, rate_hz: float, burst: int, clock_s: Callable[[], float] = time.monotonic):
+        self._rate_hz, self._burst, self._clock_s = rate_hz, burst, clock_s
+        self._left, self._at_s = float(burst), clock_s()
 
     def admit(self) -> bool:
-        """Return whether a command that arrives now may be submitted."""
+        """Return whether the limit permits another one now."""
         now_s = self._clock_s()
-        self._left = min(float(BURST), self._left + (now_s - self._at_s) * RATE_HZ)
-        self._at_s = now_s
-        if self._left >= 1.0:
-            self._left -= 1.0
-            return True
-        self._refused += 1
-        return False
-
-    def take_refusal(self) -> Refusal | None:
-        """Return the refusal of the commands that were not admitted, at most once a second."""
-        if not self._refused or self._at_s - self._reported_s < 1.0:
-            return None
-        refused, self._refused, self._reported_s = self._refused, 0, self._at_s
-        text = f"{refused} commands of ROS clients refused: more than {RATE_HZ:g} a second"
-        return Refusal(Reason.QUEUE_FULL, text)
+        self._left += (now_s - self._at_s) * self._rate_hz
+        self._left, self._at_s = min(self._left, float(self._burst)), now_s
+        permits = self._left >= 1.0
+        self._left -= permits
+        return permits
 
 
 class RosClientLink:
@@ -92,35 +83,30 @@ class RosClientLink:
         read_text: reads a text of the topic of commands; None if only a stop is accepted.
     """
 
-    def __init__(self, node: Node, settings: Settings, read_text: ReadCommandText | None) -> None:
-        self._node, self._settings, self._read_text = node, settings, read_text
-        self._reports = node.create_publisher(String, REPORT_TOPIC, latched_qos(REPORT_DEPTH))
+    def __init__(self, node: Node, read_text: ReadCommandText | None) -> None:
+        self._node, self._read_text = node, read_text
+        self._reports = node.create_publisher(String, "~/report", latched_qos(REPORT_DEPTH))
         goals = declare_optional_text(node, "goal_pose.topic", "goals of RViz")
-        self._goal_topic = goals or GOAL_TOPIC
-        self._goal_admission, self._text_admission = Admission(), Admission()
-        self._executive: Executive | None = None
+        self._goal_topic = node.resolve_topic_name(goals or "~/goal_pose")
+        self._texts, self._goals = Admission(RATE_HZ, BURST), Admission(RATE_HZ, BURST)
+        self._flood_events, self._nav2_events = Admission(1.0, 1), Admission(0.1, 1)
         self._servers: GoalServers | None = None
-        self._frames: Any = {}
-        self._last_goal: tuple[int, Identity] | None = None
-        self._nav2_goal_s = -NAV2_GOAL_EVENT_S
 
     def serve(self, executive: Executive, served: ExecutiveNode) -> None:
         """Submit commands from now on; texts are read on the thread of the service `~/e_stop`."""
         self._executive, self._frames = executive, served.target_frames
         qos = QoSProfile(depth=DEPTH)  # type: ignore[no-untyped-call]
-        commands = Topic(COMMAND_TOPIC, String, qos)
+        commands = Topic("~/command", String, qos)
         served.subscribe_apart(commands, self._on_command, beside_stop=True)
-        if self._settings.ros.commands is RosCommands.OFF:
+        if executive.settings.ros.commands is RosCommands.OFF:
             return
         served.subscribe(Topic(self._goal_topic, PoseStamped, qos), self._on_goal_pose)
-        names = (self._node.resolve_topic_name(e) for e in (self._goal_topic, NAV2_GOAL_TOPIC))
-        if len({*names}) > 1:
+        if self._node.resolve_topic_name(NAV2_GOAL_TOPIC) != self._goal_topic:
             served.subscribe(Topic(NAV2_GOAL_TOPIC, PoseStamped, qos), self._on_nav2_goal)
-        admit, contained = self._goal_admission.admit, served.contained
         self._servers = GoalServers(
-            self._node, executive, self._frames, contained, admit, self.refuse
+            self._node, executive, self._frames, served.contained, self._admit_goal, self.refuse
         )
-        steady_timer(self._node, POLL_S, served.contained(self._poll))
+        steady_timer(self._node, POLL_S, served.contained(self._servers.poll))
 
     def close(self) -> None:
         """End the action servers."""
@@ -132,9 +118,6 @@ class RosClientLink:
         """Publish reports, and pass them on to the goals of actions."""
         for report in reports:
             self._reports.publish(String(data=json.dumps(_plain(report))))
-            last, stage = self._last_goal, report.stage
-            if last is not None and report.identity == last[1] and stage and stage.terminal:
-                self._last_goal = None
             if self._servers is not None:
                 self._servers.on_report(report)
 
@@ -147,27 +130,13 @@ class RosClientLink:
     def send_plan_update(self, update: PlanUpdate) -> None:
         """Ignored: the commands of a plan have reports."""
 
-    def refuse(self, number: int | None, refusal: Refusal) -> None:
-        """Publish the refusal of a command that the core did not report; from any thread."""
-        _LOG.warning("%s:%s refused: %s", ROS_SOURCE, number, refusal.text)
-        figures = [_figure(each.name, each.value, each.unit) for each in refusal.figures]
-        self._reports.publish(
-            String(
-                data=json.dumps(
-                    {
-                        "sequence": None,
-                        "utc_s": round(time.time(), 3),
-                        "source": ROS_SOURCE,
-                        "id": number,
-                        "stage": Stage.REJECTED.name,
-                        "reason": refusal.reason.name,
-                        "code": refusal.reason.value,
-                        "text": refusal.text,
-                        "figures": figures,
-                    }
-                )
-            )
-        )
+    def refuse(self, number: int | None, reason: Reason, text: str) -> None:
+        """Publish a refusal that the core does not report, with sequence 0; from any thread."""
+        _LOG.warning("%s:%s refused: %s", ROS_SOURCE, number, text)
+        identity = None if number is None else Identity(ROS_SOURCE, number)
+        kind, severity, stage = ReportKind.COMMAND, Severity.WARNING, Stage.REJECTED
+        report = Report(0, time.time(), kind, severity, text, identity, stage, reason=reason)
+        self._reports.publish(String(data=json.dumps(_plain(report))))
 
     def _on_command(self, message: String) -> None:
         """Submit the command of a text, or of JSON with a number and a text."""
@@ -179,70 +148,59 @@ class RosClientLink:
         identity = Identity(ROS_SOURCE, number or fresh_number())
         if text.split(maxsplit=1)[:1] == [STOP]:
             self._submit(Command(identity, Stop(), ROS_LINK))
-            return
-        if not self._text_admission.admit():
-            if (refusal := self._text_admission.take_refusal()) is not None:
-                self.refuse(None, refusal)
-            return
-        if wrong:
-            self.refuse(None, Refusal(Reason.OUT_OF_RANGE, wrong))
+        elif not self._texts.admit():
+            self._refuse_flood()
+        elif wrong:
+            self.refuse(None, Reason.OUT_OF_RANGE, wrong)
         elif self._read_text is None:
-            self.refuse(number, OFF)
+            self.refuse(number, OFF.reason, OFF.text)
         else:
             try:
-                command = self._read_text(text, identity, ROS_LINK)
+                self._submit(self._read_text(text, identity, ROS_LINK))
             except ValueError as error:
-                self.refuse(number, Refusal(Reason.OUT_OF_RANGE, f"{text[:80]!r}: {error}"))
-            else:
-                self._submit(command)
+                self.refuse(number, Reason.OUT_OF_RANGE, f"{text[:80]!r}: {error}")
 
     def _on_goal_pose(self, goal: PoseStamped) -> None:
-        """Submit the motion to a pose; a repeat of a message is the same command.
-
-        Without a stamp, a repeat is the same command only until that has ended.
-        """
-        stamped = bool(goal.header.stamp.sec or goal.header.stamp.nanosec)
-        content = number_of_pose(goal)
-        if not self._goal_admission.admit():
+        """Submit the motion to a pose; a repeat of a message with a stamp is the same command."""
+        if not self._admit_goal():
             return
-        number = content if stamped else fresh_number()
-        if not stamped and self._last_goal is not None and self._last_goal[0] == content:
-            return
+        stamp = goal.header.stamp
+        number = number_of_pose(goal) if stamp.sec or stamp.nanosec else fresh_number()
         try:
             request = pose_request(goal, self._frames)
         except MessageError as error:
-            self.refuse(number, Refusal(Reason.OUT_OF_RANGE, f"{self._goal_topic}: {error}"))
+            self.refuse(number, Reason.OUT_OF_RANGE, f"{self._goal_topic}: {error}")
             return
-        identity = Identity(ROS_SOURCE, number)
-        self._last_goal = content, identity
-        self._submit(Command(identity, request, ROS_LINK, preemption=PreemptionPolicy.REPLACE))
+        identity, replace = Identity(ROS_SOURCE, number), PreemptionPolicy.REPLACE
+        self._submit(Command(identity, request, ROS_LINK, preemption=replace))
 
     def _on_nav2_goal(self, _: PoseStamped) -> None:
         """Report a goal on Nav2's own topic, which drives past the executive."""
-        now_s = time.monotonic()
-        if self._executive is None or now_s - self._nav2_goal_s < NAV2_GOAL_EVENT_S:
-            return
-        self._nav2_goal_s = now_s
-        theirs, own = map(self._node.resolve_topic_name, (NAV2_GOAL_TOPIC, self._goal_topic))
-        self._executive.report_event(
-            Severity.WARNING,
-            f"a goal was published on {theirs}, the topic of Nav2, and is no command of the"
-            f" executive: publish it on {own} (in RViz the topic of 2D Goal Pose)",
-        )
+        if self._nav2_events.admit():
+            theirs = self._node.resolve_topic_name(NAV2_GOAL_TOPIC)
+            self._executive.report_event(
+                Severity.WARNING,
+                f"a goal was published on {theirs}, the topic of Nav2, and is no command of the"
+                f" executive: publish it on {self._goal_topic} (RViz: topic of 2D Goal Pose)",
+            )
+
+    def _admit_goal(self) -> bool:
+        admits = self._goals.admit()
+        if not admits:
+            self._refuse_flood()
+        return admits
+
+    def _refuse_flood(self) -> None:
+        if self._flood_events.admit():
+            text = f"ROS clients send more than {RATE_HZ:g} commands a second: some are refused"
+            self.refuse(None, Reason.QUEUE_FULL, text)
 
     def _submit(self, command: Command) -> None:
-        if self._executive is not None:
-            self._executive.submit(command, partial(self._on_answer, command.identity))
+        self._executive.submit(command, partial(self._on_answer, command.identity))
 
     def _on_answer(self, identity: Identity, result: SubmitResult) -> None:
         if isinstance(result, Rejected) and result.refusal.reason in UNREPORTED:
-            self.refuse(identity.command_id, result.refusal)
-
-    def _poll(self) -> None:
-        if (refusal := self._goal_admission.take_refusal()) is not None:
-            self.refuse(None, refusal)
-        if self._servers is not None:
-            self._servers.poll()
+            self.refuse(identity.command_id, result.refusal.reason, result.refusal.text)
 
 
 def fresh_number() -> int:
@@ -260,38 +218,39 @@ def _command_of(text: str) -> tuple[int | None, str]:
         raw = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not JSON: {error}") from error
-    form = f'{{"id": 4242, "{TEXT_KEY}": "moveForward 0.2"}}, or without id'
-    number, command = raw.get("id"), raw.get(TEXT_KEY)
-    if not isinstance(command, str) or not raw.keys() <= {"id", TEXT_KEY}:
-        raise ValueError(f"expected {form}")
+    number, command = raw.get("id"), raw.get("command", raw.get("words"))
+    form = '{"id": 4242, "command": "moveForward 0.2"}, id from 1 to 2^63 - 1 or left out'
     valid = type(number) is int and 0 < number < 1 << 63
-    if number is not None and not valid and command.split(maxsplit=1)[:1] != [STOP]:
-        raise ValueError(f"id {str(number)[:40]} is no number of 1 to 2^63 - 1: expected {form}")
+    stops = isinstance(command, str) and command.split(maxsplit=1)[:1] == [STOP]
+    if not isinstance(command, str) or not (valid or number is None or stops):
+        raise ValueError(f"expected {form}")
     return (number if valid else None), command
 
 
 def _plain(report: Report) -> dict[str, Any]:
-    """Return a report as plain data."""
-    identity, cause, reason = report.identity, report.cause, report.reason
+    """Return a report as plain data; numbers that are not finite are texts."""
+    identity, reason, stage = report.identity, report.reason, report.stage
     return {
         "sequence": report.sequence,
         "utc_s": report.utc_s,
         "kind": report.kind.name,
         "severity": report.severity.name,
-        "source": None if identity is None else identity.source,
-        "id": None if identity is None else identity.command_id,
-        "stage": None if report.stage is None else report.stage.name,
-        "reason": None if reason is None else reason.name,
-        "code": None if reason is None else reason.value,
+        "source": identity and identity.source,
+        "id": identity and identity.command_id,
+        "stage": stage and stage.name,
+        "reason": reason and reason.name,
+        "code": reason and reason.value,
         "text": report.text,
-        "figures": [_figure(each.name, each.value, each.unit) for each in report.figures],
+        "figures": [
+            {"name": each.name, "value": _json_number(each.value), "unit": each.unit}
+            for each in report.figures
+        ],
         "step": report.step,
         "step_count": report.step_count,
         "fault": report.fault,
-        "cause": None if cause is None else str(cause),
+        "cause": report.cause and str(report.cause),
     }
 
 
-def _figure(name: str, value: float, unit: str) -> dict[str, Any]:
-    """Return a figure as plain data; JSON has no infinity, which is a text."""
-    return {"name": name, "value": value if isfinite(value) else str(value), "unit": unit}
+def _json_number(value: float) -> float | str:
+    return value if isfinite(value) else str(value)

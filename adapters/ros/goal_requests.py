@@ -51,7 +51,7 @@ def pose_request(goal: PoseStamped, frames: Frames) -> MoveTo:
     return MoveTo(_waypoint(goal), frame=_frame([goal], frames))
 
 
-def goal_request(action: str, goal: Any, frames: Frames, max_waypoints: int) -> Motion:
+def goal_request(action: str, goal: Any, frames: Frames) -> Motion:
     """Return the motion of an action's goal.
 
     Raises:
@@ -68,7 +68,9 @@ def goal_request(action: str, goal: Any, frames: Frames, max_waypoints: int) -> 
             through = [_waypoint(each, passed=True) for each in passed]
             return FollowPath((*through, _waypoint(last)), frame=_frame([*passed, last], frames))
         case "follow_waypoints":
-            poses = _looped(goal, max_waypoints)
+            poses = _poses(goal)[goal.goal_index :]
+            if goal.number_of_loops or not poses:
+                raise MessageError("goal_index: no pose there, or number_of_loops is not 0")
             return FollowPath(tuple(map(_waypoint, poses)), frame=_frame(poses, frames))
         case "spin":
             return RotateBy(finite(goal.target_yaw, "target_yaw"))
@@ -96,17 +98,6 @@ def _poses(goal: Any) -> Sequence[PoseStamped]:
     if not poses:
         raise MessageError("poses: it has none, give one at least")
     return poses
-
-
-def _looped(goal: Any, max_waypoints: int) -> Sequence[PoseStamped]:
-    """Return the poses from `goal_index` on, then all again for each loop."""
-    poses, first, loops = _poses(goal), goal.goal_index, goal.number_of_loops
-    if first >= len(poses):
-        raise MessageError(f"goal_index is {first}: the last pose has index {len(poses) - 1}")
-    count = len(poses) * (loops + 1) - first
-    if count > max_waypoints:
-        raise MessageError(f"{count} waypoints with all loops: at most {max_waypoints}")
-    return [*poses[first:], *list(poses) * loops]
 
 
 def _distance_m(action: str, goal: Any) -> float:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
-from math import hypot
 from typing import Any, Final
 
 from builtin_interfaces.msg import Duration
@@ -35,14 +34,17 @@ from executive.commands import (
     ROS_SOURCE,
     Command,
     FollowPath,
+    Motion,
     MoveTo,
     PreemptionPolicy,
+    Waypoint,
 )
+from executive.commands.intake import localized
 from executive.commands.lifecycle import Duplicate, Rejected, SubmitResult
 from executive.core.ros_clients import CancelRequest
 from executive.core.runner import Executive
 from executive.values.geometry import STANDING, Pose, TargetFrame, wrap_rad
-from executive.values.reasons import Reason, Refusal
+from executive.values.reasons import Reason
 from executive.values.reports import Identity, Report, Stage
 
 ERROR_CODE: Final = 10_000
@@ -53,25 +55,17 @@ _LOG = logging.getLogger(__name__)
 
 
 class GoalServer(ActionServer):
-    """An action server that knows the UUID of the goal it decides on, and ends goals on request.
-
-    Attributes:
-        requested: UUID of the goal request, when its callback is called.
-        cancels: called with the UUID of each cancel request, of zeros for all goals.
-    """
+    """An action server that knows the UUID of each request, and lets a goal end later."""
 
     requested = b""
-    cancels: Callable[[bytes], None] = staticmethod(lambda _: None)
 
     async def execute(self, taken_data: Mapping[str, Any]) -> None:
-        """Note the UUIDs of the requests, then serve them."""
+        """Store the UUID of a goal request, then serve it."""
         if "goal" in taken_data:
             self.requested = bytes(taken_data["goal"][1].goal_id.uuid)
-        if "cancel" in taken_data:
-            self.cancels(bytes(taken_data["cancel"][1].goal_info.goal_id.uuid))
         await super().execute(taken_data)  # type: ignore[no-untyped-call]
 
-    def notify_execute(self, goal_handle: Any, execute_callback: Callable[..., Any] | None) -> None:
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Run a callback that ends the goal; without one, the goal is EXECUTING until then."""
         if execute_callback is not None:
             super().notify_execute(goal_handle, execute_callback)  # type: ignore[no-untyped-call]
@@ -79,33 +73,16 @@ class GoalServer(ActionServer):
 
 @dataclass(slots=True, eq=False)
 class Goal:
-    """A goal of an action, and its command.
+    """A goal of an action, and its command; `handle` is None until it is accepted."""
 
-    Attributes:
-        action: name of the action.
-        message: the goal.
-        uuid: its UUID.
-        allowance_s: maximum duration from its start; None for no limit.
-        handle: None until it is accepted, or if its client is gone by then.
-        answered: whether its request was answered.
-        last: last report on the command.
-        step: number of waypoints that were reached.
-        started_s: when it started; None before.
-        start: pose at that time.
-        ended_s: when its command ended; None before.
-        cancel_requested: whether its client cancels it.
-    """
-
-    action: str
     server: Any
-    command: Command
+    identity: Identity
+    motion: Motion
     message: Any
-    uuid: bytes
     allowance_s: float | None
     handle: Any = None
-    answered: bool = False
     last: Report | None = None
-    step: int = 0
+    steps: int = 0
     started_s: float | None = None
     start: Pose = field(default_factory=Pose)
     ended_s: float | None = None
@@ -121,7 +98,7 @@ class GoalServers:
         frames: frames of targets by their names.
         contained: returns a callback without exceptions.
         admit: whether another command may be submitted now.
-        refuse: called with number and refusal of a goal that the core does not report.
+        refuse: called with a refusal that the core does not report.
     """
 
     def __init__(
@@ -131,31 +108,26 @@ class GoalServers:
         frames: Frames,
         contained: Callable[[Callable[..., None]], Callable[..., None]],
         admit: Callable[[], bool],
-        refuse: Callable[[int, Refusal], None],
+        refuse: Callable[[int, Reason, str], None],
     ) -> None:
         self._node, self._executive, self._frames = node, executive, frames
-        self._contained, self._admit, self._refuse = contained, admit, refuse
+        self._admit, self._refuse = admit, refuse
         self._odom = next(name for name, each in frames.items() if each is TargetFrame.ODOM)
         self._goals: dict[Identity, Goal] = {}
-        group = ReentrantCallbackGroup()
-        self._servers = [
-            self._serve(name, kind, group) for name, kind in _installed_actions().items()
-        ]
-
-    def _serve(self, action: str, kind: Any, group: ReentrantCallbackGroup) -> Any:
-        made: Any = GoalServer
-        server = made(
-            self._node,
-            kind,
-            f"{self._node.get_fully_qualified_name()}/{action}",
-            lambda _: kind.Result(),
-            callback_group=group,
-            handle_accepted_callback=self._contained(self._on_accepted),
-            cancel_callback=self._on_cancel,
-        )
-        server.register_goal_callback(partial(self._on_goal, action, server))
-        server.cancels = self._contained(self._on_cancel_request)
-        return server
+        self._servers: list[Any] = []
+        group, make = ReentrantCallbackGroup(), GoalServer  # a request waits for the ledger
+        for action, kind in _installed_actions().items():
+            server: Any = make(  # type: ignore[no-untyped-call]
+                node,
+                kind,
+                f"{node.get_fully_qualified_name()}/{action}",
+                kind.Result,
+                callback_group=group,
+                handle_accepted_callback=contained(self._on_accepted),
+                cancel_callback=self._on_cancel,
+            )
+            server.register_goal_callback(partial(self._on_goal, action, server))
+            self._servers.append(server)
 
     def close(self) -> None:
         """Destroy the servers."""
@@ -166,17 +138,14 @@ class GoalServers:
         """Continue the goal of a report's command."""
         goal = None if report.identity is None else self._goals.get(report.identity)
         if goal is not None and report.stage is not None:
-            goal.last = report
-            goal.step = report.step or goal.step
+            goal.last, goal.steps = report, report.step or goal.steps
             self._continue(goal)
 
     def poll(self) -> None:
         """Send feedback, end cancelled goals of a stationary rover, apply time allowances."""
-        for identity, goal in tuple(self._goals.items()):
+        for goal in tuple(self._goals.values()):
             self._continue(goal)
-            if goal.handle is None and goal.answered and goal.last and _is_over(goal.last):
-                del self._goals[identity]
-            if goal.started_s is None or goal.ended_s is not None or goal.handle is None:
+            if goal.started_s is None or goal.ended_s is not None:
                 continue
             duration_s, allowance_s = time.monotonic() - goal.started_s, goal.allowance_s
             if allowance_s is not None and duration_s > allowance_s:
@@ -184,55 +153,44 @@ class GoalServers:
                 self._cancel(goal, f"its time_allowance of {allowance_s:g} s is over")
             goal.handle.publish_feedback(self._feedback(goal, duration_s))
 
-    async def _on_goal(self, action: str, server: GoalServer, message: Any) -> GoalResponse:
+    async def _on_goal(self, action: str, server: Any, message: Any) -> GoalResponse:
         """Submit the command of a goal, and decide on the goal by the answer."""
-        uuid = server.requested
-        number = number_of_uuid(uuid)
+        number = number_of_uuid(server.requested)
         identity = Identity(ROS_SOURCE, number)
         if identity in self._goals or not self._admit():  # the same request again, or a flood
             return GoalResponse.REJECT
-        path = self._executive.settings.drive.path_waypoints
         try:
-            request = goal_request(action, message, self._frames, path)
+            request = goal_request(action, message, self._frames)
+            allowance_s = time_allowance_s(message)
         except MessageError as error:
-            self._refuse(number, Refusal(Reason.OUT_OF_RANGE, f"{action}: {error}"))
+            self._refuse(number, Reason.OUT_OF_RANGE, f"{action}: {error}")
             return GoalResponse.REJECT
         command = Command(identity, request, ROS_LINK, preemption=PreemptionPolicy.REPLACE)
-        goal = Goal(action, server, command, message, uuid, time_allowance_s(message))
-        self._goals[identity] = goal
+        self._goals[identity] = goal = Goal(server, identity, request, message, allowance_s)
         answered = Future()  # type: ignore[no-untyped-call]
         self._executive.submit(command, answered.set_result)
         result: SubmitResult = await answered
-        refusal = result.refusal if isinstance(result, Rejected) else None
         if isinstance(result, Duplicate):
             goal.last = goal.last or result.last_report
-            if goal.last.stage is Stage.REJECTED:
-                refusal = Refusal(Reason.DUPLICATE, f"refused before: {goal.last.text}")
-        if goal.cancel_requested and refusal is None:
-            refusal = Refusal(Reason.CANCELLED_BY_CLIENT, "cancelled before it was accepted")
-            self._cancel(goal, refusal.text)
-        goal.answered = True
-        if refusal is None:
+        refused = isinstance(result, Rejected)
+        if not refused and (goal.last is None or goal.last.stage is not Stage.REJECTED):
             return GoalResponse.ACCEPT
         del self._goals[identity]
-        if refusal.reason in {Reason.DUPLICATE, Reason.LEDGER_FAILED}:
-            self._refuse(number, refusal)
+        if isinstance(result, Rejected) and result.refusal.reason is Reason.DUPLICATE:
+            self._refuse(number, result.refusal.reason, result.refusal.text)
         return GoalResponse.REJECT
 
-    def _on_accepted(self, handle: Any) -> None:
-        goal = self._goals[Identity(ROS_SOURCE, number_of_uuid(bytes(handle.goal_id.uuid)))]
-        goal.handle = handle
-        self._continue(goal)
+    def _goal_of(self, handle: Any) -> Goal | None:
+        number = number_of_uuid(bytes(handle.goal_id.uuid))
+        return self._goals.get(Identity(ROS_SOURCE, number))
 
-    def _on_cancel_request(self, uuid: bytes) -> None:
-        """Cancel goals that wait for their answer: those of the request, or all."""
-        for goal in self._goals.values():
-            if goal.handle is None and (uuid == goal.uuid or not any(uuid)):
-                goal.cancel_requested = True
+    def _on_accepted(self, handle: Any) -> None:
+        if (goal := self._goal_of(handle)) is not None:
+            goal.handle = handle
+            self._continue(goal)
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
-        identity = Identity(ROS_SOURCE, number_of_uuid(bytes(handle.goal_id.uuid)))
-        goal = self._goals.get(identity)
+        goal = self._goal_of(handle)
         if goal is None:
             return CancelResponse.REJECT
         goal.cancel_requested = True
@@ -240,7 +198,7 @@ class GoalServers:
         return CancelResponse.ACCEPT
 
     def _cancel(self, goal: Goal, text: str) -> None:
-        request = CancelRequest(goal.command.identity, text)
+        request = CancelRequest(goal.identity, text)
         self._executive.query(partial(self._executive.cancel, request))
 
     def _continue(self, goal: Goal) -> None:
@@ -257,64 +215,62 @@ class GoalServers:
         stationary = self._executive.velocity == STANDING and self._executive.status.standing
         waits = goal.cancel_requested and stage is Stage.CANCELLED and not stationary
         if not waits or now_s - goal.ended_s > STATIONARY_S:
-            del self._goals[goal.command.identity]
-            goal.server.notify_execute(goal.handle, partial(self._conclude, goal, goal.last))
+            del self._goals[goal.identity]
+            goal.server.notify_execute(goal.handle, partial(self._end, goal, goal.last))
 
-    def _conclude(self, goal: Goal, report: Report, handle: Any) -> Any:
+    def _end(self, goal: Goal, report: Report, handle: Any) -> Any:
         """End a goal as its command ended, and return the result."""
+        result, text, code = goal.server.action_type.Result(), report.text, 0
         if report.stage is Stage.EXECUTED:
             handle.succeed()
-        elif handle.is_cancel_requested and report.reason is Reason.CANCELLED_BY_CLIENT:
-            handle.canceled()
         else:
-            handle.abort()
-        result = goal.server.action_type.Result()
-        text, code = report.text, 0
-        if report.stage is not Stage.EXECUTED:
-            reason = report.reason
-            code = ERROR_CODE + (0 if reason is None else reason.value)
-            text = f"{report.stage.name if report.stage else ''} {reason.name if reason else ''}:"
-            text = f"{text} {report.text}"
-        _set(result, error_code=code, error_msg=text)
-        if goal.started_s is not None:
-            _set(result, total_elapsed_time=_duration(time.monotonic() - goal.started_s))
+            assert report.stage is not None
+            assert report.reason is not None
+            code = ERROR_CODE + report.reason.value
+            text = f"{report.stage.name} {report.reason.name}: {text}"
+            by_client = report.reason is Reason.CANCELLED_BY_CLIENT
+            end = handle.canceled if handle.is_cancel_requested and by_client else handle.abort
+            end()
+        duration = _duration(time.monotonic() - (goal.started_s or 0.0))
+        _set(result, error_code=code, error_msg=text, total_elapsed_time=duration)
         if code and hasattr(result, "missed_waypoints"):
-            result.missed_waypoints = _missed(goal, code)
+            missed = import_module("nav2_msgs.msg").MissedWaypoint
+            first = goal.message.goal_index + goal.steps
+            result.missed_waypoints = [
+                missed(index=index, goal=pose, error_code=code)
+                for index, pose in enumerate(goal.message.poses)
+                if index >= first
+            ]
         return result
 
     def _feedback(self, goal: Goal, duration_s: float) -> Any:
-        status = self._executive.status
-        pose, feedback = status.pose, goal.server.action_type.Feedback()
-        stamped = PoseStamped()
+        pose, stamped = self._executive.status.pose, PoseStamped()
         stamped.header.frame_id = self._odom
         stamped.header.stamp = self._node.get_clock().now().to_msg()
         position = stamped.pose.position
         position.x, position.y, position.z = pose.x_m, pose.y_m, pose.z_m
         stamped.pose.orientation = quaternion(pose)
-        waypoints = self._waypoints(goal.command.request)
-        left = waypoints[goal.step :]
+        left = self._waypoints(goal)[goal.steps :]
+        points = [pose.point, *(each.point for each in left)]
+        feedback = goal.server.action_type.Feedback()
         _set(
             feedback,
             current_pose=stamped,
             navigation_time=_duration(duration_s),
-            distance_remaining=_length_m(pose, left),
+            distance_remaining=sum(a.distance_m(b) for a, b in pairwise(points)),
             number_of_poses_remaining=len(left),
-            current_waypoint=min(goal.step, max(len(waypoints) - 1, 0)),
+            current_waypoint=goal.steps,
             angular_distance_traveled=abs(wrap_rad(pose.heading_rad - goal.start.heading_rad)),
             distance_traveled=pose.point.distance_m(goal.start.point),
         )
         return feedback
 
-    def _waypoints(self, request: Any) -> tuple[Any, ...]:
+    def _waypoints(self, goal: Goal) -> tuple[Waypoint, ...]:
         """Return the waypoints of a motion in the frame of the pose; none if that is unknown."""
-        if not isinstance(request, MoveTo | FollowPath):
-            return ()
-        if request.frame is TargetFrame.MAP:
-            origin = self._executive.status.map_origin
-            if isinstance(origin, Refusal):
-                return ()
-            request = request.moved(origin)
-        return (request.target,) if isinstance(request, MoveTo) else request.waypoints
+        found = localized(goal.motion, self._executive.status, self._executive.settings)
+        if isinstance(found, MoveTo):
+            return (found.target,)
+        return found.waypoints if isinstance(found, FollowPath) else ()
 
 
 def _installed_actions() -> dict[str, Any]:
@@ -327,10 +283,6 @@ def _installed_actions() -> dict[str, Any]:
     return {name: getattr(types, kind) for name, kind in ACTIONS.items() if hasattr(types, kind)}
 
 
-def _is_over(report: Report) -> bool:
-    return report.stage is not None and report.stage.terminal
-
-
 def _set(message: Any, **fields: Any) -> None:
     """Set the fields that this distribution's message has."""
     for name, value in fields.items():
@@ -340,19 +292,3 @@ def _set(message: Any, **fields: Any) -> None:
 
 def _duration(seconds: float) -> Duration:
     return Duration(sec=int(seconds), nanosec=int(seconds % 1.0 * 1e9))
-
-
-def _length_m(start: Pose, waypoints: tuple[Any, ...]) -> float:
-    points = [start.point, *(each.point for each in waypoints)]
-    return sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(points))
-
-
-def _missed(goal: Goal, code: int) -> list[Any]:
-    """Return the waypoints of FollowWaypoints that were not reached."""
-    kind = import_module("nav2_msgs.msg").MissedWaypoint
-    poses, first = goal.message.poses, goal.message.goal_index
-    indices = range(first + goal.step, len(poses) * (goal.message.number_of_loops + 1))
-    return [
-        kind(index=each % len(poses), goal=poses[each % len(poses)], error_code=code)
-        for each in indices
-    ]

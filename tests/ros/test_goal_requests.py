@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, PoseStamped
 
 from adapters.mrs.cli.command_text import read_command_text
-from adapters.ros.client_link import BURST, Admission
+from adapters.ros.client_link import BURST, RATE_HZ, Admission
 from adapters.ros.conversions import MessageError
 from adapters.ros.goal_requests import (
     PASSED_M,
@@ -19,7 +19,7 @@ from adapters.ros.goal_requests import (
     pose_request,
     time_allowance_s,
 )
-from executive.commands import ExecuteAction, FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
+from executive.commands import FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
 from executive.values.geometry import TargetFrame
 from executive.values.reports import Identity
 from tests.support.ros_client import pose_of
@@ -30,7 +30,7 @@ FRAMES = {"odom": TargetFrame.ODOM, "world": TargetFrame.MAP}
 
 
 def request_of(action: str, **fields: Any) -> Any:
-    return goal_request(action, SimpleNamespace(**fields), FRAMES, max_waypoints=6)
+    return goal_request(action, SimpleNamespace(**fields), FRAMES)
 
 
 def test_each_action_becomes_a_motion() -> None:
@@ -45,8 +45,8 @@ def test_each_action_becomes_a_motion() -> None:
     assert request_of("navigate_through_poses", poses=two) == through
     assert request_of("navigate_through_poses", poses=SimpleNamespace(goals=two)) == through
     stops = Waypoint(1.0, 0.0, 0.5), Waypoint(2.0, 0.0, 1.0)
-    looped = request_of("follow_waypoints", poses=two, goal_index=1, number_of_loops=1)
-    assert looped == FollowPath((stops[1], *stops), frame=odom)
+    second = request_of("follow_waypoints", poses=two, goal_index=1, number_of_loops=0)
+    assert second == FollowPath(stops[1:], frame=odom)
     assert request_of("spin", target_yaw=0.5) == RotateBy(0.5)
     for x_m in (0.3, -0.3):
         assert request_of("backup", target=Point(x=x_m), speed=0.1) == MoveForward(-0.3)
@@ -82,12 +82,12 @@ def high() -> PoseStamped:
         (
             "follow_waypoints",
             {"poses": [pose_of(0.0, 0.0)], "goal_index": 1, "number_of_loops": 0},
-            "goal_index is 1",
+            "goal_index",
         ),
         (
             "follow_waypoints",
             {"poses": [pose_of(0.0, 0.0)], "goal_index": 0, "number_of_loops": 4_000_000_000},
-            "at most 6",
+            "number_of_loops",
         ),
         ("spin", {"target_yaw": nan}, "target_yaw is nan"),
         ("spin", {"target_yaw": 1.0, "time_allowance": Duration(sec=-1)}, "time_allowance"),
@@ -120,20 +120,15 @@ def test_numbers_fit_a_command_and_differ_by_goal_and_stamp() -> None:
     assert pose_request(first, FRAMES) == pose_request(later, FRAMES)
 
 
-def test_a_flood_is_refused_after_a_burst_and_reported_once_a_second() -> None:
+def test_a_rate_is_limited_after_a_burst() -> None:
     now_s = 0.0
-    admission = Admission(lambda: now_s)
+    admission = Admission(RATE_HZ, BURST, lambda: now_s)
     assert [admission.admit() for _ in range(BURST + 5)].count(True) == BURST
-    refusal = admission.take_refusal()
-    assert refusal is not None
-    assert "5 commands" in refusal.text
     admitted = 0
     for _ in range(200):
         now_s += 0.005
         admitted += admission.admit()
-    assert admitted == 10
-    assert admission.take_refusal() is not None
-    assert admission.take_refusal() is None
+    assert admitted == pytest.approx(RATE_HZ, abs=1)
 
 
 def test_texts_are_read_with_their_options_or_refused() -> None:
@@ -143,9 +138,6 @@ def test_texts_are_read_with_their_options_or_refused() -> None:
     )
     assert isinstance(command.request, MoveTo)
     assert (command.lifetime_s, command.preemption.value) == (10.0, "replace")
-    assert read_command_text("action VIDEO ON", identity, "ros").request == ExecuteAction(
-        "VIDEO ON"
-    )
     for wrong in (
         "",
         "fly",

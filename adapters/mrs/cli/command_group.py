@@ -225,9 +225,9 @@ def _sender(
     return CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
 
 
-_SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)
+SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)
 """The options of `_sender`, in the order of their help."""
-_SENDING_NAMES: Final = [each.name or "" for each in _SENDING_OPTIONS if each.expose_value]
+_SENDING_NAMES: Final = [each.name or "" for each in SENDING_OPTIONS if each.expose_value]
 
 
 def sending(callback: Callable[..., None]) -> Callable[..., None]:
@@ -251,13 +251,13 @@ class SendingCommand(OperationCommand):
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
-        for option in map(copy, _SENDING_OPTIONS):
+        for option in map(copy, SENDING_OPTIONS):
             option.hidden = True  # type: ignore[attr-defined]
             self.params.append(option)
         self.epilog = "The options of `rover command`, such as --to and --no-wait, work here, too."
 
 
-@click.group(cls=OperationGroup, params=list(_SENDING_OPTIONS))
+@click.group(cls=OperationGroup, params=list(SENDING_OPTIONS))
 def command(**_: Any) -> None:
     """Command a rover and print each stage.
 
@@ -294,7 +294,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         **given: Any,
     ) -> None:
-        sender.send(_request_of(declaration, given), preemption)
+        sender.send(request_of(declaration, given), preemption)
 
     return SendingCommand(
         declaration.name,
@@ -304,28 +304,18 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     )
 
 
-def _request_of(declaration: CommandDeclaration, given: dict[str, Any]) -> Request:
-    """Return the request of the given values; raise click.UsageError if all are missing."""
+def request_of(declaration: CommandDeclaration, given: dict[str, Any]) -> Request:
+    """Return the request of the given values.
+
+    Raises:
+        click.UsageError: all are missing, and it needs one.
+    """
     written = declaration.user_arguments
     if declaration.at_least_one and all(value is None for value in given.values()):
         names = ", ".join(f"--{argument.name}" for argument in written)
         raise click.UsageError(f"give at least one of {names}")
     request: Request = declaration.build_request(*(given[each.field] for each in written))
     return request
-
-
-def operation_request(name: str, given: dict[str, Any]) -> Request:
-    """Return the request of an operation with the given values.
-
-    Raises:
-        click.UsageError: it needs at least one of them.
-    """
-    return _request_of(next(each for each in all_declarations() if each.name == name), given)
-
-
-def sending_option(name: str) -> click.Parameter:
-    """Return an option of `rover command`."""
-    return next(each for each in _SENDING_OPTIONS if each.name == name)
 
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:
