@@ -39,6 +39,7 @@ from adapters.process import (
 )
 from adapters.recording import BackgroundRecorder
 from adapters.ros import (
+    NavigatedRosRover,
     RosAsset,
     RosMotionRover,
     RosRover,
@@ -386,7 +387,7 @@ def rover_kind(settings: Settings) -> RosRoverKind:
                 f"{settings.asset}: locomotion {settings.locomotion.value} needs the key rover:"
                 f" {FORM}"
             )
-        return RosRover
+        return RosRover if settings.navigation is None else NavigatedRosRover
     kind = _named(settings.rover, port)
     missing = _missing(kind, port)
     if missing:

@@ -7,25 +7,24 @@ fields are used if the imported type has them. All facts are observed by `poll`,
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Any, Final
+from math import inf
+from typing import Any, Final, assert_never
 
 from action_msgs.msg import GoalStatus
 from rclpy.node import Node
 
-from adapters.ros.conversions import Precision, round_measurement
-from adapters.ros.navigation_errors import error_name
 from adapters.ros.navigation_messages import (
     Task,
     action_type,
+    error_name,
     feedback_fact,
     goal_message,
     missed_poses,
+    planned_points,
     stamped_pose,
-    thinned,
 )
 from adapters.ros.parameters import declare_optional_text
-from adapters.ros.polled_action import ACTIVE, ENDED, PolledAction, Statuses
+from adapters.ros.polled_action import ACTIVE, PolledAction, Statuses
 from adapters.ros.transforms import frame_names
 from executive.settings import RelativeActions
 from executive.values.clock import Clock
@@ -33,10 +32,8 @@ from executive.values.facts import Fact, NavigationState, NavigationStatus, Plan
 from executive.values.geometry import Point, Pose, TargetFrame
 from executive.values.ports import DriveBy, NavigateTo, NavigationGoal, PathRequest, TurnBy
 
-TO_POSE, THROUGH_POSES, PATH, TURN, DRIVE = (
-    *("to_pose", "through_poses", "compute_path"),
-    *("turn", "drive"),
-)
+TO_POSE, THROUGH_POSES, PATH = "to_pose", "through_poses", "compute_path"
+TURN, DRIVE = "turn", "drive"
 ACTIONS: Final = {
     TO_POSE: ("navigate_to_pose", "nav2_msgs/action/NavigateToPose"),
     THROUGH_POSES: ("navigate_through_poses", "nav2_msgs/action/NavigateThroughPoses"),
@@ -54,11 +51,6 @@ RELATIVE: Final[dict[RelativeActions, dict[str, tuple[str, str]]]] = {
         DRIVE: ("drive_distance", "irobot_create_msgs/action/DriveDistance"),
     },
 }
-CANCEL_FOR_S: Final = 10.0
-"""Maximum duration of the repetition of a cancel without an answer; a discovery takes less."""
-CANCEL_RETRY_S: Final = 1.0
-CANCEL_ANSWER_S: Final = 0.5
-"""Maximum wait of a new goal for the answer to a cancel, which would cancel that goal, too."""
 RESULT_RETRY_S: Final = 1.0
 SERVER_CHECK_S: Final = 0.5
 PATH_ANSWER_S: Final = 2.0
@@ -72,33 +64,21 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
-class _Server:
-    """An action, and the cancel of all its goals, which is repeated until it is answered."""
-
-    action: PolledAction
-    cancel_until_s: float = -inf
-    cancelled_s: float = -inf
-
-    def awaits_cancel(self, now_s: float) -> bool:
-        return now_s < min(self.cancel_until_s, self.cancelled_s + CANCEL_ANSWER_S)
-
-
-@dataclass(slots=True)
 class _SentGoal:
-    """A goal that was sent and has not ended.
+    """A goal that was sent.
 
     Attributes:
         servers: ids of the servers when one of them reported the goal; None before.
-        ended_s: when its status reported an end; its result is awaited.
+        result_due_s: when its result is requested again, which may be lost.
     """
 
     goal: NavigationGoal
-    server: _Server
+    action: PolledAction
     uuid: bytes = b""
     accepted: bool = False
     preempted: bool = False
     servers: frozenset[bytes] | None = None
-    ended_s: float = inf
+    result_due_s: float = inf
 
 
 class NavigationClient:
@@ -128,36 +108,33 @@ class NavigationClient:
         map_frame, odom, _ = frame_names(node)
         self._frames = {TargetFrame.ODOM: odom, TargetFrame.MAP: map_frame or "map"}
         self._facts: list[Fact] = []
+        self._waiting: NavigationGoal | None = None
         self._sent: _SentGoal | None = None
         self._aborted: _SentGoal | None = None
-        self._waiting: NavigationGoal | None = None
-        self._abandoned: dict[bytes, PolledAction] = {}
+        self._abandoned: dict[bytes, None] = {}
         self._paths: dict[int, tuple[PathRequest, float]] = {}
         self._checked_s = -inf
         self._map_to_odom: Pose | None = None
-        self._servers: dict[str, _Server] = {}
         self._missing: dict[str, str] = {}
+        self._actions: dict[str, PolledAction] = {}
         for key, default in {**ACTIONS, **RELATIVE[relative]}.items():
-            self._add(node, key, default)
+            self._add(node, key, *default)
         for text in dict.fromkeys(self._missing.values()):
             _LOG.warning("no navigation: %s", text)
 
-    def _add(self, node: Node, key: str, default: tuple[str, str]) -> None:
-        given = (
-            declare_optional_text(node, f"navigation.{key}.{part}", f"{part} of {key}")
-            for part in ("action", "type")
-        )
-        name, kind_name = (one or other for one, other in zip(given, default, strict=True))
-        kind = action_type(f"navigation.{key}.type", kind_name)
+    def _add(self, node: Node, key: str, name: str, kind_name: str) -> None:
+        given = declare_optional_text(node, f"navigation.{key}.action", f"action {key}")
+        type_key = f"navigation.{key}.type"
+        kind = action_type(type_key, declare_optional_text(node, type_key, "its type") or kind_name)
         if isinstance(kind, str):
             self._missing[key] = kind
             return
 
         def on_status(statuses: Statuses) -> None:
-            self._on_status(server, statuses)
+            self._on_status(action, statuses)
 
-        server = _Server(PolledAction(node, kind, name, on_status, self._on_feedback))
-        self._servers[key] = server
+        action = PolledAction(node, kind, given or name, on_status, self._on_feedback)
+        self._actions[key] = action
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Send a goal under a new UUID after the answer to a cancel; abandon the last goal."""
@@ -167,32 +144,27 @@ class NavigationClient:
     def cancel(self) -> None:
         """Cancel all goals of all servers, and any that was sent and is accepted later."""
         self._abandon()
-        until_s = self._clock.now_s() + CANCEL_FOR_S
-        for key, server in self._servers.items():
+        for key, action in self._actions.items():
             if key != PATH:
-                server.cancel_until_s, server.cancelled_s = until_s, -inf
-        self._cancel_all()
+                action.cancel_all(self._clock.now_s())
 
     def plan(self, request: PathRequest) -> None:
         """Request a path; exactly one `PlannedPath` answers."""
-        until_s = self._clock.now_s() + PATH_ANSWER_S
-        self._paths[request.number] = request, until_s
-        server = self._server(PATH)
-        if isinstance(server, str):
-            self._answer_path(request, (), server)
+        self._paths[request.number] = request, self._clock.now_s() + PATH_ANSWER_S
+        action = self._action(PATH)
+        if isinstance(action, str):
+            self._answer_path(request, action)
             return
-        action = server.action
         frame = self._frames[request.frame]
         start, goal = (stamped_pose(each, frame) for each in (request.start, request.goal))
-        message = action.kind.Goal(start=start, goal=goal, use_start=True)
 
         def on_answer(accepted: bool) -> None:
             if accepted:
                 action.request_result(uuid, lambda _, result: self._on_path(request, result))
             else:
-                self._answer_path(request, (), "the planner rejected the request")
+                self._answer_path(request, "the planner rejected the request")
 
-        uuid = action.send(message, on_answer)
+        uuid = action.send(action.kind.Goal(start=start, goal=goal, use_start=True), on_answer)
 
     def poll(self, map_to_odom: Pose | None) -> None:
         """Process answers and statuses, then observe the facts.
@@ -200,76 +172,56 @@ class NavigationClient:
         Args:
             map_to_odom: pose of the odometry frame in the map, or None.
         """
-        self._map_to_odom = map_to_odom
-        for server in self._servers.values():
-            server.action.poll()
-        now_s = self._clock.now_s()
-        self._cancel_all()
-        self._send(now_s)
+        self._map_to_odom, now_s = map_to_odom, self._clock.now_s()
+        for action in self._actions.values():
+            action.poll(now_s)
+        if not any(each.is_cancelling(now_s) for each in self._actions.values()):
+            self._send()
         self._check_goal(now_s)
         for request, until_s in list(self._paths.values()):
             if now_s > until_s:
-                text = f"the planner did not answer within {PATH_ANSWER_S:g} s"
-                self._answer_path(request, (), text)
+                self._answer_path(request, f"the planner is silent for {PATH_ANSWER_S:g} s")
         facts, self._facts = self._facts, []
         for fact in facts:
             self._observe(fact)
 
-    def _server(self, key: str) -> _Server | str:
-        """Return the server of an action, or why there is none."""
-        server = self._servers.get(key)
-        if server is None:
-            return self._missing.get(key, f"navigation.{key} is not used")
-        return server if server.action.ready else f"there is no action server {server.action.name}"
-
-    def _frame(self, task: Task) -> str:
-        return self._frames[task.frame] if isinstance(task, NavigateTo) else ""
+    def _action(self, key: str) -> PolledAction | str:
+        """Return an action with a server, or why there is none."""
+        action = self._actions.get(key)
+        if action is None:
+            return self._missing.get(key, f"navigation.relative does not offer the action {key}")
+        return action if action.ready else f"there is no action server {action.name}"
 
     def _abandon(self) -> None:
         self._waiting = self._aborted = None
         if self._sent is not None:
-            self._abandoned[self._sent.uuid] = self._sent.server.action
+            self._abandoned[self._sent.uuid] = None
             self._sent = None
         while len(self._abandoned) > MAX_ABANDONED:
             del self._abandoned[next(iter(self._abandoned))]
 
-    def _cancel_all(self) -> None:
-        now_s = self._clock.now_s()
-        for server in self._servers.values():
-            due = now_s >= server.cancelled_s + CANCEL_RETRY_S
-            if due and now_s < server.cancel_until_s and server.action.ready:
-                server.cancelled_s = now_s
-
-                def on_answer(server: _Server = server) -> None:
-                    server.cancel_until_s = -inf
-
-                server.action.cancel(None, on_answer)
-
-    def _send(self, now_s: float) -> None:
-        goal = self._waiting
-        if goal is None or any(each.awaits_cancel(now_s) for each in self._servers.values()):
+    def _send(self) -> None:
+        goal, self._waiting = self._waiting, None
+        if goal is None:
             return
-        self._waiting = None
-        for each in self._servers.values():
-            each.cancel_until_s = -inf
-        server = self._server(_key(goal.task))
-        if isinstance(server, str):
-            self._report(goal, NavigationState.UNAVAILABLE, text=server)
+        for each in self._actions.values():
+            each.end_cancel()
+        action = self._action(_key(goal.task))
+        if isinstance(action, str):
+            self._report(goal, NavigationState.UNAVAILABLE, text=action)
             return
-        sent = self._sent = _SentGoal(goal, server)
-        message = goal_message(server.action.kind, goal.task, self._frame(goal.task))
-        sent.uuid = server.action.send(message, lambda accepted: self._on_answer(sent, accepted))
+        sent = self._sent = _SentGoal(goal, action)
+        frame = self._frames[goal.task.frame] if isinstance(goal.task, NavigateTo) else ""
+        message = goal_message(action.kind, goal.task, frame)
+        sent.uuid = action.send(message, lambda accepted: self._on_answer(sent, accepted))
 
     def _on_answer(self, sent: _SentGoal, accepted: bool) -> None:
-        if sent is self._sent:
-            if accepted:
-                self._on_accepted(sent)
-            elif not sent.accepted:
-                self._end(sent, NavigationState.REJECTED)
-        elif not accepted:
-            self._abandoned.pop(sent.uuid, None)
-        elif sent.uuid in self._abandoned:
-            sent.server.action.cancel(sent.uuid)
+        if accepted and sent.uuid in self._abandoned:
+            sent.action.cancel(sent.uuid)
+        elif sent is self._sent and accepted:
+            self._on_accepted(sent)
+        elif sent is self._sent and not sent.accepted:
+            self._end(sent, NavigationState.REJECTED)
 
     def _on_accepted(self, sent: _SentGoal) -> None:
         if not sent.accepted:
@@ -279,53 +231,45 @@ class NavigationClient:
 
     def _request_result(self, sent: _SentGoal) -> None:
         def on_result(status: int, result: Any) -> None:
-            if sent is not self._sent:
-                return
-            if status in _ENDS:
-                self._end(sent, _ENDS[status], result)
-            else:
-                self._end(sent, NavigationState.LOST, text="the server does not know the goal")
+            if sent is self._sent:
+                known = status in _ENDS
+                text = "" if known else "the server does not know the goal"
+                self._end(sent, _ENDS.get(status, NavigationState.LOST), result, text)
 
-        sent.server.action.request_result(sent.uuid, on_result)
+        sent.action.request_result(sent.uuid, on_result)
 
-    def _on_status(self, server: _Server, statuses: Statuses) -> None:
-        for uuid, (status, _) in statuses.items():
-            if uuid in self._abandoned:
-                if status in ACTIVE:
-                    server.action.cancel(uuid)
-                elif status in ENDED:
-                    del self._abandoned[uuid]
+    def _on_status(self, action: PolledAction, statuses: Statuses) -> None:
+        active = {uuid: at_ns for uuid, (status, at_ns) in statuses.items() if status in ACTIVE}
+        for uuid in active.keys() & self._abandoned.keys():
+            action.cancel(uuid)
         sent = self._sent or self._aborted
-        if sent is None or sent.server is not server or sent.uuid not in statuses:
+        if sent is None or sent.action is not action or sent.uuid not in statuses:
             return
+        self._on_accepted(sent)  # its answer may be lost
         status, since_ns = statuses[sent.uuid]
         if sent.servers is None:
-            sent.servers = server.action.servers()
-        if status in ENDED:
-            sent.ended_s = min(sent.ended_s, self._clock.now_s())
-        self._on_accepted(sent)  # its answer may be lost
-        later = (
-            status in ACTIVE and at_ns > since_ns and uuid not in self._abandoned
-            for uuid, (status, at_ns) in statuses.items()
-        )
-        if any(later) and not sent.preempted:
+            sent.servers = action.servers()
+        if status in _ENDS:
+            sent.result_due_s = min(sent.result_due_s, self._clock.now_s() + RESULT_RETRY_S)
+        others = active.keys() - self._abandoned.keys()
+        if not sent.preempted and any(active[uuid] > since_ns for uuid in others):
             sent.preempted = True
-            text = f"another client sent a goal to {server.action.name}"
+            text = f"another client sent a goal to {action.name}"
             self._report(sent.goal, NavigationState.PREEMPTED, text=text)
 
     def _check_goal(self, now_s: float) -> None:
-        """Request a result again that was lost; detect another server."""
+        """Request a lost result again; detect another server."""
         sent = self._sent
-        if sent is None or not sent.accepted:
+        if sent is None:
             return
-        if now_s > sent.ended_s + RESULT_RETRY_S:
-            sent.ended_s = now_s
+        if now_s >= sent.result_due_s:
+            sent.result_due_s = now_s + RESULT_RETRY_S
             self._request_result(sent)
         if sent.servers and now_s >= self._checked_s + SERVER_CHECK_S:
             self._checked_s = now_s
-            found = sent.server.action.servers()
+            found = sent.action.servers()
             if not found or found - sent.servers:
-                text = f"{sent.server.action.name} has ended, or is served by another process"
+                text = f"{sent.action.name} has ended, or is served by another process"
                 self._end(sent, NavigationState.LOST, text=text)
 
     def _on_feedback(self, uuid: bytes, feedback: Any) -> None:
@@ -336,62 +280,37 @@ class NavigationClient:
     def _end(
         self, sent: _SentGoal, state: NavigationState, result: Any = None, text: str = ""
     ) -> None:
-        self._sent = None
-        if state is NavigationState.LOST:
-            self._abandoned[sent.uuid] = sent.server.action
+        self._abandon()
         if state is NavigationState.ABORTED:
             self._aborted = sent  # the cause may be a goal of another client, which arrives later
-        code = int(getattr(result, "error_code", 0))
-        text = text or str(getattr(result, "error_msg", ""))
-        self._report(sent.goal, state, code=code, text=text, missed=missed_poses(result))
+        self._report(sent.goal, state, result, text)
 
     def _report(
-        self,
-        goal: NavigationGoal,
-        state: NavigationState,
-        *,
-        code: int = 0,
-        text: str = "",
-        missed: tuple[int, ...] = (),
+        self, goal: NavigationGoal, state: NavigationState, result: Any = None, text: str = ""
     ) -> None:
-        fact = NavigationStatus(goal.number, state, code, error_name(code), text, missed)
-        self._facts.append(fact)
+        code = int(getattr(result, "error_code", 0))
+        text = text or str(getattr(result, "error_msg", ""))
+        name, missed = error_name(code), missed_poses(result)
+        self._facts.append(NavigationStatus(goal.number, state, code, name, text, missed))
 
     def _on_path(self, request: PathRequest, result: Any) -> None:
         code, path = int(result.error_code), result.path
+        frame, wanted = path.header.frame_id.lstrip("/"), self._frames[request.frame]
+        to_frame = self._map_to_odom
+        if frame in ("", wanted):
+            to_frame = Pose()
+        elif to_frame is not None and request.frame is TargetFrame.ODOM:
+            to_frame = to_frame.inverse
         if code or not path.poses:
-            text = getattr(result, "error_msg", "") or error_name(code) or f"error code {code}"
-            self._answer_path(request, (), f"the planner has no path: {text}")
-            return
-        frame = path.header.frame_id.lstrip("/") or self._frames[request.frame]
-        to_frame = self._into(request.frame, frame)
-        if to_frame is None:
-            text = f"no transform from {frame} to {self._frames[request.frame]}"
-            self._answer_path(request, (), f"the planned path is in {frame}: {text}")
-            return
-        each = (pose.pose.position for pose in path.poses)
-        moved = (to_frame.compose(Pose(at.x, at.y)) for at in each)
-        points = [
-            Point(*(round_measurement(each, Precision.RANGE) for each in (at.x_m, at.y_m)))
-            for at in moved
-        ]
-        if not all(isfinite(at.x_m) and isfinite(at.y_m) for at in points):
-            self._answer_path(request, (), "the planned path is not finite")
-            return
-        self._answer_path(request, thinned(points))
+            text = getattr(result, "error_msg", "") or error_name(code)
+            self._answer_path(request, f"the planner has no path: {text or code}")
+        elif to_frame is None or frame not in ("", *self._frames.values()):
+            self._answer_path(request, f"no transform from {frame} of the path to {wanted}")
+        else:
+            self._answer_path(request, "", planned_points(path, to_frame))
 
-    def _into(self, frame: TargetFrame, source: str) -> Pose | None:
-        """Return the pose of a frame of the path in the frame of a request, or None."""
-        odom, map_to_odom = self._frames[TargetFrame.ODOM], self._map_to_odom
-        if source == self._frames[frame]:
-            return Pose()
-        if source not in self._frames.values() or map_to_odom is None:
-            return None
-        return map_to_odom if source == odom else map_to_odom.inverse
-
-    def _answer_path(self, request: PathRequest, points: tuple[Point, ...], text: str = "") -> None:
-        waiting = self._paths.get(request.number)
-        if waiting is not None and waiting[0] is request:
+    def _answer_path(self, request: PathRequest, text: str, points: tuple[Point, ...] = ()) -> None:
+        if self._paths.get(request.number, (None,))[0] is request:
             del self._paths[request.number]
             self._facts.append(PlannedPath(request.number, points, text))
 
@@ -404,3 +323,5 @@ def _key(task: Task) -> str:
             return TURN
         case DriveBy():
             return DRIVE
+        case _:
+            assert_never(task)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from importlib import import_module
 from itertools import pairwise
 from math import ceil, copysign, isfinite
-from typing import Any
+from typing import Any, Final
 
 from geometry_msgs.msg import PoseStamped
 
@@ -18,6 +18,29 @@ from executive.values.geometry import Point, Pose
 from executive.values.ports import DriveBy, NavigateTo, NavigationGoal, TurnBy
 
 Task = NavigateTo | TurnBy | DriveBy
+_CODES: Final = """
+1 Any GOAL_REJECTED SEND_GOAL_FAILURE
+100 FollowPath UNKNOWN INVALID_CONTROLLER TF_ERROR INVALID_PATH PATIENCE_EXCEEDED
+105 FollowPath FAILED_TO_MAKE_PROGRESS NO_VALID_CONTROL CONTROLLER_TIMED_OUT TIMEOUT
+200 ComputePathToPose UNKNOWN INVALID_PLANNER TF_ERROR START_OUTSIDE_MAP GOAL_OUTSIDE_MAP
+205 ComputePathToPose START_OCCUPIED GOAL_OCCUPIED TIMEOUT NO_VALID_PATH
+300 ComputePathThroughPoses UNKNOWN INVALID_PLANNER TF_ERROR START_OUTSIDE_MAP GOAL_OUTSIDE_MAP
+305 ComputePathThroughPoses START_OCCUPIED GOAL_OCCUPIED TIMEOUT NO_VALID_PATH NO_VIAPOINTS_GIVEN
+400 ComputeRoute UNKNOWN TF_ERROR NO_VALID_GRAPH INDETERMINANT_NODES_ON_GRAPH TIMEOUT
+405 ComputeRoute NO_VALID_ROUTE OPERATION_FAILED INVALID_EDGE_SCORER_USE
+500 SmoothPath UNKNOWN INVALID_SMOOTHER TIMEOUT SMOOTHED_PATH_IN_COLLISION FAILED_TO_SMOOTH_PATH
+505 SmoothPath INVALID_PATH
+600 FollowWaypoints UNKNOWN TASK_EXECUTOR_FAILED NO_VALID_WAYPOINTS STOP_ON_MISSED_WAYPOINT
+700 Spin UNKNOWN TIMEOUT TF_ERROR COLLISION_AHEAD
+710 BackUp UNKNOWN TIMEOUT TF_ERROR INVALID_INPUT COLLISION_AHEAD
+720 DriveOnHeading UNKNOWN TIMEOUT TF_ERROR COLLISION_AHEAD INVALID_INPUT
+730 AssistedTeleop UNKNOWN TIMEOUT TF_ERROR
+740 Wait UNKNOWN TIMEOUT
+901 Docking
+9000 NavigateToPose UNKNOWN FAILED_TO_LOAD_BEHAVIOR_TREE TF_ERROR TIMEOUT
+9100 NavigateThroughPoses UNKNOWN FAILED_TO_LOAD_BEHAVIOR_TREE TF_ERROR TIMEOUT
+"""
+"""First code, action and names of consecutive codes: constants of nav2_msgs, jazzy to lyrical."""
 MIN_POINT_DISTANCE_M, MAX_POINTS = 0.1, 500
 """Of a planned path, which is recorded."""
 
@@ -116,8 +139,16 @@ def missed_poses(result: Any) -> tuple[int, ...]:
     return tuple(sorted(missed))
 
 
-def thinned(points: list[Point]) -> tuple[Point, ...]:
-    """Return the ends of a path, and points between at a distance from each other."""
+def planned_points(path: Any, to_frame: Pose) -> tuple[Point, ...]:
+    """Return the ends of a path, and points between at a distance from each other.
+
+    Args:
+        path: a nav_msgs/Path of finite positions.
+        to_frame: pose of its frame in that of the points.
+    """
+    positions = (each.pose.position for each in path.poses)
+    moved = (to_frame.compose(Pose(at.x, at.y)) for at in positions)
+    points = [Point(round(each.x_m, 3), round(each.y_m, 3)) for each in moved]
     length_m = sum(one.distance_m(other) for one, other in pairwise(points))
     apart_m = max(MIN_POINT_DISTANCE_M, length_m / (MAX_POINTS - 2))
     thin = [points[0]]
@@ -125,3 +156,18 @@ def thinned(points: list[Point]) -> tuple[Point, ...]:
         if each.distance_m(thin[-1]) > apart_m - 1e-3:
             thin.append(each)
     return (*thin, points[-1])
+
+
+def error_name(code: int) -> str:
+    """Return the action and the name of an error code; empty for none of Nav2's.
+
+    A code between the names has that of the action alone.
+    """
+    found = ""
+    for first, action, *names in map(str.split, _CODES.strip().splitlines()):
+        index = code - int(first)
+        if 0 <= index < len(names):
+            return f"{action} {names[index]}"
+        if 0 <= index < 100:
+            found = action
+    return found

@@ -6,6 +6,7 @@ and hides the goals of other clients. This one uses the services and topics of t
 """
 
 from collections.abc import Callable
+from math import inf
 from typing import Any, Final
 from uuid import uuid4
 
@@ -19,11 +20,11 @@ from adapters.ros.subscription import TopicSubscription, Unwaited
 
 MAX_UNANSWERED: Final = 32
 """Maximum number of requests without an answer; answers to older ones are ignored."""
+CANCEL_FOR_S, CANCEL_RETRY_S = 10.0, 1.0
+"""Duration and period of a cancel of all goals without an answer; a discovery takes less."""
+CANCEL_ANSWER_S: Final = 0.5
+"""Maximum wait of a new goal for that answer: the cancel may include it."""
 ACTIVE: Final = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
-ENDED: Final = (
-    *(GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED),
-    GoalStatus.STATUS_ABORTED,
-)
 Statuses = dict[bytes, tuple[int, int]]
 """Status and time of acceptance, ns on the server's clock, of each goal of a server, by UUID."""
 
@@ -50,6 +51,7 @@ class PolledAction:
         impl, base = kind.Impl, f"{name}/_action"
         self.kind, self.name = kind, node.resolve_topic_name(name)
         self._node, self._on_status, self._on_feedback = node, on_status, on_feedback
+        self._cancel_until_s = self._cancelled_s = -inf
         self._send = _PolledClient(node, impl.SendGoalService, f"{base}/send_goal")
         self._result = _PolledClient(node, impl.GetResultService, f"{base}/get_result")
         self._cancel = _PolledClient(node, impl.CancelGoalService, f"{base}/cancel_goal")
@@ -78,20 +80,35 @@ class PolledAction:
         request = self.kind.Impl.GetResultService.Request(goal_id=_uuid(uuid))
         self._result.call(request, lambda answer: on_result(answer.status, answer.result))
 
-    def cancel(self, uuid: bytes | None, on_answer: Callable[[], None] = lambda: None) -> None:
-        """Cancel a goal, or those of all clients."""
+    def cancel(self, uuid: bytes) -> None:
+        """Cancel a goal."""
         request = self.kind.Impl.CancelGoalService.Request()
-        if uuid is not None:
-            request.goal_info.goal_id = _uuid(uuid)
-        self._cancel.call(request, lambda _: on_answer())
+        request.goal_info.goal_id = _uuid(uuid)
+        self._cancel.call(request, lambda _: None)
+
+    def cancel_all(self, now_s: float) -> None:
+        """Cancel the goals of all clients; `poll` repeats it until a server answers."""
+        self._cancel_until_s, self._cancelled_s = now_s + CANCEL_FOR_S, -inf
+
+    def end_cancel(self, *_: object) -> None:
+        """Repeat no cancel of all goals."""
+        self._cancel_until_s = -inf
+
+    def is_cancelling(self, now_s: float) -> bool:
+        """Return whether a cancel of all goals may still arrive at the server."""
+        return now_s < min(self._cancel_until_s, self._cancelled_s + CANCEL_ANSWER_S)
 
     def servers(self) -> frozenset[bytes]:
         """Return the ids of the servers, those of killed ones for up to 20 s more."""
         infos = self._node.get_publishers_info_by_topic(f"{self.name}/_action/status")
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
-    def poll(self) -> None:
+    def poll(self, now_s: float) -> None:
         """Process answers and statuses: the goals of all clients before the end of a goal."""
+        due = self._cancelled_s + CANCEL_RETRY_S <= now_s < self._cancel_until_s
+        if due and self.ready:
+            self._cancelled_s = now_s
+            self._cancel.call(self.kind.Impl.CancelGoalService.Request(), self.end_cancel)
         self._send.poll()
         for each in self._polled:
             each.poll()
@@ -99,13 +116,12 @@ class PolledAction:
         self._result.poll()
 
     def _take_status(self, message: Any) -> None:
-        infos = ((each.goal_info, each.status) for each in message.status_list)
-        self._on_status(
-            {
-                bytes(info.goal_id.uuid): (status, info.stamp.sec * 10**9 + info.stamp.nanosec)
-                for info, status in infos
-            }
-        )
+        statuses = {}
+        for each in message.status_list:
+            stamp = each.goal_info.stamp
+            at_ns = stamp.sec * 10**9 + stamp.nanosec
+            statuses[bytes(each.goal_info.goal_id.uuid)] = each.status, at_ns
+        self._on_status(statuses)
 
     def _take_feedback(self, message: Any) -> None:
         self._on_feedback(bytes(message.goal_id.uuid), message.feedback)

@@ -13,30 +13,20 @@ from typing import Any, Final, Protocol, runtime_checkable
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Bool, Float64
 from trajectory_msgs.msg import JointTrajectory
 
 from adapters.ros.conversions import joint_command, twist_of, velocity_message
-from adapters.ros.navigation import NavigationClient
-from adapters.ros.navigation_velocity import NavigationVelocityTopic
-from adapters.ros.parameters import ParameterError, Topic, Topics, declare_optional_text
+from adapters.ros.parameters import ParameterError, Topic, Topics
 from adapters.ros.subscription import matching_qos
 from executive.record import Ledger
-from executive.settings import MuxSettings, NavigationGate, NavigationSettings, Settings
+from executive.settings import MuxSettings, Settings
 from executive.values.clock import Clock
 from executive.values.facts import VELOCITY_TOPIC, Fact, ForeignMuxInput
 from executive.values.geometry import STANDING, Pose, Velocity
-from executive.values.ports import (
-    CameraIntent,
-    DelegatedMotionRover,
-    Downlink,
-    NavigationGoal,
-    PathRequest,
-    VelocityRover,
-)
+from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
 
 GUARD_NAME: Final = "executive_guard"
 """Node name of the process that stops the rover when the executive has ended."""
@@ -48,8 +38,6 @@ NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
 """Node name that ROS gives for a publisher before its discovery is complete."""
 GRAPH_REFRESH_S: Final = 1.0
 """Silence of a topic after which its publishers are queried again."""
-NAV_VEL: Final = "nav_vel"
-"""Topic of the navigation's velocity that the executive relays, unless the file names another."""
 Subscribe = Callable[[Topic, Callable[[Any], None]], None]
 """Subscribes a callback for the messages of a topic."""
 
@@ -84,11 +72,7 @@ class PolledRover(Protocol):
     """A rover with data that wait for each tick."""
 
     def poll(self, map_to_odom: Pose | None) -> None:
-        """Observe them.
-
-        Args:
-            map_to_odom: pose of the odometry frame in the map by the newest transform, or None.
-        """
+        """Observe them; the pose of the odometry frame in the map is the newest, or None."""
 
 
 class RosVelocityRover(RosAsset, VelocityRover, Protocol):
@@ -238,12 +222,12 @@ class RosMux:
         return replace(self._velocity, name=name)
 
     def listen(
-        self, subscribe: Subscribe, observe: Callable[[Fact], None], navigation: str | None
+        self, subscribe: Subscribe, observe: Callable[[Fact], None], gated: str | None = None
     ) -> None:
-        """Report velocities on other inputs than the navigation's to the core."""
+        """Report velocities on other inputs to the core, except a navigation's behind its gate."""
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
-            if name not in (self._settings.input, self._settings.stop, navigation):
+            if name not in (self._settings.input, self._settings.stop, gated):
                 publishers = _Publishers(self._node, self._clock, entry.topic)
                 on_velocity = partial(
                     _mux_input_observer, observe, name, entry.priority > above, publishers
@@ -312,79 +296,6 @@ def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
     return tuple(each for each in names if each != f"{namespace}/{GUARD_NAME}")
 
 
-class NavigationOnRos:
-    """The navigation of a rover: its actions, its velocity, and the lock of the mux that gates it.
-
-    Only the lock is there from the start: it is all that the guard needs.
-
-    Args:
-        node: creates topics, clients and parameters.
-        cmd_vel: the executive's velocity topic.
-        clock: the core's clock.
-        settings: settings of the asset.
-        navigation: section of the navigation in them.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        cmd_vel: Topic,
-        clock: Clock,
-        settings: Settings,
-        navigation: NavigationSettings,
-    ) -> None:
-        self._node, self._clock, self.settings = node, clock, navigation
-        self._lock = None
-        name = None
-        if navigation.gate is NavigationGate.LOCK:
-            mux = settings.mux
-            assert mux is not None
-            assert navigation.input is not None
-            assert navigation.lock is not None
-            name = mux.topics[navigation.input].topic
-            self._lock = node.create_publisher(Bool, mux.locks[navigation.lock].topic, LOCK_QOS)
-        self._cmd_vel, self._input_topic = cmd_vel, name
-        self.client: NavigationClient | None = None
-        self._velocity: NavigationVelocityTopic | None = None
-
-    def start(self, observe: Callable[[Fact], None]) -> None:
-        """Create the clients, and subscribe to the velocity.
-
-        Raises:
-            ParameterError: an action's type, or the topic of the velocity.
-        """
-        name = self._input_topic
-        if name is None:
-            key = "navigation.velocity.topic"
-            name = declare_optional_text(self._node, key, "the navigation's velocity") or NAV_VEL
-            if self._node.resolve_topic_name(name) == self._node.resolve_topic_name(
-                self._cmd_vel.name
-            ):
-                raise ParameterError(
-                    f"parameter {key} is {name}, the executive's own topic (cmd_vel.topic): have"
-                    " the navigation publish on another one, or use gate lock"
-                )
-        matching = QoSProfile(depth=10)  # type: ignore[no-untyped-call]
-        topic = replace(self._cmd_vel, name=name, qos=matching, follows=True)
-        self._velocity = NavigationVelocityTopic(self._node, topic, self._clock, observe)
-        self.client = NavigationClient(self._node, self._clock, observe, self.settings.relative)
-
-    def poll(self, map_to_odom: Pose | None) -> None:
-        """Observe velocities and answers."""
-        if self._velocity is not None and self.client is not None:
-            self._velocity.poll()
-            self.client.poll(map_to_odom)
-
-    def open_gate(self, is_open: bool) -> None:
-        """Publish the lock, from any thread."""
-        if self._lock is not None:
-            self._lock.publish(Bool(data=not is_open))
-
-    def flush(self, timeout_s: float) -> bool:
-        """Wait until the last lock has been received; return whether it was."""
-        return self._lock is None or self._lock.wait_for_all_acked(Duration(seconds=timeout_s))
-
-
 class RosRover(RosCamera):
     """Publishes the arbiter's output. Used on the executor's thread, except `emergency_stop`."""
 
@@ -398,10 +309,7 @@ class RosRover(RosCamera):
         velocity = topics.cmd_vel
         mux = settings.mux
         self._mux = None if mux is None else RosMux(node, velocity, mux, clock)
-        found = settings.navigation
-        self._navigation = (
-            None if found is None else NavigationOnRos(node, velocity, clock, settings, found)
-        )
+        self._gated = None if settings.navigation is None else settings.navigation.input
         self._velocity = VelocityPublisher(node, velocity)
         self._topic = velocity
         self._sent: deque[tuple[float, float]] = deque(maxlen=SENT)
@@ -419,51 +327,20 @@ class RosRover(RosCamera):
                 )
 
         add_subscription(self._topic, on_velocity)
-        navigation = self._navigation
-        if navigation is not None:
-            navigation.start(observe)
         if self._mux is not None:
-            gated = None if navigation is None else navigation.settings.input
-            self._mux.listen(add_subscription, observe, gated)
-
-    def poll(self, map_to_odom: Pose | None) -> None:
-        """Observe answers and velocities of the navigation."""
-        if self._navigation is not None:
-            self._navigation.poll(map_to_odom)
+            self._mux.listen(add_subscription, observe, self._gated)
 
     def drive(self, velocity: Velocity) -> None:
         """Publish a velocity."""
         self._sent.append((velocity.travel_mps, velocity.rotate_radps))
         self._velocity.publish(velocity)
 
-    def navigate(self, goal: NavigationGoal) -> None:
-        """Send a goal to the navigation."""
-        if self._navigation is not None and self._navigation.client is not None:
-            self._navigation.client.navigate(goal)
-
-    def cancel_navigation(self) -> None:
-        """Cancel all goals of the navigation."""
-        if self._navigation is not None and self._navigation.client is not None:
-            self._navigation.client.cancel()
-
-    def plan_path(self, request: PathRequest) -> None:
-        """Request a path of the navigation's planner."""
-        if self._navigation is not None and self._navigation.client is not None:
-            self._navigation.client.plan(request)
-
-    def open_gate(self, is_open: bool) -> None:
-        """Open or shut the gate of the navigation's velocity."""
-        if self._navigation is not None:
-            self._navigation.open_gate(is_open)
-
     def stop(self) -> None:
-        """Publish zero, and shut the navigation's gate."""
-        self.open_gate(False)
+        """Publish zero."""
         self.drive(STANDING)
 
     def emergency_stop(self) -> None:
-        """Shut the navigation's gate, publish zero and lock the mux, from any thread."""
-        self.open_gate(False)
+        """Publish zero and lock the mux, from any thread."""
         self._velocity.publish(STANDING)
         if self._mux is not None:
             self._mux.lock()
@@ -475,5 +352,5 @@ class RosRover(RosCamera):
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last velocity and lock have been received; return whether they were."""
-        parts = (self._velocity, self._mux, self._navigation)
-        return all(each is None or each.flush(timeout_s) for each in parts)
+        acknowledged = self._velocity.flush(timeout_s)
+        return acknowledged and (self._mux is None or self._mux.flush(timeout_s))

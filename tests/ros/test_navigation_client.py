@@ -8,18 +8,16 @@ from importlib import import_module
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Path
 from rclpy.action.server import ActionServer
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
-from adapters.ros import ParameterError, Topic, ros_node, single_threaded
+from adapters.ros import ParameterError, ros_node, single_threaded
+from adapters.ros.navigated_rover import NavigationVelocityTopic
 from adapters.ros.navigation import NavigationClient
-from adapters.ros.navigation_errors import error_name
-from adapters.ros.navigation_messages import thinned
-from adapters.ros.navigation_velocity import NavigationVelocityTopic
+from adapters.ros.navigation_messages import error_name, planned_points
 from adapters.ros.polled_action import PolledAction
 from executive.values.clock import SystemClock
 from executive.values.facts import (
@@ -67,8 +65,8 @@ class Pair:
         """Serve a simulated navigation at the origin, and wait for its discovery."""
         navigation = Navigation(behaviour)
         NavigationServer(self.servers, self.executor, navigation)
-        self.until(lambda: not isinstance(self.client._server("to_pose"), str), "a server")
-        self.until(lambda: not isinstance(self.client._server("compute_path"), str), "a planner")
+        self.until(lambda: not isinstance(self.client._action("to_pose"), str), "a server")
+        self.until(lambda: not isinstance(self.client._action("compute_path"), str), "a planner")
         return navigation
 
     def navigate(self, number: int, *poses: Pose) -> None:
@@ -211,31 +209,32 @@ def test_a_path_is_brought_into_the_frame_of_its_request(pair: Pair) -> None:
         return result
 
     ActionServer(pair.servers, kind, "compute_path_to_pose", plan)  # type: ignore[no-untyped-call]
-    pair.until(lambda: not isinstance(pair.client._server("compute_path"), str), "a planner")
+    pair.until(lambda: not isinstance(pair.client._action("compute_path"), str), "a planner")
     for number, map_to_odom in ((2, None), (3, Pose(1.0, 2.0))):
         pair.map_to_odom = map_to_odom
         pair.client.plan(PathRequest(number, Pose(), Pose(10.0), ODOM))
         pair.until(lambda: pair.of(PlannedPath)[-1].number == number, "an answer")  # noqa: B023
     _, without, path = pair.of(PlannedPath)
-    assert "no transform from map to odom" in without.text
+    assert "no transform from map of the path to odom" in without.text
     assert path.points[0] == Point(-1.0, -2.0)
     assert path.points[-1] == Point(9.0, -2.0)
     assert len(path.points) == 101
 
 
 def test_a_planned_path_is_bounded() -> None:
-    points = thinned([Point(0.01 * index, 0.0) for index in range(100_000)])
+    path = Path(poses=[PoseStamped() for _ in range(20_000)])
+    for index, each in enumerate(path.poses):
+        each.pose.position.x = 0.05 * index
+    points = planned_points(path, Pose())
     assert len(points) <= 500
-    assert (points[0].x_m, points[-1].x_m) == (0.0, 999.99)
+    assert (points[0].x_m, points[-1].x_m) == (0.0, 999.95)
 
 
 def test_the_velocity_is_received_in_the_published_type(pair: Pair) -> None:
-    qos = QoSProfile(depth=10)  # type: ignore[no-untyped-call]
-    topic = Topic("nav_vel", TwistStamped, qos, follows=True)
-    received = NavigationVelocityTopic(pair.node, topic, SystemClock(), pair.facts.append)
-    publisher = pair.servers.create_publisher(Twist, "nav_vel", 1)
-    twist = Twist()
-    twist.linear.x = 0.5
+    received = NavigationVelocityTopic(pair.node, "nav_vel", SystemClock(), pair.facts.append)
+    publisher = pair.servers.create_publisher(TwistStamped, "nav_vel", 1)
+    twist = TwistStamped()
+    twist.twist.linear.x = 0.5
 
     def velocity_received() -> bool:
         received.poll()
@@ -275,8 +274,8 @@ def test_codes_have_names() -> None:
     assert error_name(105) == "FollowPath FAILED_TO_MAKE_PROGRESS"
     assert error_name(714) == "BackUp COLLISION_AHEAD"
     assert error_name(723) == "DriveOnHeading COLLISION_AHEAD"
-    assert error_name(716) == "BackUp, unnamed"
-    assert error_name(150) == "FollowPath, unnamed"
+    assert error_name(716) == "BackUp"
+    assert error_name(150) == "FollowPath"
     assert error_name(9101) == "NavigateThroughPoses FAILED_TO_LOAD_BEHAVIOR_TREE"
-    assert error_name(905) == "docking, unnamed"
+    assert error_name(905) == "Docking"
     assert error_name(50_000) == ""

@@ -10,7 +10,14 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from std_msgs.msg import Bool
 
-from adapters.ros import LOCK_QOS, ParameterError, RosRover, Topic, declare_topics, ros_node
+from adapters.ros import (
+    LOCK_QOS,
+    NavigatedRosRover,
+    ParameterError,
+    Topic,
+    declare_topics,
+    ros_node,
+)
 from adapters.ros.rover import PolledRover
 from executive.settings import (
     MuxEntry,
@@ -40,7 +47,7 @@ def gated(navigation: NavigationSettings) -> Settings:
         name: replace(each, priority=max(2, each.priority)) for name, each in mux.topics.items()
     }
     topics = {**raised, "navigation": MuxEntry("nav_vel", 0.5, 1)}
-    locks = {**mux.locks, "navigation": MuxEntry("navigation_lock", 0.2, 2)}
+    locks = {**mux.locks, "navigation": MuxEntry("navigation_lock", 0.1, 2)}
     return replace(jackal, mux=replace(mux, topics=topics, locks=locks), navigation=navigation)
 
 
@@ -66,7 +73,7 @@ def test_the_lock_is_opened_by_the_executive_and_shut_by_a_stop_from_any_thread(
         ros_node("twist_mux", "jackal") as mux,
     ):
         lock = mux.create_subscription(Bool, "navigation_lock", lambda _: None, LOCK_QOS)
-        rover = RosRover(node, declare_topics(node), SystemClock(), gated(LOCKED))
+        rover = NavigatedRosRover(node, declare_topics(node), SystemClock(), gated(LOCKED))
         until(lambda: bool(lock.get_publisher_count()), "the lock is found")
         until(lambda: bool(node.count_subscribers(lock.topic_name)), "the mux is found")
         received: list[bool] = []
@@ -102,7 +109,7 @@ def test_the_navigation_is_no_foreign_input_of_the_mux() -> None:
         ros_node("executive", "jackal", parameters=PARAMETERS) as node,
         ros_node("navigation", "jackal") as other,
     ):
-        rover = RosRover(node, declare_topics(node), SystemClock(), gated(LOCKED))
+        rover = NavigatedRosRover(node, declare_topics(node), SystemClock(), gated(LOCKED))
         rover.subscribe(subscribe, facts.append)
         assert isinstance(rover, PolledRover)
         assert subscribed == ["executive/cmd_vel", "joy_teleop/cmd_vel", "cmd_vel"]
@@ -124,17 +131,6 @@ def test_a_relay_of_the_own_topic_is_refused() -> None:
     own = ("-p", "navigation.velocity.topic:=executive/cmd_vel")
     settings = gated(NavigationSettings(NavigationGate.RELAY))
     with ros_node("executive", "jackal", parameters=PARAMETERS, ros_arguments=own) as node:
-        rover = RosRover(node, declare_topics(node), SystemClock(), settings)
+        rover = NavigatedRosRover(node, declare_topics(node), SystemClock(), settings)
         with pytest.raises(ParameterError, match=r"executive's own topic \(cmd_vel.topic\)"):
             rover.subscribe(lambda *_: None, lambda _: None)
-
-
-def test_a_rover_without_a_navigation_ignores_the_gate() -> None:
-    with ros_node("executive", "jackal", parameters=PARAMETERS) as node:
-        rover = RosRover(node, declare_topics(node), SystemClock(), load_settings("jackal"))
-        rover.subscribe(lambda *_: None, lambda _: None)
-        rover.open_gate(True)
-        rover.cancel_navigation()
-        rover.poll(None)
-        names = [name for name, _ in node.get_topic_names_and_types()]
-        assert not any("navig" in name for name in names), names

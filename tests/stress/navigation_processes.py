@@ -32,7 +32,7 @@ from tests.support.ground import carry_out, until_located
 from tests.support.navigated_rover import Track, end_of, navigated, navigation, start_move
 from tests.support.navigation import Navigation
 from tests.support.probe import Probe, probing
-from tests.support.processes import Running, executive, simulation
+from tests.support.processes import executive, simulation
 
 pytestmark = pytest.mark.usefixtures("nav2_msgs")
 
@@ -61,7 +61,7 @@ MAX_OFF_M, MAX_MOVED_M = 0.06, 0.06
 """Of a success, from its target, and later."""
 MAX_FAILED_MOVED_M: Final = 0.2
 """After a failure, until the gate and the base's braking have stopped the rover."""
-MAX_STATIONARY_S: Final = 0.5
+MAX_STATIONARY_S, PAUSE_S = 0.5, 2.0
 POLL_S, NEAR_M, AREA_M = 0.05, 2.5, 4.0
 
 
@@ -195,7 +195,19 @@ def test_a_killed_or_paused_process_leaves_a_stationary_rover(
             each.send(number)
         track.since_s = time.monotonic()
         stationary_s, braked_m = track.stationary()
-        later_m = after(course, track, chosen, number, tmp_path)
+        if number == signal.SIGSTOP:
+            time.sleep(PAUSE_S)
+            for each in chosen:  # a navigation goes on; an executive is replaced
+                each.send(signal.SIGCONT if each is below else signal.SIGKILL)
+        if onboard in chosen:
+            onboard.ended()
+            with executive(tmp_path):
+                later_m = moved_m(course, track)
+        elif number == signal.SIGKILL:
+            with navigation(tmp_path / "next.log", "honest"):
+                later_m = moved_m(course, track)
+        else:
+            later_m = moved_m(course, track)
         figures = {"stationary_s": stationary_s, "braked_m": braked_m, "moved_later_m": later_m}
         course.note(ended=ended, signal=number.name, **figures)
         if ended == "navigation":
@@ -204,26 +216,8 @@ def test_a_killed_or_paused_process_leaves_a_stationary_rover(
     assert later_m < 0.01
 
 
-def after(
-    course: Course,
-    track: Track,
-    chosen: tuple[Running, ...],
-    number: signal.Signals,
-    folder: Path,
-) -> float:
-    """Continue or replace the processes; return the distance that the rover moved then."""
-    if number == signal.SIGSTOP:
-        time.sleep(2.0)
-        for each in chosen:
-            each.send(signal.SIGCONT)
-        begun_s = time.monotonic()
-        course.probe.until(lambda: time.monotonic() - begun_s > WATCHED_S, "the observation")
-        return track.moved_m()
-    with (
-        executive(folder)
-        if len(chosen) == 2 or "executive" in chosen[0].log.name
-        else (navigation(folder / "next.log", "honest"))
-    ):
-        begun_s = time.monotonic()
-        course.probe.until(lambda: time.monotonic() - begun_s > WATCHED_S, "the observation")
-        return track.moved_m()
+def moved_m(course: Course, track: Track) -> float:
+    """Return the distance that the rover moves from now on."""
+    begun_s = time.monotonic()
+    course.probe.until(lambda: time.monotonic() - begun_s > WATCHED_S, "the observation")
+    return track.moved_m()

@@ -24,7 +24,7 @@ MUX: Final = (
      "    navigation: {topic: nav_vel, timeout: 0.5, priority: 1}"),
     ("e_stop: {topic: e_stop, timeout: 0.0, priority: 255}",
      "e_stop: {topic: e_stop, timeout: 0.0, priority: 255}\n"
-     "    navigation: {topic: navigation_lock, timeout: 0.2, priority: 2}"),
+     "    navigation: {topic: navigation_lock, timeout: 0.1, priority: 2}"),
 )  # fmt: skip
 LOCK: Final = "\nnavigation: {gate: lock, input: navigation, lock: navigation}\n"
 MAX_STANDING_MPS, MAX_STANDING_RADPS = 0.03, 0.06
