@@ -52,7 +52,6 @@ RELATIVE: Final[dict[RelativeActions, dict[str, tuple[str, str]]]] = {
     },
 }
 RESULT_RETRY_S: Final = 1.0
-SERVER_CHECK_S: Final = 0.5
 PATH_ANSWER_S: Final = 2.0
 MAX_ABANDONED: Final = 200
 _ENDS: Final = {
@@ -68,7 +67,6 @@ class _SentGoal:
     """A goal that was sent.
 
     Attributes:
-        servers: ids of the servers when one of them reported the goal; None before.
         result_due_s: when its result is requested again, which may be lost.
     """
 
@@ -77,7 +75,6 @@ class _SentGoal:
     uuid: bytes = b""
     accepted: bool = False
     preempted: bool = False
-    servers: frozenset[bytes] | None = None
     result_due_s: float = inf
 
 
@@ -113,7 +110,6 @@ class NavigationClient:
         self._aborted: _SentGoal | None = None
         self._abandoned: dict[bytes, None] = {}
         self._paths: dict[int, tuple[PathRequest, float]] = {}
-        self._checked_s = -inf
         self._map_to_odom: Pose | None = None
         self._missing: dict[str, str] = {}
         self._actions: dict[str, PolledAction] = {}
@@ -177,7 +173,9 @@ class NavigationClient:
             action.poll(now_s)
         if not any(each.is_cancelling(now_s) for each in self._actions.values()):
             self._send()
-        self._check_goal(now_s)
+        if self._sent is not None and now_s >= self._sent.result_due_s:
+            self._sent.result_due_s = now_s + RESULT_RETRY_S
+            self._request_result(self._sent)
         for request, until_s in list(self._paths.values()):
             if now_s > until_s:
                 self._answer_path(request, f"the planner is silent for {PATH_ANSWER_S:g} s")
@@ -247,8 +245,6 @@ class NavigationClient:
             return
         self._on_accepted(sent)  # its answer may be lost
         status, since_ns = statuses[sent.uuid]
-        if sent.servers is None:
-            sent.servers = action.servers()
         if status in _ENDS:
             sent.result_due_s = min(sent.result_due_s, self._clock.now_s() + RESULT_RETRY_S)
         others = active.keys() - self._abandoned.keys()
@@ -256,21 +252,6 @@ class NavigationClient:
             sent.preempted = True
             text = f"another client sent a goal to {action.name}"
             self._report(sent.goal, NavigationState.PREEMPTED, text=text)
-
-    def _check_goal(self, now_s: float) -> None:
-        """Request a lost result again; detect another server."""
-        sent = self._sent
-        if sent is None:
-            return
-        if now_s >= sent.result_due_s:
-            sent.result_due_s = now_s + RESULT_RETRY_S
-            self._request_result(sent)
-        if sent.servers and now_s >= self._checked_s + SERVER_CHECK_S:
-            self._checked_s = now_s
-            found = sent.action.servers()
-            if not found or found - sent.servers:
-                text = f"{sent.action.name} has ended, or is served by another process"
-                self._end(sent, NavigationState.LOST, text=text)
 
     def _on_feedback(self, uuid: bytes, feedback: Any) -> None:
         sent = self._sent

@@ -50,7 +50,7 @@ class PolledAction:
     ) -> None:
         impl, base = kind.Impl, f"{name}/_action"
         self.kind, self.name = kind, node.resolve_topic_name(name)
-        self._node, self._on_status, self._on_feedback = node, on_status, on_feedback
+        self._on_status, self._on_feedback = on_status, on_feedback
         self._cancel_until_s = self._cancelled_s = -inf
         self._send = _PolledClient(node, impl.SendGoalService, f"{base}/send_goal")
         self._result = _PolledClient(node, impl.GetResultService, f"{base}/get_result")
@@ -87,8 +87,15 @@ class PolledAction:
         self._cancel.call(request, lambda _: None)
 
     def cancel_all(self, now_s: float) -> None:
-        """Cancel the goals of all clients; `poll` repeats it until a server answers."""
+        """Cancel the goals of all clients now; `poll` repeats it until a server answers."""
         self._cancel_until_s, self._cancelled_s = now_s + CANCEL_FOR_S, -inf
+        self._send_cancel(now_s)
+
+    def _send_cancel(self, now_s: float) -> None:
+        due = self._cancelled_s + CANCEL_RETRY_S <= now_s < self._cancel_until_s
+        if due and self.ready:
+            self._cancelled_s = now_s
+            self._cancel.call(self.kind.Impl.CancelGoalService.Request(), self.end_cancel)
 
     def end_cancel(self, *_: object) -> None:
         """Repeat no cancel of all goals."""
@@ -98,17 +105,9 @@ class PolledAction:
         """Return whether a cancel of all goals may still arrive at the server."""
         return now_s < min(self._cancel_until_s, self._cancelled_s + CANCEL_ANSWER_S)
 
-    def servers(self) -> frozenset[bytes]:
-        """Return the ids of the servers, those of killed ones for up to 20 s more."""
-        infos = self._node.get_publishers_info_by_topic(f"{self.name}/_action/status")
-        return frozenset(bytes(each.endpoint_gid) for each in infos)
-
     def poll(self, now_s: float) -> None:
         """Process answers and statuses: the goals of all clients before the end of a goal."""
-        due = self._cancelled_s + CANCEL_RETRY_S <= now_s < self._cancel_until_s
-        if due and self.ready:
-            self._cancelled_s = now_s
-            self._cancel.call(self.kind.Impl.CancelGoalService.Request(), self.end_cancel)
+        self._send_cancel(now_s)
         self._send.poll()
         for each in self._polled:
             each.poll()

@@ -197,7 +197,7 @@ def test_a_killed_or_paused_process_leaves_a_stationary_rover(
         stationary_s, braked_m = track.stationary()
         if number == signal.SIGSTOP:
             time.sleep(PAUSE_S)
-            for each in chosen:  # a navigation goes on; an executive is replaced
+            for each in chosen:  # a navigation continues; an executive is replaced
                 each.send(signal.SIGCONT if each is below else signal.SIGKILL)
         if onboard in chosen:
             onboard.ended()
