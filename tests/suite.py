@@ -263,6 +263,9 @@ def stress_checks(percent: int) -> list[CiCheck]:
     images = (*patient, "tests/stress/containers.py", *some)
     tested = (CHECKOUT / "tests").rglob("test_*.py")
     drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
+    live = () if percent == 100 else ("-k", "killed or honest or another")
+    below = _python("pytest", "-q", "-rP", "tests/stress/navigation_processes.py", *live)
+    times = ("env", f"NAVIGATED_DRIVES={max(1, 3 * percent // 100)}")
     clients = ("env", f"ROS_CLIENTS={percent}", *_python("pytest", "-q", "-rP"))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     site = "runs/site"
@@ -274,6 +277,7 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
+        CiCheck("navigations", ((*times, *below),)),
         CiCheck("ROS clients", ((*clients, "tests/stress/ros_clients.py"),)),
         CiCheck("examples", (examples,)),
         CiCheck("templates", (templates,)),
