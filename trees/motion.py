@@ -206,10 +206,9 @@ class PlanLeg(MotionLeaf):
     def _limit_finish(self) -> None:
         """Let the navigation drive again if the rover is no longer near its target."""
         goal, navigation = self.goal, self.context.settings.navigation
-        if goal.progress.finishing and navigation is not None:
-            step, _ = _next_step(goal, self.context.locomotion)
-            assert isinstance(step, Waypoint)
-            off_m = self.context.status.pose.point.distance_m(Point(step.x_m, step.y_m))
+        step, _ = _next_step(goal, self.context.locomotion)
+        if navigation is not None and goal.progress.finishing and isinstance(step, Waypoint):
+            off_m = self.context.status.pose.point.distance_m(step.point)
             goal.progress.finishing = off_m <= navigation.finish_within_m
 
     def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:

@@ -58,8 +58,6 @@ SETTLE_S: Final = 0.3
 """Time from a cancellation of all goals to the next request, which it must not reach."""
 RELAYED_S: Final = 0.2
 """Maximum age of a velocity of the navigation that is relayed."""
-MOVED_M: Final = 0.05
-"""Minimum distance moved after the end that is reported; chosen."""
 TURN_REACH_RAD: Final = 0.25
 """Maximum angle from the heading at which a turn at standstill has ended; Nav2's tolerance."""
 BRAKING_S: Final = 0.6
@@ -173,7 +171,6 @@ class NavigatedMotion(Motion):
         self._begun_s = clock.now_s()
         self._goal = self._next_goal()
         self._sent = self._accepted = self._ended = False
-        self._end_m = 0.0
         self._standing_s: float | None = None
         self._last_point = status.pose.point
         self._map_to_odom = status.map_to_odom
@@ -203,12 +200,16 @@ class NavigatedMotion(Motion):
     @property
     def done(self) -> bool:
         """Whether it has ended near its target, and the rover is stationary."""
-        return self._ended and self._status.standing and not self._missed and self.failure is None
+        return self._at_rest and not self._missed
 
     @property
     def aborted(self) -> bool:
         """Whether it has ended, but the rover has not passed all waypoints."""
-        return self._ended and self._status.standing and self._missed and self.failure is None
+        return self._at_rest and self._missed
+
+    @property
+    def _at_rest(self) -> bool:
+        return self._ended and self._status.standing and self.failure is None
 
     @property
     def _reach_m(self) -> float:
@@ -227,9 +228,6 @@ class NavigatedMotion(Motion):
         # A leg that moves with the map after the end is compared once the rover is stationary.
         reach_m = self._reach_m
         off_m, off_rad = leg_errors(self._end_leg, self._settings, self._status)
-        text = self.report
-        if self._status.standing and abs(off_m - self._end_m) > MOVED_M:
-            text += f", and the rover stopped {off_m:.2f} m from it"
         if not self._status.standing:
             travel_mps = self._status.velocity.travel_mps
             reach_m += travel_mps**2 / (2 * self._settings.drive.braking_mps2)
@@ -242,7 +240,7 @@ class NavigatedMotion(Motion):
             Figure("heading error", off_rad, "rad"),
             *self.figures,
         )
-        return Refusal(Reason.OFF_TARGET, text, figures)
+        return Refusal(Reason.OFF_TARGET, self.report, figures)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
@@ -283,7 +281,8 @@ class NavigatedMotion(Motion):
         track, now_s = self._track, self._clock.now_s()
         if track.goal != self._goal:
             if self._sent:  # a stop ended it, and the motion continues
-                self._request_again(now_s)
+                self._goal, self._begun_s = self._next_goal(), now_s
+                self._sent = self._accepted = False
             elif now_s - self._begun_s > ANSWER_S:
                 text = "the navigation still commands a velocity, its goals are cancelled"
                 self._fail(Reason.NAVIGATION_UNCOMMANDED_MOTION, text)
@@ -295,7 +294,7 @@ class NavigatedMotion(Motion):
             self._accepted = True
             self._check_active(now_s)
         else:
-            self._take_end(answer, now_s)
+            self._obey_end(answer, now_s)
 
     def _count_passed(self) -> None:
         before, point = self._last_point, self._status.pose.point
@@ -307,21 +306,15 @@ class NavigatedMotion(Motion):
                 return
             self.waypoints_passed += 1
 
-    def _request_again(self, now_s: float) -> None:
-        self._goal, self._sent, self._accepted = self._next_goal(), False, False
-        self._begun_s = now_s
-
     def _await_answer(self, answer: NavigationStatus | None, now_s: float) -> None:
         """Request the goal again, or fail after too long without an answer."""
         waited_s = now_s - self._begun_s
         if waited_s > ANSWER_S:
-            waited = Figure("waited", waited_s, "s")
-            if answer is None:
-                text = f"the navigation has not answered a goal for {waited_s:.1f} s"
-                self._fail(Reason.NAVIGATION_TIMEOUT, text, waited)
-            else:
-                text = f"the navigation is not available for {waited_s:.1f} s{_detail(answer)}"
-                self._fail(Reason.NAVIGATION_UNAVAILABLE, text, waited)
+            reason, what = Reason.NAVIGATION_TIMEOUT, "has not answered a goal"
+            if answer is not None:
+                reason, what = Reason.NAVIGATION_UNAVAILABLE, "is not available"
+            text = f"the navigation {what} for {waited_s:.1f} s{_detail(answer)}"
+            self._fail(reason, text, Figure("waited", waited_s, "s"))
         elif now_s - self._track.sent_s >= REPEAT_S - 1e-9 and not self._track.moves:
             # A navigation that drives has the goal, and its answer is late.
             self._goal, self._sent = self._next_goal(), False
@@ -349,39 +342,22 @@ class NavigatedMotion(Motion):
         elif now_s - self._standing_s >= STANDING_S:
             self._end(f"the navigation reported no end for {STANDING_S:g} s at standstill")
 
-    def _take_end(self, answer: NavigationStatus, now_s: float) -> None:
+    def _obey_end(self, answer: NavigationStatus, now_s: float) -> None:
         """End or fail the motion by a terminal state."""
-        off_m, off_rad = self._errors
-        at = f"{off_m:.2f} m from the target{_detail(answer)}"
-        code = Figure("code", answer.code)
-        match answer.state:
-            case NavigationState.SUCCEEDED:
-                self._end("the navigation reported success")
-            case NavigationState.REJECTED:
-                text = f"the navigation rejected the goal{_detail(answer)}"
-                self._fail(Reason.NAVIGATION_REJECTED, text, code)
-            case NavigationState.ABORTED if self._is_reached(off_m, off_rad):
-                self._end(f"the navigation reported a failure{_detail(answer)}")
-            case NavigationState.ABORTED if answer.code == 0 and self._preempted:
-                self._fail(Reason.NAVIGATION_PREEMPTED, _PREEMPTED)
-            case NavigationState.ABORTED if answer.code or (
-                now_s - self._track.answer_s >= PREEMPTION_S
-            ):
-                self._fail(Reason.NAVIGATION_FAILED, f"the navigation aborted {at}", code)
-            case NavigationState.ABORTED:
-                pass  # the driver has shut the gate
-            case NavigationState.PREEMPTED:
-                self._fail(Reason.NAVIGATION_PREEMPTED, _PREEMPTED)
-            case NavigationState.CANCELLED:
-                text = f"another client cancelled the goal of the navigation {at}"
-                self._fail(Reason.NAVIGATION_PREEMPTED, text)
-            case _:
-                text = f"the server of the navigation has lost the goal {at}"
-                self._fail(Reason.NAVIGATION_TIMEOUT, text)
-
-    @property
-    def _preempted(self) -> bool:
-        return self._track.preempted_s >= self._track.sent_s
+        track, state, off = self._track, answer.state, self._errors
+        preempted = track.preempted_s >= track.sent_s and not answer.code
+        if state is NavigationState.SUCCEEDED:
+            self._end("the navigation reported success")
+        elif state is NavigationState.ABORTED and self._is_reached(*off):
+            self._end(f"the navigation reported a failure{_detail(answer)}")
+        elif state is NavigationState.ABORTED and preempted:
+            self._fail(*_FAILURES[NavigationState.PREEMPTED])
+        elif state is not NavigationState.ABORTED or (
+            answer.code or now_s - track.answer_s >= PREEMPTION_S  # the gate is shut meanwhile
+        ):
+            reason, text = _FAILURES[state]
+            text = f"{text} {off[0]:.2f} m from the target{_detail(answer)}"
+            self._fail(reason, text, Figure("code", answer.code))
 
     def _is_reached(self, off_m: float, off_rad: float) -> bool:
         near_rad = self._settings.turn_drive.heading_tolerance_rad
@@ -389,8 +365,8 @@ class NavigatedMotion(Motion):
         return within and self._status.standing and not self._missed
 
     def _end(self, text: str) -> None:
-        self._ended, self._end_leg, (self._end_m, off_rad) = True, self._leg, self._errors
-        off = f"{self._end_m:.2f} m" if self._leg.target is not None else angle_text(off_rad)
+        self._ended, self._end_leg, (off_m, off_rad) = True, self._leg, self._errors
+        off = f"{off_m:.2f} m" if self._leg.target is not None else angle_text(off_rad)
         self.report = f"{text} {off} from the target"
 
     def _fail(self, reason: Reason, text: str, *figures: Figure) -> None:
@@ -398,11 +374,26 @@ class NavigatedMotion(Motion):
         self._failure = Refusal(reason, text, (*figures, off, *self.figures))
 
 
-_PREEMPTED: Final = "another client's goal replaced that of the executive in the navigation"
+_FAILURES: Final = {
+    NavigationState.REJECTED: (Reason.NAVIGATION_REJECTED, "the navigation rejected the goal"),
+    NavigationState.ABORTED: (Reason.NAVIGATION_FAILED, "the navigation aborted"),
+    NavigationState.CANCELLED: (
+        Reason.NAVIGATION_PREEMPTED,
+        "another client cancelled the goal of the navigation",
+    ),
+    NavigationState.PREEMPTED: (
+        Reason.NAVIGATION_PREEMPTED,
+        "another client's goal replaced that of the executive",
+    ),
+    NavigationState.LOST: (Reason.NAVIGATION_TIMEOUT, "the navigation has lost the goal"),
+    NavigationState.UNAVAILABLE: (Reason.NAVIGATION_TIMEOUT, "the navigation has ended"),
+}
 
 
-def _detail(answer: NavigationStatus) -> str:
+def _detail(answer: NavigationStatus | None) -> str:
     """Return code, its name and the message of a state, as the end of a sentence."""
+    if answer is None:
+        return ""
     code = f"{answer.code_name or 'code'} {answer.code}" if answer.code else ""
     parts = [each for each in (code, answer.text) if each]
     return f": {', '.join(parts)}" if parts else ""
