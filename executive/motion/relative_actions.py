@@ -1,8 +1,8 @@
 """Relative motions by actions of the navigation: drive_on_heading and spin of Nav2, or Create 3's.
 
 The target of the leg is the executive's own. The distance or angle of each request is the rest to
-it, so that a request after a pause does not repeat the whole motion. The rover drives by itself
-what is left at the end.
+it, so that a second request does not repeat the whole motion. The rover itself drives the rest
+after the end.
 """
 
 from dataclasses import replace

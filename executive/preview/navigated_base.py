@@ -58,12 +58,12 @@ class NavigatedBase(KinematicBase):
         """Wait for `provide_path`."""
         self.path_request = request
 
-    def provide_path(self, path: PlannedPath) -> None:
-        """Answer the request; without points there is no path."""
+    def provide_path(self, points: tuple[Point, ...], text: str) -> None:
+        """Answer the request; without points there is no path, and the text gives the reason."""
         request, self.path_request = self.path_request, None
         if request is not None:
-            self._planned += [self._in_odom(each, request.frame) for each in path.points]
-            self._due.append(PlannedPath(request.number, path.points, path.text))
+            self._planned += [self._in_odom(each, request.frame) for each in points]
+            self._due.append(PlannedPath(request.number, points, text))
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Accept a goal, and follow the path that was planned for it."""

@@ -52,7 +52,7 @@ from executive.settings import (
 from executive.state import FileFolder, Status, Uncertainty
 from executive.values.clock import ManualClock
 from executive.values.facts import Battery, MapToOdom, PlannedPath
-from executive.values.geometry import STANDING, Pose, TargetFrame, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, TargetFrame, Velocity, wrap_rad
 from executive.values.ports import PathRequest
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
@@ -296,15 +296,25 @@ class PreviewRun:
 
     def provide_path(self, path: PlannedPath) -> None:
         """Provide the path that it waits for, as the planner answered, or why there is none."""
-        base = self._base
-        assert isinstance(base, NavigatedBase)
+        request, origin = self.path_request, Pose()
+        if request is not None and request.frame is TargetFrame.ODOM:
+            origin = self._start.odom_origin
         if not path.points:
             self._straight = path.text
-        elif base.path_request is not None and base.path_request.frame is TargetFrame.ODOM:
-            origin = self._start.odom_origin
-            points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points]
-            path = replace(path, points=tuple(points))
-        base.provide_path(path)
+        self._provide(path.points, origin, path.text)
+
+    def provide_leg(self, path: tuple[Point, ...]) -> None:
+        """Provide the path that it waits for as a leg has it, in the frame of the pose."""
+        request, origin = self.path_request, Pose()
+        if request is not None and request.frame is TargetFrame.MAP:
+            origin = (self._start.map_origin or Pose()).inverse
+        self._provide(path, origin)
+
+    def _provide(self, path: tuple[Point, ...], origin: Pose, text: str = "") -> None:
+        base = self._base
+        assert isinstance(base, NavigatedBase)
+        points = tuple(origin.compose(Pose(each.x_m, each.y_m)).point for each in path)
+        base.provide_path(points, text)
 
     def advance(self, ticks: int) -> bool:
         """Advance the copy by some ticks, after `set_up`; return whether there is a result.

@@ -25,6 +25,8 @@ from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Report, Stage
 from tests.support.navigated import settings
 from tests.support.planned import PlannedBench
+from trees import RoverTree
+from trees.leaf import Leaf
 
 THERE = Waypoint(4.0, 0.0)
 AROUND = (Point(1.0, 1.5), Point(3.0, 1.5))
@@ -169,12 +171,44 @@ def test_a_battery_that_suffices_for_the_straight_line_only_refuses_the_leg(tmp_
         assert figures(found)["needed"] == pytest.approx(figures(bench.last(1))["needed"], rel=1e-6)
 
 
+@pytest.mark.parametrize(("via", "length_m"), [((), 4.0), ((Point(0.0, 30.0),), 60.266)])
+def test_the_deadline_is_that_of_the_length_of_the_path(
+    free: PlannedBench, via: tuple[Point, ...], length_m: float
+) -> None:
+    free.rover.via = via
+    free.submit(MoveTo(THERE), 1)
+    free.run(1.0)
+    tree = free.executive.tree
+    assert isinstance(tree, RoverTree)
+    (drive,) = (each for each in tree.root.iterate() if each.name == "drive")
+    assert isinstance(drive, Leaf)
+    speed_mps, turns_s = FREE.drive.travel_speed_mps, drive.timeout_s - 65.0
+    assert FREE.navigation is not None
+    assert turns_s - 2.0 * length_m / speed_mps == pytest.approx(17.0, abs=6.0)
+
+
 def test_each_part_of_a_path_has_its_own_request(free: PlannedBench) -> None:
     path = FollowPath((Waypoint(2.0, 0.0), Waypoint(2.0, 2.0)))
     free.submit(path, 1)
     assert free.finish(1) is Stage.EXECUTED
     goals = [(each.goal.x_m, each.goal.y_m) for each in free.rover.requests]
     assert goals == [pytest.approx((2.0, 0.0)), pytest.approx((2.0, 2.0))]
+
+
+@pytest.mark.parametrize("frame", TargetFrame)
+def test_the_prediction_of_a_command_is_along_the_path_of_its_leg(
+    free: PlannedBench, frame: TargetFrame
+) -> None:
+    free.submit(SetPositionCompensation(0.5, 0.0, 0.0, 0.2), 1)
+    free.rover.map_to_odom = Pose(0.5, 0.5, heading_rad=0.3)
+    free.run(0.5)
+    free.rover.via = AROUND
+    free.execute(MoveTo(Waypoint(5.0, 0.0), frame=frame), 2)
+    found = figures(free.last(2))
+    assert found["predicted length"] == pytest.approx(found["length"], rel=0.1)
+    assert found["predicted length"] > 5.0
+    assert found["predicted x"] == pytest.approx(found["x"], abs=0.06)
+    assert found["predicted y"] == pytest.approx(found["y"], abs=0.06)
 
 
 def test_a_preview_is_refused_as_the_leg_is(zoned: PlannedBench) -> None:

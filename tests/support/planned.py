@@ -8,7 +8,7 @@ from executive.commands import Motion
 from executive.preview import Preview, PreviewRun
 from executive.settings import Settings
 from executive.values.facts import PlannedPath
-from executive.values.geometry import Point, Pose
+from executive.values.geometry import Point, Pose, TargetFrame
 from executive.values.ports import DriveBy, NavigateTo, PathRequest, TurnBy
 from executive.values.reasons import Refusal
 from executive.values.reports import Report, Stage
@@ -36,7 +36,9 @@ class PlannedRover(NavigatedRover):
         """Let the navigation follow the path."""
         poses, relative = super()._poses_of(task)
         via = self.via if isinstance(self.via, tuple) and not relative else ()
-        return [*(Pose(each.x_m, each.y_m) for each in via), *poses], relative
+        in_map = isinstance(task, NavigateTo) and task.frame is TargetFrame.MAP
+        origin = self.map_to_odom.inverse if in_map and self.map_to_odom else Pose()
+        return [*(origin.compose(Pose(each.x_m, each.y_m)) for each in via), *poses], relative
 
 
 class PlannedBench(Bench):
