@@ -59,7 +59,7 @@ SETTLE_S: Final = 0.3
 RELAYED_S: Final = 0.2
 """Maximum age of a velocity of the navigation that is relayed."""
 TURN_REACH_RAD: Final = 0.25
-"""Maximum angle from the heading at which a turn at standstill has ended; Nav2's tolerance."""
+"""Maximum angle of a turn at standstill from its heading, to count as ended: Nav2's tolerance."""
 BRAKING_S: Final = 0.6
 """Time from the shut gate to standstill: the velocity is not known."""
 UNKNOWN: Final = Velocity(-inf, -inf), Velocity(inf, inf)

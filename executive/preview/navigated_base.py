@@ -18,7 +18,7 @@ from executive.values.ports import NavigateTo, NavigationGoal, PathRequest
 CORNER_RAD = 0.5
 """Maximum corner of a path that is turned while driving; others are turned on the spot. Chosen."""
 END_M = END_RAD = 0.15
-"""Distance and angle from its target at which the navigation ends; chosen. Nav2: at most 0.25."""
+"""Distance and angle from its target where the navigation ends; chosen. Nav2: at most 0.25."""
 
 
 class NavigatedBase(KinematicBase):
