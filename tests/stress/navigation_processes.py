@@ -24,7 +24,7 @@ from nav_msgs.msg import Odometry
 
 from adapters.ros import odometry_fact
 from executive.commands.catalogue import Resume
-from executive.settings import load_settings
+from executive.settings import NavigationGate, load_settings
 from executive.values.geometry import Pose
 from executive.values.reasons import Reason
 from executive.values.reports import Report, Stage
@@ -102,15 +102,18 @@ class Course:
         print(json.dumps(rounded), flush=True)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", params=NavigationGate, ids=lambda gate: gate.value)
 def course(
-    module_ros_domain: int, patient: Path, tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest,
+    module_ros_domain: int,
+    patient: Path,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Course]:
-    """Give the course of a simulated Jackal with a navigation behind its mux."""
+    """Give the course of a simulated Jackal with a navigation behind a gate."""
     assert module_ros_domain > 0
     folder = tmp_path_factory.mktemp("navigated")
     shutil.copytree(patient, folder / "config")
-    navigated(folder / "config")
+    navigated(folder / "config", request.param)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROVER_CONFIG", str(folder / "config"))
         assert load_settings("jackal").navigation is not None

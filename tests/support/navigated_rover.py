@@ -11,7 +11,7 @@ from typing import Final
 
 from adapters.mrs.ground import CommandOutcome, MrsClient
 from executive.commands.catalogue import MoveTo, Waypoint
-from executive.settings import Controller
+from executive.settings import Controller, NavigationGate
 from executive.values.reports import Report
 from tests.support.ground import call_ground
 from tests.support.probe import Probe
@@ -32,10 +32,13 @@ MAX_STANDING_MPS, MAX_STANDING_RADPS = 0.03, 0.06
 LIMIT_S, POLL_S = 90.0, 0.2
 
 
-def navigated(config: Path) -> None:
-    """Change a copy of the configuration: the Jackal has a navigation behind its mux."""
+def navigated(config: Path, gate: NavigationGate = NavigationGate.LOCK) -> None:
+    """Change a copy of the configuration: the Jackal has a navigation behind a gate."""
     path = config / "jackal.yaml"
     text = path.read_text()
+    if gate is NavigationGate.RELAY:
+        path.write_text(f"{text}\nnavigation: {{gate: relay}}\n")
+        return
     for before, after in MUX:
         assert text.count(before) == 1, before
         text = text.replace(before, after)
