@@ -42,6 +42,7 @@ from adapters.ros import (
     NavigatedRosRover,
     RosAsset,
     RosMotionRover,
+    RosNavigationRover,
     RosRover,
     RosVelocityRover,
     Topics,
@@ -380,14 +381,15 @@ def rover_kind(settings: Settings) -> RosRoverKind:
         SettingsError: no such class exists, or it lacks methods for this `locomotion`; the text
             lists the existing classes, or the missing methods.
     """
-    port = _port(settings.locomotion)
+    port = _port(settings)
+    usual = RosRover if settings.navigation is None else NavigatedRosRover
     if settings.rover is None:
-        if _missing(RosRover, port):
+        if _missing(usual, port):
             raise SettingsError(
                 f"{settings.asset}: locomotion {settings.locomotion.value} needs the key rover:"
                 f" {FORM}"
             )
-        return RosRover if settings.navigation is None else NavigatedRosRover
+        return usual
     kind = _named(settings.rover, port)
     missing = _missing(kind, port)
     if missing:
@@ -399,14 +401,14 @@ def rover_kind(settings: Settings) -> RosRoverKind:
     return kind
 
 
-def _port(locomotion: LocomotionKind) -> type:
-    match locomotion:
+def _port(settings: Settings) -> type:
+    match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return RosVelocityRover
+            return RosVelocityRover if settings.navigation is None else RosNavigationRover
         case LocomotionKind.DELEGATED:
             return RosMotionRover
         case _:
-            assert_never(locomotion)
+            assert_never(settings.locomotion)
 
 
 def _named(name: str, port: type) -> type:

@@ -48,6 +48,7 @@ from adapters.ros.rover import RosCamera as RosCamera
 from adapters.ros.rover import RosFrames as RosFrames
 from adapters.ros.rover import RosMotionRover as RosMotionRover
 from adapters.ros.rover import RosMux as RosMux
+from adapters.ros.rover import RosNavigationRover as RosNavigationRover
 from adapters.ros.rover import RosRover as RosRover
 from adapters.ros.rover import RosVelocityRover as RosVelocityRover
 from adapters.ros.rover import Subscribe as Subscribe

@@ -26,7 +26,13 @@ from executive.settings import MuxSettings, Settings
 from executive.values.clock import Clock
 from executive.values.facts import VELOCITY_TOPIC, Fact, ForeignMuxInput
 from executive.values.geometry import STANDING, Pose, Velocity
-from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
+from executive.values.ports import (
+    CameraIntent,
+    DelegatedMotionRover,
+    Downlink,
+    NavigationRover,
+    VelocityRover,
+)
 
 GUARD_NAME: Final = "executive_guard"
 """Node name of the process that stops the rover when the executive has ended."""
@@ -77,6 +83,10 @@ class PolledRover(Protocol):
 
 class RosVelocityRover(RosAsset, VelocityRover, Protocol):
     """A rover on ROS that receives velocities."""
+
+
+class RosNavigationRover(RosAsset, NavigationRover, Protocol):
+    """A rover on ROS that receives velocities, and has a navigation."""
 
 
 class RosMotionRover(RosAsset, DelegatedMotionRover, Protocol):

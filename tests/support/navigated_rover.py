@@ -4,12 +4,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from math import dist
 from pathlib import Path
 from typing import Final
 
+from nav_msgs.msg import Odometry
+
 from adapters.mrs.ground import CommandOutcome, MrsClient
+from adapters.ros import stamp_s
 from executive.commands.catalogue import MoveTo, Waypoint
 from executive.settings import Controller, NavigationGate
 from executive.values.reports import Report
@@ -93,42 +95,41 @@ def end_of(uri: str, number: int) -> Report:
     raise TimeoutError(f"command {number} does not end")
 
 
-@dataclass
 class Track:
-    """The true motion of a rover from a time on.
+    """The true motion of a rover from a time on, by the stamps of the simulation."""
 
-    Attributes:
-        since_s: that time.
-        start: the true position then, or at the end of the motion.
-    """
-
-    probe: Probe
-    since_s: float = field(default_factory=time.monotonic)
-    start: tuple[float, float] = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Store the position."""
-        self.start = self.position()
+    def __init__(self, probe: Probe) -> None:
+        self._probe = probe
+        self._start = probe.fresh_truth()
 
     def stationary(self) -> tuple[float, float]:
         """Wait for a second of standstill; return its start, s, and the distance until then, m."""
-        stopped_s = None
-        while stopped_s is None or time.monotonic() - stopped_s < 1.0:
-            twist = self.probe.fresh_truth().twist.twist
-            if abs(twist.linear.x) > MAX_STANDING_MPS or abs(twist.angular.z) > MAX_STANDING_RADPS:
-                stopped_s = None
-            elif stopped_s is None:
-                stopped_s = time.monotonic()
-            assert time.monotonic() - self.since_s < LIMIT_S, "it does not stop"
-        moved_m = self.moved_m()
-        self.start = self.position()
-        return stopped_s - self.since_s, moved_m
+        found: list[Odometry] = []
+
+        def stands() -> bool:
+            moving = [index for index, each in enumerate(self._probe.truth) if _moves(each)]
+            found[:] = self._probe.truth[moving[-1] + 1 if moving else 0 :]
+            return bool(found) and _stamp_s(found[-1]) - _stamp_s(found[0]) > 1.0
+
+        self._probe.until(stands, "it stands")
+        start, self._start = self._start, found[-1]
+        return _stamp_s(found[0]) - _stamp_s(start), _distance_m(start, found[-1])
 
     def moved_m(self) -> float:
-        """Return the distance from the start."""
-        return dist(self.start, self.position())
+        """Return the distance from the start, or from the standstill."""
+        return _distance_m(self._start, self._probe.fresh_truth())
 
-    def position(self) -> tuple[float, float]:
-        """Return the true position."""
-        at = self.probe.fresh_truth().pose.pose.position
-        return at.x, at.y
+
+def _moves(truth: Odometry) -> bool:
+    twist = truth.twist.twist
+    fast = abs(twist.linear.x) > MAX_STANDING_MPS or abs(twist.angular.z) > MAX_STANDING_RADPS
+    return bool(fast)
+
+
+def _stamp_s(truth: Odometry) -> float:
+    return stamp_s(truth.header.stamp)
+
+
+def _distance_m(one: Odometry, other: Odometry) -> float:
+    start, end = (each.pose.pose.position for each in (one, other))
+    return dist((start.x, start.y), (end.x, end.y))
