@@ -8,15 +8,14 @@ import json
 import logging
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
-from math import isfinite
-from typing import Any, Final
+from typing import Final
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
+from adapters.recording import plain_of
 from adapters.ros.context import steady_timer
 from adapters.ros.conversions import MessageError
 from adapters.ros.goal_requests import number_of_pose, pose_request
@@ -25,7 +24,7 @@ from adapters.ros.node import ExecutiveNode
 from adapters.ros.parameters import Topic, declare_optional_text
 from adapters.ros.robot_model import latched_qos
 from executive.commands import ROS_LINK, ROS_SOURCE, Command, PreemptionPolicy, Stop
-from executive.commands.lifecycle import Rejected, SubmitResult
+from executive.core.recording import ReportSent
 from executive.core.ros_clients import OFF
 from executive.core.runner import Executive
 from executive.settings import RosCommands
@@ -51,8 +50,6 @@ BURST: Final = 20
 """Commands of ROS clients are refused above this rate, after this number at once."""
 MAX_TEXT_LENGTH: Final = 4096
 STOP: Final = "stop"
-UNREPORTED: Final = frozenset({Reason.DUPLICATE, Reason.BAD_IDENTIFIER, Reason.LEDGER_FAILED})
-"""Refusals without a report of the core: the number is that of another command, or is lost."""
 ReadCommandText = Callable[[str, Identity, str], Command]
 """Returns the command of a text with an identity and a link, or raises ValueError."""
 _LOG = logging.getLogger(__name__)
@@ -117,7 +114,7 @@ class RosClientLink:
     def send_reports(self, reports: Sequence[Report]) -> None:
         """Publish reports, and pass them on to the goals of actions."""
         for report in reports:
-            self._reports.publish(String(data=json.dumps(_plain(report))))
+            self._reports.publish(_message(report))
             if self._servers is not None:
                 self._servers.on_report(report)
 
@@ -136,7 +133,7 @@ class RosClientLink:
         identity = None if number is None else Identity(ROS_SOURCE, number)
         kind, severity, stage = ReportKind.COMMAND, Severity.WARNING, Stage.REJECTED
         report = Report(0, time.time(), kind, severity, text, identity, stage, reason=reason)
-        self._reports.publish(String(data=json.dumps(_plain(report))))
+        self._reports.publish(_message(report))
 
     def _on_command(self, message: String) -> None:
         """Submit the command of a text, or of JSON with a number and a text."""
@@ -196,11 +193,7 @@ class RosClientLink:
             self.refuse(None, Reason.QUEUE_FULL, text)
 
     def _submit(self, command: Command) -> None:
-        self._executive.submit(command, partial(self._on_answer, command.identity))
-
-    def _on_answer(self, identity: Identity, result: SubmitResult) -> None:
-        if isinstance(result, Rejected) and result.refusal.reason in UNREPORTED:
-            self.refuse(identity.command_id, result.refusal.reason, result.refusal.text)
+        self._executive.submit(command, lambda _: None)  # the core reports its refusal
 
 
 def fresh_number() -> int:
@@ -227,30 +220,10 @@ def _command_of(text: str) -> tuple[int | None, str]:
     return (number if valid else None), command
 
 
-def _plain(report: Report) -> dict[str, Any]:
-    """Return a report as plain data; numbers that are not finite are texts."""
-    identity, reason, stage = report.identity, report.reason, report.stage
-    return {
-        "sequence": report.sequence,
-        "utc_s": report.utc_s,
-        "kind": report.kind.name,
-        "severity": report.severity.name,
-        "source": identity and identity.source,
-        "id": identity and identity.command_id,
-        "stage": stage and stage.name,
-        "reason": reason and reason.name,
-        "code": reason and reason.value,
-        "text": report.text,
-        "figures": [
-            {"name": each.name, "value": _json_number(each.value), "unit": each.unit}
-            for each in report.figures
-        ],
-        "step": report.step,
-        "step_count": report.step_count,
-        "fault": report.fault,
-        "cause": report.cause and str(report.cause),
-    }
-
-
-def _json_number(value: float) -> float | str:
-    return value if isfinite(value) else str(value)
+def _message(report: Report) -> String:
+    """Return the JSON text of a report: as recorded, and with the number of its reason."""
+    plain, identity = plain_of(ReportSent(report))["report"], report.identity
+    plain["source"] = identity and identity.source
+    plain["id"] = identity and identity.command_id
+    plain["code"] = report.reason and report.reason.value
+    return String(data=json.dumps(plain))

@@ -1,7 +1,6 @@
-"""Goals of Nav2's actions, and poses, as requests of the executive.
+"""Goals of Nav2's actions, and poses, as motions; the fields are found by name.
 
-The fields are those of each distribution, found by name. Frames, finite numbers and a level pose
-are checked here; bounds are checked by the core.
+Frames, finite numbers and a level pose are checked here; bounds are checked by the core.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +19,12 @@ PASSED_M: Final = 0.7
 MAX_HEIGHT_M: Final = 0.1
 MAX_TILT_RAD: Final = 0.05
 _NUMBERS: Final = (1 << 63) - 1
-BACK_UP: Final = "backup"
 ACTIONS: Final = {
     "navigate_to_pose": "NavigateToPose",
     "navigate_through_poses": "NavigateThroughPoses",
     "follow_waypoints": "FollowWaypoints",
     "spin": "Spin",
-    BACK_UP: "BackUp",
+    "backup": "BackUp",
     "drive_on_heading": "DriveOnHeading",
 }
 """The type of nav2_msgs of each action."""
@@ -57,81 +55,51 @@ def goal_request(action: str, goal: Any, frames: Frames) -> Motion:
     Raises:
         MessageError: the goal is invalid, or requests an option that is not supported.
     """
-    if getattr(goal, "behavior_tree", ""):
-        raise MessageError("behavior_tree: only the empty name is supported")
-    time_allowance_s(goal)
+    if getattr(goal, "behavior_tree", "") or getattr(goal, "number_of_loops", 0):
+        raise MessageError("behavior_tree and number_of_loops are not supported")
     match action:
         case "navigate_to_pose":
             return pose_request(goal.pose, frames)
-        case "navigate_through_poses":
-            *passed, last = _poses(goal)
-            through = [_waypoint(each, passed=True) for each in passed]
-            return FollowPath((*through, _waypoint(last)), frame=_frame([*passed, last], frames))
-        case "follow_waypoints":
-            poses = _poses(goal)[goal.goal_index :]
-            if goal.number_of_loops or not poses:
-                raise MessageError("goal_index: no pose there, or number_of_loops is not 0")
-            return FollowPath(tuple(map(_waypoint, poses)), frame=_frame(poses, frames))
         case "spin":
             return RotateBy(finite(goal.target_yaw, "target_yaw"))
+        case "backup" | "drive_on_heading":
+            return _straight(goal, backward=action == "backup")
         case _:
-            return MoveForward(_distance_m(action, goal))
+            poses: Sequence[PoseStamped] = getattr(
+                goal.poses, "goals", goal.poses
+            )  # from Kilted on
+            poses = poses[getattr(goal, "goal_index", 0) :]
+            if not poses:
+                raise MessageError("poses: there is none, or none from goal_index on")
+            passed = len(poses) - 1 if action == "navigate_through_poses" else 0
+            path = [_waypoint(each, index < passed) for index, each in enumerate(poses)]
+            return FollowPath(tuple(path), frame=_frame(poses, frames))
 
 
-def time_allowance_s(goal: Any) -> float | None:
-    """Return the maximum duration of a goal; None for no limit.
-
-    Raises:
-        MessageError: it is negative.
-    """
-    allowance = getattr(goal, "time_allowance", None)
-    if allowance is None or not (allowance.sec or allowance.nanosec):
-        return None
-    if allowance.sec < 0:
-        raise MessageError(f"time_allowance is {allowance.sec} s: 0 for none, or above it")
-    return float(allowance.sec + allowance.nanosec * 1e-9)
-
-
-def _poses(goal: Any) -> Sequence[PoseStamped]:
-    """Return the poses of a goal: a list, or from Kilted on a nav_msgs/Goals."""
-    poses: Sequence[PoseStamped] = getattr(goal.poses, "goals", goal.poses)
-    if not poses:
-        raise MessageError("poses: it has none, give one at least")
-    return poses
-
-
-def _distance_m(action: str, goal: Any) -> float:
+def _straight(goal: Any, backward: bool) -> MoveForward:
     x_m, speed_mps = finite(goal.target.x, "target.x"), finite(goal.speed, "speed")
-    if goal.target.y or goal.target.z:
-        raise MessageError("target: only x may differ from 0")
-    if action == BACK_UP:
-        return -abs(x_m)
-    if x_m * speed_mps <= 0.0:
-        raise MessageError(f"target.x {x_m:g} and speed {speed_mps:g} need the same sign, not 0")
-    return x_m
+    if goal.target.y or goal.target.z or not (backward or x_m * speed_mps > 0.0):
+        raise MessageError("target: only x differs from 0, and speed has the same sign")
+    return MoveForward(-abs(x_m) if backward else x_m)
 
 
 def _waypoint(goal: PoseStamped, passed: bool = False) -> Waypoint:
-    position = goal.pose.position
     for axis in ("x", "y", "z"):
-        finite(getattr(position, axis), f"position.{axis}")
+        finite(getattr(goal.pose.position, axis), f"position.{axis}")
     pose = pose_of(goal.pose)
-    if abs(pose.z_m) > MAX_HEIGHT_M or max(abs(pose.roll_rad), abs(pose.pitch_rad)) > MAX_TILT_RAD:
-        raise MessageError(
-            f"the pose is not level: z {pose.z_m:g} m, roll {pose.roll_rad:g} rad, pitch"
-            f" {pose.pitch_rad:g} rad"
-        )
+    tilt_rad = max(abs(pose.roll_rad), abs(pose.pitch_rad))
+    if abs(pose.z_m) > MAX_HEIGHT_M or tilt_rad > MAX_TILT_RAD:
+        raise MessageError(f"the pose is not level: z {pose.z_m:g} m, tilt {tilt_rad:g} rad")
     if passed:
         return Waypoint(pose.x_m, pose.y_m, tolerance_m=PASSED_M)
     return Waypoint(pose.x_m, pose.y_m, pose.heading_rad)
 
 
 def _frame(goals: Sequence[PoseStamped], frames: Frames) -> TargetFrame:
-    names = sorted({each.header.frame_id for each in goals})
-    if len(names) > 1:
-        raise MessageError(f"the poses are in several frames: {', '.join(names)}")
-    frame = frames.get(names[0])
-    if frame is None:
+    names = {each.header.frame_id for each in goals}
+    found = {frames.get(name) for name in names}
+    frame = found.pop()
+    if found or frame is None:
         known = " or ".join(frames)
-        raise MessageError(f"frame_id is {names[0]!r}: this rover knows {known}")
+        raise MessageError(f"frame_id is {', '.join(sorted(names))!r}: this rover knows {known}")
     return frame

@@ -22,13 +22,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from adapters.ros.conversions import MessageError, quaternion
-from adapters.ros.goal_requests import (
-    ACTIONS,
-    Frames,
-    goal_request,
-    number_of_uuid,
-    time_allowance_s,
-)
+from adapters.ros.goal_requests import ACTIONS, Frames, goal_request, number_of_uuid
 from executive.commands import (
     ROS_LINK,
     ROS_SOURCE,
@@ -79,7 +73,6 @@ class Goal:
     identity: Identity
     motion: Motion
     message: Any
-    allowance_s: float | None
     handle: Any = None
     last: Report | None = None
     steps: int = 0
@@ -87,6 +80,12 @@ class Goal:
     start: Pose = field(default_factory=Pose)
     ended_s: float | None = None
     cancel_requested: bool = False
+
+    @property
+    def allowance_s(self) -> float:
+        """Maximum duration from the start; 0 for no limit."""
+        allowance = getattr(self.message, "time_allowance", None) or Duration()
+        return float(allowance.sec + allowance.nanosec * 1e-9)
 
 
 class GoalServers:
@@ -147,10 +146,9 @@ class GoalServers:
             self._continue(goal)
             if goal.started_s is None or goal.ended_s is not None:
                 continue
-            duration_s, allowance_s = time.monotonic() - goal.started_s, goal.allowance_s
-            if allowance_s is not None and duration_s > allowance_s:
-                goal.allowance_s = None
-                self._cancel(goal, f"its time_allowance of {allowance_s:g} s is over")
+            duration_s = time.monotonic() - goal.started_s
+            if 0.0 < goal.allowance_s < duration_s and not goal.cancel_requested:
+                self._cancel(goal, f"its time_allowance of {goal.allowance_s:g} s is over")
             goal.handle.publish_feedback(self._feedback(goal, duration_s))
 
     async def _on_goal(self, action: str, server: Any, message: Any) -> GoalResponse:
@@ -161,24 +159,20 @@ class GoalServers:
             return GoalResponse.REJECT
         try:
             request = goal_request(action, message, self._frames)
-            allowance_s = time_allowance_s(message)
         except MessageError as error:
             self._refuse(number, Reason.OUT_OF_RANGE, f"{action}: {error}")
             return GoalResponse.REJECT
         command = Command(identity, request, ROS_LINK, preemption=PreemptionPolicy.REPLACE)
-        self._goals[identity] = goal = Goal(server, identity, request, message, allowance_s)
+        self._goals[identity] = goal = Goal(server, identity, request, message)
         answered = Future()  # type: ignore[no-untyped-call]
         self._executive.submit(command, answered.set_result)
         result: SubmitResult = await answered
         if isinstance(result, Duplicate):
             goal.last = goal.last or result.last_report
-        refused = isinstance(result, Rejected)
-        if not refused and (goal.last is None or goal.last.stage is not Stage.REJECTED):
-            return GoalResponse.ACCEPT
-        del self._goals[identity]
-        if isinstance(result, Rejected) and result.refusal.reason is Reason.DUPLICATE:
-            self._refuse(number, result.refusal.reason, result.refusal.text)
-        return GoalResponse.REJECT
+        if isinstance(result, Rejected) or (goal.last and goal.last.stage is Stage.REJECTED):
+            del self._goals[identity]
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     def _goal_of(self, handle: Any) -> Goal | None:
         number = number_of_uuid(bytes(handle.goal_id.uuid))
