@@ -26,7 +26,15 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from adapters.ros import latched_qos, ros_node, single_threaded
-from executive.settings import config_folder, load_settings, load_yaml, parse_yaml
+from adapters.ros.navigation import ACTIONS
+from executive.settings import (
+    NavigationSettings,
+    config_folder,
+    load_settings,
+    load_yaml,
+    parse_yaml,
+    structure,
+)
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.docs.test_commands import Desk
 from tests.support.ground import until_located
@@ -74,6 +82,18 @@ def test_the_mux_of_the_page_is_that_of_the_asset(
     assert nav2["cmd_vel_out_topic"] == mux["topics"]["navigation"]["topic"]
     monkeypatch.setenv("ROVER_CONFIG", str(asset_of_the_pages(tmp_path)))
     assert load_settings("jackal").offers_navigation
+
+
+def test_the_other_sections_of_the_page_are_valid() -> None:
+    relay, names = (
+        each
+        for each in (parse_yaml(block, ABOVE_NAV2.name) for block in blocks(ABOVE_NAV2, "yaml"))
+        if isinstance(each, dict) and next(iter(each)) == "navigation"
+    )
+    settings = structure(relay["navigation"], NavigationSettings, ABOVE_NAV2.name)
+    settings.check_gate(None)
+    assert names["navigation"].keys() <= ACTIONS.keys()
+    assert names["navigation"]["to_pose"]["type"] == ACTIONS["to_pose"][1]
 
 
 def test_the_tool_of_rviz_is_on_the_topic_of_the_page() -> None:
