@@ -20,6 +20,7 @@ from executive.values.ports import PLANNER_WAIT_S, PathRequest
 from executive.values.reasons import Reason, Refusal
 
 _STOPS: Final = {Reaction.PAUSE, Reaction.STOP, Reaction.SAFE}
+NO_PATH: Final = "no path of the planner"
 MAX_END_GAP_M: Final = 1.0
 """Maximum distance of a path's ends from those requested; Nav2's planner tolerates 0.5 m."""
 
@@ -90,7 +91,7 @@ class PathPlanning:
             answer = self._context.status.planned_path(self._request.number)
             if answer is None:
                 late = self._context.clock.now_s() >= self._until_s
-                return self._straight("no path of the planner in time") if late else None
+                return self._straight(f"{NO_PATH} in time") if late else None
             points = [self._in_odom(each) for each in answer.points]
             if missing := self._unusable(points, answer.text):
                 return self._straight(missing)
@@ -121,7 +122,7 @@ class PathPlanning:
     def _unusable(self, points: list[Point], text: str) -> str:
         """Return why points are no path between the requested ends; empty if they are one."""
         if not points:
-            return f"no path of the planner ({text or 'no reason given'})"
+            return text or NO_PATH
         if not all(isfinite(each.x_m) and isfinite(each.y_m) for each in points):
             return "the planner's path is not finite"
         start, end = self._ends[self._parts : self._parts + 2]

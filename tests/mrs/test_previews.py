@@ -33,7 +33,15 @@ from adapters.mrs.spec import (
     motion_of,
     preview_request,
 )
-from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, all_declarations
+from executive.commands import (
+    FollowPath,
+    Motion,
+    MoveForward,
+    MoveTo,
+    Stop,
+    Waypoint,
+    all_declarations,
+)
 from executive.core.runner import Executive
 from executive.settings import NavigationGate
 from executive.values.geometry import Point
@@ -203,7 +211,7 @@ class _Gateway:
     [
         ((Point(0.0, 3.0),), 8.0, None),
         ("TF_ERROR", 4.0, "along straight lines: TF_ERROR"),
-        (None, 4.0, "along straight lines: no path of the planner in 0.2 s"),
+        (None, 4.0, "along straight lines: no path of the planner in time"),
     ],
 )
 def test_a_navigated_motion_is_previewed_along_the_path_of_the_planner(
@@ -224,6 +232,21 @@ def test_a_navigated_motion_is_previewed_along_the_path_of_the_planner(
         assert reported.length == pytest.approx(length_m, abs=0.1)
         assert reported.note == note
         assert not bench.rover.goals
+
+
+def test_a_planner_that_does_not_answer_is_requested_once_in_a_preview(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(query_services, "PLANNER_WAIT_S", 0.2)
+    with PlannedBench(tmp_path, settings(NavigationGate.LOCK)) as bench:
+        bench.rover.via = None
+        served: Any = SimpleNamespace(serve=lambda *_: None)
+        gateway: Any = _Gateway(bench)
+        service = query_services.PreviewService(served, gateway)
+        path = FollowPath(tuple(Waypoint(float(each), 0.0) for each in range(1, 6)))
+        reported = asyncio.run(service._work_out(path))
+        assert reported.length == pytest.approx(5.0, abs=0.2)
+        assert len(bench.rover.requests) == 1
 
 
 async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsClient) -> None:
