@@ -159,6 +159,25 @@ def test_an_abandoned_goal_is_cancelled_when_it_is_accepted(pair: Pair) -> None:
     assert second.uuid != sent.uuid
 
 
+@pytest.mark.parametrize("abandoned", [False, True])
+def test_an_acceptance_without_an_answer_is_found_in_the_status(
+    pair: Pair, abandoned: bool
+) -> None:
+    navigation = pair.serve("honest")
+    pair.navigate(1)
+    pair.client.poll(None)
+    sent = pair.client._sent
+    assert sent is not None
+    sent.action._send._waiting.clear()  # its answer is lost
+    if abandoned:
+        pair.client._abandon()
+        pair.until(lambda: navigation.goal is not None, "its start")
+        pair.until(lambda: navigation.goal is None, "its cancel")
+        assert pair.states(1) == []
+    else:
+        pair.until(lambda: pair.states(1) == [NavigationState.ACCEPTED], "its acceptance")
+
+
 def test_goals_of_a_process_before_and_of_others_are_cancelled(pair: Pair) -> None:
     navigation = pair.serve("honest")
     kind = import_module("nav2_msgs.action").NavigateToPose
