@@ -288,7 +288,8 @@ class NavigationClient:
         elif to_frame is None or frame not in ("", *self._frames.values()):
             self._answer_path(request, f"no transform from {frame} of the path to {wanted}")
         else:
-            self._answer_path(request, "", planned_points(path, to_frame))
+            points = planned_points(path, to_frame)
+            self._answer_path(request, "" if points else "the path is not finite", points)
 
     def _answer_path(self, request: PathRequest, text: str, points: tuple[Point, ...] = ()) -> None:
         if self._paths.get(request.number, (None,))[0] is request:

@@ -140,13 +140,15 @@ def missed_poses(result: Any) -> tuple[int, ...]:
 
 
 def planned_points(path: Any, to_frame: Pose) -> tuple[Point, ...]:
-    """Return the ends of a path, and points between at a distance from each other.
+    """Return the ends of a nav_msgs/Path, and points between at a distance from each other.
 
     Args:
-        path: a nav_msgs/Path of finite positions.
+        path: its poses; no point is returned unless all are finite.
         to_frame: pose of its frame in that of the points.
     """
-    positions = (each.pose.position for each in path.poses)
+    positions = [each.pose.position for each in path.poses]
+    if not all(isfinite(at.x + at.y) for at in positions):
+        return ()
     moved = (to_frame.compose(Pose(at.x, at.y)) for at in positions)
     points = [Point(round(each.x_m, 3), round(each.y_m, 3)) for each in moved]
     length_m = sum(one.distance_m(other) for one, other in pairwise(points))

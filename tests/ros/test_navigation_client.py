@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from math import nan
 from typing import Any
 
 import pytest
@@ -247,6 +248,8 @@ def test_a_planned_path_is_bounded() -> None:
     points = planned_points(path, Pose())
     assert len(points) <= 500
     assert (points[0].x_m, points[-1].x_m) == (0.0, 999.95)
+    path.poses[7].pose.position.y = nan
+    assert planned_points(path, Pose()) == ()
 
 
 def test_the_velocity_is_received_in_the_published_type(pair: Pair) -> None:
