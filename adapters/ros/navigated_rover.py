@@ -75,8 +75,8 @@ class NavigatedRosRover(RosRover):
 
     def poll(self, map_to_odom: Pose | None) -> None:
         """Observe velocities and answers; see `PolledRover`."""
-        self._velocities.poll()
         self._navigation.poll(map_to_odom)
+        self._velocities.poll()
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Send a goal to the navigation."""

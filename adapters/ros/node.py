@@ -145,7 +145,9 @@ class ExecutiveNode:
         if topics.camera is not None:
             rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
         rover.subscribe(self.subscribe, self._observe)
-        self._polled = rover if isinstance(rover, PolledRover) else None
+        self._poll_rover: Callable[..., None] = lambda _: None
+        if isinstance(rover, PolledRover):
+            self._poll_rover = self.contained(rover.poll)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
@@ -292,8 +294,7 @@ class ExecutiveNode:
         self._odometry.poll()
         self._sensors.poll()
         self._transforms.poll()
-        if self._polled is not None:
-            self._polled.poll(self._transforms.map_to_odom)
+        self._poll_rover(self._transforms.map_to_odom)
 
     def _tick(self) -> None:
         with self._ticks.tick():

@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from math import nan
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
@@ -19,6 +21,7 @@ from adapters.ros import (
     ros_node,
 )
 from adapters.ros.rover import PolledRover
+from executive.commands import Mode
 from executive.settings import (
     MuxEntry,
     NavigationGate,
@@ -31,6 +34,7 @@ from executive.values.clock import SystemClock
 from executive.values.facts import Fact, ForeignMuxInput, NavigationVelocity
 from executive.values.geometry import Velocity
 from tests.ros.test_navigation_client import LIMIT_S
+from tests.ros.test_node import started
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_domain", "nav2_msgs")]
 
@@ -134,3 +138,23 @@ def test_a_relay_of_the_own_topic_is_refused() -> None:
         rover = NavigatedRosRover(node, declare_topics(node), SystemClock(), settings)
         with pytest.raises(ParameterError, match=r"executive's own topic \(cmd_vel.topic\)"):
             rover.subscribe(lambda *_: None, lambda _: None)
+
+
+def test_a_velocity_that_is_not_finite_is_rejected_and_the_gate_stays_shut(tmp_path: Path) -> None:
+    with started(tmp_path, 0.05, asset=gated(LOCKED)) as bench:
+        locked: list[Bool] = []
+        bench.rover.create_subscription(Bool, "navigation_lock", locked.append, LOCK_QOS)
+        velocity = bench.rover.create_publisher(TwistStamped, "nav_vel", 10)
+        message = TwistStamped()
+        message.twist.linear.x = nan
+        bench.until(lambda: bool(velocity.get_subscription_count()), "its subscription")
+        bench.until(lambda: bool(locked), "the lock")
+
+        def ticked() -> bool:
+            velocity.publish(message)
+            return len(locked) > ticks + 20
+
+        ticks = len(locked)
+        bench.until(ticked, "ticks")
+        assert all(each.data for each in locked)
+        assert bench.executive.mode is Mode.IDLE
