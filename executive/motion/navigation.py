@@ -177,19 +177,11 @@ class NavigatedMotion(Motion):
         self._failure: Refusal | None = None
         self.report = ""
         self.extra_s = self._navigation.recovery_s
-        drive = settings.drive
-        bounds = Bounds(status.travel_limit_mps, drive.travel_acceleration_mps2)
+        bounds = Bounds(status.travel_limit_mps, settings.drive.travel_acceleration_mps2)
+        here = status.pose.point
+        length_m = path_length_m(leg.path or (here, leg.target or here))
         turns_s = 2 * duration_s(pi, turn_bounds(settings, status))
-        self.expected_s = duration_s(self._length_m(), bounds) + turns_s
-
-    def _length_m(self) -> float:
-        """Return the length of the planned path, or of straight lines."""
-        if self._leg.path:
-            return path_length_m(self._leg.path)
-        if self._leg.target is None:
-            return 0.0
-        points = (Point(each.x_m, each.y_m) for each in self._leg.via_points)
-        return path_length_m((self._status.pose.point, *points, self._leg.target))
+        self.expected_s = duration_s(length_m, bounds) + turns_s
 
     def _next_goal(self) -> NavigationGoal:
         task = self._task

@@ -86,12 +86,8 @@ class NavigationTrack:
     @property
     def accepted(self) -> bool:
         """Whether the server executes the goal, as far as it is known."""
-        answer = self.answer
-        return (
-            self.goal is not None
-            and answer is not None
-            and answer.state is NavigationState.ACCEPTED
-        )
+        state = None if self.answer is None else self.answer.state
+        return self.goal is not None and state is NavigationState.ACCEPTED
 
     @property
     def answered(self) -> bool:
