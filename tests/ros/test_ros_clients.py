@@ -48,12 +48,12 @@ def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: 
             refused = client.ended(number)
             assert refused["stage"] == "REJECTED"
             assert what in refused["text"]
-        client.poses.publish(pose_of(0.4, 0.3))
-        client.until(lambda: client.rover.pose.y_m > 0.25, "the goal of RViz")
+        client.poses.publish(pose_of(0.5, 0.1))
+        client.until(lambda: client.rover.pose.y_m > 0.06, "the goal of RViz")
         client.until(lambda: client.reports[-1]["stage"] == "EXECUTED", "its end")
 
         feedback: list[object] = []
-        ahead = client.goal("navigate_to_pose", pose=pose_of(0.8, 0.3, pi / 4))
+        ahead = client.goal("navigate_to_pose", pose=pose_of(0.8, 0.2, pi / 6))
         handle = client.send("navigate_to_pose", ahead, feedback=feedback.append)
         done = client.result(handle)
         assert (done.status, done.result.error_code) == (SUCCEEDED, 0)
@@ -61,10 +61,10 @@ def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: 
         assert abs(client.rover.pose.x_m - 0.8) < 0.05
         assert 0 < len(feedback) <= 60
         for name, goal in (
-            ("navigate_through_poses", {"poses": [pose_of(0.9, 0.3), pose_of(1.0, 0.2)]}),
+            ("navigate_through_poses", {"poses": [pose_of(0.9, 0.25), pose_of(1.0, 0.3, 0.4)]}),
             (
                 "follow_waypoints",
-                {"poses": [pose_of(9.0, 9.0), pose_of(1.0, 0.0)], "goal_index": 1},
+                {"poses": [pose_of(9.0, 9.0), pose_of(1.2, 0.4, 0.4)], "goal_index": 1},
             ),
             ("spin", {"target_yaw": 0.5}),
             ("backup", {"target": Point(x=0.2), "speed": 0.1}),
@@ -90,7 +90,7 @@ def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: 
 def test_a_cancel_is_answered_at_once_and_ends_one_command(tmp_path: Path) -> None:
     with ros_client() as client, executive(tmp_path, asset(tmp_path, "always")):
         answered_s: list[float] = []
-        for each in range(5):
+        for each in range(3):
             far = client.goal("navigate_to_pose", pose=pose_of(5.0 * (-1.0) ** each, 0.0))
             handle = client.send("navigate_to_pose", far)
             client.until(lambda: client.rover.velocity != client.rover.sent[0], "it moves")
@@ -107,7 +107,7 @@ def test_a_cancel_is_answered_at_once_and_ends_one_command(tmp_path: Path) -> No
             print(
                 f"canceled after {answered_s[-1] * 1e3:.1f} ms, standing after {stationary_s:.2f} s"
             )
-        assert sorted(answered_s)[2] <= 0.05
+        assert sorted(answered_s)[1] <= 0.05
         done = client.run("spin", client.goal("spin", target_yaw=0.3))
         assert done.status == SUCCEEDED  # no stop is latched
 

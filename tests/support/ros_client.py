@@ -44,7 +44,8 @@ TOPICS: Final = """
 FAST: Final = {
     "travel_speed_mps: 0.3": "travel_speed_mps: 1.0",
     "travel_acceleration_mps2: 0.5": "travel_acceleration_mps2: 2.0",
-    "rotate_acceleration_radps2: 2.0": "rotate_acceleration_radps2: 4.0",
+    "rotate_speed_radps: 1.2": "rotate_speed_radps: 2.5",
+    "rotate_acceleration_radps2: 2.0": "rotate_acceleration_radps2: 6.0",
     "turtlebot4": NAME,
     "[JPG]": "[]",
 }
@@ -161,7 +162,11 @@ class RosClient:
 
     def goal(self, name: str, **fields: Any) -> Any:
         """Return a goal of an action."""
-        return self.action(name)._action_type.Goal(**fields)
+        kind = self.action(name)._action_type.Goal
+        poses = getattr(kind(), "poses", None)
+        if hasattr(poses, "goals"):  # from Kilted on
+            fields["poses"] = type(poses)(goals=fields["poses"])
+        return kind(**fields)
 
     def publish_text(self, text: str) -> None:
         """Publish the text of a command."""
