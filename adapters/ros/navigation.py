@@ -24,7 +24,7 @@ from adapters.ros.navigation_messages import (
     stamped_pose,
 )
 from adapters.ros.parameters import declare_optional_text
-from adapters.ros.polled_action import ACTIVE, PolledAction, Statuses
+from adapters.ros.polled_action import ACTIVE, PolledAction
 from adapters.ros.transforms import frame_names
 from executive.settings import RelativeActions
 from executive.values.clock import Clock
@@ -111,26 +111,21 @@ class NavigationClient:
         self._abandoned: dict[bytes, None] = {}
         self._paths: dict[int, tuple[PathRequest, float]] = {}
         self._map_to_odom: Pose | None = None
-        self._missing: dict[str, str] = {}
-        self._actions: dict[str, PolledAction] = {}
-        for key, default in {**ACTIONS, **RELATIVE[relative]}.items():
-            self._add(node, key, *default)
+        names = ACTIONS | RELATIVE[relative]
+        made = {key: self._make_action(node, key, *default) for key, default in names.items()}
+        self._missing = {key: each for key, each in made.items() if isinstance(each, str)}
+        self._actions = {key: each for key, each in made.items() if not isinstance(each, str)}
         for text in dict.fromkeys(self._missing.values()):
             _LOG.warning("no navigation: %s", text)
 
-    def _add(self, node: Node, key: str, name: str, kind_name: str) -> None:
+    def _make_action(self, node: Node, key: str, name: str, kind_name: str) -> PolledAction | str:
+        """Return an action, or why there is none."""
         given = declare_optional_text(node, f"navigation.{key}.action", f"action {key}")
         type_key = f"navigation.{key}.type"
         kind = action_type(type_key, declare_optional_text(node, type_key, "its type") or kind_name)
         if isinstance(kind, str):
-            self._missing[key] = kind
-            return
-
-        def on_status(statuses: Statuses) -> None:
-            self._on_status(action, statuses)
-
-        action = PolledAction(node, kind, given or name, on_status, self._on_feedback)
-        self._actions[key] = action
+            return kind
+        return PolledAction(node, kind, given or name, self._on_status, self._on_feedback)
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Send a goal under a new UUID after the answer to a cancel; abandon the last goal."""
@@ -195,7 +190,7 @@ class NavigationClient:
         if self._sent is not None:
             self._abandoned[self._sent.uuid] = None
             self._sent = None
-        while len(self._abandoned) > MAX_ABANDONED:
+        if len(self._abandoned) > MAX_ABANDONED:
             del self._abandoned[next(iter(self._abandoned))]
 
     def _send(self) -> None:
@@ -236,7 +231,7 @@ class NavigationClient:
 
         sent.action.request_result(sent.uuid, on_result)
 
-    def _on_status(self, action: PolledAction, statuses: Statuses) -> None:
+    def _on_status(self, action: PolledAction, statuses: dict[bytes, tuple[int, int]]) -> None:
         active = {uuid: at_ns for uuid, (status, at_ns) in statuses.items() if status in ACTIVE}
         for uuid in active.keys() & self._abandoned.keys():
             action.cancel(uuid)

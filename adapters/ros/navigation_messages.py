@@ -83,16 +83,16 @@ def goal_message(kind: Any, task: Task, frame: str) -> Any:
         case TurnBy(angle_rad, speed_radps):
             if hasattr(goal, "target_yaw"):
                 goal.target_yaw = angle_rad
+                goal.time_allowance.sec = _allowance_s(angle_rad / speed_radps)
             else:  # RotateAngle of irobot_create_msgs
                 goal.angle, goal.max_rotation_speed = angle_rad, speed_radps
-            _allow(goal, angle_rad / speed_radps)
         case DriveBy(distance_m, speed_mps):
             if hasattr(goal, "target"):
                 goal.target.x = distance_m
                 goal.speed = copysign(speed_mps, distance_m)
+                goal.time_allowance.sec = _allowance_s(distance_m / speed_mps)
             else:  # DriveDistance of irobot_create_msgs
                 goal.distance, goal.max_translation_speed = distance_m, speed_mps
-            _allow(goal, distance_m / speed_mps)
     return goal
 
 
@@ -106,10 +106,8 @@ def stamped_pose(pose: Pose, frame: str) -> PoseStamped:
     return message
 
 
-def _allow(goal: Any, expected_s: float) -> None:
-    """Limit the time of a relative action of Nav2."""
-    if hasattr(goal, "time_allowance"):
-        goal.time_allowance.sec = ceil(2 * abs(expected_s) + 5.0)
+def _allowance_s(expected_s: float) -> int:
+    return ceil(2 * abs(expected_s) + 5.0)
 
 
 def feedback_fact(goal: NavigationGoal, feedback: Any) -> NavigationFeedback:

@@ -25,8 +25,6 @@ CANCEL_FOR_S, CANCEL_RETRY_S = 10.0, 1.0
 CANCEL_ANSWER_S: Final = 0.5
 """Maximum wait of a new goal for that answer: the cancel may include it."""
 ACTIVE: Final = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
-Statuses = dict[bytes, tuple[int, int]]
-"""Status and time of acceptance, ns on the server's clock, of each goal of a server, by UUID."""
 
 
 class PolledAction:
@@ -36,7 +34,8 @@ class PolledAction:
         node: creates the clients and subscriptions.
         kind: class of the action.
         name: name of the action.
-        on_status: called with the goals of all clients.
+        on_status: called with this action and, for the goal of each client by its UUID, status and
+            time of acceptance, ns on the clock of the server.
         on_feedback: called with the UUID of a goal and its newest feedback.
     """
 
@@ -45,7 +44,7 @@ class PolledAction:
         node: Node,
         kind: Any,
         name: str,
-        on_status: Callable[[Statuses], None],
+        on_status: Callable[["PolledAction", dict[bytes, tuple[int, int]]], None],
         on_feedback: Callable[[bytes, Any], None],
     ) -> None:
         impl, base = kind.Impl, f"{name}/_action"
@@ -120,7 +119,7 @@ class PolledAction:
             stamp = each.goal_info.stamp
             at_ns = stamp.sec * 10**9 + stamp.nanosec
             statuses[bytes(each.goal_info.goal_id.uuid)] = each.status, at_ns
-        self._on_status(statuses)
+        self._on_status(self, statuses)
 
     def _take_feedback(self, message: Any) -> None:
         self._on_feedback(bytes(message.goal_id.uuid), message.feedback)
@@ -142,7 +141,7 @@ class _PolledClient:
         with self._client.handle:
             number = self._client.handle.send_request(request)
         self._waiting[number] = on_answer
-        while len(self._waiting) > MAX_UNANSWERED:
+        if len(self._waiting) > MAX_UNANSWERED:
             del self._waiting[next(iter(self._waiting))]
 
     def poll(self) -> None:

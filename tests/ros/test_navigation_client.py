@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from math import nan
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,8 +19,15 @@ from rclpy.node import Node
 from adapters.ros import ParameterError, ros_node, single_threaded
 from adapters.ros.navigated_rover import NavigationVelocityTopic
 from adapters.ros.navigation import NavigationClient
-from adapters.ros.navigation_messages import error_name, planned_points
+from adapters.ros.navigation_messages import (
+    error_name,
+    feedback_fact,
+    goal_message,
+    missed_poses,
+    planned_points,
+)
 from adapters.ros.polled_action import PolledAction
+from executive.settings import RelativeActions
 from executive.values.clock import SystemClock
 from executive.values.facts import (
     Fact,
@@ -30,7 +38,13 @@ from executive.values.facts import (
     PlannedPath,
 )
 from executive.values.geometry import Point, Pose, TargetFrame, Velocity
-from executive.values.ports import NavigateTo, NavigationGoal, PathRequest
+from executive.values.ports import (
+    DriveBy,
+    NavigateTo,
+    NavigationGoal,
+    PathRequest,
+    TurnBy,
+)
 from executive.values.reports import Identity
 from tests.support.navigation import Navigation
 from tests.support.navigation_server import NavigationServer
@@ -48,7 +62,7 @@ class Pair:
     def __init__(self, node: Node, servers: Node, executor: SingleThreadedExecutor) -> None:
         self.node, self.servers, self.executor = node, servers, executor
         self.facts: list[Fact] = []
-        self.client = NavigationClient(node, SystemClock(), self.facts.append)
+        self.client = NavigationClient(node, SystemClock(), self.facts.append, RelativeActions.NAV2)
         self.map_to_odom: Pose | None = None
 
     def until(self, done: Callable[[], bool], what: str, *, ticks: bool = True) -> None:
@@ -160,6 +174,52 @@ def test_an_abandoned_goal_is_cancelled_when_it_is_accepted(pair: Pair) -> None:
     assert second.uuid != sent.uuid
 
 
+@pytest.mark.parametrize(
+    "task",
+    [
+        NavigateTo((Pose(0.05), Pose(0.1)), ODOM),
+        TurnBy(-0.03, 0.5),
+        DriveBy(-0.03, 0.2),
+    ],
+    ids=["poses", "turn", "drive"],
+)
+def test_each_task_has_its_action(pair: Pair, task: NavigateTo | TurnBy | DriveBy) -> None:
+    pair.serve("honest")
+    pair.until(lambda: not isinstance(pair.client._action("drive"), str), "a server")
+    pair.client.navigate(NavigationGoal(1, task, COMMAND))
+    ends = [NavigationState.ACCEPTED, NavigationState.SUCCEEDED]
+    pair.until(lambda: pair.states(1) == ends, "its end")
+
+
+def test_relative_actions_of_a_create_3_have_fields_of_their_own() -> None:
+    class Action:
+        Goal = SimpleNamespace
+
+    driven = goal_message(Action, DriveBy(-0.4, 0.2), "")
+    assert (driven.distance, driven.max_translation_speed) == (-0.4, 0.2)
+    turned = goal_message(Action, TurnBy(1.5, 0.7), "")
+    assert (turned.angle, turned.max_rotation_speed) == (1.5, 0.7)
+
+
+def test_missed_poses_and_feedback_are_read_by_the_fields_of_a_type() -> None:
+    follow = SimpleNamespace(missed_waypoints=[SimpleNamespace(index=2), SimpleNamespace(index=0)])
+    assert missed_poses(follow) == (0, 2)
+    states = {"COMPLETED": 1, "SKIPPED": 2, "FAILED": 3}
+    statuses = [
+        SimpleNamespace(**states, waypoint_index=index, waypoint_status=status)
+        for index, status in enumerate((1, 3, 2))
+    ]
+    assert missed_poses(SimpleNamespace(waypoint_statuses=statuses)) == (1, 2)
+    path = NavigationGoal(7, NavigateTo((Pose(), Pose(), Pose()), MAP), COMMAND)
+    waypoint = SimpleNamespace(current_waypoint=1)
+    assert feedback_fact(path, waypoint) == NavigationFeedback(7, None, 0, 2)
+    lost = SimpleNamespace(distance_remaining=nan, number_of_recoveries=2)
+    assert feedback_fact(path, lost) == NavigationFeedback(7, None, 2)
+    drive = NavigationGoal(8, DriveBy(-1.0, 0.2), COMMAND)
+    travelled = SimpleNamespace(distance_traveled=0.25)
+    assert feedback_fact(drive, travelled) == NavigationFeedback(8, 0.75)
+
+
 @pytest.mark.parametrize("abandoned", [False, True])
 def test_an_acceptance_without_an_answer_is_found_in_the_status(
     pair: Pair, abandoned: bool
@@ -182,7 +242,7 @@ def test_an_acceptance_without_an_answer_is_found_in_the_status(
 def test_goals_of_a_process_before_and_of_others_are_cancelled(pair: Pair) -> None:
     navigation = pair.serve("honest")
     kind = import_module("nav2_msgs.action").NavigateToPose
-    other = PolledAction(pair.servers, kind, "navigate_to_pose", lambda _: None, lambda *_: None)
+    other = PolledAction(pair.servers, kind, "navigate_to_pose", lambda *_: None, lambda *_: None)
     pair.until(lambda: other.ready, "another client")
     goal = kind.Goal()
     goal.pose.pose.position.x = 5.0
