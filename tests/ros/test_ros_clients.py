@@ -13,6 +13,7 @@ import pytest
 from geometry_msgs.msg import Point
 
 from tests.suite import CHECKOUT
+from tests.support.ground import call_ground
 from tests.support.processes import LISTENS, Running
 from tests.support.ros_client import RosClient, asset, pose_of, ros_client
 
@@ -87,8 +88,15 @@ def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: 
 
 
 @pytest.mark.usefixtures("ros_domain", "nav2_msgs")
-def test_a_cancel_is_answered_at_once_and_ends_one_command(tmp_path: Path) -> None:
-    with ros_client() as client, executive(tmp_path, asset(tmp_path, "always")):
+def test_a_cancel_ends_one_command_and_an_authority_is_not_taken(tmp_path: Path) -> None:
+    settings = asset(tmp_path, "always", "authority: {needed: true}")
+    with ros_client() as client, executive(tmp_path, settings) as (_, uri):
+        assert call_ground(uri, lambda moe: moe.authority_of("MOE").request()).holder == "MOE"
+        spin = client.goal("spin", target_yaw=0.3)
+        assert not client.send("spin", spin).accepted
+        client.until(lambda: client.reports[-1]["reason"] == "NO_AUTHORITY", "the refusal")
+        assert call_ground(uri, lambda moe: moe.authority.status()).holder == "MOE"
+        call_ground(uri, lambda moe: moe.authority_of("MOE").release())
         answered_s: list[float] = []
         for each in range(3):
             far = client.goal("navigate_to_pose", pose=pose_of(5.0 * (-1.0) ** each, 0.0))
@@ -104,12 +112,10 @@ def test_a_cancel_is_answered_at_once_and_ends_one_command(tmp_path: Path) -> No
             assert done.status == CANCELLED
             assert done.result.error_code == 10_000 + 807
             assert client.rover.velocity.travel_mps == 0.0
-            print(
-                f"canceled after {answered_s[-1] * 1e3:.1f} ms, standing after {stationary_s:.2f} s"
-            )
+            print(f"cancelled in {answered_s[-1] * 1e3:.1f} ms, ended in {stationary_s:.2f} s")
         assert sorted(answered_s)[1] <= 0.05
-        done = client.run("spin", client.goal("spin", target_yaw=0.3))
-        assert done.status == SUCCEEDED  # no stop is latched
+        assert client.run("spin", spin).status == SUCCEEDED  # no stop is latched
+        assert call_ground(uri, lambda moe: moe.authority.status()).holder == "ROS"
 
 
 @pytest.mark.usefixtures("ros_domain", "nav2_msgs")

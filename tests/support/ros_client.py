@@ -163,7 +163,7 @@ class RosClient:
     def goal(self, name: str, **fields: Any) -> Any:
         """Return a goal of an action."""
         kind = self.action(name)._action_type.Goal
-        poses = getattr(kind(), "poses", None)
+        poses: Any = getattr(kind(), "poses", None)
         if hasattr(poses, "goals"):  # from Kilted on
             fields["poses"] = type(poses)(goals=fields["poses"])
         return kind(**fields)
