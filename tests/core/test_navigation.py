@@ -350,6 +350,7 @@ def test_a_jump_of_the_map_at_the_end_is_compared_again(start: Start) -> None:
     assert len(bench.rover.goals) == 2
 
 
+@pytest.mark.at_length
 def test_a_recording_with_a_navigation_is_replayed_with_the_same_decisions(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with closing(RunFile(path)) as tape:
