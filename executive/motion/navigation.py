@@ -177,7 +177,8 @@ class NavigatedMotion(Motion):
         self._failure: Refusal | None = None
         self.report = ""
         self.extra_s = self._navigation.recovery_s
-        bounds = Bounds(status.travel_limit_mps, settings.drive.travel_acceleration_mps2)
+        speed_mps = min(status.travel_limit_mps, self._navigation.speed_mps)
+        bounds = Bounds(speed_mps, settings.drive.travel_acceleration_mps2)
         here = status.pose.point
         length_m = path_length_m(leg.path or (here, leg.target or here))
         turns_s = 2 * duration_s(pi, turn_bounds(settings, status))

@@ -366,7 +366,8 @@ class PreviewRun:
         pose = start.pose
         if settings.navigation is not None:
             ratio = start.slow_ratio
-            speeds = Velocity(start.travel_speed_mps * ratio, start.rotate_speed_radps * ratio)
+            speed_mps = min(start.travel_speed_mps * ratio, settings.navigation.speed_mps)
+            speeds = Velocity(speed_mps, start.rotate_speed_radps * ratio)
             return NavigatedBase(clock, settings, pose, start.map_origin or Pose(), speeds)
         match settings.locomotion:
             case LocomotionKind.DELEGATED:

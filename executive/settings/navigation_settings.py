@@ -119,6 +119,8 @@ class NavigationSettings:
         finish_within_m: maximum distance of its end from the target, from which the executive
             drives to the target itself.
         recovery_s: added to the deadline of a motion for the navigation's recoveries.
+        speed_mps: speed of its drives on average, for deadlines and predictions. Nav2's controllers
+            have 0.26 or 0.5 m/s by default; half of it is still in time.
         passing_m: radius within which it counts an intermediate pose as passed.
         relative: actions that carry out moveForward and rotateBy.
     """
@@ -129,12 +131,13 @@ class NavigationSettings:
     selectable: bool = True
     finish_within_m: float = 0.5
     recovery_s: float = 60.0
+    speed_mps: float = 0.5
     passing_m: float = 0.7
     relative: RelativeActions = RelativeActions.OFF
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the figures are positive, and the gate has its names."""
-        require_above_zero(self, "finish_within_m", "recovery_s", "passing_m")
+        require_above_zero(self, "finish_within_m", "recovery_s", "speed_mps", "passing_m")
         named = [each for each in (self.input, self.lock) if each is not None]
         if len(named) != (2 if self.gate is NavigationGate.LOCK else 0):
             raise ValueError(

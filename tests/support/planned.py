@@ -48,8 +48,7 @@ class PlannedBench(Bench):
 
     def __init__(self, folder: Path, asset: Settings) -> None:
         assert asset.navigation is not None
-        speed_mps = asset.drive.travel_speed_mps
-        navigation = Navigation(speed_mps=speed_mps)
+        navigation = Navigation(speed_mps=asset.navigation.speed_mps)
         rover = PlannedRover(gate=asset.navigation.gate, navigation=navigation)
         super().__init__(folder, asset, rover=rover)
 
