@@ -116,8 +116,8 @@ class NavigationSettings:
         input: its input in `mux.topics`, if the gate is a lock.
         lock: the lock of that input in `mux.locks`, if the gate is a lock.
         selectable: whether commands may select it if the asset's controller is another.
-        finish_within_m: maximum distance of its end from the target, from which the executive
-            drives to the target itself.
+        finish_within_m: maximum distance of its end from the target; the executive drives the rest
+            itself.
         recovery_s: added to the deadline of a motion for the navigation's recoveries.
         speed_mps: speed of its drives on average, for deadlines and predictions. Nav2's controllers
             have 0.26 or 0.5 m/s by default; half of it is still in time.
