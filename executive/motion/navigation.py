@@ -346,7 +346,7 @@ class NavigatedMotion(Motion):
         elif state is NavigationState.ABORTED and preempted:
             self._fail(*_FAILURES[NavigationState.PREEMPTED])
         elif state is not NavigationState.ABORTED or (
-            answer.code or now_s - track.answer_s >= PREEMPTION_S  # the gate is shut meanwhile
+            answer.code or now_s - track.answer_s >= PREEMPTION_S  # the gate is shut already
         ):
             reason, text = _FAILURES[state]
             text = f"{text} {off[0]:.2f} m from the target{_detail(answer)}"

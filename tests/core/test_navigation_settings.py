@@ -98,7 +98,7 @@ def test_a_gate_that_shuts_the_navigation_off_and_nothing_else_is_accepted() -> 
         ({"navigation": replace(LOCK, lock="e_stop")}, "are those of the executive"),
     ],
 )
-def test_settings_whose_gate_does_not_hold_are_refused(changed: dict[str, Any], fault: str) -> None:
+def test_settings_of_a_gate_without_effect_are_refused(changed: dict[str, Any], fault: str) -> None:
     with pytest.raises(ValueError, match=fault):
         settings(**changed)
 
