@@ -49,7 +49,6 @@ RATE_HZ: Final = 10.0
 BURST: Final = 20
 """Commands of ROS clients are refused above this rate, after this number at once."""
 MAX_TEXT_LENGTH: Final = 4096
-STOP: Final = "stop"
 ReadCommandText = Callable[[str, Identity, str], Command]
 """Returns the command of a text with an identity and a link, or raises ValueError."""
 _LOG = logging.getLogger(__name__)
@@ -137,13 +136,13 @@ class RosClientLink:
 
     def _on_command(self, message: String) -> None:
         """Submit the command of a text, or of JSON with a number and a text."""
-        number, text, wrong = None, "", ""
+        number, text, wrong = None, message.data[:MAX_TEXT_LENGTH], ""
         try:
             number, text = _command_of(message.data)
         except ValueError as error:
             wrong = str(error)
         identity = Identity(ROS_SOURCE, number or fresh_number())
-        if text.split(maxsplit=1)[:1] == [STOP]:
+        if _is_stop(text):
             self._submit(Command(identity, Stop(), ROS_LINK))
         elif not self._texts.admit():
             self._refuse_flood()
@@ -201,6 +200,12 @@ def fresh_number() -> int:
     return round(time.time() * 1e6)
 
 
+def _is_stop(text: str) -> bool:
+    """Return whether a text is a stop, in any case, with or without `rover` before it."""
+    typed = [each for each in text.lower().split()[:3] if each not in {"rover", "command"}]
+    return typed[:1] == ["stop"]
+
+
 def _command_of(text: str) -> tuple[int | None, str]:
     """Return number and text of a message; raise ValueError if it has none."""
     if len(text) > MAX_TEXT_LENGTH:
@@ -214,8 +219,7 @@ def _command_of(text: str) -> tuple[int | None, str]:
     number, command = raw.get("id"), raw.get("command", raw.get("words"))
     form = '{"id": 4242, "command": "moveForward 0.2"}, id from 1 to 2^63 - 1 or left out'
     valid = type(number) is int and 0 < number < 1 << 63
-    stops = isinstance(command, str) and command.split(maxsplit=1)[:1] == [STOP]
-    if not isinstance(command, str) or not (valid or number is None or stops):
+    if not isinstance(command, str) or not (valid or number is None or _is_stop(command)):
         raise ValueError(f"expected {form}")
     return (number if valid else None), command
 

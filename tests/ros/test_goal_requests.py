@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Point, PoseStamped
 
 from adapters.mrs.cli.command_text import read_command_text
-from adapters.ros.client_link import BURST, RATE_HZ, Admission
+from adapters.ros.client_link import BURST, RATE_HZ, Admission, _is_stop
 from adapters.ros.conversions import MessageError
 from adapters.ros.goal_requests import (
     PASSED_M,
@@ -119,6 +119,13 @@ def test_a_rate_is_limited_after_a_burst() -> None:
         now_s += 0.005
         admitted += admission.admit()
     assert admitted == pytest.approx(RATE_HZ, abs=1)
+
+
+def test_a_stop_is_recognised_in_any_form() -> None:
+    for text in ("stop", " STOP now", "rover stop", "rover command Stop"):
+        assert _is_stop(text)
+    for text in ("", "moveForward 1", "stopped", "rover", "moveTo stop"):
+        assert not _is_stop(text)
 
 
 def test_texts_are_read_with_their_options_or_refused() -> None:
