@@ -106,12 +106,12 @@ class Track:
         """Wait for a second of standstill; return its start, s, and the distance until then, m."""
         found: list[Odometry] = []
 
-        def stands() -> bool:
+        def settled() -> bool:
             moving = [index for index, each in enumerate(self._probe.truth) if _moves(each)]
             found[:] = self._probe.truth[moving[-1] + 1 if moving else 0 :]
             return bool(found) and _stamp_s(found[-1]) - _stamp_s(found[0]) > 1.0
 
-        self._probe.until(stands, "it stands")
+        self._probe.until(settled, "it is stationary")
         start, self._start = self._start, found[-1]
         return _stamp_s(found[0]) - _stamp_s(start), _distance_m(start, found[-1])
 
