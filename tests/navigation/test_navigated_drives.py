@@ -55,6 +55,15 @@ def test_an_interrupted_drive_ends_stationary(interruption: Interruption, tmp_pa
     assert interrupt(Interrupted(interruption, gate, "honest", True, seed=1), tmp_path) == []
 
 
+@pytest.mark.parametrize(
+    ("behaviour", "gate"), [("honest", NavigationGate.LOCK), ("recovers", NavigationGate.RELAY)]
+)
+def test_all_monitors_let_an_honest_navigation_drive(
+    behaviour: str, gate: NavigationGate, tmp_path: Path
+) -> None:
+    assert found(Drive(behaviour, gate, False, 1, RANGE_M, sensed=True), tmp_path) == []
+
+
 @pytest.mark.parametrize("gate", GATES)
 def test_no_random_act_makes_a_false_success(gate: NavigationGate, tmp_path: Path) -> None:
     assert list(navigation_trial.random_run(gate, 1, tmp_path)) == []

@@ -18,6 +18,8 @@ from tests.support.kinematic import STEP_S
 from tests.support.navigated import NavigatedBench
 
 RANGE_M: Final = 8.0
+SENSED_RANGE_M: Final = 4.0
+"""The same with all sensors, which take three times as long."""
 WATCH_S: Final = 8.0
 """Time for which a rover is watched after the end of its command."""
 LIMIT_S: Final = 400.0
@@ -130,6 +132,7 @@ class Drive:
     Attributes:
         path: whether it is followPath, otherwise moveTo.
         range_m: bound of the coordinates.
+        sensed: whether the rover has all sensors, and so all monitors.
     """
 
     behaviour: str
@@ -137,14 +140,18 @@ class Drive:
     path: bool
     seed: int
     range_m: float = RANGE_M
+    sensed: bool = False
 
     def __str__(self) -> str:
         command = "followPath" if self.path else "moveTo"
-        return f"{self.behaviour}, {command}, gate {self.gate.value}, seed {self.seed}"
+        sensors = ", all sensors" if self.sensed else ""
+        return f"{self.behaviour}, {command}, gate {self.gate.value}{sensors}, seed {self.seed}"
 
     def start(self) -> Pose:
         """Return where the rover stands."""
         random = Random(f"start {self.seed}")
+        if self.sensed:
+            return Pose()
         return Pose(random.uniform(-1, 1), random.uniform(-1, 1), 0.0, random.uniform(-pi, pi))
 
     def waypoints(self) -> tuple[Waypoint, ...]:
@@ -264,8 +271,9 @@ class Watch:
 def carry_out(drive: Drive, folder: Path) -> DriveResult:
     """Drive, and watch the rover after the end."""
     navigation = StrangeNavigation(drive.behaviour, drive.seed)
-    with NavigatedBench(folder, drive.gate, navigation, start=drive.start()) as bench:
-        bench.run(1.0)
+    start, sensed = drive.start(), drive.sensed
+    with NavigatedBench(folder, drive.gate, navigation, start=start, sensed=sensed) as bench:
+        bench.run(3.0 if sensed else 1.0)
         bench.submit(drive.request(), 1)
         return Watch(bench, 1, drive.waypoints()).result()
 
@@ -300,11 +308,14 @@ def judge_success(result: DriveResult, about: str) -> Iterator[tuple[DriveFault,
 
 
 def drives(
-    count: int, seed: int, behaviours: Iterable[str] = tuple(EXPECTED), range_m: float = RANGE_M
+    count: int, seed: int, behaviours: Iterable[str], sensed: bool = False
 ) -> Iterator[Drive]:
     """Yield so many drives of each behaviour, by each command and gate."""
     for behaviour in behaviours:
         for gate in NavigationGate:
             for path in (False, True):
                 for number in range(count):
-                    yield Drive(behaviour, gate, path, seed * 1_000_000 + number, range_m)
+                    drawn = seed * 1_000_000 + number
+                    yield Drive(
+                        behaviour, gate, path, drawn, SENSED_RANGE_M if sensed else RANGE_M, sensed
+                    )

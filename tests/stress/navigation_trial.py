@@ -26,8 +26,8 @@ from tests.support.figures import Figure
 from tests.support.kinematic import STEP_S
 from tests.support.navigated import NavigatedBench
 
-STRANGE_SHARE: Final = 5
-"""Drives over a behaviour of `Navigation` for each one over a strange one."""
+SHARE: Final = 5
+"""Drives over a behaviour of `Navigation` for each one over a strange one, or with all sensors."""
 COMMANDS: Final = 5
 """Commands of one random run."""
 STOP_SHARE: Final = 0.2
@@ -69,8 +69,10 @@ def measure(count: int, seed: int, log: Log) -> list[Figure]:
         log: called with a line on each of the first failures.
     """
     findings, tried = Findings(log), 0
-    strange = drives(-(-count // STRANGE_SHARE), seed, EXPECTED_OF_STRANGE)
-    for drive in (*drives(count, seed, EXPECTED), *strange):
+    few = -(-count // SHARE)
+    strange = drives(few, seed, EXPECTED_OF_STRANGE)
+    sensed = drives(few, seed, EXPECTED, sensed=True) if count >= SHARE else ()
+    for drive in (*drives(count, seed, EXPECTED), *strange, *sensed):
         tried += 1
         with tempfile.TemporaryDirectory() as folder:
             for fault, about in judge(drive, carry_out(drive, Path(folder))):

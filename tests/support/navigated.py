@@ -44,6 +44,8 @@ from tests.support.navigation import (
     Navigation,
     ServerRestarted,
 )
+from tests.support.sensed_drive import STEP_S as SENSED_STEP_S
+from tests.support.sensed_drive import SensedDrive
 
 BASE_TIMEOUT_S: Final = 0.3
 MAX_MPS: Final = 2.0
@@ -276,9 +278,14 @@ class NavigatedRover(KinematicRover):
             self._wanted = Velocity(travel_mps, velocity.rotate_radps)
             self._wanted_at_s = self.now_s
 
-    def _move(self, step_s: float) -> None:
+    @property
+    def commanded(self) -> Velocity:
+        """The velocity that the base obeys; zero after its timeout."""
         timed_out = self.now_s - self._wanted_at_s > BASE_TIMEOUT_S + 1e-9
-        wanted, before = STANDING if timed_out else self._wanted, self._moving
+        return STANDING if timed_out else self._wanted
+
+    def _move(self, step_s: float) -> None:
+        wanted, before = self.commanded, self._moving
         self._moving = now = Velocity(
             _toward(before.travel_mps, wanted.travel_mps, BRAKING_MPS2 * step_s),
             _toward(before.rotate_radps, wanted.rotate_radps, BRAKING_RADPS2 * step_s),
@@ -410,6 +417,26 @@ class NavigatedRover(KinematicRover):
                 pass
 
 
+@dataclass
+class SensedNavigatedRover(NavigatedRover):
+    """The same with all sensors of a `SensedDrive`; its odometry is one of them."""
+
+    def __post_init__(self) -> None:
+        """Let it stand at the origin of its odometry."""
+        self.body = SensedDrive(settings(self.gate))
+        self.body.observe = lambda fact: self.facts.append(fact)
+        self.odometry_every = 0
+
+    def _move(self, step_s: float) -> None:
+        before, body = self.truth, self.body
+        body.commanded = self.commanded
+        for _ in range(round(step_s / SENSED_STEP_S)):
+            body.move_on()
+        self.truth, self.pose = body.true, body.believed
+        self._moving = self.velocity = body.motion
+        self.moved_m += before.point.distance_m(self.truth.point)
+
+
 class NavigatedBench(Bench):
     """An executive over a navigated rover."""
 
@@ -422,10 +449,16 @@ class NavigatedBench(Bench):
         navigation: Navigation | None = None,
         settings_: Settings | None = None,
         start: Pose | None = None,
+        sensed: bool = False,
     ) -> None:
         pose, navigation = start or Pose(), navigation or Navigation()
-        rover = NavigatedRover(pose=pose, truth=pose, gate=gate, navigation=navigation)
-        super().__init__(folder, settings_ or settings(gate), rover=rover)
+        kind = SensedNavigatedRover if sensed else NavigatedRover
+        rover = kind(pose=pose, truth=pose, gate=gate, navigation=navigation)
+        chosen = settings_ or settings(gate)
+        if sensed:  # it turns about base_link
+            law = replace(chosen.turn_drive, control_point_m=0.0)
+            chosen = replace(chosen, turn_drive=law)
+        super().__init__(folder, chosen, rover=rover, all_sensors=sensed)
 
     def step(self) -> None:
         """Let one tick pass; odometry may have a lower rate than ticks."""
