@@ -12,10 +12,9 @@ from typing import Final
 
 from executive.checks import check_planned_path
 from executive.commands import Waypoint
-from executive.commands.intake import in_map
 from executive.faults import Reaction
 from executive.goals import Context, Goal
-from executive.values.geometry import Point, Pose, TargetFrame, path_length_m
+from executive.values.geometry import Point, Pose, path_length_m
 from executive.values.ports import PLANNER_WAIT_S, PathRequest
 from executive.values.reasons import Reason, Refusal
 
@@ -70,70 +69,59 @@ class PathPlanning:
     def __init__(
         self, context: Context, goal: Goal, targets: Sequence[Waypoint], numbers: Iterator[int]
     ) -> None:
-        self._context = context
-        self._numbers = numbers
-        in_its_map = in_map(goal.command.request, context.settings)
-        self._frame = TargetFrame.MAP if in_its_map else TargetFrame.ODOM
-        ends = [context.status.pose]
+        self._status, self._intents, self._clock = context.status, context.intents, context.clock
+        self._goal, self._numbers = goal, numbers
+        self._ends = [context.status.pose]
         for each in targets:
             point, heading_rad = Point(each.x_m, each.y_m), each.heading_rad
             if heading_rad is None:
-                heading_rad = ends[-1].point.bearing_rad(point)
-            ends.append(Pose(point.x_m, point.y_m, heading_rad=heading_rad))
-        self._ends = tuple(ends)
-        self._points, self._parts = [ends[0].point], 0
+                heading_rad = self._ends[-1].point.bearing_rad(point)
+            self._ends.append(Pose(point.x_m, point.y_m, heading_rad=heading_rad))
+        self._points, self._parts = [self._ends[0].point], 0
         self._request: PathRequest | None = None
         self._until_s = context.clock.now_s() + PLANNER_WAIT_S
 
     def path(self) -> LegPath | None:
         """Return the path, or None while it is awaited; requests the next part in this tick."""
+        origin, frame = self._goal.target_frame(self._status)
+        start, *later = self._ends[self._parts :]
         if self._request is not None:
-            answer = self._context.status.planned_path(self._request.number)
+            answer = self._status.planned_path(self._request.number)
             if answer is None:
-                late = self._context.clock.now_s() >= self._until_s
-                return self._straight(f"{NO_PATH} in time") if late else None
-            points = [self._in_odom(each) for each in answer.points]
-            if missing := self._unusable(points, answer.text):
-                return self._straight(missing)
-            self._points += points
-            self._parts += 1
-        if self._parts + 1 == len(self._ends):
-            points = [*self._points, self._ends[-1].point]
-            return self._found(tuple(points), "")
-        start, end = self._ends[self._parts : self._parts + 2]
-        into = self._origin.inverse
-        number = next(self._numbers)
-        self._request = PathRequest(number, into.compose(start), into.compose(end), self._frame)
-        self._context.intents.path = self._request
+                late = self._clock.now_s() >= self._until_s
+                return self._found(f"{NO_PATH} in time") if late else None
+            points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in answer.points]
+            if not points:
+                return self._found(answer.text or NO_PATH)
+            if missing := _mismatch(points, start.point, later[0].point):
+                return self._found(missing)
+            self._points, self._parts, self._request = (
+                [*self._points, *points],
+                self._parts + 1,
+                None,
+            )
+            start, *later = later
+        if not later:
+            return self._found("")
+        ends = origin.inverse.compose(start), origin.inverse.compose(later[0])
+        self._request = self._intents.path = PathRequest(next(self._numbers), *ends, frame)
         return None
 
-    @property
-    def _origin(self) -> Pose:
-        """Origin of the requests' frame in the odometry frame."""
-        status = self._context.status
-        if self._frame is TargetFrame.ODOM:
-            return status.odom_origin
-        origin = status.map_origin
-        return Pose() if isinstance(origin, Refusal) else origin
+    def _found(self, missing: str) -> LegPath:
+        straight = tuple(each.point for each in self._ends)
+        points = straight if missing else (*self._points, straight[-1])
+        longer_m = path_length_m(points) - path_length_m(straight)
+        return LegPath(points, missing, max(0.0, longer_m))
 
-    def _in_odom(self, point: Point) -> Point:
-        return self._origin.compose(Pose(point.x_m, point.y_m)).point
 
-    def _unusable(self, points: list[Point], text: str) -> str:
-        """Return why points are no path between the requested ends; empty if they are one."""
-        if not points:
-            return text or NO_PATH
-        if not all(isfinite(each.x_m) and isfinite(each.y_m) for each in points):
-            return "the planner's path is not finite"
-        start, end = self._ends[self._parts : self._parts + 2]
-        for name, wanted, given in (("begins", start, points[0]), ("ends", end, points[-1])):
-            if (gap_m := wanted.point.distance_m(given)) > MAX_END_GAP_M:
-                return f"the planner's path {name} {gap_m:.2f} m from where it should"
-        return ""
-
-    def _straight(self, missing: str) -> LegPath:
-        return self._found(tuple(each.point for each in self._ends), missing)
-
-    def _found(self, points: tuple[Point, ...], missing: str) -> LegPath:
-        straight_m = path_length_m([each.point for each in self._ends])
-        return LegPath(points, missing, max(0.0, path_length_m(points) - straight_m))
+def _mismatch(points: Sequence[Point], start: Point, end: Point) -> str:
+    """Return why points are no path between two others; empty if they are one."""
+    if not all(isfinite(each.x_m) and isfinite(each.y_m) for each in points):
+        return "the planner's path is not finite"
+    for name, gap_m in (
+        ("begins", start.distance_m(points[0])),
+        ("ends", end.distance_m(points[-1])),
+    ):
+        if gap_m > MAX_END_GAP_M:
+            return f"the planner's path {name} {gap_m:.2f} m from where it should"
+    return ""

@@ -59,11 +59,13 @@ class NavigatedBase(KinematicBase):
         self.path_request = request
 
     def provide_path(self, points: tuple[Point, ...], text: str) -> None:
-        """Answer the request; without points there is no path, and the text gives the reason."""
+        """Answer the request by points in the frame of the pose, or by why there are none."""
         request, self.path_request = self.path_request, None
         if request is not None:
-            self._planned += [self._in_odom(each, request.frame) for each in points]
-            self._due.append(PlannedPath(request.number, points, text))
+            self._planned += points
+            into = self._origins[request.frame].inverse
+            answer = tuple(into.compose(Pose(each.x_m, each.y_m)).point for each in points)
+            self._due.append(PlannedPath(request.number, answer, text))
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Accept a goal, and follow the path that was planned for it."""
@@ -142,6 +144,3 @@ class NavigatedBase(KinematicBase):
         heading_rad = wrap_rad(self.pose.heading_rad + by_rad)
         self.pose = Pose(self.pose.x_m, self.pose.y_m, heading_rad=heading_rad)
         return left_s
-
-    def _in_odom(self, point: Point, frame: TargetFrame) -> Point:
-        return self._origins[frame].compose(Pose(point.x_m, point.y_m)).point

@@ -296,25 +296,17 @@ class PreviewRun:
 
     def provide_path(self, path: PlannedPath) -> None:
         """Provide the path that it waits for, as the planner answered, or why there is none."""
-        request, origin = self.path_request, Pose()
-        if request is not None and request.frame is TargetFrame.ODOM:
-            origin = self._start.odom_origin
-        if not path.points:
-            self._straight = path.text
-        self._provide(path.points, origin, path.text)
+        request, start = self.path_request, self._start
+        in_map = request is not None and request.frame is TargetFrame.MAP
+        origin = (start.map_origin if in_map else start.odom_origin) or Pose()
+        self._straight = self._straight if path.points else path.text
+        points = (origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points)
+        self.provide_leg(tuple(points), path.text)
 
-    def provide_leg(self, path: tuple[Point, ...]) -> None:
+    def provide_leg(self, path: tuple[Point, ...], text: str = "") -> None:
         """Provide the path that it waits for as a leg has it, in the frame of the pose."""
-        request, origin = self.path_request, Pose()
-        if request is not None and request.frame is TargetFrame.MAP:
-            origin = (self._start.map_origin or Pose()).inverse
-        self._provide(path, origin)
-
-    def _provide(self, path: tuple[Point, ...], origin: Pose, text: str = "") -> None:
-        base = self._base
-        assert isinstance(base, NavigatedBase)
-        points = tuple(origin.compose(Pose(each.x_m, each.y_m)).point for each in path)
-        base.provide_path(points, text)
+        assert isinstance(self._base, NavigatedBase)
+        self._base.provide_path(path, text)
 
     def advance(self, ticks: int) -> bool:
         """Advance the copy by some ticks, after `set_up`; return whether there is a result.
