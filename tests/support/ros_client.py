@@ -73,7 +73,7 @@ class RosClient:
         late_s: maximum time between two of its steps.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, drives: bool) -> None:
         self.node, self.rover = node, KinematicRover(spin_centre_m=0.0)
         self.reports: list[dict[str, Any]] = []
         self.driven_m = self.turned_rad = self.late_s = 0.0
@@ -81,7 +81,8 @@ class RosClient:
         self._odometry = node.create_publisher(OdometryMessage, "odom", 10)
         node.create_subscription(Twist, "cmd_vel", self._on_velocity, 1)
         node.create_subscription(String, "executive/report", self._on_report, latched_qos(100))
-        node.create_timer(STEP_S, self._step)
+        if drives:
+            node.create_timer(STEP_S, self._step)
         qos = QoSProfile(depth=10)  # type: ignore[no-untyped-call]
         self.commands = node.create_publisher(String, "executive/command", qos)
         self.poses = node.create_publisher(PoseStamped, "executive/goal_pose", qos)
@@ -196,11 +197,11 @@ def pose_of(x_m: float, y_m: float, heading_rad: float = 0.0, frame: str = "odom
 
 
 @contextmanager
-def ros_client() -> Iterator[RosClient]:
-    """Yield a client that a thread of its own spins."""
-    with ros_node("client", NAME) as node:
+def ros_client(*, drives: bool = True) -> Iterator[RosClient]:
+    """Yield a client that a thread of its own spins; `drives` if it is the rover, too."""
+    with ros_node("client" if drives else "flood", NAME) as node:
         executor, closing = SingleThreadedExecutor(context=node.context), False
-        client = RosClient(node)
+        client = RosClient(node, drives)
         executor.add_node(node)
 
         def spin() -> None:
