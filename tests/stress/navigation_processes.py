@@ -179,7 +179,11 @@ def drive(course: Course, uri: str, behaviour: str) -> None:
         assert braked_m + later_m < MAX_FAILED_MOVED_M
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "paused"])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM],
+    ids=["killed", "paused", "terminated"],
+)
 @pytest.mark.parametrize("ended", ["navigation", "executive", "both"])
 def test_a_killed_or_paused_process_leaves_a_stationary_rover(
     course: Course, ended: str, number: signal.Signals, tmp_path: Path
@@ -206,7 +210,7 @@ def test_a_killed_or_paused_process_leaves_a_stationary_rover(
             onboard.ended()
             with executive(tmp_path):
                 later_m = moved_m(course, track)
-        elif number == signal.SIGKILL:
+        elif number != signal.SIGSTOP:
             with navigation(tmp_path / "next.log", "honest"):
                 later_m = moved_m(course, track)
         else:
