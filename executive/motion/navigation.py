@@ -468,15 +468,17 @@ class NavigationDriver:
             is_open = False
         self._set_gate(is_open)
         self._cancel_remaining()
-        if not (self._locks and is_open):
-            self._own.commit(self._own_velocity(now_s), now_s, step_s)
+        if is_open and not self._locks and now_s - self._track.velocity_s > RELAYED_S:
+            self._own.stop()  # as a base without commands brakes: without the rover's limits
+        elif not (self._locks and is_open):
+            self._own.commit(self._own_velocity, now_s, step_s)
 
-    def _own_velocity(self, now_s: float) -> Velocity | None:
-        """Return the velocity to send: that of the navigation, or zero; None before the answer."""
-        track, recent = self._track, now_s - self._track.velocity_s <= RELAYED_S
-        if track.is_open and recent:
-            return track.velocity
-        return STANDING if track.answered else None
+    @property
+    def _own_velocity(self) -> Velocity | None:
+        """The velocity to send: that of the navigation, or zero; None before the answer."""
+        if self._track.is_open:
+            return self._track.velocity
+        return STANDING if self._track.answered else None
 
     def _is_ready(self, now_s: float) -> bool:
         """Return whether a goal may be requested: the navigation must have ended all others."""

@@ -99,3 +99,21 @@ def test_a_late_tick_stops_the_rover_and_leaves_the_goal(
         assert result_of(bench).stage is Stage.EXECUTED
         assert len(rover.goals) == 1
         assert rover.cancels == cancels + 1  # at the end
+
+
+def test_a_relayed_navigation_that_ends_leaves_the_rover_stationary_as_behind_a_lock(
+    tmp_path: Path,
+) -> None:
+    stationary_s = {}
+    for gate in NavigationGate:
+        with NavigatedBench(tmp_path / gate.value, gate) as bench:
+            bench.run(1.0)
+            bench.submit(MoveTo(Waypoint(6.0, 0.0)), 1)
+            bench.run(4.0)
+            assert bench.rover.moving.travel_mps > 0.5
+            bench.rover.set_server(Server.FROZEN)
+            start_s = bench.rover.now_s
+            while not bench.rover.is_stationary:
+                bench.step()
+            stationary_s[gate] = bench.rover.now_s - start_s
+    assert stationary_s[NavigationGate.RELAY] <= stationary_s[NavigationGate.LOCK] + 1e-6
