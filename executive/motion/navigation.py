@@ -25,6 +25,7 @@ from executive.motion.locomotion import (
 from executive.motion.relative_actions import remaining_action
 from executive.motion.route import passes_within
 from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
+from executive.motion.verification import TURN_TOLERANCE_M
 from executive.settings import Controller, NavigationGate, NavigationSettings, Settings
 from executive.state import NavigationTrack, Status
 from executive.values.clock import Clock
@@ -37,7 +38,13 @@ from executive.values.geometry import (
     Velocity,
     path_length_m,
 )
-from executive.values.ports import MotionIntent, NavigateTo, NavigationGoal, NavigationRover
+from executive.values.ports import (
+    MotionIntent,
+    NavigateTo,
+    NavigationGoal,
+    NavigationRover,
+    TurnBy,
+)
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
@@ -169,6 +176,7 @@ class NavigatedMotion(Motion):
         self._navigation: NavigationSettings = settings.navigation
         self._track: NavigationTrack = status.navigation
         self._begun_s = clock.now_s()
+        self._start = self._control_point
         self._goal = self._next_goal()
         self._sent = self._accepted = self._ended = False
         self._standing_s: float | None = None
@@ -207,6 +215,8 @@ class NavigatedMotion(Motion):
     @property
     def _reach_m(self) -> float:
         """Maximum distance from the target at the end of the navigation."""
+        if isinstance(self._task, TurnBy):
+            return TURN_TOLERANCE_M
         return max(self._navigation.finish_within_m, self._leg.tolerance_m)
 
     @property
@@ -220,7 +230,7 @@ class NavigatedMotion(Motion):
             return self._failure
         # A leg that moves with the map after the end is compared once the rover is stationary.
         reach_m = self._reach_m
-        off_m, off_rad = leg_errors(self._end_leg, self._settings, self._status)
+        off_m, off_rad = self._errors_of(self._end_leg)
         if not self._status.standing:
             travel_mps = self._status.velocity.travel_mps
             reach_m += travel_mps**2 / (2 * self._settings.drive.braking_mps2)
@@ -259,7 +269,18 @@ class NavigatedMotion(Motion):
 
     @property
     def _errors(self) -> tuple[float, float]:
-        return leg_errors(self._leg, self._settings, self._status)
+        return self._errors_of(self._leg)
+
+    def _errors_of(self, leg: Leg) -> tuple[float, float]:
+        """Return position and heading error; a turn has no target but the point of its start."""
+        off_m, off_rad = leg_errors(leg, self._settings, self._status)
+        if isinstance(self._task, TurnBy):
+            off_m = self._start.distance_m(self._control_point)
+        return off_m, off_rad
+
+    @property
+    def _control_point(self) -> Point:
+        return self._status.pose.ahead(self._settings.turn_drive.control_point_m)
 
     def intent(self, _: float) -> MotionIntent:
         """Return the goal, or standstill once it has ended."""
