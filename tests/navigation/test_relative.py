@@ -23,9 +23,11 @@ BEHAVIOURS = (
 )
 
 
-@pytest.mark.parametrize("gate", NavigationGate)
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
-@pytest.mark.parametrize("request_", [MoveForward(1.0), RotateBy(-2.0)])
+@pytest.mark.parametrize(
+    ("request_", "gate"),
+    [(MoveForward(1.0), NavigationGate.LOCK), (RotateBy(-2.0), NavigationGate.RELAY)],
+)
 def test_a_relative_motion_is_executed_only_where_it_ends(
     request_: MoveForward | RotateBy, behaviour: str, gate: NavigationGate, tmp_path: Path
 ) -> None:
