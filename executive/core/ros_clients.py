@@ -99,8 +99,12 @@ class RosClients:
         for goal in (goal for queue in self._context.goals for goal in queue):
             if goal.command.link != ROS_LINK:
                 return f"{goal.command.identity} {goal.command.name} is not finished"
-        if (plan := self._context.plans.executing) is not None:
-            return f"plan {plan} controls the rover"
+        plans = self._context.plans
+        if plans.executing is not None:
+            return f"plan {plans.executing} controls the rover"
+        for plan in plans.suspended:
+            if plans.started_by.get(plan) != ROS_SOURCE:
+                return f"plan {plan} is suspended: an operator resumes or aborts it"
         holder = self._authority.state.holder
         return None if holder in {None, ROS_SOURCE} else f"{holder} holds the authority"
 

@@ -52,11 +52,13 @@ class ActivePlans:
     Attributes:
         executing: the plan that controls the rover, if any.
         suspended: the plans that wait to be resumed.
+        started_by: source that last activated or resumed each plan, in this process.
     """
 
     def __init__(self) -> None:
         self.executing: str | None = None
         self.suspended: tuple[str, ...] = ()
+        self.started_by: dict[str, str] = {}
 
 
 class PlanEvent(Enum):
@@ -210,6 +212,8 @@ class Planner:
 
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
+        if isinstance(request, ActivatePlan | ResumePlan):
+            self._active.started_by[request.plan_id] = by.source
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
@@ -229,6 +233,7 @@ class Planner:
             case RemovePlan(plan_id):
                 self._store.remove(plan_id)
                 del self._plans[plan_id]
+                self._active.started_by.pop(plan_id, None)
                 return f"plan {plan_id} removed"
             case _:
                 assert_never(request)

@@ -12,6 +12,7 @@ from adapters.recording.replay import replay
 from executive.commands import (
     ROS_LINK,
     ROS_SOURCE,
+    AbortPlan,
     ActivatePlan,
     Command,
     ConfirmPose,
@@ -21,10 +22,12 @@ from executive.commands import (
     PreemptionPolicy,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     SetTravelSpeed,
     Stop,
     SubmitPlan,
+    SuspendPlan,
     Waypoint,
 )
 from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
@@ -141,6 +144,29 @@ def test_a_plan_of_an_operator_is_not_disturbed_when_ros_waits_for_a_free_rover(
         assert refused(ros(bench, SetTravelSpeed(0.2), 7)) is Reason.OPERATOR_ACTIVE
 
 
+@pytest.mark.parametrize("own", [False, True])
+def test_only_a_suspended_plan_that_ros_activated_leaves_the_rover_free(
+    own: bool, tmp_path: Path
+) -> None:
+    with bench_of(tmp_path, RosCommands.WHEN_FREE) as bench:
+        bench.submit(SubmitPlan(plan(AHEAD)), 1)
+        if own:
+            ros(bench, ActivatePlan("survey"), 2)
+        else:
+            bench.submit(ActivatePlan("survey"), 2)
+        bench.run(0.5)
+        bench.submit(SuspendPlan("survey"), 3)
+        bench.run(3.0)
+        answers = [
+            ros(bench, request, 4 + number)
+            for number, request in enumerate(
+                (SetTravelSpeed(0.2), ResumePlan("survey"), Stop(), Resume(), AbortPlan("survey"))
+            )
+        ]
+        accepted = [isinstance(each, Accepted) for each in answers]
+        assert accepted == ([True] * 5 if own else [False, False, True, False, False])
+
+
 def test_a_holder_of_the_authority_is_an_operator_though_none_is_needed(tmp_path: Path) -> None:
     with bench_of(tmp_path, RosCommands.WHEN_FREE) as bench:
         operator = RequestedAuthority(bench).request("MOE")
@@ -162,6 +188,17 @@ def test_only_an_operator_resumes_after_a_stop_of_an_operator(tmp_path: Path) ->
         assert refused(ros(bench, Resume(), 5)) is Reason.OPERATOR_ACTIVE
         assert refused(ros(bench, ConfirmPose(0.0, 0.0), 6)) is Reason.OPERATOR_ACTIVE
         assert isinstance(bench.submit(Resume(), 7), Accepted)
+
+
+def test_an_operators_stop_after_one_of_ros_is_known_after_kill_9(tmp_path: Path) -> None:
+    with bench_of(tmp_path, RosCommands.WHEN_FREE) as bench:
+        ros(bench, Stop(), 1)
+        bench.run(0.5)
+        bench.submit(Stop(), 2)
+        bench.run(0.5)
+        bench.crash()
+        bench.run(0.5)
+        assert refused(ros(bench, Resume(), 3)) is Reason.OPERATOR_ACTIVE
 
 
 def test_a_cancel_ends_one_command_and_leaves_no_stop(tmp_path: Path) -> None:
