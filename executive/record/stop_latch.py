@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Final
 from zlib import crc32
 
+from executive.commands import ROS_SOURCE
+
 _SIZE: Final = 512
 """Size in octets: one sector, which a disk writes atomically."""
 UNWRITTEN_LEDGER: Final = "aboard:ledger"
@@ -53,8 +55,9 @@ class StopLatch:
         """Change to stopped, with the next commit of the ledger.
 
         The first of several stops is retained, so that a flood of them does not wear out the disk.
+        Only a stop of ROS clients, which they may resume, is replaced by that of another source.
         """
-        if self.stopped_by is None:
+        if self.stopped_by is None or (_by_ros(self.stopped_by) and not _by_ros(stopped_by)):
             self._to(stopped_by)
 
     def clear(self) -> None:
@@ -98,6 +101,10 @@ class LatchChange:
         except OSError as error:
             return error
         return None
+
+
+def _by_ros(stopped_by: str) -> bool:
+    return stopped_by.startswith(f"{ROS_SOURCE}:")
 
 
 def _read(found: bytes) -> str | None:
