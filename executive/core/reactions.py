@@ -22,7 +22,7 @@ from executive.record import (
     StopLatch,
 )
 from executive.safety import HOLDING_REACTIONS, Fault, OdometryWindow
-from executive.settings import LinkLossAction, LocomotionKind, TargetFrame
+from executive.settings import Controller, LinkLossAction, LocomotionKind, TargetFrame
 from executive.values.facts import ExternalCommandEnded, ExternalStop
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity, Stage, printable
@@ -211,7 +211,10 @@ class Reactions:
         self._ledger.unlatch(_LINK_LOST)
         self._obey_faults()
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
-        path_back = FollowPath(self._ground.trail.path_back, frame=TargetFrame.ODOM)
+        # A navigation may be what is lost: the rover drives along its trail by itself.
+        is_navigated = self._context.settings.controller is Controller.NAVIGATION
+        controller = Controller.TURN_DRIVE if is_navigated else None
+        path_back = FollowPath(self._ground.trail.path_back, controller, TargetFrame.ODOM)
         answer = submit(Command(identity, path_back, ABOARD_LINK))
         if isinstance(answer, Accepted):
             self._return = answer.lifecycle

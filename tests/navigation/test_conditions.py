@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from executive.commands import MoveTo, Waypoint
-from executive.settings import NavigationGate
+from executive.core.reactions import RETURN_SOURCE
+from executive.settings import LinkLossSettings, NavigationGate, structure
 from executive.values.facts import Odometry
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from tests.stress.navigated_drives import DriveResult, Watch, judge_success
 from tests.support.kinematic import STEP_S
-from tests.support.navigated import NavigatedBench, NavigatedRover, Server
+from tests.support.navigated import NavigatedBench, NavigatedRover, Server, settings
 from tests.support.navigation import Navigation
 
 TARGET = Waypoint(1.5, 0.5, 0.4)
@@ -117,3 +118,23 @@ def test_a_relayed_navigation_that_ends_leaves_the_rover_stationary_as_behind_a_
                 bench.step()
             stationary_s[gate] = bench.rover.now_s - start_s
     assert stationary_s[NavigationGate.RELAY] <= stationary_s[NavigationGate.LOCK] + 1e-6
+
+
+def test_a_return_after_a_lost_link_needs_no_navigation(tmp_path: Path) -> None:
+    loss = structure(
+        {"motion": [{"after_s": 4, "then": "return"}]}, LinkLossSettings, "jackal.yaml"
+    )
+    asset = settings(NavigationGate.RELAY, link_loss=loss)
+    with NavigatedBench(tmp_path, NavigationGate.RELAY, settings_=asset) as bench:
+        bench.submit(MoveTo(Waypoint(30.0, 0.0)), 1)
+        bench.run(3.8)
+        assert bench.rover.truth.x_m > 0.5
+        bench.rover.set_server(Server.ABSENT)
+        bench.run(15.0)
+        assert bench.rover.truth.x_m == pytest.approx(0.0, abs=0.05)
+        returns = [
+            each.stage
+            for each in bench.received.reports
+            if each.identity is not None and each.identity.source == RETURN_SOURCE
+        ]
+        assert returns[-1] is Stage.EXECUTED
