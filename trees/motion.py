@@ -134,11 +134,11 @@ class PlanLeg(MotionLeaf):
                 self._planning = PathPlanning(
                     self.context, goal, (*through, step), self._path_numbers
                 )
-                self.set_deadline(self._deadline_for(PLANNER_WAIT_S))
         step, through, pose, scene = self._scene
         self.context.detours.undecided = False
         planned = None if self._planning is None else self._planning.path()
         if self._planning is not None and planned is None:
+            self.set_deadline(self._deadline_for(PLANNER_WAIT_S))  # each part has its own
             self.feedback_message = "waiting for the planner's path"
             self.context.intents.motion = STANDING
             return Status.RUNNING

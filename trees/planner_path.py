@@ -7,7 +7,7 @@ stops before a zone on any path (fault `zone_ahead`).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
 from executive.checks import check_planned_path
@@ -22,6 +22,8 @@ _STOPS: Final = {Reaction.PAUSE, Reaction.STOP, Reaction.SAFE}
 NO_PATH: Final = "no path of the planner"
 MAX_END_GAP_M: Final = 1.0
 """Maximum distance of a path's ends from those requested; Nav2's planner tolerates 0.5 m."""
+MAX_LENGTH_RATIO, MAX_LENGTH_M = 10.0, 100.0
+"""Maximum length of a path, by its straight line and constant; chosen, for a finite deadline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ class PathPlanning:
             self._ends.append(Pose(point.x_m, point.y_m, heading_rad=heading_rad))
         self._points, self._parts = [self._ends[0].point], 0
         self._request: PathRequest | None = None
-        self._until_s = context.clock.now_s() + PLANNER_WAIT_S
+        self._until_s = inf
 
     def path(self) -> LegPath | None:
         """Return the path, or None while it is awaited; requests the next part in this tick."""
@@ -103,6 +105,7 @@ class PathPlanning:
             start, *later = later
         if not later:
             return self._found("")
+        self._until_s = self._clock.now_s() + PLANNER_WAIT_S
         ends = origin.inverse.compose(start), origin.inverse.compose(later[0])
         self._request = self._intents.path = PathRequest(next(self._numbers), *ends, frame)
         return None
@@ -116,12 +119,16 @@ class PathPlanning:
 
 def _mismatch(points: Sequence[Point], start: Point, end: Point) -> str:
     """Return why points are no path between two others; empty if they are one."""
-    if not all(isfinite(each.x_m) and isfinite(each.y_m) for each in points):
+    length_m = path_length_m(points)
+    max_m = MAX_LENGTH_RATIO * start.distance_m(end) + MAX_LENGTH_M
+    if not isfinite(length_m):
         return "the planner's path is not finite"
+    if length_m > max_m:
+        return f"the planner's path of {length_m:.2f} m is longer than {max_m:.2f} m"
     for name, gap_m in (
         ("begins", start.distance_m(points[0])),
         ("ends", end.distance_m(points[-1])),
     ):
-        if gap_m > MAX_END_GAP_M:
+        if not gap_m <= MAX_END_GAP_M:
             return f"the planner's path {name} {gap_m:.2f} m from where it should"
     return ""

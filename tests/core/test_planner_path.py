@@ -87,6 +87,11 @@ def test_a_target_in_a_zone_is_refused_at_intake(zoned: PlannedBench) -> None:
         (None, "no path of the planner in time"),
         ("NO_VALID_PATH 208", "NO_VALID_PATH 208"),
         ((Point(nan, 0.0),), "the planner's path is not finite"),
+        ((Point(1e308, 1e308), Point(-1e308, 0.0)), "the planner's path is not finite"),
+        (
+            tuple(Point(1.0, 1e5 * (number % 2)) for number in range(50)),
+            "the planner's path of 5000001.00 m is longer than 140.00 m",
+        ),
     ],
 )
 def test_without_a_path_the_straight_line_is_checked_and_reported(
@@ -143,6 +148,18 @@ def test_the_request_is_in_the_frame_of_odometry_and_its_answer_too(zoned: Plann
     assert request.goal.heading_rad == pytest.approx(0.0)
     (text,) = zoned.texts(2)
     assert text.startswith("planned path of ")
+
+
+def test_each_part_of_a_path_is_awaited_for_the_same_time(free: PlannedBench) -> None:
+    plan_path = free.rover.plan_path
+    free.rover.plan_path = lambda request: free.rover._after(  # type: ignore[method-assign]
+        1.5, lambda: plan_path(request)
+    )
+    free.submit(
+        FollowPath(tuple(Waypoint(0.5 * number, 0.0, None, 0.8) for number in range(1, 7))), 1
+    )
+    free.run(12.0)
+    assert free.texts(1)[0] == "planned path of 3.00 m"
 
 
 def test_a_target_in_the_map_is_requested_in_the_map(free: PlannedBench) -> None:
