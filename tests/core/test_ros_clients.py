@@ -157,12 +157,9 @@ def test_only_a_suspended_plan_that_ros_activated_leaves_the_rover_free(
         bench.run(0.5)
         bench.submit(SuspendPlan("survey"), 3)
         bench.run(3.0)
-        answers = [
-            ros(bench, request, 4 + number)
-            for number, request in enumerate(
-                (SetTravelSpeed(0.2), ResumePlan("survey"), Stop(), Resume(), AbortPlan("survey"))
-            )
-        ]
+        resume, abort = ResumePlan("survey"), AbortPlan("survey")
+        requests: list[Request] = [SetTravelSpeed(0.2), resume, Stop(), Resume(), abort]
+        answers = [ros(bench, request, 4 + number) for number, request in enumerate(requests)]
         accepted = [isinstance(each, Accepted) for each in answers]
         assert accepted == ([True] * 5 if own else [False, False, True, False, False])
 
