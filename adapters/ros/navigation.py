@@ -19,7 +19,6 @@ from adapters.ros.navigation_messages import (
     error_name,
     feedback_fact,
     goal_message,
-    missed_poses,
     planned_points,
     stamped_pose,
 )
@@ -54,6 +53,8 @@ RELATIVE: Final[dict[RelativeActions, dict[str, tuple[str, str]]]] = {
 RESULT_RETRY_S: Final = 1.0
 PATH_ANSWER_S: Final = 2.0
 MAX_ABANDONED: Final = 200
+MAX_TEXT_LENGTH: Final = 200
+"""Length to which a message of a server is cut: it is part of reports."""
 _ENDS: Final = {
     GoalStatus.STATUS_SUCCEEDED: NavigationState.SUCCEEDED,
     GoalStatus.STATUS_CANCELED: NavigationState.CANCELLED,
@@ -266,8 +267,8 @@ class NavigationClient:
     ) -> None:
         code = int(getattr(result, "error_code", 0))
         text = text or str(getattr(result, "error_msg", ""))
-        name, missed = error_name(code), missed_poses(result)
-        self._facts.append(NavigationStatus(goal.number, state, code, name, text, missed))
+        text = text[:MAX_TEXT_LENGTH]
+        self._facts.append(NavigationStatus(goal.number, state, code, error_name(code), text))
 
     def _on_path(self, request: PathRequest, result: Any) -> None:
         code, path = int(result.error_code), result.path
@@ -289,7 +290,7 @@ class NavigationClient:
     def _answer_path(self, request: PathRequest, text: str, points: tuple[Point, ...] = ()) -> None:
         if self._paths.get(request.number, (None,))[0] is request:
             del self._paths[request.number]
-            self._facts.append(PlannedPath(request.number, points, text))
+            self._facts.append(PlannedPath(request.number, points, text[:MAX_TEXT_LENGTH]))
 
 
 def _key(task: Task) -> str:

@@ -128,15 +128,6 @@ def feedback_fact(goal: NavigationGoal, feedback: Any) -> NavigationFeedback:
     return NavigationFeedback(goal.number, remaining, recoveries, poses)
 
 
-def missed_poses(result: Any) -> tuple[int, ...]:
-    """Return the indices of the poses that were missed, by FollowWaypoints or, from Kilted on."""
-    missed = {int(each.index) for each in getattr(result, "missed_waypoints", ())}
-    for each in getattr(result, "waypoint_statuses", ()):
-        if each.waypoint_status in (each.SKIPPED, each.FAILED):
-            missed.add(int(each.waypoint_index))
-    return tuple(sorted(missed))
-
-
 def planned_points(path: Any, to_frame: Pose) -> tuple[Point, ...]:
     """Return the ends of a nav_msgs/Path, and points between at a distance from each other.
 

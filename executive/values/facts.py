@@ -257,18 +257,13 @@ class NavigationState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class NavigationStatus:
-    """A state of the goal of this number, with its error code and message, if it has one.
-
-    Attributes:
-        missed: indices of the poses that it missed.
-    """
+    """A state of the goal of this number, with its error code and message, if it has one."""
 
     number: int
     state: NavigationState
     code: int = 0
     code_name: str = ""
     text: str = ""
-    missed: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from math import nan
+from math import inf, nan
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,7 +23,6 @@ from adapters.ros.navigation_messages import (
     error_name,
     feedback_fact,
     goal_message,
-    missed_poses,
     planned_points,
 )
 from adapters.ros.polled_action import PolledAction
@@ -201,15 +200,7 @@ def test_relative_actions_of_a_create_3_have_fields_of_their_own() -> None:
     assert (turned.angle, turned.max_rotation_speed) == (1.5, 0.7)
 
 
-def test_missed_poses_and_feedback_are_read_by_the_fields_of_a_type() -> None:
-    follow = SimpleNamespace(missed_waypoints=[SimpleNamespace(index=2), SimpleNamespace(index=0)])
-    assert missed_poses(follow) == (0, 2)
-    states = {"COMPLETED": 1, "SKIPPED": 2, "FAILED": 3}
-    statuses = [
-        SimpleNamespace(**states, waypoint_index=index, waypoint_status=status)
-        for index, status in enumerate((1, 3, 2))
-    ]
-    assert missed_poses(SimpleNamespace(waypoint_statuses=statuses)) == (1, 2)
+def test_feedback_is_read_by_the_fields_of_a_type() -> None:
     path = NavigationGoal(7, NavigateTo((Pose(), Pose(), Pose()), MAP), COMMAND)
     waypoint = SimpleNamespace(current_waypoint=1)
     assert feedback_fact(path, waypoint) == NavigationFeedback(7, None, 0, 2)
@@ -271,6 +262,12 @@ def test_a_server_that_does_not_know_the_goal_has_lost_it(pair: Pair) -> None:
     pair.client._request_result(sent)
     pair.until(lambda: NavigationState.LOST in pair.states(1), "the loss")
     assert pair.of(NavigationStatus)[-1].text == "the server does not know the goal"
+    result = SimpleNamespace(error_code=104, error_msg=1_000_000 * "x")
+    pair.client._report(sent.goal, NavigationState.ABORTED, result)
+    pair.client._paths[1] = PathRequest(1, Pose(), Pose(), ODOM), inf
+    pair.client._answer_path(pair.client._paths[1][0], 1_000_000 * "x")
+    pair.spin()
+    assert [each.text for each in pair.facts[-2:]] == 2 * [200 * "x"]
 
 
 def test_a_path_is_brought_into_the_frame_of_its_request(pair: Pair) -> None:
