@@ -185,12 +185,21 @@ class NavigatedMotion(Motion):
         self._failure: Refusal | None = None
         self.report = ""
         self.extra_s = self._navigation.recovery_s
+        self._bounds: tuple[Bounds, Bounds] | None = None
+        self.update_limits(self._begun_s)
+
+    def update_limits(self, _: float) -> bool:
+        """Estimate the duration again if a speed limit changed; return whether it did."""
+        status, settings = self._status, self._settings
         speed_mps = min(status.travel_limit_mps, self._navigation.speed_mps)
-        bounds = Bounds(speed_mps, settings.drive.travel_acceleration_mps2)
-        here = status.pose.point
-        length_m = path_length_m(leg.path or (here, leg.target or here))
-        turns_s = 2 * duration_s(pi, turn_bounds(settings, status))
-        self.expected_s = duration_s(length_m, bounds) + turns_s
+        travel = Bounds(speed_mps, settings.drive.travel_acceleration_mps2)
+        bounds = travel, turn_bounds(settings, status)
+        if bounds == self._bounds:
+            return False
+        self._bounds, here = bounds, status.pose.point
+        length_m = path_length_m(self._leg.path or (here, self._leg.target or here))
+        self.expected_s = duration_s(length_m, travel) + 2 * duration_s(pi, bounds[1])
+        return True
 
     def _next_goal(self) -> NavigationGoal:
         task = self._task
@@ -226,24 +235,22 @@ class NavigatedMotion(Motion):
     @property
     def failure(self) -> Refusal | None:
         """Why it failed: by the navigation's reports, or as it ended too far from the target."""
-        if self._failure is not None or not self._ended:
+        if self._failure is not None or not (self._ended and self._status.standing):
             return self._failure
-        # A leg that moves with the map after the end is compared once the rover is stationary.
-        reach_m = self._reach_m
+        # The leg as at the end: if it moves with the map later, the rover drives there itself.
         off_m, off_rad = self._errors_of(self._end_leg)
-        if not self._status.standing:
-            travel_mps = self._status.velocity.travel_mps
-            reach_m += travel_mps**2 / (2 * self._settings.drive.braking_mps2)
-            reach_m += abs(travel_mps) * self._settings.turn_drive.latency_s
-        if off_m <= reach_m:
+        if off_m <= self._reach_m:
             return None
+        text = (
+            f"{self.report}; stationary {off_m:.2f} m from it, the bound is {self._reach_m:.2f} m"
+        )
         figures = (
             Figure("position error", off_m, "m"),
             Figure("bound", self._reach_m, "m"),
             Figure("heading error", off_rad, "rad"),
             *self.figures,
         )
-        return Refusal(Reason.OFF_TARGET, self.report, figures)
+        return Refusal(Reason.OFF_TARGET, text, figures)
 
     @property
     def figures(self) -> tuple[Figure, ...]:

@@ -9,7 +9,15 @@ import pytest
 
 from adapters.recording import RunFile
 from adapters.recording.replay import replay
-from executive.commands import FollowPath, MoveForward, MoveTo, Resume, Stop, Waypoint
+from executive.commands import (
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
 from executive.commands.catalogue import DriveFor, SetPositionCompensation
 from executive.motion import Leg
 from executive.safety import unmonitored
@@ -244,7 +252,8 @@ def test_the_position_of_odometry_counts_not_the_report(start: Start) -> None:
     assert bench.finish(1) is Stage.FAILED
     assert bench.last(1).reason is Reason.OFF_TARGET
     text = "the navigation reported success 0.81 m from the target"
-    assert bench.last(1).text.startswith(text)
+    assert bench.last(1).text.startswith(f"{text}; stationary 0.8")
+    assert bench.last(1).text.endswith(" m from it, the bound is 0.50 m")
     bench.execute(MoveTo(Waypoint(0.3, 0.2)), 2)
     assert off_m(bench, 0.3, 0.2) < 0.03
 
@@ -407,3 +416,12 @@ def test_a_velocity_that_is_not_zero_is_motion(velocity: Velocity) -> None:
     assert not track.moves
     track.observe(NavigationVelocity(velocity))
     assert track.moves
+
+
+def test_a_lower_speed_limit_extends_the_deadline(start: Start) -> None:
+    bench = start(RELAY, navigation=NavigationSettings(RELAY, recovery_s=1.0))
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.run(1.0)
+    bench.submit(SetTravelSpeed(0.05), 2)
+    bench.run(60.0)
+    assert bench.stages(1)[-1] is Stage.EXECUTED
