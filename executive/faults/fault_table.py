@@ -568,7 +568,7 @@ class FaultTable:
         Reason.NAVIGATION_UNCOMMANDED_MOTION,
         "The navigation commands a velocity while it has no goal of the executive.",
         _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(above=1.5)),
-        above=FaultParameter("time since the last goal ended", "s", 1.0, 60.0),
+        above=FaultParameter("duration of that velocity", "s", 1.0, 60.0),
         source=(
             "A velocity smoother repeats the last velocity for 1.0 s; 0.5 s for the cancellation."
             " The velocity does not reach the base: its gate is shut."

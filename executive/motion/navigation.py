@@ -333,7 +333,7 @@ class NavigatedMotion(Motion):
         if waited_s > ANSWER_S:
             reason, what = Reason.NAVIGATION_TIMEOUT, "has not answered a goal"
             if answer is not None:
-                reason, what = Reason.NAVIGATION_UNAVAILABLE, "is not available"
+                reason, what = Reason.NAVIGATION_UNAVAILABLE, "has not been available"
             text = f"the navigation {what} for {waited_s:.1f} s{_detail(answer)}"
             self._fail(reason, text, Figure("waited", waited_s, "s"))
         elif now_s - self._track.sent_s >= REPEAT_S - 1e-9 and not self._track.moves:

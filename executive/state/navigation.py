@@ -18,6 +18,8 @@ MIN_MPS, MIN_RADPS = 1e-3, 1e-3
 """Minimum velocity that counts as motion: rounding of a smoother is none."""
 QUIET_S: Final = 0.3
 """Age of a velocity after which the navigation counts as silent: controllers publish at 20 Hz."""
+MOTION_GAP_S: Final = 1.0
+"""Time without motion after which the next one is another: zeros between do not divide it."""
 START_GRACE_S: Final = 3.0
 """Time from the start: a goal of the previous process may still be cancelled."""
 _OPEN: Final = {NavigationState.ACCEPTED, NavigationState.UNAVAILABLE}
@@ -49,7 +51,7 @@ class NavigationTrack:
         self.is_open = False
         self.idle_s = clock.now_s() + START_GRACE_S
         self.velocity, self.velocity_s = STANDING, -inf
-        self._moved_s = self.moving_since_s = -inf
+        self._moved_s = self._motion_began_s = self.moving_since_s = -inf
 
     def begin(self, goal: NavigationGoal) -> None:
         """Follow a goal that is requested now."""
@@ -70,6 +72,8 @@ class NavigationTrack:
                 self.moving_since_s = now_s
             self.velocity, self.velocity_s = fact.velocity, now_s
             if is_motion(fact.velocity):
+                if now_s - self._moved_s > MOTION_GAP_S:
+                    self._motion_began_s = now_s
                 self._moved_s = now_s
             return
         if isinstance(fact, NavigationStatus) and fact.state is NavigationState.PREEMPTED:
@@ -103,8 +107,9 @@ class NavigationTrack:
 
     @property
     def uncommanded_s(self) -> float:
-        """Time from the end of the last goal to the newest velocity other than zero."""
-        return self._moved_s - self.idle_s if self.moves else -inf
+        """Duration of the present motion without a goal, up to the newest velocity."""
+        begun_s = max(self.idle_s, self._motion_began_s)
+        return self._moved_s - begun_s if self.moves else -inf
 
     @property
     def text(self) -> str:

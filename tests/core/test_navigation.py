@@ -11,6 +11,7 @@ from adapters.recording import RunFile
 from adapters.recording.replay import replay
 from executive.commands import (
     FollowPath,
+    Mode,
     MoveForward,
     MoveTo,
     Resume,
@@ -407,6 +408,21 @@ def test_reports_of_other_goals_and_after_the_end_change_nothing() -> None:
     track.end()
     assert not track.accepted
     assert track.text == ""
+
+
+@pytest.mark.parametrize("samples", [(0.1,), (0.1, 0.0)])
+def test_motion_without_a_goal_is_a_fault_once_it_lasts(
+    samples: tuple[float, ...], start: Start
+) -> None:
+    bench = start(LOCK)
+    bench.run(5.0)
+    for number in range(40):
+        rate_radps = samples[number % len(samples)]
+        bench.rover.facts.append(NavigationVelocity(Velocity(0.0, rate_radps)))
+        bench.run(0.05)
+        if number in {0, 24}:
+            assert bench.executive.mode is Mode.IDLE, number
+    assert bench.executive.mode is Mode.SAFE
 
 
 @pytest.mark.parametrize("velocity", [Velocity(float("nan"), 0.0), Velocity(0.0, 0.1)])
