@@ -12,6 +12,8 @@ from typing import Any, Final, Protocol, assert_never
 
 from executive.commands.catalogue import (
     OWN_LINKS,
+    ROS_LINK,
+    ROS_SOURCE,
     Command,
     FollowPath,
     Motion,
@@ -314,9 +316,9 @@ def is_valid_source(name: str) -> bool:
 def check_identity(command: Command) -> Refusal | None:
     """Return a refusal if the sender may not use this source and number, or None.
 
-    Only plans use a plan's source and only the executive its own. A sender that the link has
-    authenticated uses its authenticated name only. Refused commands are not recorded: their
-    numbers would count as used by another source.
+    Only plans use a plan's source, only the executive its own, and only ROS clients theirs. A
+    sender that the link has authenticated uses its authenticated name only. Refused commands are
+    not recorded: their numbers would count as used by another source.
     """
     source, number = command.identity.source, command.identity.command_id
     if command.peer is not None and command.peer != source:
@@ -325,6 +327,8 @@ def check_identity(command: Command) -> Refusal | None:
         return None
     elif reserved := next(filter(source.startswith, _RESERVED), None):
         why = f"sources that begin with {reserved} are reserved for {_RESERVED[reserved]}"
+    elif source == ROS_SOURCE and command.link != ROS_LINK:
+        why = f"the source {ROS_SOURCE} is reserved for ROS clients"
     elif number == 0 or not is_valid_source(source):
         why = (
             "a command needs a number other than 0 and a source of at most"

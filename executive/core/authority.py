@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final, assert_never
 
-from executive.commands import OWN_LINKS, RELAY_LINK, ROS_LINK, Command
+from executive.commands import OWN_LINKS, RELAY_LINK, ROS_LINK, ROS_SOURCE, Command
 from executive.commands.intake import is_valid_source
 from executive.record import Ledger
 from executive.settings import AuthoritySettings
@@ -192,7 +192,9 @@ class Authority:
         return GRANT_UNWRITTEN
 
     def perform(self, request: AuthorityRequest) -> AuthorityState | Refusal:
-        """Execute a request."""
+        """Execute a request; ROS clients request it by their commands alone."""
+        if request.source == ROS_SOURCE:
+            return _invalid_source(request.source)
         match request.act:
             case AuthorityAction.REQUEST:
                 return self.request(request.source)
@@ -266,10 +268,6 @@ class Authority:
             text = f"{source} holds the authority by its commands"
             self._transfer(source, text, min(HOLD_LEASE_S, self._settings.lease_s))
         return self._holder == source
-
-    def settle(self, grant: Grant, written: bool) -> None:
-        """Note whether a grant was stored, as `on_written`."""
-        self.on_written(grant, written)
 
     def check_command(self, command: Command) -> Refusal | None:
         """Return a refusal if the sender may not give the command, or None; renew the lease.

@@ -71,7 +71,7 @@ class RosClients:
         before = self._authority.grant
         held = self._authority.hold(ROS_SOURCE)
         if (grant := self._authority.grant) is not before:
-            self._notifications.answer(lambda written: self._authority.settle(grant, written))
+            self._notifications.answer(lambda written: self._authority.on_written(grant, written))
         return held
 
     def cancel(self, request: CancelRequest) -> None:
@@ -83,8 +83,11 @@ class RosClients:
 
     def tick(self) -> None:
         """Renew the authority for the goals of ROS clients; cancel them once another holds it."""
-        if (goals := self._goals) and not self.hold_authority():
-            text = f"{self._authority.state.holder} took the authority from {ROS_SOURCE}"
+        # Without a holder the ledger fails, whose fault ends the goals.
+        if not (goals := self._goals) or self.hold_authority():
+            return
+        if (holder := self._authority.state.holder) is not None:
+            text = f"{holder} took the authority from {ROS_SOURCE}"
             for goal in goals:
                 self._context.goals.cancel(goal.lifecycle, Refusal(Reason.NO_AUTHORITY, text))
 

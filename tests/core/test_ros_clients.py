@@ -10,6 +10,7 @@ import pytest
 from adapters.recording import RunFile
 from adapters.recording.replay import replay
 from executive.commands import (
+    DIRECT_LINK,
     ROS_LINK,
     ROS_SOURCE,
     AbortPlan,
@@ -31,11 +32,11 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Accepted, Duplicate, Rejected, SubmitResult
-from executive.core.authority import HOLD_LEASE_S, AuthorityState
+from executive.core.authority import HOLD_LEASE_S, AuthorityRecord, AuthorityState
 from executive.core.recording import RecordingSink
 from executive.core.ros_clients import CancelRequest
 from executive.settings import AuthoritySettings, RosCommands, RosSettings, load_settings
-from executive.values.reasons import Reason
+from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Report, Stage
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, plan
@@ -233,6 +234,22 @@ def test_the_authority_is_requested_when_free_and_never_taken(tmp_path: Path) ->
         bench.run(HOLD_LEASE_S + 0.1)
         assert holder(bench) is None
         assert isinstance(authority.request("MOE"), AuthorityState)
+
+
+def test_only_ros_clients_use_their_source(tmp_path: Path) -> None:
+    with bench_of(tmp_path, RosCommands.ALWAYS, needed=True) as bench:
+        by_ground = Command(Identity(ROS_SOURCE, 1), MoveForward(1.0), DIRECT_LINK)
+        assert refused(bench.send(by_ground)) is Reason.BAD_IDENTIFIER
+        answer = RequestedAuthority(bench).request(ROS_SOURCE)
+        assert isinstance(answer, Refusal)
+        assert answer.reason is Reason.BAD_IDENTIFIER
+        ros(bench, MoveForward(1.0), 2)
+        bench.run(0.3)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(AuthorityRecord, "failing", True)
+            bench.clock.advance(HOLD_LEASE_S + 1.0)
+            bench.step()
+        assert not any("took the authority" in each.text for each in bench.received.reports)
 
 
 def test_goals_end_when_the_authority_is_taken_from_ros(tmp_path: Path) -> None:
