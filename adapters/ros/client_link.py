@@ -23,6 +23,7 @@ from adapters.ros.goal_servers import GoalServers
 from adapters.ros.node import ExecutiveNode
 from adapters.ros.parameters import Topic, declare_optional_text
 from adapters.ros.robot_model import latched_qos
+from adapters.ros.subscription import clipped
 from executive.commands import ROS_LINK, ROS_SOURCE, Command, PreemptionPolicy, Stop
 from executive.core.recording import ReportSent
 from executive.core.ros_clients import OFF
@@ -128,6 +129,7 @@ class RosClientLink:
 
     def refuse(self, number: int | None, reason: Reason, text: str) -> None:
         """Publish a refusal that the core does not report, with sequence 0; from any thread."""
+        text = clipped(text)
         _LOG.warning("%s:%s refused: %s", ROS_SOURCE, number, text)
         identity = None if number is None else Identity(ROS_SOURCE, number)
         kind, severity, stage = ReportKind.COMMAND, Severity.WARNING, Stage.REJECTED

@@ -31,13 +31,16 @@ ACTIONS: Final = {
 
 
 def number_of_uuid(uuid: bytes) -> int:
-    """Return the command number of a goal: 63 bits of its UUID, never 0."""
-    return int.from_bytes(uuid[8:16], "big") & _NUMBERS or 1
+    """Return the command number of a goal: 63 bits of a hash of its UUID, never 0.
+
+    Clients may count in any octets of it.
+    """
+    return int.from_bytes(sha256(uuid).digest()[:8], "big") & _NUMBERS or 1
 
 
 def number_of_pose(goal: PoseStamped) -> int:
     """Return the command number of a stamped pose: a repeat of the message is the same command."""
-    return int.from_bytes(sha256(repr(goal).encode()).digest()[:8], "big") & _NUMBERS or 1
+    return number_of_uuid(repr(goal).encode())
 
 
 def pose_request(goal: PoseStamped, frames: Frames) -> MoveTo:

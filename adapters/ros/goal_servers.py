@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
+from math import fsum
 from typing import Any, Final
 
 from builtin_interfaces.msg import Duration
@@ -55,9 +56,11 @@ class GoalServer(ActionServer):
 
     async def execute(self, taken_data: Mapping[str, Any]) -> None:
         """Store the UUID of a goal request, then serve it."""
-        if "goal" in taken_data:
-            self.requested = bytes(taken_data["goal"][1].goal_id.uuid)
+        uuid = bytes(taken_data["goal"][1].goal_id.uuid) if "goal" in taken_data else b""
+        self.requested = uuid or self.requested
         await super().execute(taken_data)  # type: ignore[no-untyped-call]
+        if uuid in self._goal_handles:  # not told by rclpy if its client is gone before the answer
+            self._handle_accepted_callback(self._goal_handles[uuid])
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Run a callback that ends the goal; without one, the goal is EXECUTING until then."""
@@ -110,7 +113,7 @@ class GoalServers:
         refuse: Callable[[int, Reason, str], None],
     ) -> None:
         self._node, self._executive, self._frames = node, executive, frames
-        self._admit, self._refuse = admit, refuse
+        self._admit, self._refuse, self._contained = admit, refuse, contained
         self._odom = next(name for name, each in frames.items() if each is TargetFrame.ODOM)
         self._goals: dict[Identity, Goal] = {}
         self._servers: list[Any] = []
@@ -159,20 +162,25 @@ class GoalServers:
             return GoalResponse.REJECT
         try:
             request = goal_request(action, message, self._frames)
+            goal = self._goals[identity] = Goal(server, identity, request, message)
+            if await self._is_accepted(goal):
+                return GoalResponse.ACCEPT
         except MessageError as error:
             self._refuse(number, Reason.OUT_OF_RANGE, f"{action}: {error}")
-            return GoalResponse.REJECT
-        command = Command(identity, request, ROS_LINK, preemption=PreemptionPolicy.REPLACE)
-        self._goals[identity] = goal = Goal(server, identity, request, message)
-        answered = Future()  # type: ignore[no-untyped-call]
+        except Exception as error:  # rclpy would end the process
+            self._refuse(number, Reason.ADAPTER_RAISED, f"{action}: {error!r}")
+        self._goals.pop(identity, None)
+        return GoalResponse.REJECT
+
+    async def _is_accepted(self, goal: Goal) -> bool:
+        replace, answered = PreemptionPolicy.REPLACE, Future()  # type: ignore[no-untyped-call]
+        command = Command(goal.identity, goal.motion, ROS_LINK, preemption=replace)
         self._executive.submit(command, answered.set_result)
         result: SubmitResult = await answered
         if isinstance(result, Duplicate):
             goal.last = goal.last or result.last_report
-        if isinstance(result, Rejected) or (goal.last and goal.last.stage is Stage.REJECTED):
-            del self._goals[identity]
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+        rejected = goal.last is not None and goal.last.stage is Stage.REJECTED
+        return not isinstance(result, Rejected) and not rejected
 
     def _goal_of(self, handle: Any) -> Goal | None:
         number = number_of_uuid(bytes(handle.goal_id.uuid))
@@ -188,7 +196,7 @@ class GoalServers:
         if goal is None:
             return CancelResponse.REJECT
         goal.cancel_requested = True
-        self._cancel(goal, "cancelled by its client")
+        self._contained(self._cancel)(goal, "cancelled by its client")
         return CancelResponse.ACCEPT
 
     def _cancel(self, goal: Goal, text: str) -> None:
@@ -251,7 +259,7 @@ class GoalServers:
             feedback,
             current_pose=stamped,
             navigation_time=_duration(duration_s),
-            distance_remaining=sum(a.distance_m(b) for a, b in pairwise(points)),
+            distance_remaining=fsum(a.distance_m(b) for a, b in pairwise(points)),  # never an int
             number_of_poses_remaining=len(left),
             current_waypoint=goal.steps,
             angular_distance_traveled=abs(wrap_rad(pose.heading_rad - goal.start.heading_rad)),

@@ -24,6 +24,7 @@ from adapters.ros.navigation_messages import (
 )
 from adapters.ros.parameters import declare_optional_text
 from adapters.ros.polled_action import ACTIVE, PolledAction
+from adapters.ros.subscription import clipped
 from adapters.ros.transforms import frame_names
 from executive.settings import RelativeActions
 from executive.values.clock import Clock
@@ -53,8 +54,6 @@ RELATIVE: Final[dict[RelativeActions, dict[str, tuple[str, str]]]] = {
 RESULT_RETRY_S: Final = 1.0
 PATH_ANSWER_S: Final = 2.0
 MAX_ABANDONED: Final = 200
-MAX_TEXT_LENGTH: Final = 200
-"""Length to which a message of a server is cut: it is part of reports."""
 _ENDS: Final = {
     GoalStatus.STATUS_SUCCEEDED: NavigationState.SUCCEEDED,
     GoalStatus.STATUS_CANCELED: NavigationState.CANCELLED,
@@ -198,12 +197,12 @@ class NavigationClient:
         goal, self._waiting = self._waiting, None
         if goal is None:
             return
-        for each in self._actions.values():
-            each.end_cancel()
         action = self._action(_key(goal.task))
         if isinstance(action, str):
             self._report(goal, NavigationState.UNAVAILABLE, text=action)
             return
+        for each in self._actions.values():
+            each.end_cancel()
         sent = self._sent = _SentGoal(goal, action)
         frame = self._frames[goal.task.frame] if isinstance(goal.task, NavigateTo) else ""
         message = goal_message(action.kind, goal.task, frame)
@@ -266,8 +265,7 @@ class NavigationClient:
         self, goal: NavigationGoal, state: NavigationState, result: Any = None, text: str = ""
     ) -> None:
         code = int(getattr(result, "error_code", 0))
-        text = text or str(getattr(result, "error_msg", ""))
-        text = text[:MAX_TEXT_LENGTH]
+        text = clipped(text or str(getattr(result, "error_msg", "")))
         self._facts.append(NavigationStatus(goal.number, state, code, error_name(code), text))
 
     def _on_path(self, request: PathRequest, result: Any) -> None:
@@ -290,7 +288,7 @@ class NavigationClient:
     def _answer_path(self, request: PathRequest, text: str, points: tuple[Point, ...] = ()) -> None:
         if self._paths.get(request.number, (None,))[0] is request:
             del self._paths[request.number]
-            self._facts.append(PlannedPath(request.number, points, text[:MAX_TEXT_LENGTH]))
+            self._facts.append(PlannedPath(request.number, points, clipped(text)))
 
 
 def _key(task: Task) -> str:

@@ -97,8 +97,9 @@ class PolledAction:
             self._cancel.call(self.kind.Impl.CancelGoalService.Request(), self.end_cancel)
 
     def end_cancel(self, *_: object) -> None:
-        """Repeat no cancel of all goals."""
-        self._cancel_until_s = -inf
+        """Repeat no cancel of all goals; one that no server was there for is still sent."""
+        if self._cancelled_s > -inf:
+            self._cancel_until_s = -inf
 
     def is_cancelling(self, now_s: float) -> bool:
         """Return whether a cancel of all goals may still arrive at the server."""

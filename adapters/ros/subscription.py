@@ -138,6 +138,13 @@ IGNORED_IN_A_ROW: Final = 8
 times as often as the wheels, and a valid source repeats a stamp once or twice."""
 MAX_REASON_LENGTH: Final = 300
 """Maximum length of a reason, which quotes messages: names of joints, formats of pictures."""
+
+
+def clipped(text: str) -> str:
+    """Return a text from another node in printable characters, not longer than a reason."""
+    return printable(text[:MAX_REASON_LENGTH])[:MAX_REASON_LENGTH]
+
+
 _STAMPED: Final = frozenset(Source) - {Source.BATTERY, Source.CAMERA}
 """Sources whose stamps are checked here; that of a picture is compared with its request."""
 _LOG = logging.getLogger(__name__)
@@ -207,7 +214,7 @@ class ReceivedData:
         tally.ignored += 1
         if isinstance(error, IgnoredMessageError) and tally.ignored < IGNORED_IN_A_ROW:
             return
-        tally.reason = printable(str(error))[:MAX_REASON_LENGTH]
+        tally.reason = clipped(str(error))
         if not tally.reported:
             tally.reported = True
             self._report(RejectedData(source, tally.reason, tally.rate_hz, tally.rate_hz))

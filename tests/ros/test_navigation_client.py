@@ -252,6 +252,19 @@ def test_goals_of_a_process_before_and_of_others_are_cancelled(pair: Pair) -> No
     }, last
 
 
+def test_a_cancel_before_the_discovery_is_sent_after_it(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair.client.cancel()
+    pair.navigate(1)
+    pair.until(lambda: bool(pair.states(1)), "an answer without a server")
+    cancelled: list[object] = []
+    cancels = pair.client._actions["to_pose"]._cancel
+    monkeypatch.setattr(cancels, "call", lambda request, _: cancelled.append(request))
+    pair.serve("honest")
+    pair.until(lambda: bool(cancelled), "the cancel")
+
+
 def test_a_server_that_does_not_know_the_goal_has_lost_it(pair: Pair) -> None:
     pair.serve("honest")
     pair.navigate(1)
@@ -267,7 +280,7 @@ def test_a_server_that_does_not_know_the_goal_has_lost_it(pair: Pair) -> None:
     pair.client._paths[1] = PathRequest(1, Pose(), Pose(), ODOM), inf
     pair.client._answer_path(pair.client._paths[1][0], 1_000_000 * "x")
     pair.spin()
-    assert [each.text for each in pair.facts[-2:]] == 2 * [200 * "x"]
+    assert [each.text for each in pair.facts[-2:]] == 2 * [300 * "x"]
 
 
 def test_a_path_is_brought_into_the_frame_of_its_request(pair: Pair) -> None:
