@@ -12,6 +12,7 @@ from executive.motion import WAIT_S, Motion, NavigatedMotion, Verified
 from executive.obstacles.detour import Scene
 from executive.state import join_sources
 from executive.values.geometry import STANDING, Pose
+from executive.values.ports import TurnBy
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import STOP_DEADLINE_S, GoalLeaf, beside_odometry, refusal, unconfirmed
 
@@ -40,7 +41,10 @@ class MotionLeaf(GoalLeaf):
     def on_timeout(self) -> Status:
         """Fail the goal on timeout, with the reason of the map if that is lost."""
         lost = self.context.lost_map
-        if self.goal.leg.navigation is not None:
+        task = self.goal.leg.navigation
+        is_turn = isinstance(task, TurnBy)
+        self.timeout_reason = Reason.TURN_DEADLINE if is_turn else type(self).timeout_reason
+        if task is not None:
             self.timeout_text = f"{self.name}: not done ({self.feedback_message})"
         return super().on_timeout() if lost is None else self.fail(lost)
 

@@ -37,6 +37,7 @@ from executive.values.geometry import (
     TargetFrame,
     Velocity,
     path_length_m,
+    wrap_rad,
 )
 from executive.values.ports import (
     MotionIntent,
@@ -180,7 +181,7 @@ class NavigatedMotion(Motion):
         self._goal = self._next_goal()
         self._sent = self._accepted = self._ended = False
         self._standing_s: float | None = None
-        self._last_point = status.pose.point
+        self._last, self._turned_rad = status.pose, 0.0
         self._map_to_odom = status.map_to_odom
         self._failure: Refusal | None = None
         self.report = ""
@@ -229,6 +230,12 @@ class NavigatedMotion(Motion):
         return max(self._navigation.finish_within_m, self._leg.tolerance_m)
 
     @property
+    def _turned_away(self) -> bool:
+        """Whether a turn is more than half a turn off: the same heading may be a turn too far."""
+        turn_rad = self._leg.turn_rad if isinstance(self._task, TurnBy) else None
+        return turn_rad is not None and abs(self._turned_rad - turn_rad) > pi
+
+    @property
     def _missed(self) -> bool:
         return self.waypoints_passed < len(self._leg.via_points)
 
@@ -239,7 +246,7 @@ class NavigatedMotion(Motion):
             return self._failure
         # The leg as at the end: if it moves with the map later, the rover drives there itself.
         off_m, off_rad = self._errors_of(self._end_leg)
-        if off_m <= self._reach_m:
+        if off_m <= self._reach_m and not self._turned_away:
             return None
         text = (
             f"{self.report}; stationary {off_m:.2f} m from it, the bound is {self._reach_m:.2f} m"
@@ -318,8 +325,9 @@ class NavigatedMotion(Motion):
             self._obey_end(answer, now_s)
 
     def _count_passed(self) -> None:
-        before, point = self._last_point, self._status.pose.point
-        self._last_point = point
+        before, point = self._last.point, self._status.pose.point
+        self._turned_rad += wrap_rad(self._status.pose.heading_rad - self._last.heading_rad)
+        self._last = self._status.pose
         while self._missed:
             via = self._leg.via_points[self.waypoints_passed]
             assert via.tolerance_m is not None
@@ -354,7 +362,10 @@ class NavigatedMotion(Motion):
             return
         off_m, off_rad = self._errors
         within = off_m <= self._reach_m and not self._missed
-        if self._leg.target is None:
+        if isinstance(self._task, TurnBy):
+            if not within or self._turned_away:
+                self._end("the navigation left the turn")
+                return
             within = off_rad <= TURN_REACH_RAD
         if not (within and self._status.standing):
             self._standing_s = None
@@ -389,6 +400,8 @@ class NavigatedMotion(Motion):
         self._ended, self._end_leg, (off_m, off_rad) = True, self._leg, self._errors
         off = f"{off_m:.2f} m" if self._leg.target is not None else angle_text(off_rad)
         self.report = f"{text} {off} from the target"
+        if isinstance(self._task, TurnBy):
+            self.report += f" after a turn by {angle_text(self._turned_rad)}"
 
     def _fail(self, reason: Reason, text: str, *figures: Figure) -> None:
         off = Figure("position error", self._errors[0], "m")

@@ -1,17 +1,21 @@
 """moveForward and rotateBy by actions of a navigation that lies."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 
 import pytest
 
 from executive.commands import MoveForward, RotateBy
 from executive.settings import NavigationGate, RelativeActions
-from executive.values.geometry import wrap_rad
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from tests.stress.strange_navigations import StrangeNavigation
 from tests.support.navigated import NavigatedBench, settings
+from tests.support.navigation import GoalEnd, Navigation, RunningGoal
 
 MAX_OFF_M, MAX_OFF_RAD = 0.13, 0.1
 BEHAVIOURS = (
@@ -47,3 +51,52 @@ def test_a_relative_motion_is_executed_only_where_it_ends(
         else:
             assert behaviour not in {"honest", "never_ends"}
             assert bench.last(1).reason is Reason.OFF_TARGET
+
+
+class Constant(Navigation):
+    """Drives at a constant velocity for a time, then succeeds."""
+
+    velocity, duration_s = STANDING, 1.0
+
+    def _do_honest(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
+        self._feed(goal, now_s, 1.0)
+        if now_s - goal.accepted_s < self.duration_s:
+            return self._give(self.velocity)
+        self._end(GoalEnd.SUCCEEDED)
+        return self._give(STANDING)
+
+
+@contextmanager
+def driven(
+    folder: Path, velocity: Velocity, duration_s: float, gate: NavigationGate = NavigationGate.LOCK
+) -> Iterator[NavigatedBench]:
+    """A bench whose navigation acts relatively, at a constant velocity."""
+    own, navigation = settings(gate), Constant()
+    assert own.navigation is not None
+    own = replace(own, navigation=replace(own.navigation, relative=RelativeActions.NAV2))
+    navigation.velocity, navigation.duration_s = velocity, duration_s
+    with NavigatedBench(folder, gate, navigation, own) as bench:
+        yield bench
+
+
+def test_a_spin_by_further_turns_to_the_same_heading_fails(tmp_path: Path) -> None:
+    with driven(tmp_path, Velocity(0.0, 1.2), (1.0 + 2 * pi) / 1.2) as bench:
+        bench.submit(RotateBy(1.0), 1)
+        assert bench.finish(1) is Stage.FAILED
+        assert bench.last(1).reason is Reason.OFF_TARGET
+        assert abs(bench.rover.turned_rad) < 1.0 + pi + 0.6
+
+
+def test_a_turn_that_drives_away_ends_there(tmp_path: Path) -> None:
+    with driven(tmp_path, Velocity(0.5, 1.0), 60.0) as bench:
+        bench.submit(RotateBy(1.0), 1)
+        assert bench.finish(1) is Stage.FAILED
+        assert bench.last(1).reason is Reason.OFF_TARGET
+        assert bench.rover.moved_m < 0.5
+
+
+def test_the_deadline_of_a_spin_is_that_of_a_turn(tmp_path: Path) -> None:
+    with driven(tmp_path, STANDING, 300.0) as bench:
+        bench.submit(RotateBy(1.0), 1)
+        assert bench.finish(1, 200.0) is Stage.FAILED
+        assert bench.last(1).reason is Reason.TURN_DEADLINE
