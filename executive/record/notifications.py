@@ -15,7 +15,7 @@ from executive.values.reports import PlanUpdate, Report, ReportKind, Severity, S
 
 _LOG = logging.getLogger(__name__)
 
-Answer = Callable[[bool], None]
+Answer = Callable[[bool], object]
 """Called with whether all earlier writes are committed."""
 
 _SEVERITY = {

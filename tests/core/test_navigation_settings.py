@@ -129,7 +129,7 @@ GOAL = NavigationGoal(
     3, NavigateTo((Pose(1.0, 2.0), Pose(3.0)), TargetFrame.MAP), Identity("MOE", 1)
 )
 FACTS: tuple[Fact, ...] = (
-    NavigationStatus(3, NavigationState.ABORTED, 208, "NO_VALID_PATH", "no path", (0, 2)),
+    NavigationStatus(3, NavigationState.ABORTED, 208, "NO_VALID_PATH", "no path"),
     NavigationFeedback(3, 1.5, 2, 1),
     NavigationFeedback(3, None),
     NavigationVelocity(Velocity(0.3, -0.1)),
