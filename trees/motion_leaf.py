@@ -4,7 +4,7 @@ from typing import Final
 
 from py_trees.common import Status
 
-from executive.checks import check_battery, check_pose
+from executive.checks import check_battery, check_pose, is_navigated
 from executive.commands import ABOARD_LINK
 from executive.commands import Motion as CommandedMotion
 from executive.goals import Context
@@ -53,7 +53,7 @@ class MotionLeaf(GoalLeaf):
         goal = self.goal
         before, goal.waits_for_map = goal.waits_for_map, self.context.lost_map is not None
         if before is not goal.waits_for_map:
-            short = goal.waits_for_map and self.context.locomotion.navigates(goal.command)
+            short = goal.waits_for_map and is_navigated(goal.request, self.context.settings)
             self.set_deadline(MAP_WAIT_S if short else self._deadline_for(WAIT_S))
         if goal.waits_for_map:
             self.feedback_message = WAITING_FOR_MAP
@@ -65,10 +65,8 @@ class MotionLeaf(GoalLeaf):
     @property
     def _navigates(self) -> bool:
         """Whether the navigation drives the next leg."""
-        return (
-            self.context.locomotion.navigates(self.goal.command)
-            and not self.goal.progress.finishing
-        )
+        goal = self.goal
+        return is_navigated(goal.request, self.context.settings) and not goal.progress.finishing
 
     @property
     def _executed_by_relay(self) -> bool:

@@ -1,9 +1,11 @@
 """`Reactions` stops, pauses or releases the rover after stops, faults and link loss; ends goals."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf
 from typing import Final
 
+from executive.checks import is_navigated
 from executive.commands import ABOARD_LINK, ROS_SOURCE, Command, FollowPath, Mode, is_absolute
 from executive.commands.intake import ABOARD_PREFIX, MAX_SOURCE_LENGTH
 from executive.commands.lifecycle import Accepted, CommandLifecycle, Rejected, SubmitResult
@@ -211,10 +213,10 @@ class Reactions:
         self._ledger.unlatch(_LINK_LOST)
         self._obey_faults()
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
-        # A navigation may be what is lost: the rover drives along its trail by itself.
-        is_navigated = self._context.settings.controller is Controller.NAVIGATION
-        controller = Controller.TURN_DRIVE if is_navigated else None
-        path_back = FollowPath(self._ground.trail.path_back, controller, TargetFrame.ODOM)
+        path_back = FollowPath(self._ground.trail.path_back, frame=TargetFrame.ODOM)
+        if is_navigated(path_back, self._context.settings):
+            # The navigation may be what is lost: the rover drives along its trail by itself.
+            path_back = replace(path_back, controller=Controller.TURN_DRIVE)
         answer = submit(Command(identity, path_back, ABOARD_LINK))
         if isinstance(answer, Accepted):
             self._return = answer.lifecycle

@@ -401,10 +401,6 @@ class Locomotion(Protocol):
 
     excludes_camera: bool
 
-    def navigates(self, command: Command) -> bool:
-        """Return whether a navigation drives the legs of a command."""
-        return False
-
     def supports_curve(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it drives to a waypoint in one curve, around obstacles between."""
         return False

@@ -94,18 +94,14 @@ class NavigationLocomotion(Locomotion):
         self._own = own
         self._numbers = count(1)
 
-    def navigates(self, command: Command) -> bool:
-        """Return whether the navigation drives the legs of a command."""
-        chosen = requested_controller(command.request, self._settings.controller)
-        return chosen is Controller.NAVIGATION
-
     def supports_curve(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether the rover's own locomotion drives to a waypoint in one curve."""
         return self._own.supports_curve(command, waypoint)
 
     def can_pass_through(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether a waypoint is passed: the navigation passes within `passing_m`."""
-        if not self.navigates(command):
+        chosen = requested_controller(command.request, self._settings.controller)
+        if chosen is not Controller.NAVIGATION:
             return self._own.can_pass_through(command, waypoint)
         wide = (waypoint.tolerance_m or 0.0) >= self._navigation.passing_m
         return wide and waypoint.heading_rad is None
