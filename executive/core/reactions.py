@@ -215,7 +215,7 @@ class Reactions:
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
         path_back = FollowPath(self._ground.trail.path_back, frame=TargetFrame.ODOM)
         if is_navigated(path_back, self._context.settings):
-            # The navigation may be what is lost: the rover drives along its trail by itself.
+            # Without the navigation, which may be lost as well.
             path_back = replace(path_back, controller=Controller.TURN_DRIVE)
         answer = submit(Command(identity, path_back, ABOARD_LINK))
         if isinstance(answer, Accepted):

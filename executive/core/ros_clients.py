@@ -83,7 +83,7 @@ class RosClients:
 
     def tick(self) -> None:
         """Renew the authority for the goals of ROS clients; cancel them once another holds it."""
-        # Without a holder the ledger fails, whose fault ends the goals.
+        # Without a holder the ledger fails: that fault ends the goals.
         if not (goals := self._goals) or self.hold_authority():
             return
         if (holder := self._authority.state.holder) is not None:
