@@ -7,10 +7,10 @@ stops before a zone on any path (fault `zone_ahead`).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import Final
 
-from executive.checks import check_planned_path
+from executive.checks import check_planned_path, path_mismatch
 from executive.commands import Waypoint
 from executive.faults import Reaction
 from executive.goals import Context, Goal
@@ -20,10 +20,6 @@ from executive.values.reasons import Reason, Refusal
 
 _STOPS: Final = {Reaction.PAUSE, Reaction.STOP, Reaction.SAFE}
 NO_PATH: Final = "no path of the planner"
-MAX_END_GAP_M: Final = 1.0
-"""Maximum distance of a path's ends from those requested; Nav2's planner tolerates 0.5 m."""
-MAX_LENGTH_RATIO, MAX_LENGTH_M = 10.0, 100.0
-"""Maximum length of a path, by its straight line and constant; chosen, for a finite deadline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +91,7 @@ class PathPlanning:
             points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in answer.points]
             if not points:
                 return self._found(answer.text or NO_PATH)
-            if missing := _mismatch(points, start.point, later[0].point):
+            if missing := path_mismatch(points, start.point, later[0].point):
                 return self._found(missing)
             self._points, self._parts, self._request = (
                 [*self._points, *points],
@@ -115,20 +111,3 @@ class PathPlanning:
         points = straight if missing else (*self._points, straight[-1])
         longer_m = path_length_m(points) - path_length_m(straight)
         return LegPath(points, missing, max(0.0, longer_m))
-
-
-def _mismatch(points: Sequence[Point], start: Point, end: Point) -> str:
-    """Return why points are no path between two others; empty if they are one."""
-    length_m = path_length_m(points)
-    max_m = MAX_LENGTH_RATIO * start.distance_m(end) + MAX_LENGTH_M
-    if not isfinite(length_m):
-        return "the planner's path is not finite"
-    if length_m > max_m:
-        return f"the planner's path of {length_m:.2f} m is longer than {max_m:.2f} m"
-    for name, gap_m in (
-        ("begins", start.distance_m(points[0])),
-        ("ends", end.distance_m(points[-1])),
-    ):
-        if not gap_m <= MAX_END_GAP_M:
-            return f"the planner's path {name} {gap_m:.2f} m from where it should"
-    return ""

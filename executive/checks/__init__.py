@@ -15,6 +15,7 @@ from executive.checks.path_check import detoured_segments as detoured_segments
 from executive.checks.path_check import expected_pose as expected_pose
 from executive.checks.path_check import is_navigated as is_navigated
 from executive.checks.path_check import leg_detour as leg_detour
+from executive.checks.path_check import path_mismatch as path_mismatch
 from executive.checks.path_check import path_of as path_of
 from executive.checks.path_check import scanned_obstacle_ahead as scanned_obstacle_ahead
 from executive.checks.path_check import turning_curves as turning_curves

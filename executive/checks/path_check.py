@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from math import inf
+from math import inf, isfinite
 from typing import Final, assert_never
 
 from executive.commands import (
@@ -50,13 +50,17 @@ from executive.obstacles.zones import (
 )
 from executive.settings import Controller, LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
-from executive.values.geometry import Point, Pose, Velocity, arc
+from executive.values.geometry import Point, Pose, Velocity, arc, path_length_m
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 
 DETOUR_CLEARANCE_M: Final = 0.02
 """Extra clearance of a detour beyond the margin, for the accuracy of its corners; chosen."""
 ROUNDING: Final = 1e-6
+MAX_END_GAP_M: Final = 1.0
+"""Maximum distance of a path's ends from those requested; Nav2's planner tolerates 0.5 m."""
+MAX_LENGTH_RATIO, MAX_LENGTH_M = 10.0, 100.0
+"""Maximum length of a path, by its straight line and constant; chosen, for a finite deadline."""
 _DRIVES_CURVES: Final = {Controller.MPC, Controller.NAVIGATION}
 LOOKAHEAD_M: Final = 2.0
 """Lookahead distance within which a scanned obstacle stops a motion; chosen, not measured."""
@@ -150,6 +154,23 @@ def check_planned_path(
         return None
     text = f"straight {refusal.text}; {missing}" if missing else f"planned {refusal.text}"
     return replace(refusal, text=text)
+
+
+def path_mismatch(points: Sequence[Point], start: Point, end: Point) -> str:
+    """Return why points are no path between two others; empty if they are one."""
+    length_m = path_length_m(points)
+    max_m = MAX_LENGTH_RATIO * start.distance_m(end) + MAX_LENGTH_M
+    if not isfinite(length_m):
+        return "the planner's path is not finite"
+    if length_m > max_m:
+        return f"the planner's path of {length_m:.2f} m is longer than {max_m:.2f} m"
+    for name, gap_m in (
+        ("begins", start.distance_m(points[0])),
+        ("ends", end.distance_m(points[-1])),
+    ):
+        if not gap_m <= MAX_END_GAP_M:
+            return f"the planner's path {name} {gap_m:.2f} m from where it should"
+    return ""
 
 
 def check_turns(

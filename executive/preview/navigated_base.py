@@ -46,6 +46,8 @@ class NavigatedBase(KinematicBase):
         self._origins = {TargetFrame.ODOM: Pose(), TargetFrame.MAP: map_origin}
         self._speeds = speeds
         self._turns_on_spot = settings.drive.min_turning_radius_m is None
+        assert settings.navigation is not None
+        self._end_m = min(END_M, settings.navigation.finish_within_m / 2)
         self._is_open = False
         self._goal: NavigationGoal | None = None
         self._planned: list[Point] = []
@@ -119,7 +121,7 @@ class NavigatedBase(KinematicBase):
         while self._left and left_s:
             at = self.pose.point
             point, is_last = self._left[0], len(self._left) == 1
-            length_m = max(0.0, at.distance_m(point) - (END_M if is_last else 0.0))
+            length_m = max(0.0, at.distance_m(point) - (self._end_m if is_last else 0.0))
             if length_m:
                 left_s = self._turn(at.bearing_rad(point), left_s, CORNER_RAD)
             moved_m = min(length_m, self._speeds.travel_mps * left_s)

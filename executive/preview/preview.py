@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil, inf
 from typing import Final, Protocol, assert_never
 
-from executive.checks import check_pose, check_request, is_navigated
+from executive.checks import check_pose, check_request, is_navigated, path_mismatch
 from executive.commands import (
     ABOARD_LINK,
     DIRECT_LINK,
@@ -299,9 +299,13 @@ class PreviewRun:
         request, start = self.path_request, self._start
         in_map = request is not None and request.frame is TargetFrame.MAP
         origin = (start.map_origin if in_map else start.odom_origin) or Pose()
-        self._straight = self._straight if path.points else path.text
-        points = (origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points)
-        self.provide_leg(tuple(points), path.text)
+        points, text = path.points, path.text
+        if request is not None and points:
+            text = path_mismatch(points, request.start.point, request.goal.point)
+            points = () if text else points
+        self._straight = self._straight if points else text
+        moved = (origin.compose(Pose(each.x_m, each.y_m)).point for each in points)
+        self.provide_leg(tuple(moved), text)
 
     def provide_leg(self, path: tuple[Point, ...], text: str = "") -> None:
         """Provide the path that it waits for as a leg has it, in the frame of the pose."""

@@ -256,6 +256,25 @@ def test_a_preview_without_a_path_is_marked(free: PlannedBench) -> None:
     assert found.length_m == pytest.approx(4.0, abs=0.05)
 
 
+@pytest.mark.parametrize("via", [(Point(500.0, 0.0),), (Point(1e200, 0.0),)])
+def test_a_preview_drives_straight_if_the_path_is_unusable(
+    free: PlannedBench, via: tuple[Point, ...]
+) -> None:
+    free.rover.via = via
+    found = free.previewed(MoveTo(THERE))
+    assert isinstance(found, Preview)
+    assert found.note.startswith("along straight lines: the planner's path ")
+    assert found.length_m == pytest.approx(4.0, abs=0.05)
+
+
+def test_a_preview_ends_within_the_reach_of_the_rovers_own_finish(tmp_path: Path) -> None:
+    own = settings(NavigationGate.RELAY)
+    assert own.navigation is not None
+    near = replace(own, navigation=replace(own.navigation, finish_within_m=0.1))
+    with PlannedBench(tmp_path, near) as bench:
+        assert isinstance(bench.previewed(MoveTo(THERE)), Preview)
+
+
 def test_a_preview_leaves_the_planner_to_a_navigated_drive(free: PlannedBench) -> None:
     free.submit(MoveTo(THERE), 1)
     free.run(1.0)
