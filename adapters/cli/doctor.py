@@ -321,8 +321,22 @@ def _navigation(subject: Subject) -> Results:
         yield OK, f"{NAVIGATION_PACKAGE} is installed", ""
 
 
+def _navigation_servers(subject: Subject) -> Results:
+    if subject.settings is None or not subject.settings.offers_navigation:
+        return
+    from adapters.ros.check import check_navigation
+
+    asset, settings, namespace = subject.asset, subject.settings, subject.namespace
+    problems = list(check_navigation(asset, settings, namespace, LISTEN_S))
+    for prevents, text, remedy in problems:
+        yield ERROR if prevents else WARNING, text, remedy
+    if not problems:
+        yield OK, "its actions, its velocity and its lock are there", ""
+
+
 GROUND: Final = (_python, _packages, _clock)
-ABOARD: Final = (_ros, _domain, _discovery, _data, _priority, _port, _brick, _navigation, _robot)
+ROBOT: Final = (_robot, _navigation_servers)
+ABOARD: Final = (_ros, _domain, _discovery, _data, _priority, _port, _brick, _navigation, *ROBOT)
 COLOURS: Final = {OK: "green", WARNING: "yellow", ERROR: "red"}
 
 
@@ -370,7 +384,7 @@ def doctor(
     rows: list[dict[str, str]] = []
     for check in checks:
         errors = {row["check"] for row in rows if row["level"] == ERROR}
-        if check is _robot and errors & {"ros", "domain"}:
+        if check in ROBOT and errors & {"ros", "domain"}:
             break  # it would end, or raise
         for level, text, remedy in _guarded(check, Subject(data, asset, settings, namespace)):
             name = check.__name__[1:]

@@ -58,8 +58,9 @@ def goal_request(action: str, goal: Any, frames: Frames) -> Motion:
     Raises:
         MessageError: the goal is invalid, or requests an option that is not supported.
     """
-    if getattr(goal, "behavior_tree", "") or getattr(goal, "number_of_loops", 0):
-        raise MessageError("behavior_tree and number_of_loops are not supported")
+    for name in ("behavior_tree", "number_of_loops"):
+        if getattr(goal, name, None):
+            raise MessageError(f"{name} is not supported: leave it empty or 0")
     match action:
         case "navigate_to_pose":
             return pose_request(goal.pose, frames)
@@ -103,6 +104,8 @@ def _frame(goals: Sequence[PoseStamped], frames: Frames) -> TargetFrame:
     found = {frames.get(name) for name in names}
     frame = found.pop()
     if found or frame is None:
-        known = " or ".join(frames)
-        raise MessageError(f"frame_id is {', '.join(sorted(names))!r}: this rover knows {known}")
+        text = f"frame_id is {', '.join(sorted(names))!r}: this rover knows {' or '.join(frames)}"
+        if TargetFrame.MAP not in frames.values():
+            text += "; a map needs the ROS parameter frames (frames.map: map)"
+        raise MessageError(text)
     return frame

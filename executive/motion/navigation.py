@@ -405,7 +405,10 @@ class NavigatedMotion(Motion):
 
 
 _FAILURES: Final = {
-    NavigationState.REJECTED: (Reason.NAVIGATION_REJECTED, "the navigation rejected the goal"),
+    NavigationState.REJECTED: (
+        Reason.NAVIGATION_REJECTED,
+        "the navigation rejected the goal (is it active, and has it a transform of the robot?)",
+    ),
     NavigationState.ABORTED: (Reason.NAVIGATION_FAILED, "the navigation aborted"),
     NavigationState.CANCELLED: (
         Reason.NAVIGATION_PREEMPTED,

@@ -264,7 +264,7 @@ class PreviewRun:
             if settings.controller is Controller.MPC:
                 controller = Controller.MPC
         self._settings = replace(
-            self._settings, controller=controller, mpc=mpc, navigation=navigation
+            self._settings, controller=controller, mpc=mpc, navigation=navigation, mux=None
         )
         self._build_tree = build_tree
         self._holds_velocity = any(isinstance(each, DriveFor) for each in _requests(request))

@@ -52,7 +52,7 @@ def navigation_uncommanded_motion(
     travel_mps, rotate_radps = track.velocity.travel_mps, track.velocity.rotate_radps
     text = (
         f"the navigation commands {travel_mps:+.2f} m/s, {rate_text(rotate_radps, '+.1f')},"
-        " without a goal of the executive; its gate is shut"
+        " without a goal of the executive (perhaps of another client); its gate is shut"
     )
     figures = (
         Figure("speed", travel_mps, "m/s"),

@@ -148,26 +148,40 @@ class NavigationSettings:
     def check_gate(self, mux: MuxSettings | None) -> None:
         """Raise ValueError unless the gate shuts the navigation off, and nothing else."""
         if self.input is None or self.lock is None:
+            if mux is not None:
+                raise ValueError(
+                    "navigation.gate is relay: remove the section mux, or set gate: lock"
+                )
             return
         if mux is None:
             raise ValueError("navigation.gate is lock: add the section mux, or set it to relay")
-        topic, gate = mux.topics.get(self.input), mux.locks.get(self.lock)
-        if topic is None or gate is None:
-            raise ValueError(
-                f"navigation.input {self.input} or navigation.lock {self.lock} is not in the mux:"
-                f" known are {', '.join((*mux.topics, *mux.locks))}"
-            )
+        for key, name, there in (
+            ("input", self.input, mux.topics.keys()),
+            ("lock", self.lock, mux.locks.keys()),
+        ):
+            if name not in there:
+                raise ValueError(
+                    f"navigation.{key} is {name}, mux.{'topics' if key == 'input' else 'locks'} has"
+                    f" {', '.join(there)}"
+                )
         if self.input in {mux.input, mux.stop} or self.lock == mux.lock:
             raise ValueError("navigation.input and navigation.lock are those of the executive")
+        gate, own = mux.locks[self.lock], mux.topics[self.input].priority
         if not 0.0 < gate.timeout <= MAX_LOCK_TIMEOUT_S:
             raise ValueError(
                 f"lock {self.lock} has timeout {gate.timeout:g}: above 0, so that it is locked"
                 f" without an executive, and at most {MAX_LOCK_TIMEOUT_S:g} s"
             )
-        lowest = min(each.priority for name, each in mux.topics.items() if name != self.input)
-        if not topic.priority < gate.priority <= lowest:
+        others = {key: each.priority for key, each in mux.topics.items() if key != self.input}
+        if below := [f"{key} ({each})" for key, each in others.items() if each <= own]:
             raise ValueError(
-                f"lock {self.lock} has priority {gate.priority}: it must be above"
-                f" {topic.priority}, that of {self.input}, and at most {lowest}, so that it masks"
+                f"input {self.input} has priority {own}, which must be the lowest: lower it, or"
+                f" raise {', '.join(below)} to {own + 1} or more"
+            )
+        lowest = min(others, key=lambda key: others[key])
+        if not own < gate.priority <= others[lowest]:
+            raise ValueError(
+                f"lock {self.lock} has priority {gate.priority}: it must be above {own}, that of"
+                f" {self.input}, and at most {others[lowest]}, that of {lowest}, so that it masks"
                 " no other input"
             )

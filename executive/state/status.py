@@ -263,7 +263,10 @@ class Status:
         age_s = self.map_age_s
         if self.map_to_odom is None or age_s > MAX_TRANSFORM_AGE_S:
             since = "yet" if self.map_to_odom is None else f"for {age_s:.2f} s"
-            text = f"no transform from map to odom {since}: start the localisation, or use odom"
+            text = (
+                f"no transform from map to odom {since}: start the localisation, set the ROS"
+                " parameter frames, or use odom"
+            )
             bound = Figure("bound", MAX_TRANSFORM_AGE_S, "s")
             return Refusal(Reason.NO_MAP, text, (Figure("age", age_s, "s"), bound))
         return self.pose.compose(self.map_to_odom.compose(self._raw).inverse)

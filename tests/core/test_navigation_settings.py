@@ -87,13 +87,24 @@ def test_a_gate_that_shuts_the_navigation_off_and_nothing_else_is_accepted() -> 
     [
         ({"navigation": None, "controller": Controller.NAVIGATION}, "needs the section navigation"),
         ({"mux": None}, "add the section mux"),
-        ({"topic": None}, "navigation.input navigation or .* not in the mux: known are stop,"),
-        ({"lock": None}, "navigation.lock navigation is not in the mux: .*, e_stop"),
+        ({"navigation": RELAY}, "gate is relay: remove the section mux, or set gate: lock"),
+        ({"topic": None}, "navigation.input is navigation, mux.topics has stop, joystick, "),
+        ({"lock": None}, "navigation.lock is navigation, mux.locks has e_stop"),
         ({"lock": MuxEntry("nav_lock", 0.0, 1)}, "timeout 0: above 0"),
         ({"lock": MuxEntry("nav_lock", 0.6, 1)}, "timeout 0.6: .* at most 0.5 s"),
         ({"lock": MuxEntry("nav_lock", 0.2, 0)}, "priority 0: it must be above 0"),
-        ({"lock": MuxEntry("nav_lock", 0.2, 2)}, "at most 1, so that it masks no other input"),
-        ({"topic": MuxEntry("nav_vel", 0.5, 7)}, "must be above 7"),
+        (
+            {"lock": MuxEntry("nav_lock", 0.2, 2)},
+            "at most 1, that of external, so that it masks no other input",
+        ),
+        (
+            {"topic": MuxEntry("nav_vel", 0.5, 1)},
+            r"navigation has priority 1, .*: lower it, or raise external \(1\) to 2 or more",
+        ),
+        (
+            {"topic": MuxEntry("nav_vel", 0.5, 8)},
+            r"navigation has priority 8, .* raise executive \(\d\), external \(1\) to 9 or more",
+        ),
         ({"navigation": replace(LOCK, input="executive")}, "are those of the executive"),
         ({"navigation": replace(LOCK, lock="e_stop")}, "are those of the executive"),
     ],

@@ -271,9 +271,14 @@ def from_ros(terminal: Terminal) -> None:
 @pytest.mark.usefixtures("nav2_msgs", "ros_domain")
 def test_both_pages_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROVER_CONFIG", str(asset_of_the_pages(tmp_path)))
-    (start,) = blocks(ABOVE_NAV2, "console")
+    start, trial = blocks(ABOVE_NAV2, "console")
     program, *options = start.split()
     assert program == ".venv/bin/rover-executive"
+    _, simulated, substitute, executed = trial.strip().splitlines()
+    assert executed == start.strip()
+    assert simulated == " ".join((".venv/bin/rover-sim", *options, "--world flat"))
+    server = f".venv/bin/python -m {NavigationServer.__module__} --stamped --odometry {ODOMETRY}"
+    assert substitute == server  # here it serves on a thread
     navigation = Navigation()
     with (
         simulation(tmp_path, *options, "--camera", "off"),

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from adapters.mrs.cli.status_command import late_ticks, slow_disk
 from adapters.mrs.spec import ActiveFault, FaultReaction, FaultStatus
 from adapters.mrs.spec import types as wire
 from executive.commands import ActivatePlan, SetTravelSpeed, Stop, SubmitPlan, SuspendPlan
+from executive.values.reasons import Reason
 from tests.mrs.aboard import Aboard, rover
 from tests.mrs.fleet import Fleet, eventually, value
 from tests.mrs.test_command_command import (
@@ -249,6 +251,9 @@ def test_late_ticks_are_named_as_the_probable_cause_of_faults() -> None:
     (line,) = late_ticks(quiet_now, faulty)
     assert "the probable cause of the faults" in line
     assert late_ticks({**quiet_now, "EXEC_OVERRUNS": 3.0}, faulty) == ()
+    for reason in (Reason.NAVIGATION_UNCOMMANDED_MOTION, Reason.OTHER_PUBLISHER):
+        other = replace(faulty, active=(replace(fault, code=reason.value),))
+        assert late_ticks(quiet_now, other) == ()
     assert late_ticks({}, faulty) == ()
 
 

@@ -288,7 +288,7 @@ def test_a_navigation_without_its_messages_is_an_error(monkeypatch: pytest.Monke
     monkeypatch.setattr(doctor, "find_spec", lambda _: None)
     jackal = load_settings("jackal")
     assert not list(doctor._navigation(replace(HERE, asset="jackal", settings=jackal)))
-    navigated = replace(jackal, navigation=NavigationSettings(NavigationGate.RELAY))
+    navigated = replace(jackal, mux=None, navigation=NavigationSettings(NavigationGate.RELAY))
     subject = replace(HERE, asset="jackal", settings=navigated)
     text, remedy = found(doctor._navigation(subject), Level.ERROR)
     assert "771" in text

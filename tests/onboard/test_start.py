@@ -29,7 +29,7 @@ from tests.support.processes import executive, running
 
 JACKAL = load_settings("jackal")
 MOCUP = load_settings("mocup")
-NAVIGATED = replace(JACKAL, navigation=NavigationSettings(NavigationGate.RELAY))
+NAVIGATED = replace(JACKAL, mux=None, navigation=NavigationSettings(NavigationGate.RELAY))
 
 
 def test_a_rover_on_cmd_vel_needs_no_name() -> None:

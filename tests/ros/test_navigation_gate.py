@@ -133,7 +133,8 @@ def test_the_navigation_is_no_foreign_input_of_the_mux() -> None:
 
 def test_a_relay_of_the_own_topic_is_refused() -> None:
     own = ("-p", "navigation.velocity.topic:=executive/cmd_vel")
-    settings = gated(NavigationSettings(NavigationGate.RELAY))
+    relay = NavigationSettings(NavigationGate.RELAY)
+    settings = replace(load_settings("jackal"), mux=None, navigation=relay)
     with ros_node("executive", "jackal", parameters=PARAMETERS, ros_arguments=own) as node:
         rover = NavigatedRosRover(node, declare_topics(node), SystemClock(), settings)
         with pytest.raises(ParameterError, match=r"executive's own topic \(cmd_vel.topic\)"):

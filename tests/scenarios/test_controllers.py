@@ -25,7 +25,11 @@ from tests.support.navigation import Navigation
 NAME = "targets"
 PAGE = CHECKOUT / "docs" / "above-nav2.md"
 CONTROLLERS = CHECKOUT / "docs" / "controllers.md"
-RELAY = ("settings.controller=navigation", "settings.navigation={gate: relay}")
+RELAY = (
+    "settings.controller=navigation",
+    "settings.navigation={gate: relay}",
+    "settings.mux=null",
+)
 
 pytestmark = pytest.mark.at_length
 

@@ -1,5 +1,6 @@
 """A Jackal below rover-sim with a navigation behind its mux, and the processes of all three."""
 
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -39,6 +40,7 @@ def navigated(config: Path, gate: NavigationGate = NavigationGate.LOCK) -> None:
     path = config / "jackal.yaml"
     text = path.read_text()
     if gate is NavigationGate.RELAY:
+        text = re.sub(r"^mux:\n(?:  .*\n)+", "", text, flags=re.MULTILINE)
         path.write_text(f"{text}\nnavigation: {{gate: relay}}\n")
         return
     for before, after in MUX:

@@ -46,6 +46,7 @@ from executive.faults import summary
 from executive.state import RECOVERY, Uncertainty
 from executive.values.geometry import Pose
 from executive.values.quantities import display_unit
+from executive.values.reasons import Reason
 from executive.values.reports import PlanStatus, PlanUpdate, printable
 
 if TYPE_CHECKING:
@@ -56,6 +57,22 @@ T = TypeVar("T")
 REFRESH_S: Final = 0.5
 LATE_TICK_S: Final = 0.15
 """Time between ticks above which the computer aboard is busy: three ticks."""
+_NOT_BY_LATE_TICKS: Final = {
+    each.value
+    for each in (
+        Reason.TILT_LIMIT,
+        Reason.EMERGENCY_STOP,
+        Reason.BATTERY_LOW,
+        Reason.OTHER_PUBLISHER,
+        Reason.ZONE_AHEAD,
+        Reason.OBSTACLE_AHEAD,
+        Reason.OBSTACLE_NEAR,
+        Reason.LASER_BLIND,
+        Reason.WHEELS_UNPOWERED,
+        Reason.NAVIGATION_UNCOMMANDED_MOTION,
+    )
+}
+"""Faults that a busy computer does not cause."""
 SLOW_DISK_S: Final = 0.1
 """Waiting time of reports above which the disk of the ledger is slow; chosen, not measured."""
 MIN_LATE_TICKS: Final = 20
@@ -269,7 +286,8 @@ def late_ticks(
     period_s, late = values.get("EXEC_TICK_PERIOD"), values.get("EXEC_OVERRUNS")
     if not (isinstance(period_s, float) and isinstance(late, float)):
         return ()
-    cause = ", the probable cause of the faults" if faults and faults.active else ""
+    causable = faults and any(each.code not in _NOT_BY_LATE_TICKS for each in faults.active)
+    cause = ", the probable cause of the faults" if causable else ""
     if period_s < LATE_TICK_S and not (cause and late >= MIN_LATE_TICKS):
         return ()
     text = f"the computer aboard is too slow or busy{cause}: {late:.0f} late ticks since the start"
