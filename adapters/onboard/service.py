@@ -4,7 +4,7 @@ import gc
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -291,14 +291,12 @@ def executive_on(
                 housekeeping.publish = relay.publish_housekeeping
             relay.serve(executive.submit, lambda: executive.mode)
             relay_topics.serve(relay, served)
-        try:
+        with ExitStack() as ends:  # each also if one before it raises
+            ends.callback(clients.close)
+            ends.callback(_stop_until_acknowledged, rover)
+            ends.callback(executive.close)
+            ends.callback(served.close)
             yield executive
-        finally:
-            clients.close()
-            served.close()
-            executive.close()
-            if not _stop_until_acknowledged(rover):
-                _LOG.warning("the last stop was not acknowledged")
 
 
 @contextmanager
@@ -351,13 +349,13 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
         yield watchdog
 
 
-def _stop_until_acknowledged(rover: RosAsset) -> bool:
+def _stop_until_acknowledged(rover: RosAsset) -> None:
     """Stop the rover until it acknowledges: after this process a lost stop is not repeated."""
     for _ in range(LAST_STOPS):
         rover.stop()
         if rover.flush(LAST_STOP_S):
-            return True
-    return False
+            return
+    _LOG.warning("the last stop was not acknowledged")
 
 
 def _listen(link: MrsLink, executive: Executive, options: ExecutiveOptions) -> MalUri:

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from adapters.recording import plain_of
 from adapters.ros.context import steady_timer
 from adapters.ros.conversions import MessageError
-from adapters.ros.goal_requests import number_of_pose, pose_request
+from adapters.ros.goal_requests import compensated, number_of_pose, pose_request
 from adapters.ros.goal_servers import GoalServers
 from adapters.ros.node import ExecutiveNode
 from adapters.ros.parameters import Topic, declare_optional_text
@@ -45,6 +45,8 @@ NAV2_GOAL_TOPIC: Final = "goal_pose"
 """Topic of goals that Nav2's bt_navigator subscribes to itself."""
 REPORT_DEPTH: Final = 100
 DEPTH: Final = 10
+COMMANDS_DEPTH: Final = 1000
+"""Depth of the topic of commands: a burst of others must not replace a stop."""
 POLL_S: Final = 0.1
 RATE_HZ: Final = 10.0
 BURST: Final = 20
@@ -93,13 +95,16 @@ class RosClientLink:
         """Submit commands from now on; texts are read on the thread of the service `~/e_stop`."""
         self._executive, self._frames = executive, served.target_frames
         qos = QoSProfile(depth=DEPTH)  # type: ignore[no-untyped-call]
-        commands = Topic("~/command", String, qos)
+        deep = QoSProfile(depth=COMMANDS_DEPTH)  # type: ignore[no-untyped-call]
+        commands = Topic("~/command", String, deep)
         served.subscribe_apart(commands, self._on_command, beside_stop=True)
-        if executive.settings.ros.commands is RosCommands.OFF:
+        off = executive.settings.ros.commands is RosCommands.OFF
+        drives = not off or executive.settings.navigation is not None
+        if drives and self._node.resolve_topic_name(NAV2_GOAL_TOPIC) != self._goal_topic:
+            served.subscribe(Topic(NAV2_GOAL_TOPIC, PoseStamped, qos), self._on_nav2_goal)
+        if off:
             return
         served.subscribe(Topic(self._goal_topic, PoseStamped, qos), self._on_goal_pose)
-        if self._node.resolve_topic_name(NAV2_GOAL_TOPIC) != self._goal_topic:
-            served.subscribe(Topic(NAV2_GOAL_TOPIC, PoseStamped, qos), self._on_nav2_goal)
         self._servers = GoalServers(
             self._node, executive, self._frames, served.contained, self._admit_goal, self.refuse
         )
@@ -165,7 +170,8 @@ class RosClientLink:
         stamp = goal.header.stamp
         number = number_of_pose(goal) if stamp.sec or stamp.nanosec else fresh_number()
         try:
-            request = pose_request(goal, self._frames)
+            compensation = self._executive.status.compensation
+            request = compensated(pose_request(goal, self._frames), compensation)
         except MessageError as error:
             self.refuse(number, Reason.OUT_OF_RANGE, f"{self._goal_topic}: {error}")
             return

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped
 
 from adapters.ros.conversions import MessageError, finite, pose_of
 from executive.commands import FollowPath, Motion, MoveForward, MoveTo, RotateBy, Waypoint
-from executive.values.geometry import TargetFrame
+from executive.values.geometry import Pose, TargetFrame
 
 Frames = Mapping[str, TargetFrame]
 PASSED_M: Final = 0.7
@@ -52,7 +52,14 @@ def pose_request(goal: PoseStamped, frames: Frames) -> MoveTo:
     return MoveTo(_waypoint(goal), frame=_frame([goal], frames))
 
 
-def goal_request(action: str, goal: Any, frames: Frames) -> Motion:
+def compensated(request: Motion, compensation: Pose) -> Motion:
+    """Return a motion with its targets in the frame of the pose, given in the odometry of ROS."""
+    if compensation == Pose() or not isinstance(request, MoveTo | FollowPath):
+        return request
+    return request.moved(compensation) if request.frame is TargetFrame.ODOM else request
+
+
+def goal_request(action: str, goal: Any, frames: Frames, max_poses: int) -> Motion:
     """Return the motion of an action's goal.
 
     Raises:
@@ -75,6 +82,8 @@ def goal_request(action: str, goal: Any, frames: Frames) -> Motion:
             poses = poses[getattr(goal, "goal_index", 0) :]
             if not poses:
                 raise MessageError("poses: there is none, or none from goal_index on")
+            if len(poses) > max_poses:  # each takes time
+                raise MessageError(f"{len(poses)} poses: at most {max_poses}, drive.path_waypoints")
             passed = len(poses) - 1 if action == "navigate_through_poses" else 0
             path = [_waypoint(each, index < passed) for index, each in enumerate(poses)]
             return FollowPath(tuple(path), frame=_frame(poses, frames))

@@ -20,10 +20,18 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
+from rclpy.task import Future, Task
+from rclpy.type_support import check_for_type_support
 
 from adapters.ros.conversions import MessageError, quaternion
-from adapters.ros.goal_requests import ACTIONS, Frames, goal_request, number_of_uuid
+from adapters.ros.goal_requests import (
+    ACTIONS,
+    Frames,
+    compensated,
+    goal_request,
+    number_of_uuid,
+)
+from adapters.ros.navigation_messages import MISSING, missing_package
 from executive.commands import (
     ROS_LINK,
     ROS_SOURCE,
@@ -59,13 +67,19 @@ class GoalServer(ActionServer):
         uuid = bytes(taken_data["goal"][1].goal_id.uuid) if "goal" in taken_data else b""
         self.requested = uuid or self.requested
         await super().execute(taken_data)  # type: ignore[no-untyped-call]
-        if uuid in self._goal_handles:  # not told by rclpy if its client is gone before the answer
+        if uuid in self._goal_handles:  # rclpy does not, if its client closed before the answer
             self._handle_accepted_callback(self._goal_handles[uuid])
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Run a callback that ends the goal; without one, the goal is EXECUTING until then."""
         if execute_callback is not None:
-            super().notify_execute(goal_handle, execute_callback)  # type: ignore[no-untyped-call]
+            Task(self._execute_goal, (execute_callback, goal_handle))()  # type: ignore[no-untyped-call]
+
+    def add_future(self, future: Any) -> None:
+        """Send a result when it is set, without the executor: at the end nothing spins it."""
+
+    def remove_future(self, future: Any) -> None:
+        """See `add_future`."""
 
 
 @dataclass(slots=True, eq=False)
@@ -81,6 +95,8 @@ class Goal:
     steps: int = 0
     started_s: float | None = None
     start: Pose = field(default_factory=Pose)
+    heading_rad: float = 0.0
+    turned_rad: float = 0.0
     ended_s: float | None = None
     cancel_requested: bool = False
 
@@ -151,7 +167,8 @@ class GoalServers:
                 continue
             duration_s = time.monotonic() - goal.started_s
             if 0.0 < goal.allowance_s < duration_s and not goal.cancel_requested:
-                self._cancel(goal, f"its time_allowance of {goal.allowance_s:g} s is over")
+                over = f"its time_allowance of {goal.allowance_s:g} s is over"
+                self._cancel(goal, over, Reason.DRIVE_DEADLINE)
             goal.handle.publish_feedback(self._feedback(goal, duration_s))
 
     async def _on_goal(self, action: str, server: Any, message: Any) -> GoalResponse:
@@ -161,7 +178,9 @@ class GoalServers:
         if identity in self._goals or not self._admit():  # the same request again, or a flood
             return GoalResponse.REJECT
         try:
-            request = goal_request(action, message, self._frames)
+            max_poses = self._executive.settings.drive.path_waypoints
+            request = goal_request(action, message, self._frames, max_poses)
+            request = compensated(request, self._executive.status.compensation)
             goal = self._goals[identity] = Goal(server, identity, request, message)
             if await self._is_accepted(goal):
                 return GoalResponse.ACCEPT
@@ -195,12 +214,12 @@ class GoalServers:
         goal = self._goal_of(handle)
         if goal is None:
             return CancelResponse.REJECT
-        goal.cancel_requested = True
-        self._contained(self._cancel)(goal, "cancelled by its client")
+        self._contained(self._cancel)(goal, "cancelled by its client", Reason.CANCELLED_BY_CLIENT)
         return CancelResponse.ACCEPT
 
-    def _cancel(self, goal: Goal, text: str) -> None:
-        request = CancelRequest(goal.identity, text)
+    def _cancel(self, goal: Goal, text: str, reason: Reason) -> None:
+        goal.cancel_requested = True
+        request = CancelRequest(goal.identity, text, reason)
         self._executive.query(partial(self._executive.cancel, request))
 
     def _continue(self, goal: Goal) -> None:
@@ -210,6 +229,7 @@ class GoalServers:
         stage, now_s = goal.last.stage, time.monotonic()
         if goal.started_s is None and stage not in {Stage.RECEIVED, Stage.ACCEPTED}:
             goal.started_s, goal.start = now_s, self._executive.status.pose
+            goal.heading_rad = goal.start.heading_rad
             goal.handle.execute()
         if not stage.terminal:
             return
@@ -246,12 +266,16 @@ class GoalServers:
         return result
 
     def _feedback(self, goal: Goal, duration_s: float) -> Any:
-        pose, stamped = self._executive.status.pose, PoseStamped()
+        status, stamped = self._executive.status, PoseStamped()
+        pose = status.pose
         stamped.header.frame_id = self._odom
         stamped.header.stamp = self._node.get_clock().now().to_msg()
         position = stamped.pose.position
-        position.x, position.y, position.z = pose.x_m, pose.y_m, pose.z_m
-        stamped.pose.orientation = quaternion(pose)
+        goal.turned_rad += wrap_rad(pose.heading_rad - goal.heading_rad)
+        goal.heading_rad = pose.heading_rad
+        odometry = status.compensation.inverse.compose(pose)
+        position.x, position.y, position.z = odometry.x_m, odometry.y_m, odometry.z_m
+        stamped.pose.orientation = quaternion(odometry)
         left = self._waypoints(goal)[goal.steps :]
         points = [pose.point, *(each.point for each in left)]
         feedback = goal.server.action_type.Feedback()
@@ -261,8 +285,8 @@ class GoalServers:
             navigation_time=_duration(duration_s),
             distance_remaining=fsum(a.distance_m(b) for a, b in pairwise(points)),  # never an int
             number_of_poses_remaining=len(left),
-            current_waypoint=goal.steps,
-            angular_distance_traveled=abs(wrap_rad(pose.heading_rad - goal.start.heading_rad)),
+            current_waypoint=getattr(goal.message, "goal_index", 0) + goal.steps,
+            angular_distance_traveled=abs(goal.turned_rad),
             distance_traveled=pose.point.distance_m(goal.start.point),
         )
         return feedback
@@ -279,10 +303,15 @@ def _installed_actions() -> dict[str, Any]:
     """Return the types of the actions by name; none if nav2_msgs is not installed."""
     try:
         types = import_module("nav2_msgs.action")
-    except ImportError as error:
-        _LOG.info("no actions for ROS clients: %s (Nav2 installs ros-jazzy-nav2-msgs)", error)
+        found = {
+            name: getattr(types, kind) for name, kind in ACTIONS.items() if hasattr(types, kind)
+        }
+        for each in found.values():
+            check_for_type_support(each)  # type: ignore[no-untyped-call]
+    except MISSING as error:
+        _LOG.info("no actions for ROS clients: %s", missing_package("nav2_msgs", error))
         return {}
-    return {name: getattr(types, kind) for name, kind in ACTIONS.items() if hasattr(types, kind)}
+    return found
 
 
 def _set(message: Any, **fields: Any) -> None:

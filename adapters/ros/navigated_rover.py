@@ -23,7 +23,7 @@ from adapters.ros.rover import LOCK_QOS, RosRover, Subscribe
 from adapters.ros.subscription import TopicSubscription
 from executive.settings import Settings
 from executive.values.clock import Clock
-from executive.values.facts import Fact, NavigationVelocity
+from executive.values.facts import Fact, NavigationVelocity, RejectedData, Source
 from executive.values.geometry import Pose, Velocity
 from executive.values.ports import NavigationGoal, PathRequest
 
@@ -71,7 +71,8 @@ class NavigatedRosRover(RosRover):
                     " the navigation publish on another one, or use gate lock"
                 )
         self._navigation = NavigationClient(node, self._clock, observe, self._relative)
-        self._velocities = NavigationVelocityTopic(node, name, self._clock, observe)
+        by_mux = self._topic.type if self._gate is not None else None
+        self._velocities = NavigationVelocityTopic(node, name, self._clock, observe, by_mux)
 
     def poll(self, map_to_odom: Pose | None) -> None:
         """Observe velocities and answers; see `PolledRover`."""
@@ -113,14 +114,23 @@ class NavigatedRosRover(RosRover):
 
 
 class NavigationVelocityTopic:
-    """The navigation's velocity as facts, in the published type: Twist or TwistStamped."""
+    """The navigation's velocity as facts, in the published type: Twist or TwistStamped.
+
+    `by_mux` is the type that the mux receives; another one is reported.
+    """
 
     def __init__(
-        self, node: Node, name: str, clock: Clock, observe: Callable[[Fact], None]
+        self,
+        node: Node,
+        name: str,
+        clock: Clock,
+        observe: Callable[[Fact], None],
+        by_mux: type | None = None,
     ) -> None:
+        self._by_mux = by_mux
         self._node, self._name, self._clock, self._observe = node, name, clock, observe
         self._checked_s = -inf
-        self._subscribe(Twist)
+        self._subscribe(by_mux or Twist)
 
     def _subscribe(self, kind: type) -> None:
         qos = QoSProfile(depth=10)  # type: ignore[no-untyped-call]
@@ -139,6 +149,9 @@ class NavigationVelocityTopic:
         published = {each.topic_type for each in self._node.get_publishers_info_by_topic(name)}
         other = TwistStamped if self._kind is Twist else Twist
         if type_name(other) in published and type_name(self._kind) not in published:
+            if self._by_mux is self._kind:
+                types = f"{type_name(other)}, and the mux receives {type_name(self._kind)}"
+                self._observe(RejectedData(Source.VELOCITY, f"{name} is published as {types}"))
             self._topic.close()
             self._subscribe(other)
         self._topic.follow()

@@ -51,6 +51,14 @@ RELATIVE: Final[dict[RelativeActions, dict[str, tuple[str, str]]]] = {
         DRIVE: ("drive_distance", "irobot_create_msgs/action/DriveDistance"),
     },
 }
+FIELDS: Final = {
+    TO_POSE: ("pose",),
+    THROUGH_POSES: ("poses",),
+    PATH: ("start",),
+    TURN: ("target_yaw", "angle"),
+    DRIVE: ("target", "distance"),
+}
+"""Fields of the goal of each action, by the interfaces."""
 RESULT_RETRY_S: Final = 1.0
 PATH_ANSWER_S: Final = 2.0
 MAX_ABANDONED: Final = 200
@@ -122,7 +130,8 @@ class NavigationClient:
         """Return an action, or why there is none."""
         given = declare_optional_text(node, f"navigation.{key}.action", f"action {key}")
         type_key = f"navigation.{key}.type"
-        kind = action_type(type_key, declare_optional_text(node, type_key, "its type") or kind_name)
+        kind_name = declare_optional_text(node, type_key, "its type") or kind_name
+        kind = action_type(type_key, kind_name, FIELDS[key])
         if isinstance(kind, str):
             return kind
         return PolledAction(node, kind, given or name, self._on_status, self._on_feedback)

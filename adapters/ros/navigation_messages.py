@@ -3,14 +3,20 @@
 Interfaces differ between the distributions of ROS, and between Nav2 and Create 3.
 """
 
+import os
 import re
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
-from itertools import pairwise
 from math import ceil, copysign, isfinite
 from typing import Any, Final
 
 from geometry_msgs.msg import PoseStamped
+from rclpy.exceptions import NoTypeSupportImportedException
+from rclpy.type_support import check_for_type_support
+from rosidl_generator_py.import_type_support_impl import (  # type: ignore[import-untyped]
+    UnsupportedTypeSupport,
+)
 
 from adapters.ros.parameters import ParameterError
 from executive.values.facts import NavigationFeedback
@@ -41,15 +47,29 @@ _CODES: Final = """
 9100 NavigateThroughPoses UNKNOWN FAILED_TO_LOAD_BEHAVIOR_TREE TF_ERROR TIMEOUT
 """
 """First code, action and names of consecutive codes: constants of nav2_msgs, jazzy to lyrical."""
-MIN_POINT_DISTANCE_M, MAX_POINTS = 0.1, 500
+MAX_POINTS: Final = 500
 """Of a planned path, which is recorded."""
+MISSING: Final = (ImportError, NoTypeSupportImportedException, UnsupportedTypeSupport)
+"""Raised if a package of messages is not installed, or built for another Python."""
 
 
-def action_type(parameter: str, name: str) -> Any:
+def missing_package(package: str, error: Exception) -> str:
+    """Return that a package cannot be used, why, and how to install it."""
+    apt = f"ros-{os.environ.get('ROS_DISTRO', 'jazzy')}-{package.replace('_', '-')}"
+    return f"this ROS has no package {package} for this Python ({error}): apt install {apt}"
+
+
+def action_type(parameter: str, name: str, fields: Iterable[str]) -> Any:
     """Return the class of an action; a text if its package is not installed.
 
+    Args:
+        parameter: names the type.
+        name: name of the type.
+        fields: its goal has one of these.
+
     Raises:
-        ParameterError: it is not of the form package/action/Name, or not in the package.
+        ParameterError: it is not of the form package/action/Name, not in the package, or its goal
+            has other fields.
     """
     if re.fullmatch(r"\w+/action/\w+", name) is None:
         raise ParameterError(
@@ -58,13 +78,15 @@ def action_type(parameter: str, name: str) -> Any:
     package, _, kind = name.split("/")
     try:
         import_module(package)
-    except ImportError as error:
-        apt = f"ros-jazzy-{package.replace('_', '-')}"
-        missing = f"this ROS has no package {package} ({error})"
-        return f"{missing}: apt install {apt}, or that of your distribution"
-    with suppress(ModuleNotFoundError):
-        if found := getattr(import_module(f"{package}.action"), kind, None):
-            return found
+        with suppress(ModuleNotFoundError):
+            if found := getattr(import_module(f"{package}.action"), kind, None):
+                check_for_type_support(found)  # type: ignore[no-untyped-call]
+                if any(hasattr(found.Goal, each) for each in fields):
+                    return found
+                wanted = " or ".join(fields)
+                raise ParameterError(f"parameter {parameter} is {name!r}: no goal with {wanted}")
+    except MISSING as error:
+        return missing_package(package, error)
     raise ParameterError(f"parameter {parameter} is {name!r}: {package} has no such action")
 
 
@@ -129,24 +151,18 @@ def feedback_fact(goal: NavigationGoal, feedback: Any) -> NavigationFeedback:
 
 
 def planned_points(path: Any, to_frame: Pose) -> tuple[Point, ...]:
-    """Return the ends of a nav_msgs/Path, and points between at a distance from each other.
+    """Return the ends of a nav_msgs/Path, and points between by a stride.
 
     Args:
-        path: its poses; no point is returned unless all are finite.
+        path: its poses; no point is returned unless they are finite.
         to_frame: pose of its frame in that of the points.
     """
-    positions = [each.pose.position for each in path.poses]
+    poses = (*path.poses[: -1 : ceil(len(path.poses) / (MAX_POINTS - 1))], path.poses[-1])
+    positions = [each.pose.position for each in poses]
     if not all(isfinite(at.x + at.y) for at in positions):
         return ()
     moved = (to_frame.compose(Pose(at.x, at.y)) for at in positions)
-    points = [Point(round(each.x_m, 3), round(each.y_m, 3)) for each in moved]
-    length_m = sum(one.distance_m(other) for one, other in pairwise(points))
-    apart_m = max(MIN_POINT_DISTANCE_M, length_m / (MAX_POINTS - 2))
-    thin = [points[0]]
-    for each in points[1:-1]:
-        if each.distance_m(thin[-1]) > apart_m - 1e-3:
-            thin.append(each)
-    return (*thin, points[-1])
+    return tuple(Point(round(each.x_m, 3), round(each.y_m, 3)) for each in moved)
 
 
 def error_name(code: int) -> str:

@@ -34,6 +34,7 @@ class CancelRequest:
 
     identity: Identity
     text: str
+    reason: Reason = Reason.CANCELLED_BY_CLIENT
 
 
 class RosClients:
@@ -78,7 +79,7 @@ class RosClients:
         """Cancel one command of a ROS client; without effect once it has ended."""
         for goal in self._goals:
             if goal.command.identity == request.identity:
-                refusal = Refusal(Reason.CANCELLED_BY_CLIENT, request.text)
+                refusal = Refusal(request.reason, request.text)
                 self._context.goals.cancel(goal.lifecycle, refusal)
 
     def tick(self) -> None:

@@ -12,13 +12,14 @@ from adapters.ros.client_link import BURST, RATE_HZ, Admission, _is_stop
 from adapters.ros.conversions import MessageError
 from adapters.ros.goal_requests import (
     PASSED_M,
+    compensated,
     goal_request,
     number_of_pose,
     number_of_uuid,
     pose_request,
 )
 from executive.commands import FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
-from executive.values.geometry import TargetFrame
+from executive.values.geometry import Pose, TargetFrame
 from executive.values.reports import Identity
 from tests.support.ros_client import pose_of
 
@@ -28,7 +29,7 @@ FRAMES = {"odom": TargetFrame.ODOM, "world": TargetFrame.MAP}
 
 
 def request_of(action: str, **fields: Any) -> Any:
-    return goal_request(action, SimpleNamespace(**fields), FRAMES)
+    return goal_request(action, SimpleNamespace(**fields), FRAMES, 20)
 
 
 def test_each_action_becomes_a_motion() -> None:
@@ -49,6 +50,15 @@ def test_each_action_becomes_a_motion() -> None:
     for x_m in (0.3, -0.3):
         assert request_of("backup", target=Point(x=x_m), speed=0.1) == MoveForward(-0.3)
     assert request_of("drive_on_heading", target=Point(x=-0.3), speed=-0.1) == MoveForward(-0.3)
+
+
+def test_a_goal_in_odometry_is_where_ros_has_it() -> None:
+    goal, origin = MoveTo(Waypoint(1.0, 0.0, 0.5), frame=TargetFrame.ODOM), Pose(0.0, 2.0)
+    moved = compensated(goal, origin)
+    assert moved == MoveTo(Waypoint(1.0, 2.0, 0.5), frame=TargetFrame.ODOM)
+    for same in (RotateBy(0.5), MoveTo(Waypoint(1.0, 0.0), frame=TargetFrame.MAP)):
+        assert compensated(same, origin) is same
+    assert compensated(goal, Pose()) is goal
 
 
 def tilted() -> PoseStamped:
@@ -72,6 +82,7 @@ def high() -> PoseStamped:
         ("navigate_to_pose", {"pose": pose_of(0.0, 0.0, frame="map")}, "knows odom or world"),
         ("navigate_to_pose", {"pose": pose_of(0, 0), "behavior_tree": "a.xml"}, "behavior_tree"),
         ("navigate_through_poses", {"poses": []}, "there is none"),
+        ("follow_waypoints", {"poses": [None] * 21}, "21 poses: at most 20"),
         (
             "navigate_through_poses",
             {"poses": [pose_of(0.0, 0.0), pose_of(0.0, 0.0, frame="world")]},

@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 from unique_identifier_msgs.msg import UUID
 
 from adapters.ros import ros_node
-from adapters.ros.goal_servers import GoalServer, GoalServers
+from adapters.ros.goal_servers import Goal, GoalServers
 from executive.settings import RosCommands, RosSettings, load_settings
 from executive.values.facts import MapToOdom
 from executive.values.geometry import Pose, TargetFrame
@@ -33,7 +33,7 @@ class Served(Bench):
         super().__init__(folder, settings)
         self.refused: list[tuple[int, Reason, str]] = []
         self.raised: list[Exception] = []
-        self.told = 0
+        self.sent = 0
         self.servers = GoalServers(
             *(node, self.executive, FRAMES, self.contained, lambda: True),
             lambda *refusal: self.refused.append(refusal),
@@ -63,15 +63,15 @@ class Served(Bench):
                 coroutine.send(None)
             except StopIteration:
                 return
-            self.tell()
+            self.report()
         raise AssertionError("it never ends")
 
-    def tell(self, seconds: float = 0.05) -> None:
+    def report(self, seconds: float = 0.05) -> None:
         self.run(seconds)
         reports = self.received.reports
-        for each in reports[self.told :]:
+        for each in reports[self.sent :]:
             self.servers.on_report(each)
-        self.told = len(reports)
+        self.sent = len(reports)
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def test_feedback_without_a_map_can_be_published(
     monkeypatch.setattr(type(served.server._handle), "send_goal_response", answer)
     served.executive.observe(MapToOdom(Pose()))
     served.request(1.0, "map")
-    served.tell()
+    served.report()
     (goal,) = served.servers._goals.values()
     assert served.servers._feedback(goal, 1.0).distance_remaining == pytest.approx(1.0, abs=0.1)
     served.run(3.0)  # the transform is old
@@ -102,21 +102,19 @@ def answer(*_: object) -> None:
     """Answer no one: there is no client."""
 
 
-def test_a_goal_whose_client_is_gone_before_the_answer_ends(
+def test_a_goal_ends_if_its_client_closes_before_the_answer(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> None:
-        raise RCLError("the client is gone")
+        raise RCLError("the client closed")
 
     monkeypatch.setattr(type(served.server._handle), "send_goal_response", fail)
     served.request(0.2)
-    served.tell()
+    served.report()
     (goal,) = served.servers._goals.values()
     assert goal.handle is not None
     assert goal.started_s is not None
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(GoalServer, "notify_execute", lambda *_: None)
-        served.tell(10.0)
+    served.report(10.0)
     assert served.servers._goals == {}
 
 
@@ -138,3 +136,46 @@ def test_an_exception_rejects_a_goal_and_is_contained_in_a_cancel(
     monkeypatch.setattr(served.executive, "query", fail)
     served.servers._on_cancel(goal.handle)
     assert len(served.raised) == 1
+
+
+def test_the_end_of_the_process_is_a_result_and_so_is_a_time_allowance(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[Any] = []
+    server = served.server
+    monkeypatch.setattr(type(server._handle), "send_goal_response", answer)
+    monkeypatch.setattr(
+        type(server._handle), "send_result_response", lambda _, __, response: sent.append(response)
+    )
+    cancels: list[object] = []
+    query = served.executive.query
+
+    def count(question: Any) -> None:
+        cancels.append(question)
+        query(question)
+
+    monkeypatch.setattr(served.executive, "query", count)
+    monkeypatch.setattr(Goal, "allowance_s", 1e-9)
+    for uuid in (1, 2):
+        served.request(2.0, uuid=uuid)
+        goal_id = UUID(uuid=list(uuid.to_bytes(16, "big")))
+        wanted = server.action_type.Impl.GetResultService.Request(goal_id=goal_id)
+        served.complete(server._execute_get_result_request((None, wanted)))
+        served.report(1.0)
+        if uuid == 1:
+            served.servers.poll()
+            served.servers.poll()
+            served.report()
+            assert len(cancels) == 1
+            assert sent == []  # it is not stationary yet
+            served.report(2.0)
+            served.servers.poll()
+            (response,) = sent
+            assert response.result.error_code == 10_000 + Reason.DRIVE_DEADLINE.value
+            assert "time_allowance" in response.result.error_msg
+            sent.clear()
+    served.executive.close()
+    for each in served.received.reports[served.sent :]:
+        served.servers.on_report(each)
+    (response,) = sent
+    assert response.result.error_code == 10_000 + Reason.INTERRUPTED.value

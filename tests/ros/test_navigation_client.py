@@ -10,16 +10,18 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Path
 from rclpy.action.server import ActionServer
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
 from adapters.ros import ParameterError, ros_node, single_threaded
+from adapters.ros.goal_servers import _installed_actions
 from adapters.ros.navigated_rover import NavigationVelocityTopic
 from adapters.ros.navigation import NavigationClient
 from adapters.ros.navigation_messages import (
+    action_type,
     error_name,
     feedback_fact,
     goal_message,
@@ -35,6 +37,7 @@ from executive.values.facts import (
     NavigationStatus,
     NavigationVelocity,
     PlannedPath,
+    RejectedData,
 )
 from executive.values.geometry import Point, Pose, TargetFrame, Velocity
 from executive.values.ports import (
@@ -309,7 +312,7 @@ def test_a_path_is_brought_into_the_frame_of_its_request(pair: Pair) -> None:
     assert "no transform from map of the path to odom" in without.text
     assert path.points[0] == Point(-1.0, -2.0)
     assert path.points[-1] == Point(9.0, -2.0)
-    assert len(path.points) == 101
+    assert len(path.points) == 201
 
 
 def test_a_planned_path_is_bounded() -> None:
@@ -319,12 +322,14 @@ def test_a_planned_path_is_bounded() -> None:
     points = planned_points(path, Pose())
     assert len(points) <= 500
     assert (points[0].x_m, points[-1].x_m) == (0.0, 999.95)
-    path.poses[7].pose.position.y = nan
+    path.poses[-1].pose.position.y = nan
     assert planned_points(path, Pose()) == ()
 
 
 def test_the_velocity_is_received_in_the_published_type(pair: Pair) -> None:
-    received = NavigationVelocityTopic(pair.node, "nav_vel", SystemClock(), pair.facts.append)
+    received = NavigationVelocityTopic(
+        pair.node, "nav_vel", SystemClock(), pair.facts.append, Twist
+    )
     publisher = pair.servers.create_publisher(TwistStamped, "nav_vel", 1)
     twist = TwistStamped()
     twist.twist.linear.x = 0.5
@@ -336,6 +341,8 @@ def test_the_velocity_is_received_in_the_published_type(pair: Pair) -> None:
 
     pair.until(velocity_received, "a velocity")
     assert pair.of(NavigationVelocity)[0] == NavigationVelocity(Velocity(0.5, 0.0))
+    (wrong,) = pair.of(RejectedData)
+    assert wrong.reason.endswith("TwistStamped, and the mux receives geometry_msgs/msg/Twist")
 
 
 def test_a_package_that_is_missing_is_named(
@@ -354,7 +361,21 @@ def test_a_package_that_is_missing_is_named(
         assert "apt install ros-jazzy-nav2-msgs" in status.text
 
 
-@pytest.mark.parametrize("name", ["nav2_msgs/NavigateToPose", "std_msgs/action/Nothing"])
+@pytest.mark.usefixtures("nav2_msgs")
+def test_a_package_for_another_python_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = type(import_module("nav2_msgs.action").NavigateToPose)
+    monkeypatch.setattr(kind, "_TYPE_SUPPORT", None)
+    monkeypatch.setattr(kind, "__import_type_support__", lambda: None)
+    text = action_type("type", "nav2_msgs/action/NavigateToPose", ("pose",))
+    assert "no package nav2_msgs for this Python" in text
+    assert "navigate_to_pose" not in _installed_actions()
+
+
+@pytest.mark.usefixtures("nav2_msgs")
+@pytest.mark.parametrize(
+    "name",
+    ["nav2_msgs/NavigateToPose", "std_msgs/action/Nothing", "nav2_msgs/action/ComputePathToPose"],
+)
 def test_a_type_that_is_none_is_refused(ros_domain: int, name: str) -> None:
     assert ros_domain > 0
     given = ("-p", f"navigation.to_pose.type:={name}")
