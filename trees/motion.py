@@ -31,6 +31,7 @@ from executive.motion import (
     FUSED_TOLERANCE_M,
     TURN_TOLERANCE_M,
     WAIT_S,
+    Leg,
     Locomotion,
     MotionVerification,
     Step,
@@ -51,7 +52,7 @@ from executive.values.ports import PLANNER_WAIT_S
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.motion_leaf import MAX_ATTEMPTS, MAX_DETOURS, MotionLeaf
-from trees.planner_path import PathPlanning
+from trees.planner_path import LegPath, PathPlanning
 
 EXTERNAL_START_WINDOW_S = 0.5
 """Time for a rover to report that it already executes the command from another link."""
@@ -96,7 +97,7 @@ class PlanLeg(MotionLeaf):
         """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
-        self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Scene] | None = None
+        self._search: tuple[Step, tuple[Waypoint, ...], Pose, Scene] | None = None
         self._planning: PathPlanning | None = None
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
@@ -105,88 +106,110 @@ class PlanLeg(MotionLeaf):
 
     def act(self) -> Status:
         """Hold, unless this command already moves the rover; then plan."""
-        now_s = self.context.clock.now_s()
-        if self._executed_by_relay:
-            self.set_deadline(self._deadline_for(0.0))
-            self.feedback_message = "executed over the relay link"
-            return Status.RUNNING
-        if self._odometry_late or not self.context.status.standing:
-            if now_s - self._begun_s >= EXTERNAL_START_WINDOW_S:
-                self.context.intents.motion = STANDING
-            return Status.RUNNING
-        verification = self.goal.verification
-        if verification is not None and not verification.ready(now_s - self._begun_s):
-            self.feedback_message = "waiting for a second-odometry frame"
-            return Status.RUNNING
-        if self._hold_for_map():
-            return Status.RUNNING
         goal, status, settings = self.goal, self.context.status, self.context.settings
+        if self._waits():
+            return Status.RUNNING
         if goal.progress.finishing and (left := finish_relative(goal.leg, settings, status)):
             goal.leg = left
             return Status.SUCCESS
-        if self._scene is None:  # a search continues from its first scene
-            goal.localize(status, settings)
-            self._count_passed_waypoints()
-            self._limit_finish()
-            step, through = _next_step(goal, self.context.locomotion)
-            self._scene = step, through, status.pose, self.context.scene
-            if isinstance(step, Waypoint) and self._navigates:
-                self._planning = PathPlanning(
-                    self.context, goal, (*through, step), self._path_numbers
-                )
-        step, through, pose, scene = self._scene
-        self.context.detours.undecided = False
+        step, through, pose, scene = self._search = self._search or self._start_search()
         planned = None if self._planning is None else self._planning.path()
         if self._planning is not None and planned is None:
             self.set_deadline(self._deadline_for(PLANNER_WAIT_S))  # each part has its own
-            self.feedback_message = "waiting for the planner's path"
-            self.context.intents.motion = STANDING
-            return Status.RUNNING
-        detour: tuple[Waypoint, ...] | Refusal
+            return self._hold("waiting for the planner's path")
+        self.context.detours.undecided = False
+        detour: tuple[Waypoint, ...] | Refusal | None
         if planned is None:
             path = goal.request, goal.progress.left_path, step, through
             detour = leg_detour(*path, pose, settings, scene)
         else:
-            detour = planned.check(self.context) or ()
-        refusal = self._check_begin(pose, scene, 0.0 if planned is None else planned.longer_m)
+            detour = planned.check(self.context)
+        longer_m = 0.0 if planned is None else planned.longer_m
+        refusal = self._check_begin(pose, scene, longer_m)
         if self.context.detours.undecided:
-            self.feedback_message = "searching for a detour"
-            self.context.intents.motion = STANDING
-            return Status.RUNNING
+            return self._hold("searching for a detour")
         if isinstance(detour, Refusal):
             return self.fail(detour)
         if refusal is not None:
             return self.fail(refusal)
-        progress, supported = goal.progress, self.context.locomotion.supports_curve
+        if planned is None:
+            leg = self._own_leg(step, through, detour or ())
+        else:
+            leg = self._navigated_leg(step, through, planned)
+        if isinstance(leg, Refusal):
+            return self.fail(leg)
+        curves = turning_curves(step, status.pose, settings, status.obstacles.known)
+        goal.leg = act_relatively(replace(leg, curves=curves), step, settings, status)
+        goal.start_pose = status.pose
+        if goal.progress.untried:
+            goal.origin = status.pose
+            goal.navigation_report, goal.navigation_figures = "", ()
+        return Status.SUCCESS
+
+    def _waits(self) -> bool:
+        """Return whether the plan must wait: for standstill, a second odometry or the map."""
+        now_s, status = self.context.clock.now_s(), self.context.status
+        if self._executed_by_relay:
+            self.set_deadline(self._deadline_for(0.0))
+            self.feedback_message = "executed over the relay link"
+            return True
+        if self._odometry_late or not status.standing:
+            if now_s - self._begun_s >= EXTERNAL_START_WINDOW_S:
+                self.context.intents.motion = STANDING
+            return True
+        verification = self.goal.verification
+        if verification is not None and not verification.ready(now_s - self._begun_s):
+            self.feedback_message = "waiting for a second-odometry frame"
+            return True
+        return self._hold_for_map()
+
+    def _start_search(self) -> tuple[Step, tuple[Waypoint, ...], Pose, Scene]:
+        """Return step, waypoints to pass, pose and scene; a search continues with them."""
+        goal, status = self.goal, self.context.status
+        goal.localize(status, self.context.settings)
+        self._count_passed_waypoints()
+        self._limit_finish()
+        step, through = _next_step(goal, self.context.locomotion)
+        if isinstance(step, Waypoint) and self._navigates:
+            targets = *through, step
+            self._planning = PathPlanning(self.context, goal, targets, self._path_numbers)
+        return step, through, status.pose, self.context.scene
+
+    def _hold(self, why: str) -> Status:
+        self.feedback_message = why
+        self.context.intents.motion = STANDING
+        return Status.RUNNING
+
+    def _own_leg(
+        self, step: Step, through: tuple[Waypoint, ...], detour: tuple[Waypoint, ...]
+    ) -> Leg | Refusal:
+        """Return a leg that the rover drives itself, or the first one of a detour."""
+        goal, progress, status = self.goal, self.goal.progress, self.context.status
+        settings, supported = self.context.settings, self.context.locomotion.supports_curve
         one_curve = isinstance(step, Waypoint) and supported(goal.command, step)
-        in_one = planned is None and one_curve and not progress.turn_then_drive
-        if isinstance(step, Waypoint) and not in_one and planned is None:
+        in_one = one_curve and not progress.turn_then_drive
+        if isinstance(step, Waypoint) and not in_one:
             rest = FollowPath((*detour, step), Controller.TURN_DRIVE)
-            tight = check_turns(rest, status.pose, settings, status.obstacles)
-            if tight is not None:
-                return self.fail(tight)
+            if tight := check_turns(rest, status.pose, settings, status.obstacles):
+                return tight
         self._report_detour(detour, in_one)
         if progress.at_detour:
             leg = plan_leg(detour[0], settings, status)
         else:
             around = tuple(Point(each.x_m, each.y_m) for each in detour)
-            leg = plan_leg(step, settings, status, through, around, planned is not None)
-        if planned is not None and isinstance(step, Waypoint) and leg.target is not None:
+            leg = plan_leg(step, settings, status, through, around)
+        alone = progress.turn_then_drive or progress.at_detour
+        return replace(leg, force_turn_then_drive=alone)
+
+    def _navigated_leg(self, step: Step, through: tuple[Waypoint, ...], planned: LegPath) -> Leg:
+        """Return a leg that the navigation drives along a path."""
+        goal, status = self.goal, self.context.status
+        self._report_detour((), False)
+        leg = plan_leg(step, self.context.settings, status, through, (), True)
+        if isinstance(step, Waypoint) and leg.target is not None:
             leg = navigate_to(leg, step, status.pose, *goal.target_frame(status))
-        curves = turning_curves(step, status.pose, settings, status.obstacles.known)
-        leg = act_relatively(replace(leg, curves=curves), step, settings, status)
-        goal.leg = replace(
-            leg,
-            force_turn_then_drive=progress.turn_then_drive or progress.at_detour,
-            path=() if planned is None else planned.points,
-        )
-        if planned is not None:
-            goal.lifecycle.advance(progress.step, goal.step_count, str(planned))
-        goal.start_pose = status.pose
-        if progress.untried:
-            goal.origin = status.pose
-            goal.navigation_report, goal.navigation_figures = "", ()
-        return Status.SUCCESS
+        goal.lifecycle.advance(goal.progress.step, goal.step_count, str(planned))
+        return replace(leg, path=planned.points)
 
     def _count_passed_waypoints(self) -> None:
         """Count the waypoints that the rover passed without a motion: while braking for a pause."""
