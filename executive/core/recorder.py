@@ -63,6 +63,7 @@ from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, wi
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Rover)
+V = TypeVar("V", bound=VelocityRover)
 
 
 class Recorder:
@@ -223,18 +224,14 @@ class _RecordedRover(Generic[R]):
         self._rover.lock(held)
 
 
-class _RecordedVelocityRover(_RecordedRover[VelocityRover]):
+class _RecordedVelocityRover(_RecordedRover[V]):
     def drive(self, velocity: Velocity) -> None:
         self._tape.put(VelocityCommanded(velocity))
         self._rover.drive(velocity)
 
 
-class _RecordedNavigationRover(_RecordedRover[NavigationRover]):
+class _RecordedNavigationRover(_RecordedVelocityRover[NavigationRover]):
     _is_open: bool | None = None
-
-    def drive(self, velocity: Velocity) -> None:
-        self._tape.put(VelocityCommanded(velocity))
-        self._rover.drive(velocity)
 
     def navigate(self, goal: NavigationGoal) -> None:
         self._tape.put(NavigationCommanded(goal))

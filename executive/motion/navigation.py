@@ -494,7 +494,8 @@ class NavigationDriver:
             if self._track.goal is not None:
                 self.stop()
                 wanted = wanted or STANDING
-            self._set_gate(False)
+            else:
+                self._set_gate(False)
             self._cancel_remaining()
             self._own.commit(wanted, now_s, step_s)
             return
