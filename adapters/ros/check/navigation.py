@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.type_support import check_for_type_support
 
 from adapters.ros.check.check import asset_node
-from adapters.ros.navigation import ACTIONS, RELATIVE
+from adapters.ros.navigation import ACTIONS, FIELDS, RELATIVE
 from adapters.ros.navigation_messages import action_type
 from adapters.ros.parameters import declare_optional_text, declare_topics, type_name
 from executive.settings import Settings, asset_file, load_yaml, ros_parameter_file
@@ -52,7 +52,8 @@ def check_navigation(
             given = declare_optional_text(node, f"navigation.{key}.action", "")
             servers.append(node.resolve_topic_name(given or name))
             parameter = f"navigation.{key}.type"
-            kind = action_type(parameter, declare_optional_text(node, parameter, "") or kind_name)
+            kind_name = declare_optional_text(node, parameter, "") or kind_name
+            kind = action_type(parameter, kind_name, FIELDS[key])
             if not isinstance(kind, str):
                 # Raises if the package is of another ROS.
                 check_for_type_support(kind)  # type: ignore[no-untyped-call]
