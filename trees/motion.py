@@ -109,7 +109,8 @@ class PlanLeg(MotionLeaf):
         goal, status, settings = self.goal, self.context.status, self.context.settings
         if self._waits():
             return Status.RUNNING
-        if goal.progress.finishing and (left := finish_relative(goal.leg, settings, status)):
+        now = settings, status
+        if goal.progress.finishing and (left := finish_relative(goal.leg, goal.start_pose, *now)):
             goal.leg = left
             return Status.SUCCESS
         step, through, pose, scene = self._search = self._search or self._start_search()
@@ -227,12 +228,14 @@ class PlanLeg(MotionLeaf):
             self._advance()
 
     def _limit_finish(self) -> None:
-        """Let the navigation drive again if the rover is no longer near its target."""
-        goal, navigation = self.goal, self.context.settings.navigation
+        """Let the navigation drive again if the target is too far, or needs a turn on the spot."""
+        goal, status, settings = self.goal, self.context.status, self.context.settings
         step, _ = _next_step(goal, self.context.locomotion)
-        if navigation is not None and goal.progress.finishing and isinstance(step, Waypoint):
-            off_m = self.context.status.pose.point.distance_m(step.point)
-            goal.progress.finishing = off_m <= navigation.finish_within_m
+        if settings.navigation and goal.progress.finishing and isinstance(step, Waypoint):
+            near = status.pose.point.distance_m(step.point) <= settings.navigation.finish_within_m
+            own = FollowPath((step,), Controller.TURN_DRIVE)
+            tight = check_turns(own, status.pose, settings, status.obstacles)
+            goal.progress.finishing = near and tight is None
 
     def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:
         """Report a detour once, and again after a new obstacle.

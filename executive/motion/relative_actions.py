@@ -6,14 +6,14 @@ after the end.
 """
 
 from dataclasses import replace
-from math import cos, sin
+from math import cos, pi, sin
 from typing import Final
 
 from executive.commands import MoveForward, RotateBy
-from executive.motion.locomotion import Leg, Step
+from executive.motion.locomotion import Leg, Step, effective_tolerance_m
 from executive.settings import RelativeActions, Settings
 from executive.state import Status
-from executive.values.geometry import wrap_rad
+from executive.values.geometry import Pose, wrap_rad
 from executive.values.ports import DriveBy, NavigateTo, TurnBy
 
 MAX_TURN_RAD: Final = 2.8
@@ -37,12 +37,23 @@ def act_relatively(leg: Leg, step: Step, settings: Settings, status: Status) -> 
             return leg
 
 
-def finish_relative(leg: Leg, settings: Settings, status: Status) -> Leg | None:
-    """Return the rest of a relative leg at the end of its action; None for any other leg."""
+def finish_relative(leg: Leg, start: Pose, settings: Settings, status: Status) -> Leg | None:
+    """Return the rest of a relative leg at the end of its action; None for any other leg.
+
+    The rover drives the rest of a drive as to a waypoint, back to the heading of its start.
+    """
     if leg.navigation is None or isinstance(leg.navigation, NavigateTo):
         return None
-    backward = leg.target is not None and _left_m(leg, settings, status) < 0.0
-    return replace(leg, navigation=None, turn_rad=None, reverse=backward)
+    own = replace(leg, navigation=None, turn_rad=None)
+    if leg.target is None:
+        return own
+    left_m, control_m = _left_m(leg, settings, status), settings.turn_drive.control_point_m
+    own = replace(own, reverse=left_m < 0.0, heading_rad=start.heading_rad)
+    here, near_m = status.pose.ahead(control_m), effective_tolerance_m(leg.tolerance_m, settings)
+    if here.distance_m(leg.target) <= near_m / 2 or settings.drive.min_turning_radius_m is not None:
+        return replace(own, compensated_target=status.pose.ahead(control_m + left_m))
+    toward_rad = here.bearing_rad(leg.target) + (pi if own.reverse else 0.0)
+    return replace(own, toward_rad=wrap_rad(toward_rad))
 
 
 def remaining_action(leg: Leg, settings: Settings, status: Status) -> DriveBy | TurnBy:

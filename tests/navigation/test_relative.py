@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import MoveForward, RotateBy
+from executive.commands import MoveForward, MoveTo, RotateBy, Waypoint
 from executive.settings import NavigationGate, RelativeActions
-from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
 from tests.stress.strange_navigations import StrangeNavigation
@@ -100,3 +100,28 @@ def test_the_deadline_of_a_spin_is_that_of_a_turn(tmp_path: Path) -> None:
         bench.submit(RotateBy(1.0), 1)
         assert bench.finish(1, 200.0) is Stage.FAILED
         assert bench.last(1).reason is Reason.TURN_DEADLINE
+
+
+@pytest.mark.parametrize(("drift_radps", "distance_m"), [(0.01, 1.5), (0.03, 1.5), (-0.01, 5.0)])
+def test_a_drive_that_drifted_is_finished_as_it_began(
+    drift_radps: float, distance_m: float, tmp_path: Path
+) -> None:
+    short = (distance_m - 0.02) / 0.4
+    with driven(tmp_path, Velocity(0.4, drift_radps), short, NavigationGate.RELAY) as bench:
+        bench.submit(MoveForward(distance_m), 1)
+        assert bench.finish(1) is Stage.EXECUTED
+        truth = bench.rover.truth
+        assert truth.point.distance_m(Point(distance_m, 0.0)) <= 0.06
+        assert abs(truth.heading_rad) <= MAX_OFF_RAD
+
+
+def test_the_navigation_drives_a_car_again_where_it_cannot_finish(tmp_path: Path) -> None:
+    own = settings(NavigationGate.LOCK)
+    drive = replace(own.drive, min_turning_radius_m=0.6)
+    car = replace(own, drive=drive, turn_drive=replace(own.turn_drive, control_point_m=0.0))
+    with NavigatedBench(tmp_path, NavigationGate.LOCK, Navigation(seed=1), car) as bench:
+        bench.rover.spin_centre_m = 0.0
+        bench.submit(MoveTo(Waypoint(3.0, -2.0, 1.0)), 1)
+        bench.finish(1)
+        assert bench.last(1).reason is Reason.OFF_TARGET
+        assert len(bench.rover.goals) == 3
