@@ -224,7 +224,7 @@ def _command_of(text: str) -> tuple[int | None, str]:
         raw = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not JSON: {error}") from error
-    number, command = raw.get("id"), raw.get("command", raw.get("words"))
+    number, command = raw.get("id"), raw.get("command")
     form = '{"id": 4242, "command": "moveForward 0.2"}, id from 1 to 2^63 - 1 or left out'
     valid = type(number) is int and 0 < number < 1 << 63
     if not isinstance(command, str) or not (valid or number is None or _is_stop(command)):

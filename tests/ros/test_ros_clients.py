@@ -1,4 +1,4 @@
-"""ROS clients in another process: words, goals and actions, once each, canceled, refused."""
+"""ROS clients in another process: texts, goals and actions, once each, canceled, refused."""
 
 import signal
 import sys
@@ -38,11 +38,11 @@ def executive(folder: Path, settings: Path) -> Iterator[tuple[Running, str]]:
 @pytest.mark.usefixtures("ros_domain", "nav2_msgs")
 def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: Path) -> None:
     with ros_client() as client, executive(tmp_path, asset(tmp_path, "when_free")) as (process, _):
-        client.publish_text('{"id": 4242, "words": "moveForward 0.2"}')
+        client.publish_text('{"id": 4242, "command": "moveForward 0.2"}')
         assert client.ended(4242)["stage"] == "EXECUTED"
         for wrong, what in (
-            ('{"id": 7, "words": "moveForward"}', "Missing argument"),
-            ('{"id": 8, "words": "fly 3"}', "No such command"),
+            ('{"id": 7, "command": "moveForward"}', "Missing argument"),
+            ('{"id": 8, "command": "fly 3"}', "No such command"),
         ):
             client.publish_text(wrong)
             number = 7 if "7" in wrong else 8
@@ -90,7 +90,7 @@ def test_texts_goals_and_actions_are_executed_and_wrong_ones_answered(tmp_path: 
 @pytest.mark.usefixtures("ros_domain", "nav2_msgs")
 def test_a_cancel_ends_one_command_and_an_authority_is_not_taken(tmp_path: Path) -> None:
     settings = asset(tmp_path, "always", "authority: {needed: true}")
-    with ros_client() as client, executive(tmp_path, settings) as (_, uri):
+    with ros_client() as client, executive(tmp_path, settings) as (process, uri):
         assert call_ground(uri, lambda moe: moe.authority_of("MOE").request()).holder == "MOE"
         spin = client.goal("spin", target_yaw=0.3)
         assert not client.send("spin", spin).accepted
@@ -116,6 +116,15 @@ def test_a_cancel_ends_one_command_and_an_authority_is_not_taken(tmp_path: Path)
         assert sorted(answered_s)[1] <= 0.05
         assert client.run("spin", spin).status == SUCCEEDED  # no stop is latched
         assert call_ground(uri, lambda moe: moe.authority.status()).holder == "ROS"
+        far = client.goal("navigate_to_pose", pose=pose_of(5.0, 0.0))
+        feedback: list[object] = []
+        handle = client.send("navigate_to_pose", far, feedback=feedback.append)
+        future = handle.get_result_async()
+        client.until(lambda: len(feedback) > 2, "feedback; the result is requested before it")
+        process.end(signal.SIGTERM)
+        client.until(future.done, "the result of the last goal")
+        done = future.result()
+        assert (done.status, done.result.error_code) == (ABORTED, 10_000 + 803)
 
 
 @pytest.mark.usefixtures("ros_domain", "nav2_msgs")
