@@ -28,7 +28,14 @@ from adapters.ros.conversions import (
 )
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.emergency_stop import RobotEmergencyStop
-from adapters.ros.parameters import TF_MESSAGE, Topic, Topics, declare_flag, declare_rate
+from adapters.ros.parameters import (
+    TF_MESSAGE,
+    ParameterError,
+    Topic,
+    Topics,
+    declare_flag,
+    declare_rate,
+)
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
 from adapters.ros.rover import PolledRover, RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
@@ -118,6 +125,9 @@ class ExecutiveNode:
         present = {source: topic for source, topic in used.items() if topic is not None}
         self._data = ReceivedData(node, present, executive.observe)
         self._transforms = transforms = Transforms(node, self._observe, self.contained)
+        if executive.settings.frame not in self.target_frames.values():
+            text = "parameter frames.map is missing: the asset's targets are in the map (frame)"
+            raise ParameterError(f"{text}; set frames: {{map: map}}, or frame: odom")
         if topics.odometry.type is TF_MESSAGE:
             receive = self._receiving(Source.ODOMETRY, transforms.odometry, self._on_odometry)
             taken = transforms.of_base(receive)

@@ -67,7 +67,7 @@ from executive.values.facts import (
     SecondOdometry,
 )
 from executive.values.facts import Imu as ImuFact
-from executive.values.geometry import Pose, Velocity
+from executive.values.geometry import Pose, TargetFrame, Velocity
 from executive.values.reports import Identity
 from trees.rover import RoverTree
 
@@ -566,3 +566,13 @@ def test_a_missing_parameter_is_named() -> None:
         pytest.raises(ParameterError, match=r"odometry\.topic .* not in the parameter file"),
     ):
         declare_topics(node)
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_targets_in_a_map_without_its_frame_are_refused(tmp_path: Path) -> None:
+    asset = replace(load_settings(str(JACKAL)), frame=TargetFrame.MAP)
+    with (
+        pytest.raises(ParameterError, match=r"frames\.map is missing: .* or frame: odom"),
+        started(tmp_path, 0.05, asset=asset),
+    ):
+        pass
