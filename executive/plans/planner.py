@@ -1,8 +1,9 @@
 """`Planner` executes requests on plans (submit, activate, suspend, ...), and runs active plans."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+from math import dist
 from typing import Final, assert_never
 
 from executive.commands import (
@@ -31,14 +32,15 @@ from executive.plans.execution import (
     Cancel,
     PlanExecution,
     PlanHost,
+    PlanResult,
     PlanTree,
     RunningPlan,
-    StepStatus,
-    ended_leaves,
-    step_key,
+    Surroundings,
+    ended_steps,
 )
-from executive.plans.model import PlanNode, nodes, skipped_nodes, steps
-from executive.record import Notifications, PlanStore, StepOutcome
+from executive.plans.model import PlanNode, PlanRoot, digest_of, nodes, skipped_nodes, steps
+from executive.plans.state import PlanState, StateCommand, StateError, decode, encode, shifted
+from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
 from executive.state import MotionStatistics
 from executive.values.clock import Clock
@@ -107,6 +109,13 @@ MAX_PLANS: Final = 100
 MAX_NAMED: Final = 10
 """Maximum number of skipped nodes that the report of a resume names."""
 
+MAX_RESTARTS: Final = 3
+"""Maximum number of restarts after which a plan continues by itself."""
+MAX_RESTART_DISTANCE_M: Final = 1.5
+"""Maximum distance from the stored position for a plan that continues by itself; chosen."""
+STORED_POSITION_M: Final = 0.5
+"""Distance after which the position of the rover is stored again."""
+
 UNWRITTEN_STEPS: Final = Refusal(
     Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
 )
@@ -114,17 +123,23 @@ UNWRITTEN_STEPS: Final = Refusal(
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _ActiveRun:
     """The executing plan.
 
     Attributes:
+        digest: digest of its text, arguments and nodes.
+        resumes: whether it continues by itself after a restart, near its stored position.
         statistics: its motion statistics; None after a suspension.
+        saved: its state as last stored.
     """
 
     execution: PlanExecution
     tree: PlanTree
+    digest: str
+    resumes: bool
     statistics: MotionStatistics | None
+    saved: PlanState
 
     @property
     def result_figures(self) -> tuple[Figure, ...]:
@@ -139,7 +154,8 @@ PredictPlan = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
 class Planner:
     """The plans of one executive.
 
-    A plan never continues by itself: a stop, a hazard or the end of the process suspends it.
+    A stop, a hazard or the end of the process suspends a plan. It continues by itself only if its
+    text wants that, and the process alone was the cause.
 
     Args:
         active: set to the executing plan and the suspended ones.
@@ -156,6 +172,7 @@ class Planner:
         host: PlanHost,
         cancel: Cancel,
         predict: PredictPlan,
+        surroundings: Surroundings,
     ) -> None:
         self._clock = clock
         self._predict_plan = predict
@@ -168,8 +185,9 @@ class Planner:
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
         self._run: _ActiveRun | None = None
         self._total = 0
+        self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()
-        self._ended: set[int] = set()
+        self._restarted: str | None = None
         self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
@@ -180,7 +198,7 @@ class Planner:
         """Return a plan as submitted; None if there is no such plan."""
         return self._store.definition(plan_id) if plan_id in self._plans else None
 
-    def root(self, plan_id: str) -> PlanNode | None:
+    def root(self, plan_id: str) -> PlanRoot | None:
         """Return the root node of a plan; None if it no longer fits the settings."""
         root = check_plan(self._store.definition(plan_id), self._settings)
         return None if isinstance(root, Refusal) else root
@@ -235,18 +253,53 @@ class Planner:
 
     def suspend(self, why: Refusal) -> None:
         """Suspend the executing plan, if any, until it is resumed."""
-        plan = self._executing
+        plan, self._restarted = self._executing, None
         if plan is not None:
-            self._stop_run(why)
+            if self._run is not None:
+                self._run.execution.cancel_running(why)
+                self._save(self._run, suspended=True)
+                self._end_run()
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def recover(self) -> None:
-        """Suspend the plan that a previous process left executing."""
+        """Suspend the plan that a previous process left executing.
+
+        Commands that have ended stay known; the others are given again. Timers have continued.
+        """
         plan = self._executing
-        if plan is not None:
-            self._store.forget_unfinished_steps(plan.plan_id)
-            text = "the executive was restarted"
-            self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+        if plan is None:
+            return
+        self._store.forget_unfinished_steps(plan.plan_id)
+        self._recover_state(plan.plan_id)
+        text = "the executive was restarted"
+        self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+        root = None if self._surroundings.is_held else self.root(plan.plan_id)
+        self._restarted = plan.plan_id if root is not None and root.resumes else None
+
+    def _recover_state(self, plan_id: str) -> None:
+        stored = self._store.state(plan_id)
+        if stored is None:
+            return
+        try:
+            state = decode(stored.text)
+        except StateError:
+            return  # the plan fails when it continues
+        found = (each if each.stage else self._ended(plan_id, each) for each in state.commands)
+        commands = tuple(each for each in found if each is not None)
+        ended = (*state.ended, *(each.node for each in commands))
+        state = replace(state, commands=commands, ended=ended)
+        utc_s = self._clock.utc_s()
+        if not stored.suspended:
+            state = shifted(state, min(0.0, stored.utc_s - utc_s))
+        self._store.save_state(plan_id, StoredState(stored.digest, utc_s, True, encode(state)))
+
+    def _ended(self, plan_id: str, command: StateCommand) -> StateCommand | None:
+        """Return a command with its terminal stage; None if it has not reached one."""
+        report = self._store.last_report(plan_id, command.command_id)
+        if report is None or report.stage is None or not report.stage.terminal:
+            return None
+        reason = 0 if report.reason is None else report.reason.value
+        return command._replace(stage=report.stage.value, reason=reason)
 
     def fail(self, why: Refusal) -> None:
         """Fail the executing plan."""
@@ -256,33 +309,69 @@ class Planner:
             self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
-    def tick(self, plan_id: str, submit: Callable[[Command], SubmitResult]) -> bool:
+    def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
         """Tick the tree of the executing plan once, and submit the commands that it requests.
 
         Returns:
             Whether a commit is needed before the commands may start.
 
         Raises:
-            executive.record.ledger.LedgerError: the journal cannot be read.
+            executive.record.ledger.LedgerError: the state cannot be read.
             LeafError: a leaf raised.
         """
-        plan = self._plans[plan_id]
+        plan = self._executing
+        if plan is None:
+            return self._restarted is not None and self._resume_restarted(self._restarted)
         if self._run is None and not self._store.is_durable(plan.batch):
             return False
         run = self._run or self._begin(plan)
         if run is None:
             return True
-        progress = run.tree.tick()
-        if progress is StepStatus.RUNNING:
+        result = run.tree.tick()
+        if result is PlanResult.RUNNING:
             return self._command(run, submit)
         self._end_run()
-        if progress is StepStatus.SUCCESS:
+        if result is PlanResult.SUCCESS:
             self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
         else:
-            self._end(
-                plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.result_figures
-            )
+            skipped = "skipped: its conditions did not let it run"
+            text = skipped if result is PlanResult.SKIPPED else run.execution.why or "failed"
+            self._end(plan, PlanEvent.FAIL, text, Reason.PLAN_FAILED, run.result_figures)
         return True
+
+    def _resume_restarted(self, plan_id: str) -> bool:
+        """Resume a plan that continues by itself after a restart, as soon as the pose is known."""
+        position, plan = self._surroundings.position, self._plans.get(plan_id)
+        if plan is None or plan.state is not PlanStatus.SUSPENDED or self._surroundings.is_held:
+            self._restarted = None
+            return False
+        stored = self._store.state(plan_id)
+        if position is None or not self._store.is_durable(plan.batch):
+            return False
+        self._restarted = None
+        state = PlanState() if stored is None else decode(stored.text)
+        if stored is None or state.position is None or state.restarts >= MAX_RESTARTS:
+            return False
+        if dist(position, state.position) > MAX_RESTART_DISTANCE_M:
+            return False
+        state = replace(state, restarts=state.restarts + 1)
+        self._store.save_state(plan_id, replace(stored, text=encode(state)))
+        text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
+        self._change(plan, PlanEvent.RESUME, text)
+        return True
+
+    def _save(self, run: _ActiveRun, suspended: bool = False) -> None:
+        """Store the state of the executing plan in the next commit, if it changed."""
+        state, before = run.execution.state(run.tree.state()), run.saved
+        moved_m = 0.0
+        if run.resumes and state.position is not None:
+            moved_m = dist(state.position, before.position or state.position)
+        if state == before and moved_m < STORED_POSITION_M and not suspended:
+            return
+        run.saved = state
+        left = shifted(state, -self._clock.now_s())
+        stored = StoredState(run.digest, self._clock.utc_s(), suspended, encode(left))
+        self._store.save_state(run.execution.plan.plan_id, stored)
 
     @property
     def _executing(self) -> RunningPlan | None:
@@ -329,12 +418,29 @@ class Planner:
             return None
         if not self._store.is_durable(plan.batch):
             return UNWRITTEN_STEPS
-        journal = self._store.journal(plan.plan_id)
-        found = skipped_nodes(root, step, plan.node, journal)
+        _, state = self._stored(plan.plan_id, root)
+        letters = "" if state.tree is None else state.tree.statuses
+        done = (number for number, letter in enumerate(letters) if letter in "SF")
+        found = skipped_nodes(root, step, plan.node, {*state.ended, *done})
         if isinstance(found, Refusal):
             return found
-        self._skipped, self._ended = found, ended_leaves(root, journal)
+        self._skipped = found
         return None
+
+    def _stored(self, plan_id: str, root: PlanRoot) -> tuple[StoredState, PlanState]:
+        """Return the stored state of a plan, or an initial one.
+
+        Raises:
+            StateError: it does not belong to the plan.
+        """
+        digest = digest_of(self._store.definition(plan_id), root)
+        stored = self._store.state(plan_id)
+        if stored is None:
+            ended = tuple(ended_steps(self._store.journal(plan_id)))
+            return StoredState(digest, self._clock.utc_s(), True, ""), PlanState(ended=ended)
+        if stored.digest != digest:
+            raise StateError("the stored state is of another text, of other arguments or nodes")
+        return stored, decode(stored.text)
 
     def _resume(self, plan: RunningPlan, text: str) -> str:
         """Resume a plan without the nodes that `_check_step` has just found."""
@@ -342,20 +448,26 @@ class Planner:
         more = len(self._skipped) - MAX_NAMED
         text += f", skipping {names}{f' and {more} more' if more > 0 else ''}" if names else ""
         self._change(plan, PlanEvent.RESUME, text)
+        root = self.root(plan.plan_id) if self._skipped else None
+        if root is None:
+            return text
+        stored, state = self._stored(plan.plan_id, root)
+        leaves, ended = {each.location.number for each in steps(root)}, set(state.ended)
         for node in self._skipped:
-            for each in nodes(node):
-                key = step_key(each.location, ())
-                self._store.set_outcome(plan.plan_id, key, StepOutcome.SKIPPED)
-            self._ended |= {step.location.number for step in steps(node)}
-            plan.node, plan.done = node.location.path, len(self._ended)
+            ended |= {each.location.number for each in nodes(node)}
+            plan.node, plan.done = node.location.path, len(ended & leaves)
             self._notify(plan, f"{node.location.path}: skipped")
+        forced = {each.location.number: PlanResult.SUCCESS.name for each in self._skipped}
+        forced = {**dict(state.forced), **forced}
+        state = replace(state, ended=tuple(ended), forced=tuple(forced.items()))
+        self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
         return text
 
     def _abort(self, plan: RunningPlan, text: str) -> str:
         if plan.state in FINAL_STATUSES:
             return f"it has already ended: {plan.state.name}"
         if plan.state.running:
-            self._stop_run(Refusal(Reason.PLAN_ABORTED, text))
+            self._stop_run(Refusal(Reason.PLAN_ABORTED, text), halts=True)
         return self._end(plan, PlanEvent.ABORT, text)
 
     def _begin(self, plan: RunningPlan) -> _ActiveRun | None:
@@ -363,13 +475,31 @@ class Planner:
         if isinstance(root, Refusal):
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
-        execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
-        tree, is_new = self._host.attach(root, execution), not plan.done
+        try:
+            stored, state = self._stored(plan.plan_id, root)
+            journal = self._store.journal(plan.plan_id)
+            execution = PlanExecution(
+                *(plan, root, self._clock, self._cancel),
+                *(self._surroundings, state, journal),
+            )
+            tree, is_new = self._host.attach(root, execution), state.tree is None and not journal
+            if state.tree is not None:
+                loaded = shifted(state, self._clock.now_s()).tree
+                assert loaded is not None
+                tree.load(loaded)
+        except StateError as error:
+            self._host.detach()
+            self._end(plan, PlanEvent.FAIL, f"{plan.plan_id}: {error}", Reason.PLAN_STATUS)
+            return None
+        for number, result in execution.forced.items():
+            tree.force(number, result)
         self._change(plan, PlanEvent.BEGIN, "starts" if is_new else "continues")
         statistics = None
         if is_new:
             statistics = self._predict_plan(plan.plan_id, root, lambda: self._executes(execution))
-        self._run = _ActiveRun(execution, tree, statistics)
+        self._run = _ActiveRun(
+            execution, tree, stored.digest, root.resumes, statistics, PlanState()
+        )
         return self._run
 
     def _executes(self, execution: PlanExecution) -> bool:
@@ -378,14 +508,15 @@ class Planner:
     def _command(self, run: _ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
         wanted = execution.take_requested()
-        for key, step in wanted:
+        for step, request in wanted:
             number = self._store.next_number(plan.plan_id)
             identity = Identity(source_of(plan.plan_id), number)
-            match submit(Command(identity, step.request, PLAN_LINK)):
+            match submit(Command(identity, request, PLAN_LINK)):
                 case Accepted(lifecycle):
-                    execution.on_started(key, step, lifecycle)
+                    execution.on_started(step, lifecycle)
                 case Rejected(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
-                    execution.on_rejected(key, step, identity, refusal)
+                    execution.on_rejected(step, identity, refusal)
+        self._save(run)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
             self._notify(plan, execution.why)
         return bool(wanted)
@@ -436,10 +567,12 @@ class Planner:
         self._store.forget(plan.plan_id)
         return text
 
-    def _stop_run(self, why: Refusal) -> None:
-        """End the active commands of the executing plan, for a reason."""
+    def _stop_run(self, why: Refusal, halts: bool = False) -> None:
+        """End the active commands of the executing plan, for a reason, and halt its nodes."""
         if self._run is not None:
             self._run.execution.cancel_running(why)
+            if halts:
+                self._run.tree.halt()
             self._end_run()
 
     def _end_run(self) -> None:

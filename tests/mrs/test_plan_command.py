@@ -10,16 +10,18 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 
 from adapters.cli.main import main
-from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, palette, plan_row
+from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
 from adapters.mrs.cli.terminal import table
-from executive.plans import LEAVES
+from executive.plans import LEAVES, palette
 from executive.plans.plan_xml import read_xml
 from executive.values.reports import PlanStatus, PlanUpdate
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "plans" / "look-around.xml"
+
+OWN = ["LoopPlace", "Window", "WaitUntil", "WaitFor", "Ask", "Near", "Reachable", "FaultActive"]
 
 
 def rover(*arguments: str) -> Result:
@@ -143,4 +145,9 @@ def test_every_sub_command_has_an_example(name: str) -> None:
 def test_the_nodes_for_groot2_are_all_there_are() -> None:
     assert rover("nodes").output == palette()
     (model,) = read_xml(palette().encode()).children
-    assert [action.attributes["ID"] for action in model.children] == list(LEAVES)
+    assert [node.attributes["ID"] for node in model.children] == [*OWN, *LEAVES]
+    roles = {node.attributes["ID"]: node.tag for node in model.children}
+    assert (roles["Window"], roles["Near"], roles["Ask"]) == ("Decorator", "Condition", "Action")
+    (picture,) = (node for node in model.children if node.attributes["ID"] == "takePicture")
+    ports = {port.attributes["name"]: port.tag for port in picture.children}
+    assert (ports["reason"], ports["file"]) == ("output_port", "output_port")

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, NoReturn, get_args
-from xml.sax.saxutils import quoteattr
 
 import click
 
@@ -33,16 +32,7 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
-from executive.plans import (
-    DEADLINE,
-    FORMAT,
-    LEAVES,
-    attribute_help,
-    check_plan,
-    max_commands,
-    read_plan,
-    steps,
-)
+from executive.plans import FORMAT, check_plan, max_commands, palette, read_plan, steps
 from executive.settings import SettingsError, load_settings
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
@@ -294,27 +284,3 @@ def _text(update: PlanUpdate) -> str:
 
 def _short(update: PlanUpdate, text: str) -> str:
     return text.replace(f"plan:{update.plan_id}/", "")
-
-
-def palette() -> str:
-    """Return a palette: a plan without trees, with a model of every leaf."""
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
-    lines.append("  <TreeNodesModel>")
-    for leaf in LEAVES.values():
-        lines.append(f'    <Action ID="{leaf.name}">')
-        for argument in leaf.user_arguments:
-            kind = _PORT_TYPES.get(argument.kind, "std::string")
-            optional = " (optional)" if argument.optional else ""
-            lines.append(_input_port(argument.name, kind, attribute_help(argument) + optional))
-        lines.append(_input_port(DEADLINE, "double", _DEADLINE_HELP))
-        lines.append("    </Action>")
-    lines += ["  </TreeNodesModel>", "</root>"]
-    return "\n".join(lines) + "\n"
-
-
-def _input_port(name: str, kind: str, about: str) -> str:
-    return f'      <input_port name="{name}" type="{kind}" description={quoteattr(about)}/>'
-
-
-_PORT_TYPES: Final = {float: "double", int: "int"}
-_DEADLINE_HELP: Final = "timeout in s, then it fails; needed unless below a Timeout (optional)"

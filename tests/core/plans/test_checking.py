@@ -51,8 +51,11 @@ def test_every_leaf_is_made_of_its_parameters(leaf: CommandDeclaration) -> None:
 
 FAULTS = [
     ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
-    ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
-    ("<ReactiveFallback/>", Reason.PLAN_UNKNOWN_NODE, 3, "reactive nodes are not supported"),
+    ("<ReactiveSequence/>", Reason.PLAN_STRUCTURE, 3, "ReactiveSequence needs at least 1 child"),
+    ("<ManualSelector/>", Reason.PLAN_UNKNOWN_NODE, 3, "Ask"),
+    ("<RecoveryNode/>", Reason.PLAN_UNKNOWN_NODE, 3, "use RetryUntilSuccessful around a Fallback"),
+    ("<RateController/>", Reason.PLAN_UNKNOWN_NODE, 3, "use Repeat with a Delay"),
+    ("<PipelineSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "use ReactiveSequence"),
     ("<stop/>", Reason.PLAN_UNKNOWN_NODE, 3, "a plan cannot stop the rover"),
     ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
     ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': did you mean Main?"),
@@ -72,7 +75,8 @@ FAULTS = [
     ('<moveForward distance="{d}" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "{d}"),
     ('<moveForward distance="1" deadline_s="0"/>', Reason.PLAN_BAD_ARGUMENT, 3, "deadline_s"),
     (GO.replace("/", ' speed="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "'speed'"),
-    (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "scripts"),
+    (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "column 1: nothing sets a"),
+    (GO.replace("/", ' _skipif="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "did you mean _skipIf?"),
     (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
     (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
     ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
@@ -330,7 +334,7 @@ def test_with_autoremap_outer_arguments_count_and_no_default() -> None:
     assert "{d}" in refusal(of_groot(trees)).text
 
 
-MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _later="x"'
+MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _favorite="x"'
 
 
 def test_editor_notes_are_no_script() -> None:
@@ -342,11 +346,18 @@ def test_editor_notes_are_no_script() -> None:
 SCRIPTS = ("_skipIf", "_failureIf", "_successIf", "_while", "_onSuccess", "_onFailure", "_onHalted")
 
 
-@pytest.mark.parametrize("script", [*SCRIPTS, "_post", "_skipif"])
-def test_conditions_and_scripts_are_not_run(script: str) -> None:
+@pytest.mark.parametrize("script", [*SCRIPTS, "_post"])
+def test_conditions_and_scripts_are_read_with_their_column(script: str) -> None:
     for where in ('<SubTree ID="Leg"', "<Sequence", "<moveForward"):
-        trees = (MAIN + LEG).replace(where, f'{where} {script}="x==1"')
-        assert f"attribute '{script}': conditions and scripts" in refusal(of_groot(trees)).text
+        trees = (MAIN + LEG).replace(where, f'{where} {script}="1 == x"')
+        assert f"{script}: column 6: nothing sets x" in refusal(of_groot(trees)).text
+        assert distances(of_groot(trees.replace("== x", "== 2"))) in ([0.5], [])
+
+
+@pytest.mark.parametrize("attribute", ["_skipif", "_autoremap", "_later", "_"])
+def test_an_unknown_attribute_with_an_underscore_is_refused(attribute: str) -> None:
+    trees = (MAIN + LEG).replace("<moveForward", f'<moveForward {attribute}="1"')
+    assert f"attribute '{attribute}' is neither a condition" in refusal(of_groot(trees)).text
 
 
 LATIN = '<?xml version="1.0" encoding="ISO-8859-1"?>'

@@ -1,0 +1,469 @@
+"""The node kinds of plans: a table of names, roles, ports and children.
+
+The reader's checks, the palette for Groot2, the console and the documentation derive from it. The
+kinds of command leaves derive from the catalogue, the names of telemetry from the parameters.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, unique
+from types import MappingProxyType
+from typing import Final
+
+from executive.commands import Argument, CommandDeclaration, Family, Waypoint, all_declarations
+from executive.values.parameters import Parameter
+
+DEADLINE: Final = "deadline_s"
+"""The attribute that sets a leaf's deadline; required unless the time is limited above it."""
+
+_STEERING: Final = {
+    Family.PLAN,
+    Family.PLAN_START,
+    Family.STOP,
+    Family.RESUME,
+    Family.CONFIRMATION,
+}
+"""Commands that a plan may not give; only an operator may confirm the pose, after a check."""
+
+LEAVES: Final = {
+    declaration.name: declaration
+    for declaration in all_declarations()
+    if declaration.family not in _STEERING
+}
+"""The requests that can be a step of a plan, by the names of their leaves."""
+
+
+@unique
+class Role(Enum):
+    """Role of a node in the tree, as named by BehaviorTree.CPP."""
+
+    CONTROL = "Control"
+    DECORATOR = "Decorator"
+    ACTION = "Action"
+    CONDITION = "Condition"
+    SUBTREE = "SubTree"
+
+
+@unique
+class PortType(Enum):
+    """Type of the value of a port; the value is its type in Groot2's model.
+
+    Attributes:
+        COUNT, SECONDS, MILLISECONDS, UTC, STATUS, FLAG: known when the plan is read.
+        NUMBER, TEXT, ANY: may be read from the blackboard.
+        WRITTEN_NUMBER, WRITTEN_TEXT, WRITTEN: output ports.
+        CONDITION, STATEMENTS: scripts.
+    """
+
+    COUNT = "int"
+    SECONDS = "double"
+    MILLISECONDS = "unsigned int"
+    UTC = "utc"
+    STATUS = "BT::NodeStatus"
+    FLAG = "bool"
+    NUMBER = "number"
+    TEXT = "std::string"
+    ANY = "BT::AnyTypeAllowed"
+    CONDITION = "condition"
+    STATEMENTS = "script"
+    WRITTEN_NUMBER = "written number"
+    WRITTEN_TEXT = "written text"
+    WRITTEN = "written"
+
+    @property
+    def is_output(self) -> bool:
+        """Whether the node writes the port."""
+        return self in _OUTPUTS
+
+    @property
+    def is_script(self) -> bool:
+        """Whether the value is a script."""
+        return self in {PortType.CONDITION, PortType.STATEMENTS}
+
+    @property
+    def model_type(self) -> str:
+        """Type in Groot2's model of nodes."""
+        return _MODEL_TYPES.get(self, self.value)
+
+
+_OUTPUTS: Final = {PortType.WRITTEN_NUMBER, PortType.WRITTEN_TEXT, PortType.WRITTEN}
+_MODEL_TYPES: Final = {
+    PortType.UTC: "std::string",
+    PortType.NUMBER: "double",
+    PortType.CONDITION: "std::string",
+    PortType.STATEMENTS: "std::string",
+    PortType.WRITTEN_NUMBER: "double",
+    PortType.WRITTEN_TEXT: "std::string",
+    PortType.WRITTEN: "BT::AnyTypeAllowed",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """One port of a kind of node.
+
+    Attributes:
+        default: its text if it is omitted; None if it has none.
+        optional: whether it may be omitted without a default.
+        argument: the argument of the command that it sets, if any.
+    """
+
+    name: str
+    type: PortType
+    meaning: str
+    default: str | None = None
+    optional: bool = False
+    argument: Argument | None = None
+
+    @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is None and not self.optional
+
+
+@dataclass(frozen=True, slots=True)
+class NodeKind:
+    """One kind of node.
+
+    Attributes:
+        min_children, max_children: bounds of its number of children; None for no maximum.
+        command: the command that a leaf gives, if any.
+        needs_limit: whether its deadline is required unless the time is limited above it.
+    """
+
+    name: str
+    role: Role
+    meaning: str
+    ports: tuple[Port, ...] = ()
+    min_children: int = 0
+    max_children: int | None = 0
+    command: CommandDeclaration | None = None
+    needs_limit: bool = False
+
+    def port(self, name: str) -> Port | None:
+        """Return a port by its name."""
+        return next((each for each in self.ports if each.name == name), None)
+
+
+def attribute_help(argument: Argument) -> str:
+    """Return the human-readable description of a leaf's attribute."""
+    if argument.kind is Waypoint:
+        return "x,y or x,y,heading (m, rad) joined by ;"
+    return argument.meaning
+
+
+def _control(
+    name: str, meaning: str, *ports: Port, low: int = 1, high: int | None = None
+) -> NodeKind:
+    return NodeKind(name, Role.CONTROL, meaning, ports, low, high)
+
+
+def _decorator(name: str, meaning: str, *ports: Port) -> NodeKind:
+    return NodeKind(name, Role.DECORATOR, meaning, ports, 1, 1)
+
+
+def _leaf(role: Role, name: str, meaning: str, *ports: Port) -> NodeKind:
+    limited = any(each.name == DEADLINE for each in ports)
+    return NodeKind(name, role, meaning, ports, needs_limit=limited)
+
+
+def _switch(cases: int) -> NodeKind:
+    ports = [Port("variable", PortType.ANY, "value that selects the child", optional=True)]
+    ports += [Port(f"case_{n}", PortType.ANY, f"value of child {n}") for n in range(1, cases + 1)]
+    meaning = "runs the child with the case of the variable, else the last child"
+    return _control(f"Switch{cases}", meaning, *ports, low=cases + 1, high=cases + 1)
+
+
+_COUNT, _MSEC, _SECONDS = PortType.COUNT, PortType.MILLISECONDS, PortType.SECONDS
+_NUMBER, _TEXT, _UTC = PortType.NUMBER, PortType.TEXT, PortType.UTC
+_EMPTY: Final = Port("if_empty", PortType.STATUS, "result after the last part", "SUCCESS")
+_DEADLINE: Final = Port(
+    DEADLINE,
+    _SECONDS,
+    "timeout in s, then it fails; needed unless below a Timeout or a Window",
+    optional=True,
+)
+_X: Final = Port("x", _NUMBER, "m")
+_Y: Final = Port("y", _NUMBER, "m")
+
+
+def _loop(value: Port, queue: str, *more: Port) -> tuple[Port, ...]:
+    return (Port("queue", _TEXT, queue), value, *more, _EMPTY)
+
+
+def _command(declaration: CommandDeclaration) -> NodeKind:
+    ports = [
+        Port(
+            each.name,
+            _NUMBER if each.kind is float else _TEXT,
+            attribute_help(each),
+            optional=each.optional,
+            argument=each,
+        )
+        for each in declaration.user_arguments
+    ]
+    ports += [_DEADLINE, _REASON, *_MORE_OUTPUTS.get(declaration.name, ())]
+    return NodeKind(
+        declaration.name,
+        Role.ACTION,
+        declaration.summary,
+        tuple(ports),
+        command=declaration,
+        needs_limit=True,
+    )
+
+
+_REASON: Final = Port(
+    "reason", PortType.WRITTEN_NUMBER, "number of the refusal; 0 after success", optional=True
+)
+_MORE_OUTPUTS: Final = {
+    "takePicture": (
+        Port("file", PortType.WRITTEN_TEXT, "path of the stored picture", optional=True),
+    )
+}
+
+SUBTREE: Final = "SubTree"
+ROOT_KIND: Final = NodeKind(SUBTREE, Role.SUBTREE, "runs another tree", (), 1, 1)
+
+_KINDS: Final = (
+    _control("Sequence", "runs its children in order, until one fails"),
+    _control("Fallback", "runs its children in order, until one succeeds"),
+    _control("AsyncSequence", "a Sequence that yields between children that end at once"),
+    _control("AsyncFallback", "a Fallback that yields between children that end at once"),
+    _control("SequenceWithMemory", "a Sequence that continues at the child that failed"),
+    _control("ReactiveSequence", "ticks its children from the first one in each tick"),
+    _control("ReactiveFallback", "ticks its children from the first one in each tick"),
+    _control(
+        "Parallel",
+        "runs all its children, until enough have succeeded or failed",
+        Port("success_count", _COUNT, "successes needed; -1 for all not skipped", "-1"),
+        Port("failure_count", _COUNT, "failures that fail it", "1"),
+    ),
+    _control(
+        "ParallelAll",
+        "runs all its children to their ends",
+        Port("max_failures", _COUNT, "failures that fail it", "1"),
+    ),
+    _control("IfThenElse", "tests its first child once, runs the second or third", low=2, high=3),
+    _control(
+        "WhileDoElse", "tests its first child each tick, runs the second or third", low=2, high=3
+    ),
+    *map(_switch, range(2, 7)),
+    _control(
+        "TryCatch",
+        "a Sequence; after a failure its last child cleans up, then it fails",
+        Port("catch_on_halt", PortType.FLAG, "whether to clean up when it is halted", "false"),
+        low=2,
+    ),
+    _decorator("Inverter", "exchanges success and failure"),
+    _decorator("ForceSuccess", "succeeds after its child has ended"),
+    _decorator("ForceFailure", "fails after its child has ended"),
+    _decorator(
+        "Repeat",
+        "runs its child again after a success",
+        Port("num_cycles", _COUNT, "number of cycles; -1 below a limit of time only"),
+    ),
+    _decorator(
+        "RetryUntilSuccessful",
+        "runs its child again after a failure",
+        Port("num_attempts", _COUNT, "number of attempts; -1 below a limit of time only"),
+    ),
+    _decorator("KeepRunningUntilFailure", "runs its child again; below a limit of time only"),
+    _decorator(
+        "RunOnce",
+        "runs its child once in a plan",
+        Port("then_skip", PortType.FLAG, "whether it is skipped later", "true"),
+    ),
+    _decorator(
+        "Timeout",
+        "fails if its child has not ended in time",
+        Port("msec", _MSEC, "time limit in ms"),
+    ),
+    _decorator(
+        "Delay", "runs its child after a time", Port("delay_msec", _MSEC, "time before, in ms")
+    ),
+    _decorator(
+        "Precondition",
+        "runs its child if a condition holds when it begins",
+        Port("if", PortType.CONDITION, "the condition"),
+        Port("else", PortType.STATUS, "result if it does not hold", "FAILURE"),
+    ),
+    _decorator(
+        "LoopString",
+        "runs its child for each part of a queue",
+        *_loop(Port("value", PortType.WRITTEN_TEXT, "the part"), "texts joined by ;"),
+    ),
+    _decorator(
+        "LoopDouble",
+        "runs its child for each number of a queue",
+        *_loop(Port("value", PortType.WRITTEN_NUMBER, "the number"), "numbers joined by ;"),
+    ),
+    _decorator(
+        "LoopPlace",
+        "runs its child for each position of a queue",
+        *_loop(
+            Port("x", PortType.WRITTEN_NUMBER, "m"),
+            "x,y or x,y,heading (m, rad) joined by ;",
+            Port("y", PortType.WRITTEN_NUMBER, "m"),
+            Port("heading", PortType.WRITTEN_NUMBER, "rad", optional=True),
+        ),
+    ),
+    _decorator(
+        "Window",
+        "runs its child between two times, and fails at the end",
+        Port("from", _UTC, "time before which it waits, as 2026-11-27T09:00:00Z", optional=True),
+        Port("until", _UTC, "time when its child is halted", optional=True),
+    ),
+    _leaf(
+        Role.ACTION, "Script", "runs statements", Port("code", PortType.STATEMENTS, "statements")
+    ),
+    _leaf(
+        Role.CONDITION,
+        "ScriptCondition",
+        "succeeds if a condition holds",
+        Port("code", PortType.CONDITION, "the condition"),
+    ),
+    _leaf(
+        Role.ACTION,
+        "SetBlackboard",
+        "sets a variable",
+        Port("value", PortType.ANY, "the value, or another variable"),
+        Port("output_key", PortType.WRITTEN, "the variable"),
+    ),
+    _leaf(Role.ACTION, "AlwaysSuccess", "succeeds"),
+    _leaf(Role.ACTION, "AlwaysFailure", "fails"),
+    _leaf(Role.ACTION, "Sleep", "waits", Port("msec", _MSEC, "time in ms")),
+    _leaf(
+        Role.ACTION,
+        "WaitUntil",
+        "succeeds from a time on",
+        Port("utc", _UTC, "the time, as 2026-11-27T09:00:00Z"),
+        Port("late_s", _SECONDS, "delay in s after which it fails when it begins", optional=True),
+    ),
+    _leaf(
+        Role.ACTION,
+        "WaitFor",
+        "succeeds as soon as a condition holds",
+        Port("if", PortType.CONDITION, "the condition"),
+        _DEADLINE,
+    ),
+    _leaf(
+        Role.ACTION,
+        "Ask",
+        "requests one of several options from the operators",
+        Port("question", _TEXT, "text of the question"),
+        Port("options", _TEXT, "options joined by ;"),
+        Port("default", _TEXT, "option at the deadline; without one it fails", optional=True),
+        _DEADLINE,
+        Port("answer", PortType.WRITTEN_TEXT, "the chosen option"),
+    ),
+    _leaf(
+        Role.CONDITION,
+        "Near",
+        "succeeds if the rover is near a position",
+        _X,
+        _Y,
+        Port("within", _SECONDS, "distance in m"),
+    ),
+    _leaf(Role.CONDITION, "Reachable", "succeeds if a moveTo would be accepted", _X, _Y),
+    _leaf(
+        Role.CONDITION,
+        "FaultActive",
+        "succeeds while a fault is active",
+        Port("name", _TEXT, "name of the fault"),
+    ),
+    *map(_command, LEAVES.values()),
+)
+
+DIALECT: Final[Mapping[str, NodeKind]] = MappingProxyType({each.name: each for each in _KINDS})
+"""The node kinds by name, without `SubTree`."""
+
+_QUESTION: Final = "Ask"
+
+UNSUPPORTED_NODES: Final = {
+    node: why
+    for why, nodes in {
+        "a plan cannot stop the rover: an external stop suspends the plan": "stop",
+        "a plan cannot resume the rover: mission control does, after a stop": "resume",
+        f"an editor is not connected aboard: use {_QUESTION}": "ManualSelector",
+        "queues and update counters are of one process: use WaitFor, LoopString or LoopPlace": (
+            "UnsetBlackboard WasEntryUpdated EntryUpdated SkipUnlessUpdated WaitValueUpdate"
+            " WaitValueUpdated ConsumeQueue PopFromQueue"
+        ),
+        "use LoopDouble or LoopString": "LoopInt LoopBool",
+        "a plan has no test doubles: use AlwaysSuccess, AlwaysFailure or Sleep": "TestNode",
+        "of Nav2: use RetryUntilSuccessful around a Fallback of the action and its recovery": (
+            "RecoveryNode"
+        ),
+        "of Nav2: use Repeat with a Delay, or a Sleep in a Sequence": "RateController",
+        "of Nav2: use ReactiveSequence, or Parallel": "PipelineSequence",
+        "of Nav2: use Fallback or SequenceWithMemory": "RoundRobin",
+        "an older name: use SequenceWithMemory": "SequenceStar",
+        "an older name: use ReactiveFallback": "FallbackStar",
+        "an older name: use Precondition": "BlackboardCheckInt BlackboardCheckDouble"
+        " BlackboardCheckString BlackboardCheckBool",
+    }.items()
+    for node in nodes.split()
+}
+"""Unsupported nodes of BehaviorTree.CPP and Nav2, and their replacements."""
+
+PRECONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
+"""Conditions before a node, in their order."""
+POSTCONDITIONS: Final = ("_onHalted", "_onFailure", "_onSuccess", "_post")
+"""Scripts after the end of a node."""
+CONDITIONS: Final = (*PRECONDITIONS, *POSTCONDITIONS)
+REMARKS: Final = frozenset(
+    {"_uid", "_fullpath", "_description", "_collapsed", "_favorite", "_hardcoded"}
+)
+"""Attributes of editors, which are passed over."""
+
+LINK_UP: Final = "LINK_UP"
+LINK_SILENT_S: Final = "LINK_SILENT_S"
+MODE: Final = "MODE"
+BATTERY_CHARGE: Final = "BATTERY_CHARGE"
+ENERGY_USED: Final = "ENERGY_USED"
+UTC: Final = "UTC"
+TELEMETRY: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **{each.value: f"{each.description}, {each.unit}" for each in Parameter},
+        LINK_UP: "1 while the ground is in contact, else 0",
+        LINK_SILENT_S: "Time since the last contact with the ground, s",
+        MODE: "Mode of the asset: IDLE, MOVING, PLAN …",
+        BATTERY_CHARGE: "Charge of the battery, 0 to 1",
+        ENERGY_USED: "Energy used since the plan began, J",
+        UTC: "Time, s since 1970-01-01 UTC",
+    }
+)
+"""Telemetry that scripts read as `@NAME`, with its meaning and unit."""
+
+
+def palette() -> str:
+    """Return Groot2's model of all nodes of the dialect that BehaviorTree.CPP does not have."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
+    lines.append("  <TreeNodesModel>")
+    for kind in DIALECT.values():
+        if kind.command is None and kind.name not in _OWN_NODES:
+            continue
+        lines.append(f'    <{kind.role.value} ID="{kind.name}">')
+        lines += (f"      {_model_of(port)}" for port in kind.ports)
+        lines.append(f"    </{kind.role.value}>")
+    lines += ["  </TreeNodesModel>", "</root>"]
+    return "\n".join(lines) + "\n"
+
+
+_OWN_NODES: Final = frozenset(
+    ["WaitUntil", "WaitFor", "Window", "Ask", "Near", "Reachable", "FaultActive", "LoopPlace"]
+)
+
+
+def _model_of(port: Port) -> str:
+    from xml.sax.saxutils import quoteattr  # imports urllib.request: not aboard
+
+    direction = "output_port" if port.type.is_output else "input_port"
+    kind = port.type.model_type
+    if port.argument is not None and port.argument.kind is int:
+        kind = "int"
+    about = f"{port.meaning} (optional)" if port.optional else port.meaning
+    default = "" if port.default is None else f" default={quoteattr(port.default)}"
+    text = f'<{direction} name="{port.name}" type="{kind}"{default}'
+    return f"{text} description={quoteattr(about)}/>"

@@ -1,0 +1,134 @@
+"""The state of a running plan as one small value, and as the text that is stored.
+
+All that a tick changes is here: statuses, memories and timers of the nodes, the blackboard, the
+running commands. Timers are times on the executive's clock; as text they are the times left.
+"""
+
+import json
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+from executive.plans.syntax import Value
+
+
+class StateError(Exception):
+    """A state does not belong to the plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class TreeState:
+    """State of a plan's tree.
+
+    Attributes:
+        statuses: a letter for each node: I, R, S or F.
+        memory: further attributes of the nodes, in their order.
+        timers: ends of timers on the executive's clock; None for those not running.
+        cells: the blackboard without telemetry.
+    """
+
+    statuses: str
+    memory: tuple[Any, ...]
+    timers: tuple[float | None, ...]
+    cells: tuple[Value | None, ...]
+
+
+class StateCommand(NamedTuple):
+    """A command of a node.
+
+    Attributes:
+        stage: number of its terminal stage; 0 while it is active.
+        reason: number of its refusal; 0 without one.
+    """
+
+    node: int
+    command_id: int
+    stage: int = 0
+    reason: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class PlanState:
+    """State of a plan.
+
+    Attributes:
+        tree: None before its first tick.
+        commands: commands that the nodes have not seen to end.
+        last: number of each node that gave a command, and of its last one.
+        ended: numbers of the nodes that ended at least once, or were skipped.
+        forced: numbers of nodes that give a result without being run, and the result's name.
+        answers: keys of questions with their answers that no node has taken yet.
+        questions: keys of the open questions.
+        charge_ratio: charge of the battery when the plan began; None if it was not known.
+        restarts: how often it has continued by itself after a restart.
+        position: x and y of the rover when it was stored, m; None if they were not known.
+    """
+
+    tree: TreeState | None = None
+    commands: tuple[StateCommand, ...] = ()
+    last: tuple[tuple[int, int], ...] = ()
+    ended: tuple[int, ...] = ()
+    forced: tuple[tuple[int, str], ...] = ()
+    answers: tuple[tuple[str, str], ...] = ()
+    questions: tuple[str, ...] = ()
+    charge_ratio: float | None = None
+    restarts: int = 0
+    position: tuple[float, float] | None = field(default=None, compare=False)
+
+
+def shifted(state: PlanState, by_s: float) -> PlanState:
+    """Return a state with its timers shifted by seconds."""
+    if state.tree is None:
+        return state
+    timers = tuple(None if each is None else each + by_s for each in state.tree.timers)
+    return replace(state, tree=replace(state.tree, timers=timers))
+
+
+def encode(state: PlanState) -> str:
+    """Return a state as text."""
+    tree = state.tree
+    rest = [
+        state.commands,
+        state.last,
+        state.ended,
+        state.forced,
+        state.answers,
+        state.questions,
+        state.charge_ratio,
+        state.restarts,
+        state.position,
+    ]
+    nodes = None if tree is None else [tree.statuses, tree.memory, tree.timers, tree.cells]
+    return json.dumps([nodes, *rest], separators=(",", ":"))
+
+
+def decode(text: str) -> PlanState:
+    """Return the state of a text.
+
+    Raises:
+        StateError: the text is no state.
+    """
+    try:
+        nodes, commands, last, ended, forced, answers, questions, *figures = json.loads(text)
+        charge_ratio, restarts, position = figures
+        tree = None
+        if nodes is not None:
+            statuses, memory, timers, cells = nodes
+            tree = TreeState(statuses, tuple(memory), tuple(timers), tuple(cells))
+        return PlanState(
+            tree,
+            tuple(StateCommand(*each) for each in commands),
+            _pairs(last),
+            tuple(ended),
+            _pairs(forced),
+            _pairs(answers),
+            tuple(questions),
+            charge_ratio,
+            restarts,
+            None if position is None else (position[0], position[1]),
+        )
+    except (ValueError, TypeError) as error:
+        raise StateError("the stored state cannot be read") from error
+
+
+def _pairs(found: list[list[Any]]) -> tuple[tuple[Any, Any], ...]:
+    return tuple((first, second) for first, second in found)

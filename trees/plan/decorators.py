@@ -1,0 +1,339 @@
+"""The nodes of a plan with one child: loops, limits of time, forced results, conditions."""
+
+from math import inf
+from typing import ClassVar
+
+from executive.plans import ArgumentError, UnknownValueError, part_values, parts_of
+from trees.plan.node import (
+    ANSWERS,
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Answer,
+    PlanBehaviour,
+)
+
+
+class PlanDecorator(PlanBehaviour):
+    """A node with one child, which is IDLE again after it has ended."""
+
+    @property
+    def child(self) -> PlanBehaviour:
+        """The child."""
+        return self.nodes[0]
+
+    def execute(self) -> Answer:
+        """Tick the node; see `PlanBehaviour.execute`."""
+        answer = super().execute()
+        child = self.nodes[0]
+        if child.status is SUCCESS or child.status is FAILURE:
+            child.status = IDLE
+        return answer
+
+
+class SubTree(PlanDecorator):
+    """`SubTree`, and the root of a plan: runs a tree with variables of its own."""
+
+    def run(self) -> Answer:
+        """Tick the tree."""
+        if self.status is IDLE:
+            self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.nodes[0].reset()
+        return answer
+
+
+class _MappedResult(PlanDecorator):
+    """Gives other results than its child."""
+
+    on_success: ClassVar = SUCCESS
+    on_failure: ClassVar = FAILURE
+
+    def run(self) -> Answer:
+        """Tick the child, and map its result."""
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is RUNNING or answer is SKIPPED:
+            return answer
+        self.nodes[0].reset()
+        return self.on_success if answer is SUCCESS else self.on_failure
+
+
+class Inverter(_MappedResult):
+    """`Inverter`."""
+
+    on_success = FAILURE
+    on_failure = SUCCESS
+
+
+class ForceSuccess(_MappedResult):
+    """`ForceSuccess`."""
+
+    on_failure = SUCCESS
+
+
+class ForceFailure(_MappedResult):
+    """`ForceFailure`."""
+
+    on_success = FAILURE
+
+
+class LoopDecorator(PlanDecorator):
+    """Runs its child again after one result, a number of times; yields between instant cycles.
+
+    Attributes:
+        count: number of cycles that have ended.
+    """
+
+    memory = ("count",)
+    count = 0
+    times_port: ClassVar[str]
+    again: ClassVar = SUCCESS
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*args)  # type: ignore[arg-type]
+        self.times = self.plan.number(self.times_port)
+
+    def run(self) -> Answer:
+        """Tick the child, and begin the next cycle after its end."""
+        child, times = self.nodes[0], self.times
+        self.status = RUNNING
+        loops = times == -1 or self.count < times
+        while loops:
+            self.feedback_message = f"{self.count + 1} of {times:g}"
+            begins = child.status is IDLE
+            answer = child.execute()
+            if answer is RUNNING:
+                return RUNNING
+            child.reset()
+            if answer is SKIPPED:
+                return SKIPPED
+            if answer is not self.again:
+                self.count = 0
+                return answer
+            self.count += 1
+            loops = times == -1 or self.count < times
+            if begins and loops:
+                self.context.yielded = True
+                return RUNNING
+        self.count = 0
+        return self.again
+
+    def on_halt(self) -> None:
+        """Begin with the first cycle next time."""
+        self.count = 0
+
+
+class Repeat(LoopDecorator):
+    """`Repeat`."""
+
+    times_port = "num_cycles"
+
+
+class RetryUntilSuccessful(LoopDecorator):
+    """`RetryUntilSuccessful`."""
+
+    times_port = "num_attempts"
+    again = FAILURE
+
+
+class RunUntilFailure(PlanDecorator):
+    """`KeepRunningUntilFailure`: one cycle each tick."""
+
+    def run(self) -> Answer:
+        """Tick the child."""
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.nodes[0].reset()
+        return FAILURE if answer is FAILURE else RUNNING
+
+
+class RunOnce(PlanDecorator):
+    """`RunOnce`: after its first end SKIPPED, or that result.
+
+    Attributes:
+        was: name of the first result; empty before.
+    """
+
+    memory = ("was",)
+    was = ""
+
+    def run(self) -> Answer:
+        """Tick the child, unless it has ended once."""
+        if self.was:
+            return SKIPPED if self.plan.ports["then_skip"] else ANSWERS[self.was]
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.was = answer.name
+            self.nodes[0].reset()
+        return answer
+
+
+class Timeout(PlanDecorator):
+    """`Timeout`: fails when its child takes too long, on the executive's clock.
+
+    Attributes:
+        until_s: end of the time limit; infinite if it expired while its child did not run.
+    """
+
+    timers = ("until_s",)
+    until_s: float | None = None
+
+    def run(self) -> Answer:
+        """Tick the child, unless its time has expired."""
+        now_s, duration_s = self.context.port.clock.now_s(), self.plan.number("msec") / 1000
+        if self.until_s is None:
+            if self.context.port.has_expired(self.plan, self.cycles):
+                return FAILURE
+            self.status = RUNNING
+            self.until_s = now_s + duration_s
+        elif now_s >= self.until_s:
+            if self.nodes[0].status is RUNNING:
+                self.until_s = None
+                self.nodes[0].reset()
+                self.feedback_message = "expired"
+                self.context.port.note_failure(self.plan, f"not done within {duration_s:g} s")
+                return FAILURE
+            self.until_s = inf
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.until_s = None
+            self.nodes[0].reset()
+        return answer
+
+    def on_halt(self) -> None:
+        """Drop the timer."""
+        self.until_s = None
+
+
+class Delay(PlanDecorator):
+    """`Delay`: waits, then runs its child.
+
+    Attributes:
+        until_s: end of the delay.
+    """
+
+    timers = ("until_s",)
+    until_s: float | None = None
+
+    def run(self) -> Answer:
+        """Tick the child after the delay."""
+        now_s = self.context.port.clock.now_s()
+        if self.until_s is None:
+            self.status = RUNNING
+            self.until_s = now_s + self.plan.number("delay_msec") / 1000
+        if now_s < self.until_s:
+            return RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.until_s = None
+            self.nodes[0].reset()
+        return answer
+
+    def on_halt(self) -> None:
+        """Drop the timer."""
+        self.until_s = None
+
+
+class Precondition(PlanDecorator):
+    """`Precondition`: runs its child if a condition holds when it begins.
+
+    Attributes:
+        inside: whether the condition has held, and the child has not ended.
+    """
+
+    memory = ("inside",)
+    inside = False
+
+    def run(self) -> Answer:
+        """Test the condition unless the child was begun, and tick the child."""
+        if not self.inside:
+            holds = self.holds(self.script("if"))
+            if holds is None:
+                return FAILURE
+            if not holds:
+                return ANSWERS[self.plan.text("else")]
+            self.inside = True
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.nodes[0].reset()
+            self.inside = False
+        return answer
+
+    def on_halt(self) -> None:
+        """Test the condition again next time."""
+        self.inside = False
+
+
+class QueueLoop(PlanDecorator):
+    """`LoopString`, `LoopDouble`, `LoopPlace`: runs its child for each part of a queue.
+
+    Attributes:
+        left: the parts that are left.
+        busy: whether the child runs.
+        filled: whether the parts were read since it began.
+    """
+
+    memory = ("left", "busy", "filled")
+    left: tuple[str, ...] = ()
+    busy = filled = False
+
+    def run(self) -> Answer:
+        """Take the next part unless the child runs, and tick the child."""
+        if self.status is IDLE:
+            self.busy = self.filled = False
+        if not self.busy:
+            try:
+                if not self._take_part():
+                    return ANSWERS[self.plan.text("if_empty")]
+            except UnknownValueError as unknown:
+                self.note_unknown(unknown)
+                return FAILURE
+            except ArgumentError as error:
+                self.context.port.note_failure(self.plan, str(error))
+                return FAILURE
+        if self.status is IDLE:
+            self.status = RUNNING
+        answer = self.nodes[0].execute()
+        self.busy = answer is RUNNING
+        if answer is SUCCESS or answer is FAILURE:
+            self.nodes[0].reset()
+        return FAILURE if answer is FAILURE else RUNNING
+
+    def _take_part(self) -> bool:
+        """Write the next part to its ports; return whether there is one."""
+        if not self.filled:
+            self.left, self.filled = parts_of(self.read_text("queue")), True
+        if not self.left:
+            return False
+        part, *rest = self.left
+        self.left = tuple(rest)
+        self.feedback_message = part
+        for port, value in part_values(self.plan.kind.name, part).items():
+            self.write(port, value)
+        return True
+
+
+class Window(PlanDecorator):
+    """`Window`: runs its child between two times, and fails at the end; times are absolute."""
+
+    def run(self) -> Answer:
+        """Wait for the begin, tick the child, halt it at the end."""
+        utc_s, ports = self.context.port.clock.utc_s(), self.plan.ports
+        self.status = RUNNING
+        if "until" in ports and utc_s >= self.plan.number("until"):
+            self.nodes[0].reset()
+            self.feedback_message = "closed"
+            self.context.port.note_failure(self.plan, "the window has closed")
+            return FAILURE
+        if "from" in ports and utc_s < self.plan.number("from"):
+            return RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.nodes[0].reset()
+        return answer

@@ -1,0 +1,172 @@
+"""`PlanTree`: the tree of one plan: its tick, its state as one flat value."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from executive.plans import (
+    PlanNode,
+    PlanPort,
+    PlanResult,
+    PlanRoot,
+    StateError,
+    TreeState,
+    Value,
+)
+from trees.plan import controls, decorators, leaves, mission
+from trees.plan.node import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Answer, PlanBehaviour, PlanRun
+
+MAX_REPEATED_TICKS: Final = 50
+"""Maximum number of ticks at once while a node yields: two reactive nodes could yield for ever."""
+
+NodeClass = Callable[[PlanNode, PlanRun, Sequence[PlanBehaviour]], PlanBehaviour]
+
+NODES: Final[Mapping[str, NodeClass]] = {
+    "SubTree": decorators.SubTree,
+    "Sequence": controls.SequenceBranch,
+    "Fallback": controls.FallbackBranch,
+    "AsyncSequence": controls.AsyncSequence,
+    "AsyncFallback": controls.AsyncFallback,
+    "SequenceWithMemory": controls.SequenceWithMemory,
+    "ReactiveSequence": controls.ReactiveSequence,
+    "ReactiveFallback": controls.ReactiveFallback,
+    "Parallel": controls.ParallelBranch,
+    "ParallelAll": controls.ParallelAll,
+    "IfThenElse": controls.IfThenElse,
+    "WhileDoElse": controls.WhileDoElse,
+    **{f"Switch{cases}": controls.Switch for cases in range(2, 7)},
+    "TryCatch": controls.TryCatch,
+    "Inverter": decorators.Inverter,
+    "ForceSuccess": decorators.ForceSuccess,
+    "ForceFailure": decorators.ForceFailure,
+    "Repeat": decorators.Repeat,
+    "RetryUntilSuccessful": decorators.RetryUntilSuccessful,
+    "KeepRunningUntilFailure": decorators.RunUntilFailure,
+    "RunOnce": decorators.RunOnce,
+    "Timeout": decorators.Timeout,
+    "Delay": decorators.Delay,
+    "Precondition": decorators.Precondition,
+    "LoopString": decorators.QueueLoop,
+    "LoopDouble": decorators.QueueLoop,
+    "LoopPlace": decorators.QueueLoop,
+    "Window": decorators.Window,
+    "Script": leaves.ScriptAction,
+    "ScriptCondition": leaves.ScriptCondition,
+    "SetBlackboard": leaves.SetBlackboard,
+    "AlwaysSuccess": leaves.AlwaysSuccess,
+    "AlwaysFailure": leaves.AlwaysFailure,
+    "Sleep": leaves.Sleep,
+    "WaitUntil": mission.WaitUntil,
+    "WaitFor": mission.WaitFor,
+    "Ask": mission.OperatorQuestion,
+    "Near": mission.Near,
+    "Reachable": mission.Reachable,
+    "FaultActive": mission.FaultActive,
+}
+"""Classes of the nodes by their names; a leaf with a command is a `CommandLeaf`."""
+
+_LETTERS: Final = {IDLE: "I", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
+_STATUS_OF: Final = {letter: status for status, letter in _LETTERS.items()}
+
+
+class PlanTree:
+    """The tree of one plan.
+
+    Args:
+        plan: its root.
+        port: the executive's side of the plan.
+        classes: classes of further kinds of nodes.
+
+    Attributes:
+        root: the root node.
+        nodes: all nodes by number.
+        cells: the blackboard.
+        yielded: whether a node requests another tick at once.
+    """
+
+    def __init__(
+        self, plan: PlanRoot, port: PlanPort, classes: Mapping[str, NodeClass] | None = None
+    ) -> None:
+        self.port = port
+        self.cells: list[Value | None] = list(plan.blackboard.initial)
+        self.yielded = False
+        self._classes = {**NODES, **(classes or {})}
+        self._telemetry = plan.blackboard.telemetry
+        self.root = self._built(plan)
+        found = (each for each in self.root.iterate() if isinstance(each, PlanBehaviour))
+        self.nodes = tuple(sorted(found, key=lambda each: each.number))
+        self._memory = [(each, name) for each in self.nodes for name in each.memory]
+        self._timers = [(each, name) for each in self.nodes for name in each.timers]
+        measured = {cell for cell, _ in self._telemetry}
+        self._saved_cells = [cell for cell in range(len(self.cells)) if cell not in measured]
+
+    def tick(self) -> PlanResult:
+        """Tick from the root, and again at once as long as a node yields.
+
+        Raises:
+            LeafError: a node raised.
+        """
+        for cell, name in self._telemetry:
+            self.cells[cell] = self.port.telemetry(name)
+        answer: Answer = RUNNING
+        for _ in range(MAX_REPEATED_TICKS):
+            self.yielded = False
+            answer = self.root.execute()
+            if answer is not RUNNING or not self.yielded:
+                break
+        if answer is SKIPPED:
+            return PlanResult.SKIPPED
+        if answer is not RUNNING:
+            self.root.status = IDLE
+        return PlanResult[answer.name]
+
+    def state(self) -> TreeState:
+        """Return all that a tick changes."""
+        return TreeState(
+            "".join(_LETTERS[each.status] for each in self.nodes),
+            tuple(getattr(node, name) for node, name in self._memory),
+            tuple(getattr(node, name) for node, name in self._timers),
+            tuple(self.cells[cell] for cell in self._saved_cells),
+        )
+
+    def load(self, state: TreeState) -> None:
+        """Continue from a state.
+
+        Raises:
+            StateError: it is of another tree.
+        """
+        found = (len(state.statuses), len(state.memory), len(state.timers), len(state.cells))
+        wanted = (len(self.nodes), len(self._memory), len(self._timers), len(self._saved_cells))
+        if found != wanted:
+            raise StateError(f"the stored state has {found[0]} nodes, the plan has {wanted[0]}")
+        for node, letter in zip(self.nodes, state.statuses, strict=True):
+            node.status = _STATUS_OF[letter]
+        for (node, name), stored in zip(self._memory, state.memory, strict=True):
+            setattr(node, name, tuple(stored) if isinstance(stored, list) else stored)
+        for (node, name), time_s in zip(self._timers, state.timers, strict=True):
+            setattr(node, name, time_s)
+        for cell, value in zip(self._saved_cells, state.cells, strict=True):
+            self.cells[cell] = value
+        for node in self.nodes:
+            node.on_load()
+
+    def force(self, number: int, result: PlanResult) -> None:
+        """Let a node give a result at its next tick instead of being run."""
+        self.nodes[number].force(SUCCESS if result is PlanResult.SUCCESS else FAILURE)
+
+    def halt(self) -> None:
+        """Halt all nodes that are RUNNING; their scripts run."""
+        if self.root.status is RUNNING:
+            self.root.halt()
+
+    def _built(self, plan: PlanNode) -> PlanBehaviour:
+        """Return a node with all below it."""
+        children = [self._built(each) for each in plan.children]
+        make = (
+            leaves.CommandLeaf if plan.kind.command is not None else self._classes[plan.kind.name]
+        )
+        node = make(plan, self, children)
+        if isinstance(node, decorators.LoopDecorator):
+            for each in children[0].iterate():
+                assert isinstance(each, PlanBehaviour)
+                each.loops = (node, *each.loops)
+        return node
