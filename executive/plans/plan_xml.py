@@ -168,7 +168,8 @@ def node_kind(
         if kind in UNSUPPORTED_NODES:
             text = f"{kind}: {UNSUPPORTED_NODES[kind]}"
         else:
-            text = f"unknown node {quote(kind)}{suggest(kind, [*kinds, SUBTREE])}"
+            near = suggest(kind, [*kinds, SUBTREE]) or ": `rover plan nodes` lists them"
+            text = f"unknown node {quote(kind)}{near}"
         raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
     return kinds[kind]
 
@@ -224,7 +225,8 @@ def trees_of(root: Element) -> dict[str, Element]:
     for element in root.children:
         match element.tag:
             case "BehaviorTree":
-                name = element.attributes.get("ID")
+                alone = sum(each.tag == "BehaviorTree" for each in root.children) == 1
+                name = element.attributes.get("ID") or ("Main" if alone else "")
                 if not name or name in trees:
                     raise element.error(
                         Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
@@ -262,7 +264,8 @@ def main_tree(root: Element, trees: Mapping[str, Element]) -> str:
             raise root.error(Reason.PLAN_STRUCTURE, text)
         return first[0]
     if name not in trees:
-        raise root.error(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
+        near = suggest(name, list(trees))
+        raise root.error(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run{near}")
     return name
 
 

@@ -102,7 +102,7 @@ Expression = Literal | Name | Unary | Binary | Comparison | Choice | Assignment
 
 _TOKEN: Final = re.compile(
     r"\s*(?:(?P<text>'[^']*')|(?P<hex>0[xX][0-9a-fA-F]+)(?![\w.])"
-    r"|(?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?)(?![A-Za-z_]|\.(?!\.))"
+    r"|(?P<number>(?>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?))(?![A-Za-z_]|\.(?!\.))"
     r"|(?P<name>[A-Za-z_@][A-Za-z0-9_]*)"
     r"|(?P<sign>:=|==|!=|<=|>=|&&|\|\||\+=|-=|\*=|/=|\.\.|[-+*/&|^~!<>=?:();]))"
 )

@@ -276,18 +276,15 @@ class QueueLoop(PlanDecorator):
     Attributes:
         left: the parts that are left.
         busy: whether the child runs.
-        filled: whether the parts were read since it began.
     """
 
-    memory = ("left", "busy", "filled")
+    memory = ("left", "busy")
     left: tuple[str, ...] = ()
-    busy = filled = False
+    busy = False
 
     def run(self) -> Answer:
         """Take the next part unless the child runs, and tick the child."""
-        if self.status is IDLE:
-            self.busy = self.filled = False
-        if not self.busy:
+        if self.status is IDLE or not self.busy:
             try:
                 if not self._take_part():
                     return ANSWERS[self.plan.text("if_empty")]
@@ -307,8 +304,8 @@ class QueueLoop(PlanDecorator):
 
     def _take_part(self) -> bool:
         """Write the next part to its ports; return whether there is one."""
-        if not self.filled:
-            self.left, self.filled = parts_of(self.read_text("queue")), True
+        if self.status is IDLE:
+            self.busy, self.left = False, parts_of(self.read_text("queue"))
         if not self.left:
             return False
         part, *rest = self.left

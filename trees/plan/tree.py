@@ -105,8 +105,7 @@ class PlanTree:
         Raises:
             LeafError: a node raised.
         """
-        for cell, name in self._telemetry:
-            self.cells[cell] = self.port.telemetry(name)
+        self._measure()
         answer: Answer = RUNNING
         for _ in range(MAX_REPEATED_TICKS):
             self.yielded = False
@@ -155,8 +154,14 @@ class PlanTree:
 
     def halt(self) -> None:
         """Halt all nodes that are RUNNING; their scripts run."""
+        self._measure()
         if self.root.status is RUNNING:
             self.root.halt()
+
+    def _measure(self) -> None:
+        """Write the telemetry into its cells."""
+        for cell, name in self._telemetry:
+            self.cells[cell] = self.port.telemetry(name)
 
     def _built(self, plan: PlanNode) -> PlanBehaviour:
         """Return a node with all below it."""
