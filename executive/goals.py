@@ -26,7 +26,7 @@ from executive.settings import Settings
 from executive.state import FileFolder, MotionStatistics, Status
 from executive.values.clock import Clock
 from executive.values.facts import Source
-from executive.values.geometry import Point, Pose
+from executive.values.geometry import Point, Pose, TargetFrame
 from executive.values.ports import Video
 from executive.values.quantities import rate_text
 from executive.values.reasons import Figure, Identity, Refusal
@@ -43,6 +43,7 @@ class LegProgress:
         obstacle_stops: how often a newly detected obstacle ended a line of the step.
         at_detour: whether the leg ends at a detour point, and not at the target of the step.
         left_path: whether the step detours around a scanned obstacle.
+        finishing: whether the rover drives itself from where the navigation ended.
         turn_then_drive: whether turns and lines drive the step, since its curve failed.
         blocking: the newly detected obstacle, until the detour around it is planned.
         last_driven: where a motion ended last, until the next is planned.
@@ -54,6 +55,7 @@ class LegProgress:
     obstacle_stops: int = 0
     at_detour: bool = False
     left_path: bool = False
+    finishing: bool = False
     turn_then_drive: bool = False
     blocking: ClearanceViolation | None = None
     last_driven: Point | None = None
@@ -72,7 +74,7 @@ class LegProgress:
         """Continue with the next step."""
         self.step += 1
         self.attempts = self.obstacle_stops = 0
-        self.left_path = self.turn_then_drive = False
+        self.left_path = self.turn_then_drive = self.finishing = False
 
     def begin_leg(self, detour: bool, in_one: bool) -> None:
         """Begin a leg.
@@ -114,6 +116,7 @@ class Goal:
         origin: start pose of the leg as first planned.
         verification: compares the motion with the second odometry; None without one.
         waits_for_map: whether it holds because the transform of the map is lost.
+        navigation_report: last report of the navigation at its end; empty without one.
         slid_m: distance slid before this leg, beyond what its motion allows.
         statistics: statistics of the motion; None if they are not needed.
     """
@@ -133,6 +136,8 @@ class Goal:
         self.leg = Leg(None, None, False, None, 0.0)
         self.start_pose = self.origin = Pose()
         self.verification: MotionVerification | None = None
+        self.navigation_report = ""
+        self.navigation_figures: tuple[Figure, ...] = ()
         self.slid_m = 0.0
         self.statistics: MotionStatistics | None = None
 
@@ -148,6 +153,20 @@ class Goal:
         if before is not None and not self.progress.at_detour:
             self.leg = self.leg.moved(origin.compose(before.inverse))
         self.request, self._map_origin = request.moved(origin), origin
+
+    def target_frame(self, status: Status) -> tuple[Pose, TargetFrame]:
+        """Return the origin of the frame of its waypoints in the frame of the pose, and the frame.
+
+        That of a map is the same as of `request`.
+        """
+        if self._map_origin is None:
+            return status.odom_origin, TargetFrame.ODOM
+        return self._map_origin, TargetFrame.MAP
+
+    def end_navigation(self, report: str, figures: tuple[Figure, ...]) -> None:
+        """Let the rover itself drive the rest of the leg, from where the navigation ended."""
+        self.progress.finishing = True
+        self.navigation_report, self.navigation_figures = report, figures
 
     def map_figures(self, status: Status) -> tuple[Figure, ...]:
         """Return pose and transform age in the map; none for waypoints in the odometry frame."""
@@ -468,6 +487,8 @@ class Context:
             return f"{held}: {self._idle_text}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"
         doing += "" if self.lost_map is None else f": {self.lost_map.text}"
+        navigation = "" if status.navigation is None else status.navigation.text
+        doing += f", {navigation}" if navigation else ""
         return f"{moves} for {doing}" if moving else f"standing during {doing}"
 
     @property

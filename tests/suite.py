@@ -42,6 +42,7 @@ SIMULATED_TESTS: Final = (
     "tests/docs/test_commands.py",
     "tests/drawing",
     "tests/mops",
+    "tests/navigation",
     "tests/plot",
     "tests/recording/test_completion.py",
     "tests/recording/test_damaged.py",
@@ -152,6 +153,7 @@ STRESS: Final = {
     "power-cuts": {"--kills": (2000, 50)},
     "authority": {"--interleavings": (100_000, 1000)},
     "replays": {"--runs": (500, 3)},
+    "navigation": {"--drives": (50, 1)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},
@@ -262,6 +264,10 @@ def stress_checks(percent: int) -> list[CiCheck]:
     images = (*patient, "tests/stress/containers.py", *some)
     tested = (CHECKOUT / "tests").rglob("test_*.py")
     drawn = (str(path) for path in tested if DRAWN.search(path.read_text()))
+    live = () if percent == 100 else ("-k", "killed or honest or another")
+    below = _python("pytest", "-q", "-rP", "tests/stress/navigation_processes.py", *live)
+    times = ("env", f"NAVIGATED_DRIVES={max(1, 3 * percent // 100)}")
+    clients = ("env", f"ROS_CLIENTS={percent}", *_python("pytest", "-q", "-rP"))
     examples = ("env", "EXAMPLES=all", *_python("pytest", "-q", *at_once, *drawn))
     site = "runs/site"
     shown = ("env", f"SITE={site}", *_python("pytest", "-q", "tests/docs/test_site.py"))
@@ -272,6 +278,8 @@ def stress_checks(percent: int) -> list[CiCheck]:
         CiCheck("simulated", (storms,)),
         CiCheck("planted", (planted,)),
         CiCheck("robots", (robots,)),
+        CiCheck("navigations", ((*times, *below),)),
+        CiCheck("ROS clients", ((*clients, "tests/stress/ros_clients.py"),)),
         CiCheck("examples", (examples,)),
         CiCheck("templates", (templates,)),
         CiCheck("installation", (installed,)),

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from typing import Final
 
 from py_trees.common import Status
 
 from executive.checks import (
     avoided_obstacles,
-    check_battery,
-    check_pose,
     check_request,
     check_target,
     check_turns,
@@ -18,7 +17,6 @@ from executive.checks import (
     turning_curves,
 )
 from executive.commands import (
-    ABOARD_LINK,
     DriveFor,
     FollowPath,
     MoveForward,
@@ -28,38 +26,33 @@ from executive.commands import (
     Waypoint,
     is_absolute,
 )
-from executive.commands import Motion as CommandedMotion
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_TOLERANCE_M,
     TURN_TOLERANCE_M,
     WAIT_S,
     Locomotion,
-    Motion,
     MotionVerification,
     Step,
     Verified,
+    act_relatively,
+    finish_relative,
     hold_extent,
     leg_errors,
+    navigate_to,
     passes_within,
     plan_leg,
 )
 from executive.obstacles.detour import Scene
 from executive.obstacles.zones import ClearanceViolation
 from executive.settings import Controller
-from executive.state import join_sources
 from executive.values.geometry import STANDING, Point, Pose, arc_end, wrap_rad
+from executive.values.ports import PLANNER_WAIT_S
 from executive.values.quantities import angle_text
 from executive.values.reasons import Figure, Reason, Refusal
-from trees.leaf import STOP_DEADLINE_S, GoalLeaf, beside_odometry, refusal, unconfirmed
+from trees.motion_leaf import MAX_ATTEMPTS, MAX_DETOURS, MotionLeaf
+from trees.planner_path import PathPlanning
 
-MARGIN_S = 5.0
-MAX_ATTEMPTS = 3
-MAX_DETOURS = 20
-"""Maximum detours to one target that a new obstacle may interrupt; chosen, not measured."""
-MAX_START_AGE_RATIO = 0.5
-"""Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
-WAITING_FOR_MAP: Final = "waiting for the transform from map to odom"
 EXTERNAL_START_WINDOW_S = 0.5
 """Time for a rover to report that it already executes the command from another link."""
 
@@ -86,172 +79,25 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
 
 HEADING_TOLERANCE_RAD = 0.08
 """Heading tolerance at the end of a leg, or of a held velocity."""
-SLID_M, SLID_PER_M = 0.1, 0.05
-"""Slide tolerance of a rover without second odometry, constant and per metre of its path."""
 HOLD_TRAVEL_TOLERANCE_M, HOLD_TRAVEL_TOLERANCE_PER_M = 0.08, 0.02
 """Distance tolerance of a held velocity, constant and per metre."""
 HOLD_POSITION_TOLERANCE_M, HOLD_POSITION_TOLERANCE_PER_M = 0.12, 0.04
 """Position tolerance at the end of the arc of a held velocity, constant and per metre."""
 
 
-class _MotionLeaf(GoalLeaf):
-    timeout_reason = Reason.DRIVE_DEADLINE
+class PlanLeg(MotionLeaf):
+    """Waits for standstill, then plans the leg from there."""
 
     def __init__(self, name: str, context: Context) -> None:
-        super().__init__(name, context, context.goals.motion)
-        self.timeout_text = f"{name}: not done"
-
-    def on_timeout(self) -> Status:
-        """Fail the goal on timeout, with the reason of the map if that is lost."""
-        lost = self.context.lost_map
-        return super().on_timeout() if lost is None else self.fail(lost)
-
-    def _hold_for_map(self) -> bool:
-        """Hold while the map is lost, as long as for a second-odometry frame; report it once."""
-        goal = self.goal
-        before, goal.waits_for_map = goal.waits_for_map, self.context.lost_map is not None
-        if before is not goal.waits_for_map:
-            self.set_deadline(self._deadline_for(WAIT_S))
-        if goal.waits_for_map:
-            self.feedback_message = WAITING_FOR_MAP
-            self.context.intents.motion = STANDING
-            if not before:
-                goal.lifecycle.advance(goal.progress.step, goal.step_count, WAITING_FOR_MAP)
-        return goal.waits_for_map
-
-    @property
-    def _executed_by_relay(self) -> bool:
-        """Whether the rover received the command over another link, and executes it."""
-        return self.context.status.executed_by_relay == self.goal.command.identity
-
-    @property
-    def _evidence_sources(self) -> str:
-        """Return the pose sources that confirm the motion."""
-        second = [] if self.context.status.fusion is None else ["second odometry"]
-        return join_sources(["odometry", *second])
-
-    def _from_where(self, start: Pose) -> str:
-        """Return the start pose of a motion as text if the pose is uncertain; otherwise empty."""
-        uncertainty = self.context.status.uncertainty
-        text = f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
-        return text if uncertainty else ""
-
-    def _check_begin(self, pose: Pose, scene: Scene) -> Refusal | None:
-        """Return a refusal if a goal may not start here, by pose or battery, or None."""
-        context, goal, status = self.context, self.goal, self.context.status
-        request = goal.request
-        if not goal.progress.new:
-            return None
-        assert isinstance(request, CommandedMotion)
-        uncertain = check_pose(request, pose, status.uncertainty, context.settings)
-        if uncertain is not None or goal.command.link == ABOARD_LINK:
-            return uncertain
-        return check_battery(request, pose, status, context.settings, scene)
-
-    @property
-    def _odometry_late(self) -> bool:
-        """Return whether odometry is too old to start a motion."""
-        bound_s = self.context.settings.faults.odometry_stale.bound
-        return self.context.status.odometry_age_s > MAX_START_AGE_RATIO * bound_s
-
-    @property
-    def _slid_m(self) -> float:
-        """Distance slid since the start, less the tolerance for its path."""
-        over_ground = self.context.safety.history.over_ground
-        slid_m = 0.0 if over_ground is None else over_ground.slid_m
-        return slid_m - SLID_PER_M * self.context.status.travelled_m
-
-    def _note_motion_end(self) -> None:
-        """Note the end of the motion, before its verification."""
-        self._ended_s = self.context.clock.now_s()
-
-    def _verify(self) -> Verified | Refusal | None:
-        """Hold, and return the result of the pose sources; None while one is awaited."""
-        context, verification = self.context, self.goal.verification
-        waited_s = context.clock.now_s() - self._ended_s
-        over_ground = context.safety.history.over_ground
-        if verification is not None and over_ground is not None and over_ground.apart_s:
-            verification.on_slide()
-        found = beside_odometry(context)
-        outcome: Verified | Refusal | None = Verified(())
-        if left := unconfirmed(context, found):
-            self.feedback_message = left
-            late = waited_s >= STOP_DEADLINE_S
-            outcome = refusal(context, found, STOP_DEADLINE_S) if late else None
-        elif verification is not None:
-            self.feedback_message = "waiting for a second-odometry frame"
-            outcome = verification.result(waited_s)
-        elif (slid_m := self._slid_m - self.goal.slid_m) > SLID_M:
-            text = f"the rover slid {slid_m:.2f} m by its accelerometer, not measured by its wheels"
-            figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
-            outcome = Refusal(Reason.SLIDE_AT_REST, text, figures)
-            context.status.grow_uncertainty(slid_m, 0.0, text)
-        if outcome is None:
-            context.intents.motion = STANDING
-        return outcome
-
-    def _deadline_for(self, expected_s: float) -> float:
-        return 2.0 * expected_s + MARGIN_S
-
-    def _begin(self, motion: Motion | None) -> float:
-        self._motion, self._noticed, self._passed = motion, False, 0
-        return self._deadline_for(0.0 if motion is None else motion.expected_s)
-
-    def _run_motion(self, standing: bool) -> Status:
-        """Set the intents of a motion until it has ended, or the next may start."""
-        motion, goal = self._motion, self.goal
-        if motion is not None:
-            for _ in range(motion.waypoints_passed - self._passed):
-                self._advance()
-            self._passed = motion.waypoints_passed
-            if motion.aborted:
-                self._on_abort(motion)
-                return Status.FAILURE
-        if motion is None or (motion.done if standing else motion.handover_allowed):
-            return Status.SUCCESS
-        if motion.failure is not None:
-            return self.fail(motion.failure)
-        now_s = self.context.clock.now_s()
-        goal.progress.last_driven = self.context.status.pose.point
-        if self.context.lost_map is not None and not self._executed_by_relay:
-            return Status.FAILURE  # PlanLeg holds until the map returns
-        if motion.update_limits(now_s) or self._executed_by_relay:
-            self.set_deadline(self._deadline_for(motion.expected_s))
-        self.context.intents.motion = motion.intent(now_s)
-        self.feedback_message = motion.remaining_text
-        if motion.progress_note is not None and not self._noticed:
-            self._noticed = True
-            goal.lifecycle.advance(goal.progress.step, goal.step_count, motion.progress_note)
-        return Status.RUNNING
-
-    def _on_abort(self, motion: Motion) -> None:
-        """Select how the goal continues after an abandoned motion."""
-        progress, through = self.goal.progress, bool(self.goal.leg.via_points)
-        progress.left_path = True
-        if motion.retry_as_curve and not through and progress.obstacle_stops < MAX_DETOURS:
-            progress.stop_before(progress.blocking)
-        else:
-            radius_m = self.context.settings.drive.min_turning_radius_m
-            again = radius_m is not None and progress.attempts < MAX_ATTEMPTS
-            progress.abandon_curve(through or again)
-
-    def _advance(self) -> None:
-        """Count a step of the goal, and report it unless it is the last."""
-        goal, progress = self.goal, self.goal.progress
-        progress.end_step()
-        if progress.step < goal.step_count:
-            text = f"waypoint {progress.step} of {goal.step_count} reached"
-            goal.lifecycle.advance(progress.step, goal.step_count, text)
-
-
-class PlanLeg(_MotionLeaf):
-    """Waits for standstill, then plans the leg from there."""
+        super().__init__(name, context)
+        self._path_numbers = count(1)
 
     def begin(self) -> float:
         """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
         self._scene: tuple[Step, tuple[Waypoint, ...], Pose, Scene] | None = None
+        self._planning: PathPlanning | None = None
         if goal.progress.new:
             goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
@@ -275,15 +121,34 @@ class PlanLeg(_MotionLeaf):
         if self._hold_for_map():
             return Status.RUNNING
         goal, status, settings = self.goal, self.context.status, self.context.settings
+        if goal.progress.finishing and (left := finish_relative(goal.leg, settings, status)):
+            goal.leg = left
+            return Status.SUCCESS
         if self._scene is None:  # a search continues from its first scene
             goal.localize(status, settings)
             self._count_passed_waypoints()
+            self._limit_finish()
             step, through = _next_step(goal, self.context.locomotion)
             self._scene = step, through, status.pose, self.context.scene
+            if isinstance(step, Waypoint) and self._navigates:
+                self._planning = PathPlanning(
+                    self.context, goal, (*through, step), self._path_numbers
+                )
+                self.set_deadline(self._deadline_for(PLANNER_WAIT_S))
         step, through, pose, scene = self._scene
         self.context.detours.undecided = False
-        path = goal.request, goal.progress.left_path, step, through
-        detour, refusal = leg_detour(*path, pose, settings, scene), self._check_begin(pose, scene)
+        planned = None if self._planning is None else self._planning.path()
+        if self._planning is not None and planned is None:
+            self.feedback_message = "waiting for the planner's path"
+            self.context.intents.motion = STANDING
+            return Status.RUNNING
+        detour: tuple[Waypoint, ...] | Refusal
+        if planned is None:
+            path = goal.request, goal.progress.left_path, step, through
+            detour = leg_detour(*path, pose, settings, scene)
+        else:
+            detour = planned.check(self.context) or ()
+        refusal = self._check_begin(pose, scene, 0.0 if planned is None else planned.longer_m)
         if self.context.detours.undecided:
             self.feedback_message = "searching for a detour"
             self.context.intents.motion = STANDING
@@ -294,8 +159,8 @@ class PlanLeg(_MotionLeaf):
             return self.fail(refusal)
         progress, supported = goal.progress, self.context.locomotion.supports_curve
         one_curve = isinstance(step, Waypoint) and supported(goal.command, step)
-        in_one = one_curve and not progress.turn_then_drive
-        if isinstance(step, Waypoint) and not in_one:
+        in_one = planned is None and one_curve and not progress.turn_then_drive
+        if isinstance(step, Waypoint) and not in_one and planned is None:
             rest = FollowPath((*detour, step), Controller.TURN_DRIVE)
             tight = check_turns(rest, status.pose, settings, status.obstacles)
             if tight is not None:
@@ -305,15 +170,22 @@ class PlanLeg(_MotionLeaf):
             leg = plan_leg(detour[0], settings, status)
         else:
             around = tuple(Point(each.x_m, each.y_m) for each in detour)
-            leg = plan_leg(step, settings, status, through, around)
+            leg = plan_leg(step, settings, status, through, around, planned is not None)
+        if planned is not None and isinstance(step, Waypoint) and leg.target is not None:
+            leg = navigate_to(leg, step, status.pose, *goal.target_frame(status))
+        curves = turning_curves(step, status.pose, settings, status.obstacles.known)
+        leg = act_relatively(replace(leg, curves=curves), step, settings, status)
         goal.leg = replace(
             leg,
-            curves=turning_curves(step, status.pose, settings, status.obstacles.known),
             force_turn_then_drive=progress.turn_then_drive or progress.at_detour,
+            path=() if planned is None else planned.points,
         )
+        if planned is not None:
+            goal.lifecycle.advance(progress.step, goal.step_count, str(planned))
         goal.start_pose = status.pose
         if progress.untried:
             goal.origin = status.pose
+            goal.navigation_report, goal.navigation_figures = "", ()
         return Status.SUCCESS
 
     def _count_passed_waypoints(self) -> None:
@@ -331,6 +203,14 @@ class PlanLeg(_MotionLeaf):
                 return
             self._advance()
 
+    def _limit_finish(self) -> None:
+        """Let the navigation drive again if the rover is no longer near its target."""
+        goal, navigation = self.goal, self.context.settings.navigation
+        step, _ = _next_step(goal, self.context.locomotion)
+        if navigation is not None and goal.progress.finishing and isinstance(step, Waypoint):
+            off_m = self.context.status.pose.point.distance_m(step.point)
+            goal.progress.finishing = off_m <= navigation.finish_within_m
+
     def _report_detour(self, path: tuple[Waypoint, ...], in_one: bool) -> None:
         """Report a detour once, and again after a new obstacle.
 
@@ -347,7 +227,7 @@ class PlanLeg(_MotionLeaf):
             )
 
 
-class Turn(_MotionLeaf):
+class Turn(MotionLeaf):
     """Turns on the spot: towards the target, or to the final heading."""
 
     timeout_reason = Reason.TURN_DEADLINE
@@ -367,7 +247,7 @@ class Turn(_MotionLeaf):
         return self._run_motion(standing=self._final)
 
 
-class Drive(_MotionLeaf):
+class Drive(MotionLeaf):
     """Drives a line, until a new obstacle blocks it."""
 
     def begin(self) -> float:
@@ -401,7 +281,7 @@ class Drive(_MotionLeaf):
         return scanned_obstacle_ahead(status.pose.point, point, settings, obstacles)
 
 
-class FinishLeg(_MotionLeaf):
+class FinishLeg(MotionLeaf):
     """Advances the goal to its next step, or ends it successfully.
 
     A missed waypoint is retried from the rover's present pose, up to `MAX_ATTEMPTS` times. A goal
@@ -422,6 +302,11 @@ class FinishLeg(_MotionLeaf):
         verified: Verified | Refusal | None = Verified(())
         if progress.step + 1 == goal.step_count and not progress.at_detour:
             verified = self._verify()
+            navigation = self.context.status.navigation
+            if goal.navigation_report and navigation is not None and navigation.moves:
+                self.feedback_message = "the navigation still commands a velocity"
+                self.context.intents.motion = STANDING
+                return Status.RUNNING
         if verified is None:
             return Status.RUNNING
         if isinstance(verified, Refusal):
@@ -430,8 +315,10 @@ class FinishLeg(_MotionLeaf):
         position_error_m, near_m, heading_rad = self._errors()
         if position_error_m > near_m or heading_rad > HEADING_TOLERANCE_RAD:
             progress.attempts += 1
-            relative = not isinstance(request, MoveTo | FollowPath)
-            if not relative and progress.attempts < MAX_ATTEMPTS:
+            max_attempts = MAX_ATTEMPTS
+            if not isinstance(request, MoveTo | FollowPath):
+                max_attempts = 2 if progress.finishing else 1
+            if progress.attempts < max_attempts:
                 return Status.FAILURE
             text = f"off target by {position_error_m:.3f} m and {angle_text(heading_rad)}"
             figures = (
@@ -452,6 +339,7 @@ class FinishLeg(_MotionLeaf):
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
         known_by = f"{self._evidence_sources}{self._from_where(goal.origin)}"
+        known_by += f"; {goal.navigation_report}" if goal.navigation_report else ""
         self.queue.complete_active(
             f"{goal.command.name} done in {took_s:.2f} s, {known_by}",
             (
@@ -460,6 +348,7 @@ class FinishLeg(_MotionLeaf):
                 Figure("heading error", heading_rad, "rad"),
                 *self.context.status.pose_figures,
                 *goal.map_figures(self.context.status),
+                *goal.navigation_figures,
                 *verified.figures,
             ),
         )
@@ -498,7 +387,7 @@ class FinishLeg(_MotionLeaf):
         return position_error_m, near_m, heading_rad
 
 
-class HoldVelocity(_MotionLeaf):
+class HoldVelocity(MotionLeaf):
     """Holds a velocity for its time, then stops."""
 
     def begin(self) -> float:
@@ -594,7 +483,7 @@ class HoldVelocity(_MotionLeaf):
         )
 
 
-WHOLE_MOTIONS: Final[tuple[tuple[str, type, str, type[_MotionLeaf]], ...]] = (
+WHOLE_MOTIONS: Final[tuple[tuple[str, type, str, type[MotionLeaf]], ...]] = (
     ("velocity", DriveFor, "hold velocity", HoldVelocity),
 )
 """Motions of one leaf, without legs: name, request, name of the leaf, leaf."""

@@ -40,6 +40,7 @@ LISTEN_S: Final = 5.0
 MAX_SYNC_S: Final = 0.1
 """Duration of a disk write above which reports are late; as in `rover status`."""
 TIME_ERROR: Final = 5  # of adjtimex while the clock is not synchronised
+NAVIGATION_PACKAGE: Final = "nav2_msgs"
 USB: Final = Path("/sys/bus/usb/devices")
 SHARED_MEMORY: Final = Path("/dev/shm")
 SYNCHRONISE: Final = "sudo timedatectl set-ntp true"
@@ -309,8 +310,19 @@ def _brick(subject: Subject) -> Results:
         yield ERROR, f"no right to write {device}, the brick", remedy
 
 
+def _navigation(subject: Subject) -> Results:
+    if subject.settings is None or not subject.settings.offers_navigation:
+        return
+    if find_spec(NAVIGATION_PACKAGE) is None:
+        distro = os.environ.get("ROS_DISTRO") or "jazzy"
+        text = f"no {NAVIGATION_PACKAGE}: goals for the navigation fail, reason 771"
+        yield ERROR, text, f"sudo apt install ros-{distro}-nav2-msgs"
+    else:
+        yield OK, f"{NAVIGATION_PACKAGE} is installed", ""
+
+
 GROUND: Final = (_python, _packages, _clock)
-ABOARD: Final = (_ros, _domain, _discovery, _data, _priority, _port, _brick, _robot)
+ABOARD: Final = (_ros, _domain, _discovery, _data, _priority, _port, _brick, _navigation, _robot)
 COLOURS: Final = {OK: "green", WARNING: "yellow", ERROR: "red"}
 
 

@@ -39,8 +39,10 @@ from adapters.process import (
 )
 from adapters.recording import BackgroundRecorder
 from adapters.ros import (
+    NavigatedRosRover,
     RosAsset,
     RosMotionRover,
+    RosNavigationRover,
     RosRover,
     RosVelocityRover,
     Topics,
@@ -51,6 +53,7 @@ from adapters.ros import (
     single_threaded,
     steady_timer,
 )
+from adapters.ros.client_link import ReadCommandText, RosClientLink
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
 from executive.core.recording import RecordingTee
@@ -59,7 +62,7 @@ from executive.goals import Context
 from executive.history.history_builder import HistoryBuilder
 from executive.motion import SharedSolver
 from executive.record import Ledger, LedgerError
-from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.settings import LocomotionKind, RosCommands, Settings, SettingsError
 from executive.values.clock import Clock
 from executive.values.ports import Downlink, Video
 from executive.values.reports import Severity
@@ -248,6 +251,12 @@ def executive_on(
         relay_topics = ExecutiveRelayTopics(node)
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
+    read_text: ReadCommandText | None = None
+    if settings.ros.commands is not RosCommands.OFF:
+        from adapters.mrs.cli import command_text
+
+        read_text = command_text.read_command_text
+    clients = RosClientLink(node, read_text)
     counted = None if housekeeping is None else housekeeping.metrics
     if counted is not None:
         counted.attach(ledger)
@@ -263,7 +272,7 @@ def executive_on(
             rover=rover,
             ledger=ledger,
             files=files,
-            downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
+            downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else []), clients],
             build_tree=build_tree,
             video=video,
             solver=solver,
@@ -276,6 +285,7 @@ def executive_on(
         if housekeeping is not None:
             served.on_ticks = housekeeping.note
             housekeeping.rover = rover if isinstance(rover, HousekeepingProvider) else None
+        clients.serve(executive, served)
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.publish = relay.publish_housekeeping
@@ -284,6 +294,7 @@ def executive_on(
         try:
             yield executive
         finally:
+            clients.close()
             served.close()
             executive.close()
             if not _stop_until_acknowledged(rover):
@@ -370,14 +381,15 @@ def rover_kind(settings: Settings) -> RosRoverKind:
         SettingsError: no such class exists, or it lacks methods for this `locomotion`; the text
             lists the existing classes, or the missing methods.
     """
-    port = _port(settings.locomotion)
+    port = _port(settings)
+    usual = RosRover if settings.navigation is None else NavigatedRosRover
     if settings.rover is None:
-        if _missing(RosRover, port):
+        if _missing(usual, port):
             raise SettingsError(
                 f"{settings.asset}: locomotion {settings.locomotion.value} needs the key rover:"
                 f" {FORM}"
             )
-        return RosRover
+        return usual
     kind = _named(settings.rover, port)
     missing = _missing(kind, port)
     if missing:
@@ -389,14 +401,14 @@ def rover_kind(settings: Settings) -> RosRoverKind:
     return kind
 
 
-def _port(locomotion: LocomotionKind) -> type:
-    match locomotion:
+def _port(settings: Settings) -> type:
+    match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return RosVelocityRover
+            return RosVelocityRover if settings.navigation is None else RosNavigationRover
         case LocomotionKind.DELEGATED:
             return RosMotionRover
         case _:
-            assert_never(locomotion)
+            assert_never(settings.locomotion)
 
 
 def _named(name: str, port: type) -> type:

@@ -4,6 +4,7 @@ from adapters.recording.background import BackgroundRecorder as BackgroundRecord
 from adapters.recording.background import complete as complete
 from adapters.recording.container import RecordingError as RecordingError
 from adapters.recording.messages import decode as decode
+from adapters.recording.messages import plain_of as plain_of
 from adapters.recording.moments import Moment as Moment
 from adapters.recording.moments import RecordedMoments as RecordedMoments
 from adapters.recording.moments import RecordedTree as RecordedTree

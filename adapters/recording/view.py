@@ -46,6 +46,7 @@ from executive.core.recording import (
     FactObserved,
     Item,
     ModeChanged,
+    PathRequested,
     ProcessStart,
     ReportSent,
     TelemetrySent,
@@ -65,11 +66,15 @@ from executive.values.facts import (
     Joints,
     LaserScan,
     MapToOdom,
+    NavigationFeedback,
+    NavigationStatus,
     Odometry,
+    PlannedPath,
     SecondOdometry,
 )
-from executive.values.geometry import Point, Pose
+from executive.values.geometry import Point, Pose, TargetFrame
 from executive.values.parameters import Parameter
+from executive.values.ports import PathRequest
 from executive.values.reports import Identity, Report, Stage
 
 ODOM: Final = "odom"
@@ -110,6 +115,10 @@ _MOTION: Final = Schema(
         camera=object_of(pan_rad=NUMBER, tilt_rad=NUMBER),
     ),
 )
+_NAVIGATION: Final = Schema(
+    "rover.Navigation",
+    object_of(goal=NUMBER, state=TEXT, text=TEXT, remaining_m=NUMBER, recoveries=NUMBER),
+)
 _MODE: Final = Schema("rover.Mode", object_of(mode=TEXT, command=TEXT, why=TEXT))
 _TREE: Final = Schema(
     "rover.Tree", object_of(nodes=array_of(object_of(path=TEXT, status=TEXT, message=TEXT)))
@@ -130,6 +139,7 @@ TOPICS: Final[Mapping[str, Schema]] = {
     "/camera": COMPRESSED_IMAGE,
     "/log": LOG,
     "/motion": _MOTION,
+    "/navigation": _NAVIGATION,
     "/parameters": _PARAMETERS,
     "/mode": _MODE,
     "/tree": _TREE,
@@ -164,6 +174,8 @@ class ViewBuilder:
         self._mode: Plain = {}
         self._requests: dict[Identity, Motion] = {}
         self._aim: Identity | None = None
+        self._navigation: Plain = {}
+        self._path_request: PathRequest | None = None
 
     def restart_file(self) -> None:
         """Prepare for another file, which must contain the unchanged content, too."""
@@ -186,6 +198,8 @@ class ViewBuilder:
             case CommandDequeued(command=command):
                 if isinstance(command.request, Motion):
                     self._requests[command.identity] = command.request
+            case PathRequested(request=request):
+                self._path_request = request
             case ReportSent(report=report):
                 yield from self._of_report(report)
             case TelemetrySent(values=values):
@@ -281,8 +295,37 @@ class ViewBuilder:
                     yield ViewMessage("/camera", compressed_image(now_s, CAMERA, thumbnail))
             case MapToOdom(pose):
                 self._map_origin = pose.inverse
+            case NavigationStatus() | NavigationFeedback():
+                yield from self._of_navigation(fact)
+            case PlannedPath(points=points) if points:
+                yield from self._of_path(fact)
             case _:
                 pass
+
+    def _of_navigation(self, fact: NavigationStatus | NavigationFeedback) -> Iterator[ViewMessage]:
+        """Yield the state of a goal of the navigation, and its feedback at a limited rate."""
+        if self._navigation.get("goal") != fact.number:
+            self._navigation = {"goal": fact.number, "state": "", "text": ""}
+        if isinstance(fact, NavigationStatus):
+            parts = (fact.code and f"{fact.code_name} {fact.code}".strip(), fact.text)
+            text = ", ".join(str(each) for each in parts if each)
+            self._navigation |= {"state": fact.state.value, "text": text}
+        else:
+            remaining = () if fact.remaining_m is None else (("remaining_m", fact.remaining_m),)
+            self._navigation |= {**_known(remaining), "recoveries": fact.recoveries}
+            if not self._due("/navigation", SLOW_PERIOD_S):
+                return
+        yield ViewMessage("/navigation", dict(self._navigation))
+
+    def _of_path(self, path: PlannedPath) -> Iterator[ViewMessage]:
+        """Yield the planner's path of the active motion; those of previews are not shown."""
+        request = self._path_request
+        if request is None or request.number != path.number:
+            return
+        origin = self._map_origin if request.frame is TargetFrame.MAP else Pose()
+        points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points]
+        goal = entity(self._utc_s, ODOM, "goal", lines=[line(points, _GREEN)])
+        yield ViewMessage("/scene/goal", scene(self._utc_s, goal))
 
     def _of_report(self, report: Report) -> Iterator[ViewMessage]:
         parts = (report.stage and report.stage.name, report.text)

@@ -19,6 +19,7 @@ from adapters.ros.diagnostics import diagnostic_array as diagnostic_array
 from adapters.ros.heartbeat import HeartbeatMonitor as HeartbeatMonitor
 from adapters.ros.heartbeat import publish_heartbeat as publish_heartbeat
 from adapters.ros.heartbeat import watch as watch
+from adapters.ros.navigated_rover import NavigatedRosRover as NavigatedRosRover
 from adapters.ros.parameters import ParameterError as ParameterError
 from adapters.ros.parameters import Topic as Topic
 from adapters.ros.parameters import Topics as Topics
@@ -47,6 +48,7 @@ from adapters.ros.rover import RosCamera as RosCamera
 from adapters.ros.rover import RosFrames as RosFrames
 from adapters.ros.rover import RosMotionRover as RosMotionRover
 from adapters.ros.rover import RosMux as RosMux
+from adapters.ros.rover import RosNavigationRover as RosNavigationRover
 from adapters.ros.rover import RosRover as RosRover
 from adapters.ros.rover import RosVelocityRover as RosVelocityRover
 from adapters.ros.rover import Subscribe as Subscribe

@@ -30,12 +30,12 @@ from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.emergency_stop import RobotEmergencyStop
 from adapters.ros.parameters import TF_MESSAGE, Topic, Topics, declare_flag, declare_rate
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
-from adapters.ros.rover import RosAsset, foreign_publishers
+from adapters.ros.rover import PolledRover, RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.subscription import ReceivedData, TopicSubscription
 from adapters.ros.transforms import Transforms
 from adapters.ros.tree_topic import TreePublisher
-from executive.commands import Command, Mode, Stop
+from executive.commands import ROS_LINK, ROS_SOURCE, Command, Mode, Stop
 from executive.core.runner import Executive
 from executive.values.clock import Clock, SystemClock, round_for_recording_s
 from executive.values.facts import (
@@ -47,14 +47,12 @@ from executive.values.facts import (
     Source,
 )
 from executive.values.facts import Odometry as OdometryFact
+from executive.values.geometry import TargetFrame
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Severity
 from trees import snapshot_of
 
 HEALTH_S: Final = 1.0
-STOP_SOURCE: Final = "ROS"
-STOP_LINK: Final = "ros"
-"""Link of stops by the service `~/e_stop`."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -147,6 +145,9 @@ class ExecutiveNode:
         if topics.camera is not None:
             rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
         rover.subscribe(self.subscribe, self._observe)
+        self._poll_rover: Callable[..., None] = lambda _: None
+        if isinstance(rover, PolledRover):
+            self._poll_rover = self.contained(rover.poll)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
@@ -160,6 +161,11 @@ class ExecutiveNode:
         for spun in self._apart:
             spun.close()
         self._executive.wake = lambda: None
+
+    @property
+    def target_frames(self) -> dict[str, TargetFrame]:
+        """The frames of targets by their names on ROS."""
+        return self._transforms.target_frames
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe a callback to a topic; exceptions are contained."""
@@ -186,10 +192,13 @@ class ExecutiveNode:
                         Severity.WARNING, f"nothing is received on {found}"
                     )
 
-    def subscribe_apart(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe_apart(
+        self, topic: Topic, callback: Callable[[Any], None], *, beside_stop: bool = False
+    ) -> None:
         """Subscribe a callback on a thread of its own, independent of the core's load.
 
-        Its exceptions are contained on the core's thread.
+        Its exceptions are contained on the core's thread. `beside_stop` uses the thread of the
+        service `~/e_stop`.
         """
 
         def call(message: Any) -> None:
@@ -199,7 +208,8 @@ class ExecutiveNode:
                 self._executive.query(partial(self._handle, error))
 
         name = self._node.resolve_topic_name(topic.name)
-        self._node_apart(name).create_subscription(topic.type, name, call, topic.qos)
+        node = self._stop_node if beside_stop else self._node_apart(name)
+        node.create_subscription(topic.type, name, call, topic.qos)
 
     def _node_apart(self, served: str) -> Node:
         """Return a node spun by its own thread, independent of the core's load, for a topic."""
@@ -213,13 +223,14 @@ class ExecutiveNode:
         name = self._node.resolve_service_name("~/e_stop")
 
         def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            identity = Identity(STOP_SOURCE, next(numbers))
-            self._executive.submit(Command(identity, Stop(), STOP_LINK), lambda _: None)
+            identity = Identity(ROS_SOURCE, next(numbers))
+            self._executive.submit(Command(identity, Stop(), ROS_LINK), lambda _: None)
             response.success = True
             response.message = f"stopped by {identity}: send resume to move the rover again"
             return response
 
-        self._node_apart(name).create_service(Trigger, name, stop)
+        self._stop_node = self._node_apart(name)
+        self._stop_node.create_service(Trigger, name, stop)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback without exceptions: they reject the message, or make SAFE."""
@@ -283,6 +294,7 @@ class ExecutiveNode:
         self._odometry.poll()
         self._sensors.poll()
         self._transforms.poll()
+        self._poll_rover(self._transforms.map_to_odom)
 
     def _tick(self) -> None:
         with self._ticks.tick():

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
@@ -25,8 +25,14 @@ from executive.record import Ledger
 from executive.settings import MuxSettings, Settings
 from executive.values.clock import Clock
 from executive.values.facts import VELOCITY_TOPIC, Fact, ForeignMuxInput
-from executive.values.geometry import STANDING, Velocity
-from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
+from executive.values.geometry import STANDING, Pose, Velocity
+from executive.values.ports import (
+    CameraIntent,
+    DelegatedMotionRover,
+    Downlink,
+    NavigationRover,
+    VelocityRover,
+)
 
 GUARD_NAME: Final = "executive_guard"
 """Node name of the process that stops the rover when the executive has ended."""
@@ -67,8 +73,20 @@ class RosAsset(Protocol):
         """Wait until the last command has been received; return whether it was."""
 
 
+@runtime_checkable
+class PolledRover(Protocol):
+    """A rover with data that wait for each tick."""
+
+    def poll(self, map_to_odom: Pose | None) -> None:
+        """Observe them; the pose of the odometry frame in the map is the newest, or None."""
+
+
 class RosVelocityRover(RosAsset, VelocityRover, Protocol):
     """A rover on ROS that receives velocities."""
+
+
+class RosNavigationRover(RosAsset, NavigationRover, Protocol):
+    """A rover on ROS that receives velocities, and has a navigation."""
 
 
 class RosMotionRover(RosAsset, DelegatedMotionRover, Protocol):
@@ -213,11 +231,13 @@ class RosMux:
         """Return an input; all have one type, by the parameter use_stamped of twist_mux."""
         return replace(self._velocity, name=name)
 
-    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Report velocities on other inputs to the core."""
+    def listen(
+        self, subscribe: Subscribe, observe: Callable[[Fact], None], gated: str | None = None
+    ) -> None:
+        """Report velocities on other inputs to the core, except a navigation's behind its gate."""
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
-            if name not in (self._settings.input, self._settings.stop):
+            if name not in (self._settings.input, self._settings.stop, gated):
                 publishers = _Publishers(self._node, self._clock, entry.topic)
                 on_velocity = partial(
                     _mux_input_observer, observe, name, entry.priority > above, publishers
@@ -299,6 +319,7 @@ class RosRover(RosCamera):
         velocity = topics.cmd_vel
         mux = settings.mux
         self._mux = None if mux is None else RosMux(node, velocity, mux, clock)
+        self._gated = None if settings.navigation is None else settings.navigation.input
         self._velocity = VelocityPublisher(node, velocity)
         self._topic = velocity
         self._sent: deque[tuple[float, float]] = deque(maxlen=SENT)
@@ -317,7 +338,7 @@ class RosRover(RosCamera):
 
         add_subscription(self._topic, on_velocity)
         if self._mux is not None:
-            self._mux.listen(add_subscription, observe)
+            self._mux.listen(add_subscription, observe, self._gated)
 
     def drive(self, velocity: Velocity) -> None:
         """Publish a velocity."""

@@ -38,7 +38,7 @@ class TopicSubscription:
         self._options: dict[str, Any] = {}
         if polled:
             quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
-            self._options = {"callback_group": _Unwaited(), "event_callbacks": quiet}
+            self._options = {"callback_group": Unwaited(), "event_callbacks": quiet}
         self._create(matching_qos(node, topic))
 
     def follow(self) -> str | None:
@@ -46,9 +46,13 @@ class TopicSubscription:
         offered = _offered(self._node, self._topic)
         wanted = _matching(self._topic, offered)
         if offered and _policies(wanted) != _policies(self._qos):
-            self._node.destroy_subscription(self._subscription)
+            self.close()
             self._create(wanted)
         return mismatch(self._topic.name, ((each, wanted) for each in offered))
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)
 
     def poll(self) -> None:
         """Process the messages that wait."""
@@ -67,7 +71,7 @@ class TopicSubscription:
         )
 
 
-class _Unwaited(CallbackGroup):
+class Unwaited(CallbackGroup):
     """Callback group of subscriptions that no executor waits for."""
 
     def can_execute(self, entity: Any) -> bool:

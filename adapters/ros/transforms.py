@@ -33,7 +33,7 @@ from adapters.ros.parameters import (
 from adapters.ros.robot_model import TF, TF_STATIC, latched_qos
 from adapters.ros.subscription import TopicSubscription
 from executive.values.facts import MapToOdom, Odometry
-from executive.values.geometry import Pose, Velocity, wrap_rad
+from executive.values.geometry import Pose, TargetFrame, Velocity, wrap_rad
 
 MAX_STEP_S: Final = 1.0
 """Maximum time between two transforms that give a velocity."""
@@ -49,6 +49,9 @@ class Transforms:
         observe: called at a poll with the newest transform of the map; a static one each time.
         contained: returns a callback without exceptions.
 
+    Attributes:
+        map_to_odom: pose of the odometry frame in the map by the newest transform, or None.
+
     Raises:
         ParameterError: ROS has no tf2_msgs.
     """
@@ -56,11 +59,10 @@ class Transforms:
     def __init__(
         self, node: Node, observe: Callable[[MapToOdom], None], contained: Contain
     ) -> None:
-        names = [declare_optional_text(node, f"frames.{each}", f"frame {each}") for each in _FRAMES]
-        self._map, self._odom, self._base_link = names[0], names[1] or ODOM, names[2] or BASE_LINK
+        self._map, self._odom, self._base_link = frame_names(node)
         self._observe = observe
         self._last_s, self._last = -inf, Pose()
-        self._map_to_odom: Pose | None = None
+        self.map_to_odom: Pose | None = None
         self._received = self._static = False
         self.subscriptions: list[TopicSubscription] = []
         if not self._map:
@@ -74,6 +76,12 @@ class Transforms:
         ):
             callback = contained(partial(self._on_map, static))
             self.subscriptions.append(TopicSubscription(node, topic, callback, polled=True))
+
+    @property
+    def target_frames(self) -> dict[str, TargetFrame]:
+        """The frames of targets by their names here; without a name there is no map."""
+        named = {self._map: TargetFrame.MAP, self._odom: TargetFrame.ODOM}
+        return {name: frame for name, frame in named.items() if name}
 
     def of_base(self, receive: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback for TFMessages that passes on each transform of base_link."""
@@ -107,16 +115,30 @@ class Transforms:
         """Observe the newest transform of the map, if one was received."""
         for each in self.subscriptions:
             each.poll()
-        if self._map_to_odom is not None and (self._received or self._static):
+        if self.map_to_odom is not None and (self._received or self._static):
             self._received = False
-            self._observe(MapToOdom(self._map_to_odom))
+            self._observe(MapToOdom(self.map_to_odom))
 
     def _on_map(self, static: bool, message: Any) -> None:
         for each in _between(self._map, self._odom, message):
-            self._map_to_odom, self._received, self._static = _pose(each), True, static
+            self.map_to_odom, self._received, self._static = _pose(each), True, static
 
 
-_FRAMES: Final = ("map", "odom", "base_link")
+def frame_names(node: Node) -> tuple[str, str, str]:
+    """Declare and read the names of the frames: map, empty if the file has none, odom, base_link.
+
+    Raises:
+        ParameterError: one is not a text.
+    """
+    found = []
+    for name, default in (("map", ""), ("odom", ODOM), ("base_link", BASE_LINK)):
+        key = f"frames.{name}"
+        if node.has_parameter(key):
+            text = str(node.get_parameter_or(key).value or "")
+        else:
+            text = declare_optional_text(node, key, f"frame {name}")
+        found.append(text or default)
+    return found[0], found[1], found[2]
 
 
 def _between(parent: str, child: str, message: Any) -> list[TransformStamped]:

@@ -257,11 +257,7 @@ class Authority:
         return self._store_grant(Grant(None, epoch), f"{source} released the authority")
 
     def hold(self, source: str) -> bool:
-        """Grant it to a source without a request if it is free, or renew its lease.
-
-        Returns:
-            Whether commands of the source may run: it holds the authority, or none is needed.
-        """
+        """Grant it to a source if it is free, or renew its lease; return whether it may command."""
         if not self._settings.needed:
             return True
         if self._holder == source:
@@ -272,7 +268,7 @@ class Authority:
         return self._holder == source
 
     def settle(self, grant: Grant, written: bool) -> None:
-        """Note whether a grant was stored, as `on_written` does."""
+        """Note whether a grant was stored, as `on_written`."""
         self.on_written(grant, written)
 
     def check_command(self, command: Command) -> Refusal | None:

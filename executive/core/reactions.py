@@ -58,6 +58,7 @@ class Reactions:
         ground: GroundMonitor,
     ) -> None:
         self._context = context
+        context.safety.history.navigation = context.status.navigation
         self._arbiter = arbiter
         self._ledger = ledger
         self._latch = latch

@@ -4,16 +4,14 @@ Any node of the ROS domain can send them, so all have one source and link. They 
 authority from its holder, and replace no motion of another source.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import assert_never
+from typing import Final
 
 from executive.commands import (
     ROS_LINK,
     ROS_SOURCE,
     Command,
     ConfirmPose,
-    Request,
     Resume,
     SetPositionCompensation,
 )
@@ -24,7 +22,7 @@ from executive.settings import RosCommands
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity
 
-OFF = Refusal(
+OFF: Final = Refusal(
     Reason.NOT_SUPPORTED,
     "the settings of the asset accept no commands of ROS clients except a stop: set ros.commands",
 )
@@ -32,11 +30,7 @@ OFF = Refusal(
 
 @dataclass(frozen=True, slots=True)
 class CancelRequest:
-    """The cancel of one command by its ROS client.
-
-    Attributes:
-        text: reason of the client.
-    """
+    """The cancel of one command by its ROS client, with its reason."""
 
     identity: Identity
     text: str
@@ -48,26 +42,19 @@ class RosClients:
     def __init__(
         self, context: Context, authority: Authority, notifications: Notifications
     ) -> None:
-        self._context = context
-        self._authority = authority
+        self._context, self._authority = context, authority
         self._notifications = notifications
 
     def check(self, command: Command) -> Refusal | None:
         """Return a refusal of a command other than a stop, or None; None for other links."""
-        if command.link != ROS_LINK:
-            return None
         commands = self._context.settings.ros.commands
-        match commands:
-            case RosCommands.OFF:
-                return OFF
-            case RosCommands.WHEN_FREE:
-                busy = self._operator_activity or _operator_decision(command.request, self._context)
-                text = f"commands of ROS clients are accepted when the rover is free: {busy}"
-                return None if busy is None else Refusal(Reason.OPERATOR_ACTIVE, text)
-            case RosCommands.ALWAYS:
-                return None
-            case _:
-                assert_never(commands)
+        if command.link != ROS_LINK or commands is RosCommands.ALWAYS:
+            return None
+        if commands is RosCommands.OFF:
+            return OFF
+        busy = self._operator_activity or self._operator_decision(command)
+        text = f"commands of ROS clients are accepted when the rover is free: {busy}"
+        return None if busy is None else Refusal(Reason.OPERATOR_ACTIVE, text)
 
     @property
     def has_other_motion(self) -> bool:
@@ -76,9 +63,8 @@ class RosClients:
 
     def replace_motion(self, refusal: Refusal) -> None:
         """Cancel the motions of ROS clients, active and waiting."""
-        for goal in tuple(self._context.goals.motion):
-            if goal.command.link == ROS_LINK:
-                self._context.goals.motion.cancel(goal.lifecycle, refusal)
+        for goal in self._goals:
+            self._context.goals.motion.cancel(goal.lifecycle, refusal)
 
     def hold_authority(self) -> bool:
         """Request the authority or renew it, if commands need it; return whether they may run."""
@@ -90,47 +76,43 @@ class RosClients:
 
     def cancel(self, request: CancelRequest) -> None:
         """Cancel one command of a ROS client; without effect once it has ended."""
-        refusal = Refusal(Reason.CANCELLED_BY_CLIENT, request.text)
-        for goal in tuple(self._goals()):
+        for goal in self._goals:
             if goal.command.identity == request.identity:
+                refusal = Refusal(Reason.CANCELLED_BY_CLIENT, request.text)
                 self._context.goals.cancel(goal.lifecycle, refusal)
 
     def tick(self) -> None:
         """Renew the authority for the goals of ROS clients; cancel them once another holds it."""
-        goals = tuple(self._goals())
-        if not goals or self.hold_authority():
-            return
-        text = f"{self._authority.state.holder} took the authority from {ROS_SOURCE}"
-        for goal in goals:
-            self._context.goals.cancel(goal.lifecycle, Refusal(Reason.NO_AUTHORITY, text))
+        if (goals := self._goals) and not self.hold_authority():
+            text = f"{self._authority.state.holder} took the authority from {ROS_SOURCE}"
+            for goal in goals:
+                self._context.goals.cancel(goal.lifecycle, Refusal(Reason.NO_AUTHORITY, text))
 
-    def _goals(self) -> Iterator[Goal]:
-        for queue in self._context.goals:
-            yield from (goal for goal in queue if goal.command.link == ROS_LINK)
+    @property
+    def _goals(self) -> tuple[Goal, ...]:
+        goals = (goal for queue in self._context.goals for goal in queue)
+        return tuple(goal for goal in goals if goal.command.link == ROS_LINK)
 
     @property
     def _operator_activity(self) -> str | None:
         """The activity of an operator while the rover is not free; None if it is free."""
-        for queue in self._context.goals:
-            for goal in queue:
-                if goal.command.link != ROS_LINK:
-                    return f"{goal.command.identity} {goal.command.name} is not finished"
+        for goal in (goal for queue in self._context.goals for goal in queue):
+            if goal.command.link != ROS_LINK:
+                return f"{goal.command.identity} {goal.command.name} is not finished"
         if (plan := self._context.plans.executing) is not None:
             return f"plan {plan} controls the rover"
         holder = self._authority.state.holder
         return None if holder in {None, ROS_SOURCE} else f"{holder} holds the authority"
 
-
-def _operator_decision(request: Request, context: Context) -> str | None:
-    """Return which decision of a request only an operator takes; None if there is none."""
-    latches = context.latches
-    stopped = latches.stopped_by is not None
-    own_stop = latches.stop is not None and latches.stop.source == ROS_SOURCE
-    held_by_fault = latches.hazard is not None or latches.paused is not None
-    match request:
-        case Resume() if held_by_fault or (stopped and not own_stop):
-            return "only an operator resumes it after a fault or after the stop of another source"
-        case SetPositionCompensation() | ConfirmPose():
-            return "only an operator changes or confirms its pose"
-        case _:
-            return None
+    def _operator_decision(self, command: Command) -> str | None:
+        """Return which decision of a command only an operator takes; None if there is none."""
+        latches, stop = self._context.latches, self._context.latches.stop
+        by_fault = latches.hazard is not None or latches.paused is not None
+        other_stop = latches.stopped_by is not None and (stop is None or stop.source != ROS_SOURCE)
+        match command.request:
+            case Resume() if by_fault or other_stop:
+                return "only an operator resumes it after a fault or a stop of another source"
+            case SetPositionCompensation() | ConfirmPose():
+                return "only an operator changes or confirms its pose"
+            case _:
+                return None

@@ -56,6 +56,7 @@ from executive.values.parameters import ParameterValue
 from executive.values.ports import (
     DelegatedMotionRover,
     Downlink,
+    NavigationGoal,
     NavigationRover,
     VelocityRover,
     Video,
@@ -580,7 +581,7 @@ class Executive:
             if not self._context.latches.held:
                 self._arbiter.release()
             self._reactions.fail_active(_raised(error))
-        if not self.moving and isinstance(self._context.intents.motion, Velocity):
+        if not self.moving and isinstance(self._context.intents.motion, Velocity | NavigationGoal):
             self._context.intents.motion = STANDING  # the goal of this intent has ended
         self._arbiter.commit(self._context.intents)
         self._reactions.note_command()

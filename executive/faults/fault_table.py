@@ -564,6 +564,16 @@ class FaultTable:
             " judgement."
         ),
     )
+    navigation_uncommanded_motion: FaultResponse = _fault(
+        Reason.NAVIGATION_UNCOMMANDED_MOTION,
+        "The navigation commands a velocity while it has no goal of the executive.",
+        _row(MonitoredWhen.ALWAYS, _SAFE_UNTIL_RESUME, Window(above=1.5)),
+        above=FaultParameter("time since the last goal ended", "s", 1.0, 60.0),
+        source=(
+            "A velocity smoother repeats the last velocity for 1.0 s; 0.5 s for the cancellation."
+            " The velocity does not reach the base: its gate is shut."
+        ),
+    )
     odometry_rejected: FaultResponse = _rejected("Odometry")
     imu_rejected: FaultResponse = _rejected("IMU data")
     joints_rejected: FaultResponse = _rejected("Wheel sensor data")

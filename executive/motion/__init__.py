@@ -28,8 +28,12 @@ from executive.motion.locomotion import leg_errors as leg_errors
 from executive.motion.locomotion import plan_leg as plan_leg
 from executive.motion.minimum_time import MinimumTimeSolver as MinimumTimeSolver
 from executive.motion.motion_model import MotionState as MotionState
+from executive.motion.navigation import NavigatedMotion as NavigatedMotion
+from executive.motion.navigation import navigate_to as navigate_to
 from executive.motion.predictive_control import make_solver as make_solver
 from executive.motion.predictive_control import model_of as model_of
+from executive.motion.relative_actions import act_relatively as act_relatively
+from executive.motion.relative_actions import finish_relative as finish_relative
 from executive.motion.route import passes_within as passes_within
 from executive.motion.trajectory import SharedSolver as SharedSolver
 from executive.motion.trajectory import Trajectory as Trajectory

@@ -16,6 +16,7 @@ from typing import Final, assert_never
 from executive.commands.lifecycle import CommandLifecycle
 from executive.motion.delegated_motion import DelegatedDriver, DelegatedLocomotion
 from executive.motion.locomotion import BaseDriver, Locomotion
+from executive.motion.navigation import NavigationDriver, NavigationLocomotion
 from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.trajectory import TrajectorySolver
 from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
@@ -35,6 +36,8 @@ from executive.values.ports import (
 from executive.values.reasons import Identity, Refusal
 
 NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started without one"
+
+NO_NAVIGATION: Final = "the settings have the section navigation, but this rover has no navigation"
 
 
 @dataclass(slots=True)
@@ -135,7 +138,10 @@ class Arbiter:
         """Dead-man: stop if intents are stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
-            self.zero_velocity()
+            if isinstance(self._driver, NavigationDriver):
+                self._driver.shut()
+            else:
+                self.zero_velocity()
 
 
 class Latches:
@@ -193,17 +199,24 @@ def make_locomotion(
     The solver computes trajectories for model predictive control, if the asset offers that.
 
     Raises:
-        SettingsError: the settings offer model predictive control, and there is no solver.
+        SettingsError: the settings offer model predictive control, and there is no solver; or a
+            navigation, and the rover has none.
         TypeError: the rover is not of the kind that the settings name.
     """
     match settings.locomotion:
         case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
             mover = VelocityDriver(clock, settings, status, rover)
+            own = VelocityLocomotion(clock, settings, status)
             if settings.offers_mpc:
                 if solver is None:
                     raise SettingsError(NO_SOLVER)
-                return PredictiveLocomotion(clock, settings, status, mover, solver), mover
-            return VelocityLocomotion(clock, settings, status), mover
+                own = PredictiveLocomotion(clock, settings, status, mover, solver)
+            if settings.navigation is None:
+                return own, mover
+            if not isinstance(rover, NavigationRover):
+                raise SettingsError(NO_NAVIGATION)
+            driver = NavigationDriver(clock, settings, status, rover, mover)
+            return NavigationLocomotion(clock, settings, status, own), driver
         case LocomotionKind.DELEGATED if isinstance(rover, DelegatedMotionRover):
             return DelegatedLocomotion(settings, status), DelegatedDriver(
                 clock, settings, status, rover

@@ -18,7 +18,7 @@ from executive.commands import Command, Curve, DriveFor, MoveForward, RotateBy, 
 from executive.settings import Settings, SpeedProfileKind
 from executive.state import Status
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
-from executive.values.ports import MotionIntent
+from executive.values.ports import DriveBy, MotionIntent, NavigateTo, TurnBy
 from executive.values.reasons import Refusal
 
 
@@ -136,6 +136,8 @@ class Leg:
         detour_points: corners of a detour around obstacles, if it is driven as a curve.
         force_turn_then_drive: whether turns and lines drive it, for any controller.
         curves: arcs of its turn, for a base that cannot turn on the spot.
+        navigation: the task of the navigation, if that drives it; the rest of a relative one is
+            derived from target and heading.
         path: of base_link, if the navigation drives it: that of its planner, or straight lines.
     """
 
@@ -150,6 +152,7 @@ class Leg:
     detour_points: tuple[Point, ...] = ()
     force_turn_then_drive: bool = False
     curves: tuple[Curve, ...] = ()
+    navigation: NavigateTo | DriveBy | TurnBy | None = None
     path: tuple[Point, ...] = ()
 
     def moved(self, origin: Pose) -> "Leg":
@@ -157,12 +160,19 @@ class Leg:
         if self.target is None:
             return replace(self, heading_rad=_turned(self.heading_rad, origin))
         end = origin.compose(Pose(self.target.x_m, self.target.y_m))
-        return replace(self, target=end.point, heading_rad=_turned(self.heading_rad, origin))
+        return replace(
+            self,
+            target=end.point,
+            heading_rad=_turned(self.heading_rad, origin),
+            via_points=tuple(each.moved(origin) for each in self.via_points),
+        )
 
     @property
     def free(self) -> bool:
         """Whether base_link ends at the target, at any heading."""
-        return bool(self.via_points or self.detour_points) and self.heading_rad is None
+        navigated = isinstance(self.navigation, NavigateTo)
+        any_end = bool(self.via_points or self.detour_points) or navigated
+        return any_end and self.heading_rad is None
 
 
 def _turned(heading_rad: float | None, origin: Pose) -> float | None:
@@ -180,6 +190,7 @@ def plan_leg(
     status: Status,
     through: Sequence[Waypoint] = (),
     around: Sequence[Point] = (),
+    navigated: bool = False,
 ) -> Leg:
     """Return the leg from the present pose through a step.
 
@@ -189,6 +200,7 @@ def plan_leg(
         status: the pose and the speed limits.
         through: waypoints to pass before, without stopping.
         around: corners of a detour around obstacles, without stopping.
+        navigated: whether the navigation drives it.
     """
     pose, law = status.pose, settings.turn_drive
     near_m = law.position_tolerance_m
@@ -202,17 +214,21 @@ def plan_leg(
             target = pose.ahead(law.control_point_m + distance_m)
             near_m = min(near_m, max(abs(distance_m) / 2, MIN_POSITION_TOLERANCE_M))
             return Leg(None, target, distance_m < 0, None, near_m)
-        case Waypoint() if through or around:
-            return _along_path(step, through, around, settings)
+        case Waypoint() if through or around or (navigated and not _reached(step, pose, settings)):
+            return _along_path(step, through, around, settings, pose)
         case Waypoint():
             return _to_waypoint(step, settings, status)
 
 
 def _along_path(
-    waypoint: Waypoint, through: Sequence[Waypoint], around: Sequence[Point], settings: Settings
+    waypoint: Waypoint,
+    through: Sequence[Waypoint],
+    around: Sequence[Point],
+    settings: Settings,
+    pose: Pose,
 ) -> Leg:
     law, point = settings.turn_drive, Point(waypoint.x_m, waypoint.y_m)
-    before = [*around, *(Point(each.x_m, each.y_m) for each in through)]
+    before = [pose.point, *around, *(Point(each.x_m, each.y_m) for each in through)]
     toward_rad = before[-1].bearing_rad(point)
     target, heading_rad = point, waypoint.heading_rad
     if heading_rad is not None:
@@ -233,16 +249,7 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     pose, law = status.pose, settings.turn_drive
     point = Point(waypoint.x_m, waypoint.y_m)
     near_m = waypoint.tolerance_m or law.position_tolerance_m
-    start = pose.ahead(law.control_point_m)
-    end = replace(pose, x_m=point.x_m, y_m=point.y_m)
-    if waypoint.heading_rad is not None:
-        end = replace(end, heading_rad=waypoint.heading_rad)
-    turn_rad = abs(wrap_rad(end.heading_rad - pose.heading_rad))
-    on_spot = settings.drive.min_turning_radius_m is None
-    if (
-        start.distance_m(end.ahead(law.control_point_m))
-        <= effective_tolerance_m(near_m, settings) / 2
-    ) and (on_spot or turn_rad <= law.heading_tolerance_rad):
+    if _reached(waypoint, pose, settings):
         return Leg(None, None, False, waypoint.heading_rad, near_m)
     forward = _towards(pose, point, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
@@ -252,6 +259,19 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
         return _uphill(forward, pose, settings, status)
     return _uphill(backward, pose, settings, status)
+
+
+def _reached(waypoint: Waypoint, pose: Pose, settings: Settings) -> bool:
+    """Return whether the rover is at a waypoint, and at most turns there."""
+    law, end = settings.turn_drive, replace(pose, x_m=waypoint.x_m, y_m=waypoint.y_m)
+    if waypoint.heading_rad is not None:
+        end = replace(end, heading_rad=waypoint.heading_rad)
+    turn_rad = abs(wrap_rad(end.heading_rad - pose.heading_rad))
+    on_spot = settings.drive.min_turning_radius_m is None
+    off_m = pose.ahead(law.control_point_m).distance_m(end.ahead(law.control_point_m))
+    near_m = waypoint.tolerance_m or law.position_tolerance_m
+    within = off_m <= effective_tolerance_m(near_m, settings) / 2
+    return within and (on_spot or turn_rad <= law.heading_tolerance_rad)
 
 
 def _uphill(leg: Leg, pose: Pose, settings: Settings, status: Status) -> Leg:
@@ -314,11 +334,13 @@ class Motion(ABC):
 
     Attributes:
         expected_s: expected duration without disturbances.
+        extra_s: additional time until its deadline.
         progress_note: a progress text to report; None without one.
         waypoints_passed: number of waypoints passed, of those of its leg.
     """
 
     expected_s: float
+    extra_s: float = 0.0
     progress_note: str | None = None
     waypoints_passed: int = 0
 
@@ -361,6 +383,10 @@ class Motion(ABC):
         """Plan again if the speed limit changed; return whether it did."""
         return False
 
+    def observe(self, leg: Leg) -> None:
+        """Compare the rover with the leg, which moves with its frame; only of a navigated one."""
+        return
+
     @abstractmethod
     def intent(self, now_s: float) -> MotionIntent:
         """Return the intent of this tick."""
@@ -374,6 +400,10 @@ class Locomotion(Protocol):
     """
 
     excludes_camera: bool
+
+    def navigates(self, command: Command) -> bool:
+        """Return whether a navigation drives the legs of a command."""
+        return False
 
     def supports_curve(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it drives to a waypoint in one curve, around obstacles between."""

@@ -1,4 +1,4 @@
-"""`NavigatedBase` stands in for a rover and its navigation in a preview: it follows the path."""
+"""`NavigatedBase` simulates a rover with its navigation in a preview: it follows the path."""
 
 from math import copysign
 
@@ -17,10 +17,12 @@ from executive.values.ports import NavigateTo, NavigationGoal, PathRequest
 
 CORNER_RAD = 0.5
 """Maximum corner of a path that is turned while driving; others are turned on the spot. Chosen."""
+END_M = END_RAD = 0.15
+"""Distance and angle from its target where the navigation ends; chosen. Nav2: at most 0.25."""
 
 
 class NavigatedBase(KinematicBase):
-    """Base whose navigation drives along the planner's path exactly, at the maximum speeds.
+    """Base with a navigation that drives along the planner's path exactly, at the maximum speeds.
 
     Without such a path it drives straight to each pose. Its odometry frame is that of the pose.
 
@@ -56,12 +58,14 @@ class NavigatedBase(KinematicBase):
         """Wait for `provide_path`."""
         self.path_request = request
 
-    def provide_path(self, path: PlannedPath) -> None:
-        """Answer the request; without points there is no path."""
+    def provide_path(self, points: tuple[Point, ...], text: str) -> None:
+        """Answer the request by points in the frame of the pose, or by why there are none."""
         request, self.path_request = self.path_request, None
         if request is not None:
-            self._planned += [self._in_odom(each, request.frame) for each in path.points]
-            self._due.append(PlannedPath(request.number, path.points, path.text))
+            self._planned += points
+            into = self._origins[request.frame].inverse
+            answer = tuple(into.compose(Pose(each.x_m, each.y_m)).point for each in points)
+            self._due.append(PlannedPath(request.number, answer, text))
 
     def navigate(self, goal: NavigationGoal) -> None:
         """Accept a goal, and follow the path that was planned for it."""
@@ -71,7 +75,7 @@ class NavigatedBase(KinematicBase):
         origin = self._origins[goal.task.frame]
         ends = [origin.compose(each) for each in goal.task.poses]
         points = [each.point for each in ends]
-        self._left = [*self._left, points[-1]] if self._left else points
+        self._left = [*self._left[:-1], points[-1]] if self._left else points
         self._heading_rad = ends[-1].heading_rad
 
     def cancel_navigation(self) -> None:
@@ -114,7 +118,8 @@ class NavigatedBase(KinematicBase):
         """Follow the path for a time; return the time that is left at its end."""
         while self._left and left_s:
             at = self.pose.point
-            point, length_m = self._left[0], at.distance_m(self._left[0])
+            point, is_last = self._left[0], len(self._left) == 1
+            length_m = max(0.0, at.distance_m(point) - (END_M if is_last else 0.0))
             if length_m:
                 left_s = self._turn(at.bearing_rad(point), left_s, CORNER_RAD)
             moved_m = min(length_m, self._speeds.travel_mps * left_s)
@@ -124,7 +129,9 @@ class NavigatedBase(KinematicBase):
             ahead = self.pose.ahead(moved_m)
             self.pose = Pose(ahead.x_m, ahead.y_m, heading_rad=self.pose.heading_rad)
         if not self._left:
-            left_s = self._turn(self._heading_rad, left_s, 0.0)
+            by_rad = wrap_rad(self._heading_rad - self.pose.heading_rad)
+            by_rad = copysign(max(0.0, abs(by_rad) - END_RAD), by_rad)
+            left_s = self._turn(self.pose.heading_rad + by_rad, left_s, 0.0)
         return left_s
 
     def _turn(self, heading_rad: float, left_s: float, free_rad: float) -> float:
@@ -137,6 +144,3 @@ class NavigatedBase(KinematicBase):
         heading_rad = wrap_rad(self.pose.heading_rad + by_rad)
         self.pose = Pose(self.pose.x_m, self.pose.y_m, heading_rad=heading_rad)
         return left_s
-
-    def _in_odom(self, point: Point, frame: TargetFrame) -> Point:
-        return self._origins[frame].compose(Pose(point.x_m, point.y_m)).point

@@ -42,7 +42,7 @@ from executive.values.reasons import PREDICTED, Figure, Refusal
 
 _LOG = logging.getLogger(__name__)
 
-NOT_REQUESTED: Final = "a prediction requests no path of the planner"
+NOT_REQUESTED: Final = "the path of a later leg is not known yet"
 SLICE_TICKS: Final = 2
 """Ticks of the copy in one slice."""
 
@@ -57,6 +57,7 @@ class _PredictionJob:
         command: command of the motion; None for a plan.
         is_wanted: returns whether the prediction is still needed.
         since_s: time of the request.
+        goal: goal of a motion until its first leg is planned, for the path of that.
         run: the preview run, once started.
     """
 
@@ -67,6 +68,7 @@ class _PredictionJob:
     command: Command | None
     is_wanted: Callable[[], bool]
     since_s: float
+    goal: Goal | None = None
     run: PreviewRun | None = None
 
 
@@ -171,6 +173,7 @@ class Predictor:
                 command,
                 lambda: not lifecycle.stage.terminal,
                 self._context.clock.now_s(),
+                goal,
             )
         )
 
@@ -220,7 +223,10 @@ class Predictor:
         """Whether a slice can be computed.
 
         The first request to the solver waits for a tick, so that the motion itself requests first.
+        A navigated motion is predicted along the path of its leg, once that is planned.
         """
+        if work.run is not None and work.run.path_request is not None:
+            return work.goal is None or bool(work.goal.leg.path)
         if work.run is not None:
             return not work.run.waiting_for_solver
         settings, clock = self._context.settings, self._context.clock
@@ -232,7 +238,11 @@ class Predictor:
             work.run = self.run(work.subject, work.start)
             work.run.set_up()
         elif (request := work.run.path_request) is not None:
-            work.run.provide_path(PlannedPath(request.number, (), NOT_REQUESTED))
+            goal, work.goal = work.goal, None
+            if goal is None or goal.leg.via_points:
+                work.run.provide_path(PlannedPath(request.number, (), NOT_REQUESTED))
+            else:
+                work.run.provide_leg(goal.leg.path)
         else:
             work.run.advance(SLICE_TICKS)
         return work.run.result

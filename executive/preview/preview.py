@@ -44,6 +44,7 @@ from executive.settings import (
     MotionExtent,
     NavigationGate,
     NavigationSettings,
+    RelativeActions,
     Sensors,
     Settings,
     curved_m,
@@ -51,7 +52,7 @@ from executive.settings import (
 from executive.state import FileFolder, Status, Uncertainty
 from executive.values.clock import ManualClock
 from executive.values.facts import Battery, MapToOdom, PlannedPath
-from executive.values.geometry import STANDING, Pose, TargetFrame, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Point, Pose, TargetFrame, Velocity, wrap_rad
 from executive.values.ports import PathRequest
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
@@ -295,15 +296,17 @@ class PreviewRun:
 
     def provide_path(self, path: PlannedPath) -> None:
         """Provide the path that it waits for, as the planner answered, or why there is none."""
-        base = self._base
-        assert isinstance(base, NavigatedBase)
-        if not path.points:
-            self._straight = path.text
-        elif base.path_request is not None and base.path_request.frame is TargetFrame.ODOM:
-            origin = self._start.odom_origin
-            points = [origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points]
-            path = replace(path, points=tuple(points))
-        base.provide_path(path)
+        request, start = self.path_request, self._start
+        in_map = request is not None and request.frame is TargetFrame.MAP
+        origin = (start.map_origin if in_map else start.odom_origin) or Pose()
+        self._straight = self._straight if path.points else path.text
+        points = (origin.compose(Pose(each.x_m, each.y_m)).point for each in path.points)
+        self.provide_leg(tuple(points), path.text)
+
+    def provide_leg(self, path: tuple[Point, ...], text: str = "") -> None:
+        """Provide the path that it waits for as a leg has it, in the frame of the pose."""
+        assert isinstance(self._base, NavigatedBase)
+        self._base.provide_path(path, text)
 
     def advance(self, ticks: int) -> bool:
         """Advance the copy by some ticks, after `set_up`; return whether there is a result.
@@ -355,7 +358,8 @@ class PreviewRun:
         pose = start.pose
         if settings.navigation is not None:
             ratio = start.slow_ratio
-            speeds = Velocity(start.travel_speed_mps * ratio, start.rotate_speed_radps * ratio)
+            speed_mps = min(start.travel_speed_mps * ratio, settings.navigation.speed_mps)
+            speeds = Velocity(speed_mps, start.rotate_speed_radps * ratio)
             return NavigatedBase(clock, settings, pose, start.map_origin or Pose(), speeds)
         match settings.locomotion:
             case LocomotionKind.DELEGATED:
@@ -559,7 +563,8 @@ def _previewed_navigation(what: Motion | PlanNode, settings: Settings) -> Naviga
     navigation = settings.navigation
     if navigation is None or not any(is_navigated(each, settings) for each in _requests(what)):
         return None
-    return replace(navigation, gate=NavigationGate.RELAY, input=None, lock=None)
+    own = RelativeActions.OFF
+    return replace(navigation, gate=NavigationGate.RELAY, input=None, lock=None, relative=own)
 
 
 def _requests(what: Motion | PlanNode) -> tuple[Request, ...]:

@@ -6,7 +6,7 @@ from executive.faults import Window
 from executive.safety.evidence import Evidence
 from executive.safety.motion_history import MotionHistory
 from executive.values.facts import Source
-from executive.values.quantities import angle_text
+from executive.values.quantities import angle_text, rate_text
 from executive.values.reasons import Figure
 
 
@@ -40,6 +40,27 @@ def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | 
     """Detect that another publisher drives the base."""
     drivers = ", ".join(str(each) for each in history.mux_inputs if each.overrides)
     return Evidence(f"{drivers} drives the rover") if drivers else None
+
+
+def navigation_uncommanded_motion(
+    history: MotionHistory, window: Window, _: float
+) -> Evidence | None:
+    """Detect that the navigation commands a velocity without a goal of the executive."""
+    track = history.navigation
+    if track is None or track.uncommanded_s <= window.bound:
+        return None
+    travel_mps, rotate_radps = track.velocity.travel_mps, track.velocity.rotate_radps
+    text = (
+        f"the navigation commands {travel_mps:+.2f} m/s, {rate_text(rotate_radps, '+.1f')},"
+        " without a goal of the executive; its gate is shut"
+    )
+    figures = (
+        Figure("speed", travel_mps, "m/s"),
+        Figure("rate", rotate_radps, "rad/s"),
+        Figure("without goal", track.uncommanded_s, "s"),
+        Figure("bound", window.bound, "s"),
+    )
+    return Evidence(text, figures)
 
 
 def battery_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:

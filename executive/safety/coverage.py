@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from executive.faults import Reaction, Unmonitored
 from executive.safety.motion_history import MotionHistory
-from executive.settings import LocomotionKind, Settings, TurnSource
+from executive.settings import LocomotionKind, NavigationGate, Settings, TurnSource
 
 _BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheel_slip", "motion_blocked")
 NO_JOINTS = Unmonitored(
@@ -52,6 +52,14 @@ NO_EMERGENCY_STOP = Unmonitored(
 )
 GYRO_HEADING = Unmonitored(
     "a drift of the gyro while driving", "the heading is the gyro's (odometry.turn)", ()
+)
+NAVIGATED = Unmonitored(
+    "commanded against measured motion while the navigation drives",
+    "its velocity does not pass the executive (navigation.gate is lock)",
+    (
+        *("off_command", "turn_off_command", "turn_angle_off_command", "no_progress"),
+        *("odometry_frozen", "wheels_off_command", "wheel_travel_off_command", "wheels_unpowered"),
+    ),
 )
 WHOLE_MOTION = Unmonitored(
     "uncommanded motion",
@@ -109,6 +117,8 @@ def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
         yield GYRO_HEADING
     if settings.locomotion is LocomotionKind.DELEGATED:
         yield WHOLE_MOTION
+    if settings.navigation is not None and settings.navigation.gate is NavigationGate.LOCK:
+        yield NAVIGATED
     for declared, row in settings.faults:
         if row.reaction is Reaction.IGNORE:
             yield Unmonitored(declared.name, "its reaction is ignore", (declared.name,))

@@ -5,7 +5,7 @@ between any two times is the difference of two look-ups.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, hypot, inf
 from typing import Final, NamedTuple
 
@@ -29,7 +29,7 @@ from executive.safety.stamp_period import Gaps, OdometryPeriod
 from executive.safety.surroundings import LaserSurroundings
 from executive.safety.twist_delay import TwistDelay
 from executive.settings import Settings, TurnSource
-from executive.state import Rejections
+from executive.state import NavigationTrack, Rejections
 from executive.values.clock import Clock
 from executive.values.facts import (
     Battery,
@@ -192,6 +192,7 @@ class MotionHistory:
         self.battery_at_s = -inf
         self.other_drivers = OtherDrivers()
         self.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
+        self.navigation: NavigationTrack | None = None
         self.rejections = Rejections(clock)
         self.pose = Pose()
         self.surroundings = LaserSurroundings(settings)
@@ -228,6 +229,8 @@ class MotionHistory:
             case EmergencyStop(active):
                 self.emergency_stop = active
             case ForeignMuxInput():
+                if self._by_navigation:  # its input has the lowest priority
+                    fact = replace(fact, overrides=True)
                 self.other_drivers.observe(fact, now_s)
                 if fact.overrides or (self.lower_may_drive and not self.commanding):
                     self.begun_s = now_s
@@ -268,10 +271,10 @@ class MotionHistory:
         Args:
             velocity: of the rover; zero for standstill.
             at_least: while the rover accelerates or brakes on its own, the other bound of its
-                expected velocity.
+                expected velocity. Infinite bounds if the command is unknown.
         """
         now_s = self._clock.now_s()
-        if now_s - self.commands.time_s > COMMAND_STALL_S:
+        if now_s - self.commands.time_s > COMMAND_STALL_S or velocity.travel_mps == inf:
             self.commands = Channel(4)
         channel = self.commands
         _, least, last = self._velocities[-1]
@@ -290,6 +293,11 @@ class MotionHistory:
             self.standing_since_s = inf
         elif self.standing_since_s == inf:
             self.standing_since_s = now_s
+
+    @property
+    def _by_navigation(self) -> bool:
+        """Whether the navigation drives the base by its input of the mux."""
+        return self._velocities[-1][2].travel_mps == inf
 
     @property
     def total_motion(self) -> tuple[float, float]:

@@ -36,6 +36,7 @@ from executive.settings.navigation_settings import MuxEntry as MuxEntry
 from executive.settings.navigation_settings import MuxSettings as MuxSettings
 from executive.settings.navigation_settings import NavigationGate as NavigationGate
 from executive.settings.navigation_settings import NavigationSettings as NavigationSettings
+from executive.settings.navigation_settings import RelativeActions as RelativeActions
 from executive.settings.prediction_settings import BatterySettings as BatterySettings
 from executive.settings.prediction_settings import MotionEndKind as MotionEndKind
 from executive.settings.prediction_settings import MotionExtent as MotionExtent

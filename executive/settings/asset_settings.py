@@ -162,15 +162,10 @@ class AuthoritySettings:
 
 @unique
 class RosCommands(Enum):
-    """When commands of ROS clients are accepted; any node of the ROS domain can send them.
+    """When commands of ROS clients are accepted; a stop is accepted always.
 
-    A stop is accepted always.
-
-    Attributes:
-        OFF: never.
-        WHEN_FREE: unless an operator has goals, a running plan or the authority. They resume only
-            after a stop of their own, and do not change or confirm the pose.
-        ALWAYS: as of any other source.
+    With `WHEN_FREE` not while an operator has goals, a running plan or the authority; ROS clients
+    then resume only after a stop of their own, and do not confirm or change the pose.
     """
 
     OFF = "off"
@@ -180,11 +175,7 @@ class RosCommands(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RosSettings:
-    """ROS clients that command the rover.
-
-    Attributes:
-        commands: when their commands are accepted.
-    """
+    """ROS clients that command the rover."""
 
     commands: RosCommands = RosCommands.OFF
 

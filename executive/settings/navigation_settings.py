@@ -92,6 +92,21 @@ class NavigationGate(Enum):
     RELAY = "relay"
 
 
+@unique
+class RelativeActions(Enum):
+    """Actions that carry out moveForward and rotateBy.
+
+    Attributes:
+        OFF: none; the executive drives them itself.
+        NAV2: drive_on_heading and spin of Nav2.
+        CREATE3: drive_distance and rotate_angle of a Create 3.
+    """
+
+    OFF = "off"
+    NAV2 = "nav2"
+    CREATE3 = "create3"
+
+
 @dataclass(frozen=True, slots=True)
 class NavigationSettings:
     """The navigation: Nav2's action servers or others with these interfaces.
@@ -101,10 +116,13 @@ class NavigationSettings:
         input: its input in `mux.topics`, if the gate is a lock.
         lock: the lock of that input in `mux.locks`, if the gate is a lock.
         selectable: whether commands may select it if the asset's controller is another.
-        finish_within_m: maximum distance of its end from the target, from which the executive
-            drives to the target itself.
+        finish_within_m: maximum distance of its end from the target; the executive drives the rest
+            itself.
         recovery_s: added to the deadline of a motion for the navigation's recoveries.
+        speed_mps: speed of its drives on average, for deadlines and predictions. Nav2's controllers
+            have 0.26 or 0.5 m/s by default; half of it is still in time.
         passing_m: radius within which it counts an intermediate pose as passed.
+        relative: actions that carry out moveForward and rotateBy.
     """
 
     gate: NavigationGate
@@ -113,51 +131,43 @@ class NavigationSettings:
     selectable: bool = True
     finish_within_m: float = 0.5
     recovery_s: float = 60.0
+    speed_mps: float = 0.5
     passing_m: float = 0.7
+    relative: RelativeActions = RelativeActions.OFF
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the figures are positive, and the gate has its names."""
-        require_above_zero(self, "finish_within_m", "recovery_s", "passing_m")
-        named = self.input is not None, self.lock is not None
-        if self.gate is NavigationGate.LOCK and named != (True, True):
+        require_above_zero(self, "finish_within_m", "recovery_s", "speed_mps", "passing_m")
+        named = [each for each in (self.input, self.lock) if each is not None]
+        if len(named) != (2 if self.gate is NavigationGate.LOCK else 0):
             raise ValueError(
-                "gate is lock: it needs input, the navigation's input in mux.topics, and lock, its"
-                " lock in mux.locks. Without a mux set gate to relay"
+                "input and lock, the navigation's in the mux, are needed if gate is lock, and not"
+                " known if it is relay"
             )
-        if self.gate is NavigationGate.RELAY and any(named):
-            raise ValueError("gate is relay: remove input and lock, which are for gate lock")
 
     def check_gate(self, mux: MuxSettings | None) -> None:
         """Raise ValueError unless the gate shuts the navigation off, and nothing else."""
-        if self.gate is not NavigationGate.LOCK:
+        if self.input is None or self.lock is None:
             return
         if mux is None:
+            raise ValueError("navigation.gate is lock: add the section mux, or set it to relay")
+        topic, gate = mux.topics.get(self.input), mux.locks.get(self.lock)
+        if topic is None or gate is None:
             raise ValueError(
-                "navigation.gate is lock: it needs the section mux. Without a mux set it to relay"
+                f"navigation.input {self.input} or navigation.lock {self.lock} is not in the mux:"
+                f" known are {', '.join((*mux.topics, *mux.locks))}"
             )
-        assert self.input is not None
-        assert self.lock is not None
-        for key, name, there in (
-            ("input", self.input, mux.topics),
-            ("lock", self.lock, mux.locks),
-        ):
-            if name not in there:
-                known = ", ".join(there) or "none"
-                raise ValueError(f"navigation.{key} is {name!r}, not in the mux: {known}")
         if self.input in {mux.input, mux.stop} or self.lock == mux.lock:
-            raise ValueError(
-                "navigation.input and navigation.lock must differ from mux.input, mux.stop and"
-                " mux.lock, which are the executive's own"
-            )
-        own, gate = mux.topics[self.input].priority, mux.locks[self.lock]
+            raise ValueError("navigation.input and navigation.lock are those of the executive")
         if not 0.0 < gate.timeout <= MAX_LOCK_TIMEOUT_S:
             raise ValueError(
                 f"lock {self.lock} has timeout {gate.timeout:g}: above 0, so that it is locked"
                 f" without an executive, and at most {MAX_LOCK_TIMEOUT_S:g} s"
             )
         lowest = min(each.priority for name, each in mux.topics.items() if name != self.input)
-        if not own < gate.priority <= lowest:
+        if not topic.priority < gate.priority <= lowest:
             raise ValueError(
-                f"lock {self.lock} has priority {gate.priority}: it must be above {own}, that of"
-                f" {self.input}, and at most {lowest}, so that it masks no other input"
+                f"lock {self.lock} has priority {gate.priority}: it must be above"
+                f" {topic.priority}, that of {self.input}, and at most {lowest}, so that it masks"
+                " no other input"
             )

@@ -10,6 +10,7 @@ from executive.state.fusion import FramePair as FramePair
 from executive.state.fusion import PoseDisagreement as PoseDisagreement
 from executive.state.fusion import disagreement as disagreement
 from executive.state.motion_statistics import MotionStatistics as MotionStatistics
+from executive.state.navigation import NavigationTrack as NavigationTrack
 from executive.state.standstill import FRAME_DISTANCE_M as FRAME_DISTANCE_M
 from executive.state.standstill import SourceMotion as SourceMotion
 from executive.state.standstill import is_slow as is_slow

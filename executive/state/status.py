@@ -10,6 +10,7 @@ from executive.obstacles.local_map import LocalMap
 from executive.obstacles.zones import MAX_MARGIN_M, ScannedObstacle, Zones
 from executive.settings import Settings
 from executive.state.fusion import PoseFusion
+from executive.state.navigation import NavigationTrack
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import StandstillDetector, is_slow
 from executive.state.uncertainty import Uncertainty
@@ -28,6 +29,9 @@ from executive.values.facts import (
     MapToOdom,
     MotionEnded,
     MotionStarted,
+    NavigationFeedback,
+    NavigationStatus,
+    NavigationVelocity,
     Odometry,
     PlannedPath,
     RejectedData,
@@ -65,6 +69,7 @@ class Status:
             `motion_started_at_s`, the time of that report.
         motion_ended: the last whole motion that such a rover ended.
         executed_by_relay: the command that the rover last received over another link.
+        navigation: the goal of the navigation; None without one below.
         map_to_odom: the newest pose of the odometry frame in the map; None without one.
         emergency_stop: whether the robot's own emergency stop is active.
         foreign_publishers: other publishers of the rover's velocity.
@@ -98,6 +103,7 @@ class Status:
         self.motion_ended: MotionEnded | None = None
         self._motion_ended_at_s = -inf
         self.executed_by_relay: Identity | None = None
+        self.navigation = None if settings.navigation is None else NavigationTrack(clock)
         self.map_to_odom: Pose | None = None
         self._map_at_s = -inf
         self._raw = Pose()
@@ -163,6 +169,9 @@ class Status:
                 self.emergency_stop = active
             case MapToOdom(pose):
                 self.map_to_odom, self._map_at_s = pose, self._clock.now_s()
+            case NavigationStatus() | NavigationFeedback() | NavigationVelocity():
+                if self.navigation is not None:
+                    self.navigation.observe(fact)
             case PlannedPath():
                 self._planned_paths.append(fact)
             case _:

@@ -257,12 +257,9 @@ class NavigationState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class NavigationStatus:
-    """A state of a goal of the navigation.
+    """A state of the goal of this number, with its error code and message, if it has one.
 
     Attributes:
-        number: number of the goal.
-        code, code_name: its error code, and the name of that; 0 and empty without one.
-        text: its error message.
         missed: indices of the poses that it missed.
     """
 
@@ -276,13 +273,10 @@ class NavigationStatus:
 
 @dataclass(frozen=True, slots=True)
 class NavigationFeedback:
-    """Feedback on a goal of the navigation; it is never evidence of motion.
+    """Feedback on the goal of this number: never evidence of motion. None if not reported.
 
     Attributes:
-        number: number of the goal.
-        remaining_m: length of the path that is left; None if not reported.
-        recoveries: number of recovery actions.
-        poses_remaining: number of poses that are left; None if not reported.
+        remaining_m: length of the path that is left.
     """
 
     number: int
@@ -300,13 +294,7 @@ class NavigationVelocity:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPath:
-    """The planner's answer to a `PathRequest`.
-
-    Attributes:
-        number: number of the request.
-        points: in the frame of the request; empty without a path.
-        text: why there is no path.
-    """
+    """The planner's answer to a `PathRequest`, in its frame; without points why there is none."""
 
     number: int
     points: tuple[Point, ...]

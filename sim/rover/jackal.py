@@ -1,6 +1,7 @@
-"""`SimulatedJackal`, in place of a real one, behind the port `VelocityRover`.
+"""`SimulatedJackal`, in place of a real one, behind the port `NavigationRover`.
 
-Its base has limits and a timeout; its odometry is dead reckoning: encoder speed, gyro rate.
+It has no navigation: goals are answered as without a server. Its base has limits and a timeout; its
+odometry is dead reckoning: encoder speed, gyro rate.
 """
 
 from collections import deque
@@ -13,9 +14,17 @@ from zlib import crc32
 import numpy as np
 
 from executive.settings import MuxEntry, MuxSettings, Sensors
-from executive.values.facts import VELOCITY_TOPIC, Battery, ForeignMuxInput, Odometry
+from executive.values.facts import (
+    VELOCITY_TOPIC,
+    Battery,
+    ForeignMuxInput,
+    NavigationState,
+    NavigationStatus,
+    Odometry,
+    PlannedPath,
+)
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.values.ports import CameraIntent
+from executive.values.ports import CameraIntent, NavigationGoal, PathRequest
 from sim.pan_tilt import HeadController
 from sim.rover import faults
 from sim.rover.body import (
@@ -262,6 +271,20 @@ class SimulatedJackal(SimulatedBody):
         """Command zero velocity, and hold the lock."""
         self.drive(STANDING)
         self.lock(True)
+
+    def navigate(self, goal: NavigationGoal) -> None:
+        """Report that there is no server."""
+        self._due.append(NavigationStatus(goal.number, NavigationState.UNAVAILABLE))
+
+    def cancel_navigation(self) -> None:
+        """Cancel nothing: there is no server."""
+
+    def open_gate(self, is_open: bool) -> None:
+        """Leave the gate shut: its lock is locked without messages."""
+
+    def plan_path(self, request: PathRequest) -> None:
+        """Report that there is no planner."""
+        self._due.append(PlannedPath(request.number, (), "the simulation has no planner"))
 
     def point_camera(self, wanted: CameraIntent) -> None:
         """Command the camera's angles and maximum speed, limited to those of the head.

@@ -418,6 +418,15 @@ def authority(count: int, seed: int) -> "list[Figure]":
     return authority_storm.measure(_settings(), count, seed, log)
 
 
+@benchmark("navigation --drives 5", count("--drives", 50), SEED)
+def navigation(count: int, seed: int) -> "list[Figure]":
+    """Honest and lying navigations below: is EXECUTED true, does the rover stand at each end?"""
+    from tests.stress import navigation_trial
+
+    log(f"navigation: {count} drives for each behaviour, command and gate ...")
+    return navigation_trial.measure(count, seed, log)
+
+
 @benchmark(
     "mutants --number 14 --seed 2",
     count("--number", 100),

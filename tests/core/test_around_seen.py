@@ -26,7 +26,7 @@ from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, ScanningRover
-from trees.motion import MAX_DETOURS
+from trees.motion_leaf import MAX_DETOURS
 
 pytestmark = pytest.mark.alike
 

@@ -133,9 +133,21 @@ def test_a_plan_of_an_operator_is_not_disturbed_when_ros_waits_for_a_free_rover(
     with bench_of(tmp_path, RosCommands.WHEN_FREE) as bench:
         bench.submit(SubmitPlan(plan(AHEAD)), 1)
         bench.submit(ActivatePlan("survey"), 2)
+        answer = ros(bench, SetTravelSpeed(0.2), 6)  # before its first step
+        assert isinstance(answer, Rejected)
+        assert "plan survey" in answer.refusal.text
         bench.run(0.5)
         assert bench.executive.mode is Mode.PLAN
         assert refused(ros(bench, SetTravelSpeed(0.2), 7)) is Reason.OPERATOR_ACTIVE
+
+
+def test_a_holder_of_the_authority_is_an_operator_though_none_is_needed(tmp_path: Path) -> None:
+    with bench_of(tmp_path, RosCommands.WHEN_FREE) as bench:
+        operator = RequestedAuthority(bench).request("MOE")
+        assert isinstance(operator, AuthorityState)
+        assert refused(ros(bench, MoveForward(1.0), 1)) is Reason.OPERATOR_ACTIVE
+        RequestedAuthority(bench).release("MOE", operator.epoch)
+        assert isinstance(ros(bench, MoveForward(1.0), 2), Accepted)
 
 
 def test_only_an_operator_resumes_after_a_stop_of_an_operator(tmp_path: Path) -> None:
@@ -168,7 +180,7 @@ def test_a_cancel_ends_one_command_and_leaves_no_stop(tmp_path: Path) -> None:
         assert bench.rover.pose.x_m < 1.5
 
 
-def test_the_authority_is_requested_when_free_kept_and_never_taken(tmp_path: Path) -> None:
+def test_the_authority_is_requested_when_free_and_never_taken(tmp_path: Path) -> None:
     with bench_of(tmp_path, RosCommands.ALWAYS, needed=True) as bench:
         authority = RequestedAuthority(bench)
         operator = authority.request("MOE")

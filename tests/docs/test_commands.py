@@ -70,8 +70,8 @@ HERE = re.compile(
     r"|watch --file|why)\b[^|>]*"
 )
 """Commands that are run in this process: another imports for longer than they take."""
-WITH_A_FILE = CHECKOUT / "docs" / "campaigns.md"
-"""Whose commands are run by `test_campaigns.py`, with the file that stands there, too."""
+WITH_FILES = {CHECKOUT / "docs" / name for name in ("campaigns.md", "above-nav2.md")}
+"""Whose commands are run with their files by `test_campaigns.py` and `test_navigation_pages.py`."""
 
 pytestmark = pytest.mark.slow
 
@@ -103,7 +103,7 @@ class Desk:
             authority_for(keys, "rover", "moe")
             return
         if HERE.fullmatch(line.text):
-            status, output = self._run_here(line.text)
+            status, output = self.run_here(line.text)
             assert status == line.status, f"{line.text}: {output}"
             return
         done = subprocess.run(
@@ -117,7 +117,7 @@ class Desk:
         )
         assert done.returncode == line.status, f"{line.text}: {done.stdout}{done.stderr}"
 
-    def _run_here(self, text: str) -> tuple[int, str]:
+    def run_here(self, text: str) -> tuple[int, str]:
         """Run a command without a process of its own; return its exit status and its output."""
         _, *arguments = shlex.split(self.here(text))
         with chdir(self.folder), pytest.MonkeyPatch.context() as patch:
@@ -195,7 +195,7 @@ def pages(no_rover: bool) -> list[Path]:
     return [
         page
         for page, without in typed.items()
-        if without and all(without) == no_rover and page != WITH_A_FILE
+        if without and all(without) == no_rover and page not in WITH_FILES
     ]
 
 

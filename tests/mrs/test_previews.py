@@ -2,9 +2,11 @@
 
 import asyncio
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import click
 import pytest
@@ -31,9 +33,23 @@ from adapters.mrs.spec import (
     motion_of,
     preview_request,
 )
-from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, all_declarations
+from executive.commands import (
+    FollowPath,
+    Motion,
+    MoveForward,
+    MoveTo,
+    Stop,
+    Waypoint,
+    all_declarations,
+)
+from executive.core.runner import Executive
+from executive.settings import NavigationGate
+from executive.values.geometry import Point
 from executive.values.reports import ReportKind
 from tests.mrs.aboard import Aboard, raises
+from tests.support.kinematic import Bench
+from tests.support.navigated import settings
+from tests.support.planned import PlannedBench
 from tests.support.plans import AHEAD, TOO_LATE, plan
 
 HERE = PreviewPose(time=2.0, x=1.0, y=0.0, heading=0.0)
@@ -174,6 +190,63 @@ def test_formatted_lines() -> None:
     first, _, last = preview_lines(more)
     assert first == "duration 2.0 s, 1.00 m, 111 J"
     assert last == "clearance 0.50 m to rock 'boulder'"
+    assert preview_lines(replace(more, note="along straight lines: so"))[-1].startswith("along")
+
+
+class _Gateway:
+    """Answers queries at once, and lets a tick pass after each."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+
+    def query(self, question: Callable[[Executive], Any]) -> asyncio.Future[Any]:
+        answer = asyncio.get_running_loop().create_future()
+        answer.set_result(question(self._bench.executive))
+        self._bench.step()
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("via", "length_m", "note"),
+    [
+        ((Point(0.0, 3.0),), 8.0, None),
+        ("TF_ERROR", 4.0, "along straight lines: TF_ERROR"),
+        (None, 4.0, "along straight lines: no path of the planner in time"),
+    ],
+)
+def test_a_navigated_motion_is_previewed_along_the_path_of_the_planner(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    via: tuple[Point, ...] | str | None,
+    length_m: float,
+    note: str | None,
+) -> None:
+    monkeypatch.setattr(query_services, "PLANNER_WAIT_S", 0.2)
+    with PlannedBench(tmp_path, settings(NavigationGate.LOCK)) as bench:
+        bench.rover.via = via
+        served: Any = SimpleNamespace(serve=lambda *_: None)
+        gateway: Any = _Gateway(bench)
+        service = query_services.PreviewService(served, gateway)
+        motion = MoveTo(Waypoint(4.0, 0.0))
+        reported = asyncio.run(service._work_out(motion))
+        assert reported.length == pytest.approx(length_m, abs=0.1)
+        assert reported.note == note
+        assert not bench.rover.goals
+
+
+def test_a_planner_that_does_not_answer_is_requested_once_in_a_preview(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(query_services, "PLANNER_WAIT_S", 0.2)
+    with PlannedBench(tmp_path, settings(NavigationGate.LOCK)) as bench:
+        bench.rover.via = None
+        served: Any = SimpleNamespace(serve=lambda *_: None)
+        gateway: Any = _Gateway(bench)
+        service = query_services.PreviewService(served, gateway)
+        path = FollowPath(tuple(Waypoint(float(each), 0.0) for each in range(1, 6)))
+        reported = asyncio.run(service._work_out(path))
+        assert reported.length == pytest.approx(5.0, abs=0.2)
+        assert len(bench.rover.requests) == 1
 
 
 async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsClient) -> None:

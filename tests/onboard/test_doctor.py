@@ -19,7 +19,12 @@ from click.testing import CliRunner
 
 from adapters.cli import doctor
 from adapters.cli.doctor import Level, Subject
-from executive.settings import config_folder, load_settings
+from executive.settings import (
+    NavigationGate,
+    NavigationSettings,
+    config_folder,
+    load_settings,
+)
 from tests.stress.small_disk import NoDiskError, small_disk
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -276,6 +281,20 @@ def test_a_port_in_use_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
         text, remedy = found(doctor._port(HERE), Level.WARNING)
     assert text == f"TCP {number}: Address already in use; perhaps an executive runs"
     assert remedy == f"ss -ltnp 'sport = :{number}'"
+
+
+def test_a_navigation_without_its_messages_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DISTRO", "kilted")
+    monkeypatch.setattr(doctor, "find_spec", lambda _: None)
+    jackal = load_settings("jackal")
+    assert not list(doctor._navigation(replace(HERE, asset="jackal", settings=jackal)))
+    navigated = replace(jackal, navigation=NavigationSettings(NavigationGate.RELAY))
+    subject = replace(HERE, asset="jackal", settings=navigated)
+    text, remedy = found(doctor._navigation(subject), Level.ERROR)
+    assert "771" in text
+    assert remedy == "sudo apt install ros-kilted-nav2-msgs"
+    monkeypatch.setattr(doctor, "find_spec", lambda _: object())
+    assert found(doctor._navigation(subject), Level.OK)
 
 
 def test_the_brick_is_found_with_its_rights(

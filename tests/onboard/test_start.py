@@ -13,9 +13,15 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.transport import TransportSettings
 from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
-from adapters.ros import RosRover
+from adapters.ros import NavigatedRosRover, RosRover
 from executive.commands.catalogue import SetTravelSpeed
-from executive.settings import Settings, SettingsError, load_settings
+from executive.settings import (
+    NavigationGate,
+    NavigationSettings,
+    Settings,
+    SettingsError,
+    load_settings,
+)
 from executive.values.reasons import Reason
 from tests.support.certificates import Ends, make_ends, options
 from tests.support.ground import call_ground, carry_out
@@ -23,11 +29,13 @@ from tests.support.processes import executive, running
 
 JACKAL = load_settings("jackal")
 MOCUP = load_settings("mocup")
+NAVIGATED = replace(JACKAL, navigation=NavigationSettings(NavigationGate.RELAY))
 
 
 def test_a_rover_on_cmd_vel_needs_no_name() -> None:
     assert rover_kind(JACKAL) is RosRover
     assert rover_kind(replace(JACKAL, rover="adapters.ros.rover:RosRover")) is RosRover
+    assert rover_kind(NAVIGATED) is NavigatedRosRover
 
 
 def test_mocup_is_named_by_its_settings() -> None:
@@ -43,6 +51,7 @@ def test_mocup_is_named_by_its_settings() -> None:
         (MOCUP, "adapters.onboard.mocup:Mocup", "has no class 'Mocup'; there are: MocupOnRos$"),
         (JACKAL, "adapters.ros.rover:STANDING", "has no class 'STANDING'; there are: RosRover$"),
         (JACKAL, MOCUP.rover, "lacks drive: with locomotion velocity"),
+        (NAVIGATED, "adapters.ros:RosRover", "lacks .*navigate, open_gate, plan_path: with .*"),
         (MOCUP, "adapters.ros.rover:RosRover", "lacks execute_motion, halt: with .* delegated"),
     ],
 )

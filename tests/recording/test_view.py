@@ -22,6 +22,7 @@ from executive.core.recording import (
     FactObserved,
     Item,
     ModeChanged,
+    PathRequested,
     ProcessStart,
     ReportSent,
     TreeChanged,
@@ -30,8 +31,20 @@ from executive.core.recording import (
 )
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import config_folder, load_settings
-from executive.values.facts import Fact, Frame, LaserScan, Odometry, SecondOdometry
-from executive.values.geometry import Pose, Velocity
+from executive.values.facts import (
+    Fact,
+    Frame,
+    LaserScan,
+    MapToOdom,
+    NavigationFeedback,
+    NavigationState,
+    NavigationStatus,
+    Odometry,
+    PlannedPath,
+    SecondOdometry,
+)
+from executive.values.geometry import Point, Pose, TargetFrame, Velocity
+from executive.values.ports import PathRequest
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 YARD = ((-1.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-1.0, 2.0))
@@ -125,6 +138,28 @@ def test_a_recording_shows_its_run(stuck: Path) -> None:
     ticked = {each["path"] for message in seen["/tree"] for each in message["nodes"]}
     assert {"rover", "rover/idle"} <= ticked
     assert {"/scene/rover", "/scene/track", "/scene/goal", "/pose/truth", "/mode"} <= seen.keys()
+
+
+def test_a_navigation_has_a_topic_and_the_path_of_its_planner_is_the_goal() -> None:
+    request = PathRequest(1, Pose(), Pose(2.0), TargetFrame.MAP)
+    messages = shown(
+        FactObserved(0.0, 0.0, MapToOdom(Pose(1.0, 0.0))),
+        PathRequested(request),
+        FactObserved(0.1, 0.1, PlannedPath(-1, (Point(7.0, 7.0), Point(8.0, 8.0)))),
+        FactObserved(0.1, 0.1, PlannedPath(1, (Point(1.0, 0.0), Point(2.0, 1.0)))),
+        FactObserved(0.2, 0.2, NavigationFeedback(3, 2.5, 1)),
+        FactObserved(0.3, 0.3, NavigationFeedback(3, 2.4, 1)),
+        FactObserved(
+            0.4, 0.4, NavigationStatus(3, NavigationState.ABORTED, 105, "FAILED", "no progress")
+        ),
+    )
+    (goal,) = on("/scene/goal", messages)
+    points = goal["entities"][0]["lines"][0]["points"]
+    assert [(each["x"], each["y"]) for each in points] == [(0.0, 0.0), (1.0, 1.0)]
+    first, last = on("/navigation", messages)
+    assert (first["goal"], first["remaining_m"], first["recoveries"]) == (3, 2.5, 1)
+    assert (last["state"], last["text"]) == ("aborted", "FAILED 105, no progress")
+    assert last["remaining_m"] == 2.4
 
 
 def test_frequent_topics_are_thinned() -> None:
@@ -247,7 +282,7 @@ def test_the_layout_shows_topics_of_the_view() -> None:
         schema = TOPICS[topic].json
         for name in names:
             schema = schema["properties"][name]
-    assert shown_topics | {"/tf", "/parameters"} == TOPICS.keys()
+    assert shown_topics | {"/tf", "/parameters", "/navigation"} == TOPICS.keys()
 
 
 def _placed(part: Any, panels: dict[str, Any]) -> Iterator[str]:

@@ -53,6 +53,7 @@ from executive.settings import (
     SecondOdometrySettings,
     Sensor,
     Sensors,
+    Settings,
     config_folder,
     load_settings,
 )
@@ -131,8 +132,9 @@ def started(
     *ros_arguments: str,
     sensors: Sensors | None = None,
     parameters: Path = PARAMETERS,
+    asset: Settings | None = None,
 ) -> Iterator[Bench]:
-    jackal = load_settings(str(JACKAL))
+    jackal = asset or load_settings(str(JACKAL))
     settings = replace(jackal, tick_s=tick_s, sensors=sensors or jackal.sensors)
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
     with (

@@ -98,3 +98,5 @@ def test_rviz_uses_existing_topics() -> None:
     (model,) = (each for each in manager["Displays"] if "Description Topic" in each)
     assert model["Description Topic"]["Value"] == f"/jackal/{ROBOT_DESCRIPTION}"
     assert manager["Global Options"]["Fixed Frame"] == ODOM
+    (goal,) = (each["Topic"] for each in manager["Tools"] if "Topic" in each)
+    assert goal["Value"] == "/jackal/executive/goal_pose"  # Nav2 subscribes to goal_pose itself

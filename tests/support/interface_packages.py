@@ -31,7 +31,7 @@ LIMIT_S: Final = 600.0
 
 
 def installed() -> str:
-    """Return the distribution whose interfaces fit the rclpy that is installed."""
+    """Return the distribution of the installed rclpy."""
     newer = any(each.name.startswith("ros-kilted") for each in distributions())
     return KILTED if newer else JAZZY
 
@@ -43,7 +43,7 @@ def interface_package(name: str, distribution: str | None = None) -> Path | None
 
     Args:
         name: as `nav2_msgs`.
-        distribution: whose definitions; else the installed one, which apt may provide.
+        distribution: that of the definitions; None for the installed package or distribution.
     """
     if distribution is None and _is_installed(name):
         return None

@@ -38,7 +38,7 @@ Options = Callable[..., str]
 
 
 def missing() -> str | None:
-    """Return what is missing to build interfaces, or None."""
+    """Return the missing tool or package of a build, or None."""
     python_h = Path(sysconfig.get_paths()["include"]) / "Python.h"
     if shutil.which("g++") is None or not python_h.is_file():
         return "needs g++ and Python.h, as by apt install g++ python3-dev"
@@ -131,7 +131,7 @@ def _generate(
 
 
 def _function(module: str, name: str) -> Callable[..., Any]:
-    """Return a function of rosidl, whose modules have no types."""
+    """Return a function of rosidl. Its modules have no types."""
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return function
 

@@ -44,8 +44,11 @@ from tests.support.navigation import (
     Navigation,
     ServerRestarted,
 )
+from tests.support.sensed_drive import STEP_S as SENSED_STEP_S
+from tests.support.sensed_drive import SensedDrive
 
 BASE_TIMEOUT_S: Final = 0.3
+MAX_MPS: Final = 2.0
 BRAKING_MPS2: Final = 2.0
 BRAKING_RADPS2: Final = 6.0
 ANSWER_S: Final = 0.1
@@ -68,7 +71,7 @@ MUX: Final = MuxSettings(
 _ENDS: Final = {
     GoalEnd.SUCCEEDED: NavigationState.SUCCEEDED,
     GoalEnd.ABORTED: NavigationState.ABORTED,
-    GoalEnd.CANCELED: NavigationState.CANCELLED,
+    GoalEnd.CANCELLED: NavigationState.CANCELLED,
 }
 
 
@@ -159,7 +162,7 @@ class NavigatedRover(KinematicRover):
     _process: int = 1
     _serial: int = 0
     _key: _Key | None = None
-    _given_up: set[object] = field(default_factory=set)
+    _abandoned: set[object] = field(default_factory=set)
     _answered: set[object] = field(default_factory=set)
     _others: set[object] = field(default_factory=set)
     _later: list[tuple[float, Callable[[], None]]] = field(default_factory=list)
@@ -193,7 +196,7 @@ class NavigatedRover(KinematicRover):
     def navigate(self, goal: NavigationGoal) -> None:
         self.goals.append(goal)
         self.first_request_s = min(self.first_request_s, self.now_s)
-        self._give_up()
+        self._abandon()
         self._serial += 1
         key = self._key = _Key(self._process, goal.number, self._serial)
         if self.server is Server.ABSENT:
@@ -205,7 +208,7 @@ class NavigatedRover(KinematicRover):
 
     def cancel_navigation(self) -> None:
         self.cancels += 1
-        self._give_up()
+        self._abandon()
         if self.random.random() >= self.loss_ratio:
             self._request(lambda: self._cancel(None))
 
@@ -233,7 +236,7 @@ class NavigatedRover(KinematicRover):
         """Lose what the executive's process knew; messages that it sent are under way."""
         self._process += 1
         self._key = None
-        self._given_up.clear()
+        self._abandoned.clear()
         self.facts.clear()
 
     def guard(self) -> None:
@@ -242,7 +245,7 @@ class NavigatedRover(KinematicRover):
         self.drive(STANDING)
 
     @property
-    def stands(self) -> bool:
+    def is_stationary(self) -> bool:
         """Whether it is stationary by ground truth."""
         return self._moving == STANDING
 
@@ -270,11 +273,19 @@ class NavigatedRover(KinematicRover):
     # The base
 
     def _command(self, velocity: Velocity) -> None:
-        self._wanted, self._wanted_at_s = velocity, self.now_s
+        if velocity.finite:
+            travel_mps = max(-MAX_MPS, min(MAX_MPS, velocity.travel_mps))
+            self._wanted = Velocity(travel_mps, velocity.rotate_radps)
+            self._wanted_at_s = self.now_s
+
+    @property
+    def commanded(self) -> Velocity:
+        """The velocity that the base obeys; zero after its timeout."""
+        timed_out = self.now_s - self._wanted_at_s > BASE_TIMEOUT_S + 1e-9
+        return STANDING if timed_out else self._wanted
 
     def _move(self, step_s: float) -> None:
-        timed_out = self.now_s - self._wanted_at_s > BASE_TIMEOUT_S + 1e-9
-        wanted, before = STANDING if timed_out else self._wanted, self._moving
+        wanted, before = self.commanded, self._moving
         self._moving = now = Velocity(
             _toward(before.travel_mps, wanted.travel_mps, BRAKING_MPS2 * step_s),
             _toward(before.rotate_radps, wanted.rotate_radps, BRAKING_RADPS2 * step_s),
@@ -303,9 +314,9 @@ class NavigatedRover(KinematicRover):
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         self._later.append((self.now_s + delay_s, action))
 
-    def _give_up(self) -> None:
+    def _abandon(self) -> None:
         if self._key is not None and self._key not in self._answered:
-            self._given_up.add(self._key)
+            self._abandoned.add(self._key)
 
     def _cancel(self, key: object | None) -> None:
         self.navigation.cancel(key)
@@ -325,7 +336,7 @@ class NavigatedRover(KinematicRover):
         if key.process != self._process:
             return
         self._answered.add(key)
-        if key in self._given_up:
+        if key in self._abandoned:
             if accepted:
                 self._request(lambda: self._cancel(key))
             return
@@ -388,7 +399,7 @@ class NavigatedRover(KinematicRover):
 
     def _take_event(self, event: GoalFeedback | GoalResult | ServerRestarted) -> None:
         key = event.key
-        if not isinstance(key, _Key) or not self._is_own(key) or key in self._given_up:
+        if not isinstance(key, _Key) or not self._is_own(key) or key in self._abandoned:
             return
         number = key.number  # also of an earlier goal
         self.last_event_s = self.now_s
@@ -406,6 +417,26 @@ class NavigatedRover(KinematicRover):
                 pass
 
 
+@dataclass
+class SensedNavigatedRover(NavigatedRover):
+    """The same with all sensors of a `SensedDrive`; its odometry is one of them."""
+
+    def __post_init__(self) -> None:
+        """Let it stand at the origin of its odometry."""
+        self.body = SensedDrive(settings(self.gate))
+        self.body.observe = lambda fact: self.facts.append(fact)
+        self.odometry_every = 0
+
+    def _move(self, step_s: float) -> None:
+        before, body = self.truth, self.body
+        body.commanded = self.commanded
+        for _ in range(round(step_s / SENSED_STEP_S)):
+            body.move_on()
+        self.truth, self.pose = body.true, body.believed
+        self._moving = self.velocity = body.motion
+        self.moved_m += before.point.distance_m(self.truth.point)
+
+
 class NavigatedBench(Bench):
     """An executive over a navigated rover."""
 
@@ -417,9 +448,17 @@ class NavigatedBench(Bench):
         gate: NavigationGate,
         navigation: Navigation | None = None,
         settings_: Settings | None = None,
+        start: Pose | None = None,
+        sensed: bool = False,
     ) -> None:
-        rover = NavigatedRover(gate=gate, navigation=navigation or Navigation())
-        super().__init__(folder, settings_ or settings(gate), rover=rover)
+        pose, navigation = start or Pose(), navigation or Navigation()
+        kind = SensedNavigatedRover if sensed else NavigatedRover
+        rover = kind(pose=pose, truth=pose, gate=gate, navigation=navigation)
+        chosen = settings_ or settings(gate)
+        if sensed:  # it turns about base_link
+            law = replace(chosen.turn_drive, control_point_m=0.0)
+            chosen = replace(chosen, turn_drive=law)
+        super().__init__(folder, chosen, rover=rover, all_sensors=sensed)
 
     def step(self) -> None:
         """Let one tick pass; odometry may have a lower rate than ticks."""

@@ -23,7 +23,7 @@ class GoalEnd(Enum):
     """Terminal statuses of action_msgs/GoalStatus."""
 
     SUCCEEDED = 4
-    CANCELED = 5
+    CANCELLED = 5
     ABORTED = 6
 
 
@@ -75,7 +75,7 @@ class RunningGoal:
     tolerance: float | None = None
     at_position: bool = False
     recoveries: int = 0
-    canceled: bool = False
+    cancelled: bool = False
     feedback_sent_s: float = -inf
     marks: dict[str, float] = field(default_factory=dict)
 
@@ -127,7 +127,7 @@ class Navigation:
         return True
 
     def cancel(self, key: object | None = None) -> list[object]:
-        """Cancel a goal, or all; return the keys of the goals that are canceling."""
+        """Cancel a goal, or all; return the keys of the goals that are cancelling."""
         if not self.obeys_cancel:
             return []
         if self.goal is None or key not in (None, self.goal.key):
@@ -136,7 +136,7 @@ class Navigation:
             return []
         if self.behaviour == "deaf_to_cancel":
             return []
-        self.goal.canceled = True
+        self.goal.cancelled = True
         return [self.goal.key]
 
     def step(self, now_s: float, pose: Pose) -> Velocity | None:
@@ -147,8 +147,8 @@ class Navigation:
             if 0.0 <= later_s < 2.0:
                 return Velocity(0.4, 0.0)
             return self._last if now_s < self._drives_on_until_s else None
-        if goal.canceled:
-            self._end(GoalEnd.CANCELED)
+        if goal.cancelled:
+            self._end(GoalEnd.CANCELLED)
             return self._give(STANDING)
         behave: Callable[[RunningGoal, float, Pose], Velocity | None]
         behave = getattr(self, f"_do_{self.behaviour}")
@@ -172,8 +172,8 @@ class Navigation:
         return self._do_honest(goal, now_s, pose)
 
     def _do_recovers(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
-        """Backs up and spins half-way, as recovery behaviours do, then drives there."""
-        if self._half_way(goal, pose) and "recovery" not in goal.marks:
+        """Backs up and spins halfway, as recovery behaviours do, then drives there."""
+        if self._is_halfway(goal, pose) and "recovery" not in goal.marks:
             goal.marks["recovery"] = now_s
             goal.recoveries += 1
         since_s = now_s - goal.marks.get("recovery", -inf)
@@ -204,8 +204,10 @@ class Navigation:
         """Succeeds up to three metres beside the target."""
         if "moved" not in goal.marks:
             goal.marks["moved"] = 1.0
-            off_m, way_rad = self.random.uniform(0.3, 3.0), self.random.uniform(-pi, pi)
-            goal.poses[-1] = beside(goal.poses[-1], off_m * cos(way_rad), off_m * sin(way_rad))
+            off_m, direction_rad = self.random.uniform(0.3, 3.0), self.random.uniform(-pi, pi)
+            goal.poses[-1] = beside(
+                goal.poses[-1], off_m * cos(direction_rad), off_m * sin(direction_rad)
+            )
         return self._do_honest(goal, now_s, pose)
 
     def _do_succeeds_at_once(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
@@ -235,10 +237,10 @@ class Navigation:
     def _do_aborts_and_drives_on(
         self, goal: RunningGoal, now_s: float, pose: Pose
     ) -> Velocity | None:
-        """Aborts half-way, and repeats its last velocity for six seconds."""
+        """Aborts halfway, and repeats its last velocity for six seconds."""
         self._feed(goal, now_s, self._remaining_m(goal, pose))
         velocity = self._follow(goal, pose) or Velocity(0.3, 0.0)
-        if self._half_way(goal, pose) or now_s - goal.accepted_s > 6.0:
+        if self._is_halfway(goal, pose) or now_s - goal.accepted_s > 6.0:
             velocity = velocity if abs(velocity.travel_mps) > 0.1 else Velocity(0.3, 0.0)
             self._drives_on_until_s = now_s + 6.0
             self._end(GoalEnd.ABORTED, 105, "Failed to make progress")
@@ -250,23 +252,23 @@ class Navigation:
         return self._give(self._follow(goal, pose) or STANDING)
 
     def _do_silent_midway(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
-        """Sends nothing any more from half-way, and repeats its last velocity."""
-        if self._half_way(goal, pose):
+        """Sends nothing any more from halfway, and repeats its last velocity."""
+        if self._is_halfway(goal, pose):
             return self._last
         self._feed(goal, now_s, self._remaining_m(goal, pose))
         return self._give(self._follow(goal, pose) or Velocity(0.3, 0.0))
 
     def _do_frozen_midway(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
-        """Sends neither feedback nor velocities from half-way, as a process that hangs."""
-        if self._half_way(goal, pose):
+        """Sends neither feedback nor velocities from halfway, as a process that hangs."""
+        if self._is_halfway(goal, pose):
             return None
         self._feed(goal, now_s, self._remaining_m(goal, pose))
         return self._give(self._follow(goal, pose) or Velocity(0.3, 0.0))
 
     def _do_restarts_midway(self, goal: RunningGoal, now_s: float, pose: Pose) -> Velocity | None:
-        """Restarts half-way, knows nothing of the goal, and does not move."""
+        """Restarts halfway, knows nothing of the goal, and does not move."""
         self._feed(goal, now_s, self._remaining_m(goal, pose))
-        if self._half_way(goal, pose):
+        if self._is_halfway(goal, pose):
             self.goal = None
             self.events.append(ServerRestarted(goal.key))
             return None
@@ -275,8 +277,8 @@ class Navigation:
     def _do_another_takes_over(
         self, goal: RunningGoal, now_s: float, pose: Pose
     ) -> Velocity | None:
-        """Lets the goal of another client preempt this one half-way, and drives there."""
-        if goal.key != "another" and self._half_way(goal, pose):
+        """Lets the goal of another client preempt this one halfway, and drives there."""
+        if goal.key != "another" and self._is_halfway(goal, pose):
             self._end(GoalEnd.ABORTED)
             target = goal.poses[-1]
             self.goal = RunningGoal("another", [Pose(target.x_m + 3.0, target.y_m - 3.0)], now_s)
@@ -309,12 +311,12 @@ class Navigation:
             x_m, y_m = each.x_m, each.y_m
         return remaining_m
 
-    def _half_way(self, goal: RunningGoal, pose: Pose) -> bool:
+    def _is_halfway(self, goal: RunningGoal, pose: Pose) -> bool:
         """Whether less than half of the path remained, now or before."""
         remaining_m = self._remaining_m(goal, pose)
         if remaining_m < goal.marks.setdefault("first_m", remaining_m) / 2:
-            goal.marks["half_way"] = 1.0
-        return "half_way" in goal.marks
+            goal.marks["halfway"] = 1.0
+        return "halfway" in goal.marks
 
     def _feed(self, goal: RunningGoal, now_s: float, remaining_m: float) -> None:
         if now_s - goal.feedback_sent_s >= FEEDBACK_S - 1e-6:

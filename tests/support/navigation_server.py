@@ -1,26 +1,30 @@
-"""A process that serves a stand-in navigation on ROS 2 by the action names of Nav2.
+"""A process that serves a navigation of tests on ROS 2 by the action names of Nav2.
 
     python -m tests.support.navigation_server --namespace /jackal --behaviour aborts_and_drives_on
 
 It serves `navigate_to_pose`, `navigate_through_poses`, `follow_waypoints`, `spin` (by less than
-half a turn), `backup`, `drive_on_heading`, and `compute_path_to_pose`, whose path is a straight
-line. It publishes Twist (TwistStamped with `--stamped`) on `nav_vel`, and subscribes `odom`, in
-whose frame it takes all poses. It needs nav2_msgs. SIGINT or SIGTERM ends it.
+half a turn), `backup`, `drive_on_heading`, and `compute_path_to_pose`: a straight path. It
+publishes Twist (TwistStamped with `--stamped`) on `nav_vel`, and subscribes `odom` or the topic of
+`--odometry`; all poses are in its frame. If a goal of another client preempts one, a second client
+here has sent it. It needs nav2_msgs. SIGINT or SIGTERM ends it.
 """
 
 import argparse
 import signal
 import time
 from math import atan2, cos, sin
-from typing import Any
+from typing import Any, Final
+from uuid import uuid4
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rclpy.action.client import ActionClient
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
 
 from adapters.ros import ros_node, single_threaded
 from executive.values.geometry import Pose, wrap_rad
@@ -36,31 +40,49 @@ from tests.support.navigation import (
 
 STEP_S = 0.05
 PATH_POINTS = 11
+ANOTHER: Final = "another"
+"""Key of the goal of another client in `Navigation`."""
 
 
 class NavigationServer:
-    """A navigation on a node. A restart of it destroys its action servers, and makes new ones."""
+    """A navigation on a node. A restart of it destroys its action servers, and makes new ones.
+
+    Attributes:
+        located: whether it has received odometry.
+    """
 
     def __init__(
-        self, node: Node, executor: Executor, navigation: Navigation, stamped: bool = False
+        self,
+        node: Node,
+        executor: Executor,
+        navigation: Navigation,
+        stamped: bool = False,
+        odometry: str = "odom",
     ) -> None:
         self._node, self._executor, self._navigation = node, executor, navigation
         self._stamped = stamped
         self._pose = Pose()
+        self.located = False
         self._goals: dict[object, tuple[Any, Any, Future]] = {}
         self._starts: dict[object, tuple[Pose, float]] = {}
         self._servers: list[Any] = []
+        self._others: set[bytes] = set()
         kind = TwistStamped if stamped else Twist
         self._velocity = node.create_publisher(kind, "nav_vel", 1)
         qos = QoSProfile(  # type: ignore[no-untyped-call]
             depth=5, reliability=ReliabilityPolicy.BEST_EFFORT
         )
-        node.create_subscription(Odometry, "odom", self._on_odometry, qos)
+        node.create_subscription(Odometry, odometry, self._on_odometry, qos)
         self._serve()
+        from nav2_msgs.action import NavigateToPose
+
+        self._another: Any = ActionClient(  # type: ignore[no-untyped-call]
+            node, NavigateToPose, "navigate_to_pose"
+        )
         node.create_timer(STEP_S, self._step)
 
     def _on_odometry(self, message: Any) -> None:
-        self._pose = _pose_of(message.pose.pose)
+        self._pose, self.located = _pose_of(message.pose.pose), True
 
     def _serve(self) -> None:
         from nav2_msgs import action
@@ -89,6 +111,11 @@ class NavigationServer:
 
         def on_accepted(handle: Any) -> None:
             key = bytes(handle.goal_id.uuid)
+            ended = Future(executor=self._executor)  # type: ignore[no-untyped-call]
+            if key in self._others:
+                self._goals[key] = self._goals[ANOTHER] = handle, kind.Feedback, ended
+                handle.execute()
+                return
             poses = self._poses_of(handle.request, backward=name == "backup")
             navigation.submit(key, poses, time.monotonic())
             goal = navigation.goal
@@ -97,7 +124,6 @@ class NavigationServer:
                 goal.reverse = hasattr(handle.request, "target") and (
                     name == "backup" or handle.request.target.x < 0.0
                 )
-            ended = Future(executor=self._executor)  # type: ignore[no-untyped-call]
             self._goals[key] = handle, kind.Feedback, ended
             handle.execute()
 
@@ -108,15 +134,16 @@ class NavigationServer:
                 result.error_msg = ended.text
             if ended.end is GoalEnd.SUCCEEDED:
                 handle.succeed()
-            elif ended.end is GoalEnd.CANCELED and handle.is_cancel_requested:
+            elif ended.end is GoalEnd.CANCELLED and handle.is_cancel_requested:
                 handle.canceled()
             else:
                 handle.abort()
             return result
 
         def on_cancel(handle: Any) -> CancelResponse:
-            canceling = navigation.cancel(bytes(handle.goal_id.uuid))
-            return CancelResponse.ACCEPT if canceling else CancelResponse.REJECT
+            key = bytes(handle.goal_id.uuid)
+            cancelling = navigation.cancel(ANOTHER if key in self._others else key)
+            return CancelResponse.ACCEPT if cancelling else CancelResponse.REJECT
 
         self._serve_action(
             kind,
@@ -171,8 +198,20 @@ class NavigationServer:
                     self._restart()
                 case _:  # of a goal before the restart, or of another client
                     pass
+        goal = self._navigation.goal
+        if goal is not None and goal.key == ANOTHER and not self._others:
+            self._send_another(goal.poses[-1])
         if velocity is not None:
             self._publish(velocity.travel_mps, velocity.rotate_radps)
+
+    def _send_another(self, pose: Pose) -> None:
+        """Send the goal of another client, that the navigation drives to already."""
+        uuid = uuid4().bytes
+        self._others.add(uuid)
+        kind = self._another._action_type
+        goal = kind.Goal()
+        goal.pose.pose.position.x, goal.pose.pose.position.y = pose.x_m, pose.y_m
+        self._another.send_goal_async(goal, goal_uuid=UUID(uuid=list(uuid)))
 
     def _restart(self) -> None:
         for each in self._servers:
@@ -208,17 +247,22 @@ class NavigationServer:
             message.number_of_recoveries = event.recoveries
             remaining_s = int(event.remaining_m / self._navigation.speed_mps)
             message.estimated_time_remaining.sec = remaining_s
-        if hasattr(message, "number_of_poses_remaining"):
-            message.number_of_poses_remaining = event.poses_remaining
         goal = self._navigation.goal
-        if hasattr(message, "current_waypoint") and goal is not None:
-            message.current_waypoint = goal.index
-        if hasattr(message, "distance_traveled"):
-            message.distance_traveled = float(max(0.0, first_m - event.remaining_m))
-        if hasattr(message, "angular_distance_traveled"):
-            turned_rad = wrap_rad(pose.heading_rad - start.heading_rad)
-            message.angular_distance_traveled = float(turned_rad)
+        _fill(
+            message,
+            number_of_poses_remaining=event.poses_remaining,
+            current_waypoint=0 if goal is None else goal.index,
+            distance_traveled=float(max(0.0, first_m - event.remaining_m)),
+            angular_distance_traveled=float(wrap_rad(pose.heading_rad - start.heading_rad)),
+        )
         handle.publish_feedback(message)
+
+
+def _fill(message: Any, **fields: float) -> None:
+    """Set those fields that the type of the message has."""
+    for name, value in fields.items():
+        if hasattr(message, name):
+            setattr(message, name, value)
 
 
 def _has_poses(request: Any) -> bool:
@@ -231,14 +275,18 @@ def _pose_of(pose: Any) -> Pose:
     return Pose(p.x, p.y, heading_rad=heading_rad)
 
 
-def serve(navigation: Navigation, namespace: str, stamped: bool = False) -> None:
+def serve(
+    navigation: Navigation, namespace: str, stamped: bool = False, odometry: str = "odom"
+) -> None:
     """Serve a navigation until SIGINT or SIGTERM."""
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: ended.append(received))
     with ros_node("stand_in_navigation", namespace) as node, single_threaded(node) as executor:
-        NavigationServer(node, executor, navigation, stamped)
-        print("stand-in navigation:", navigation.behaviour, flush=True)
+        server = NavigationServer(node, executor, navigation, stamped, odometry)
+        while not (ended or server.located):
+            executor.spin_once(timeout_sec=STEP_S)
+        print("navigation serves:", navigation.behaviour, flush=True)
         while not ended:
             executor.spin_once(timeout_sec=STEP_S)
 
@@ -247,7 +295,7 @@ def main() -> None:
     """Serve the behaviour that the command line names."""
     names = Navigation.behaviours()
     parser = argparse.ArgumentParser(
-        description="Stand-in navigation servers.",
+        description="Navigation servers of tests.",
         epilog="\n".join(f"  {name}: {Navigation.description(name)}" for name in names),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -256,9 +304,10 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=0.6, help="m/s")
     parser.add_argument("--seed", type=int, default=0, help="of its random numbers")
     parser.add_argument("--stamped", action="store_true", help="publish TwistStamped")
+    parser.add_argument("--odometry", default="odom", help="topic")
     options = parser.parse_args()
     navigation = Navigation(options.behaviour, options.seed, options.speed)
-    serve(navigation, options.namespace, options.stamped)
+    serve(navigation, options.namespace, options.stamped, options.odometry)
 
 
 if __name__ == "__main__":

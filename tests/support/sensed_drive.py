@@ -91,6 +91,11 @@ class SensedDrive:
         """The faults that have begun, in their order."""
         return [fault.name for fault in self.begun]
 
+    @property
+    def motion(self) -> Velocity:
+        """Its true velocity."""
+        return self._moves
+
     def run(self, velocity: Velocity, duration_s: float) -> None:
         """Drive at a velocity for a while, within the accelerations of the arbiter."""
         self.wanted = velocity

@@ -43,6 +43,7 @@ SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005
 MAX_CONCURRENT: Final = 2
 PLANNER_POLL_S: Final = 0.05
+_NO_ANSWER: Final = "no path of the planner in time"
 MAX_PREVIEW_S: Final = 60.0
 """Timeout of a preview, e.g. if the trajectory solver does not answer; chosen, not measured."""
 
@@ -106,13 +107,16 @@ class PreviewService:
 
     async def _run_in_slices(self, run: PreviewRun) -> Preview | Refusal:
         run.set_up()
+        silent: PlannedPath | None = None
         try:
             async with asyncio.timeout(MAX_PREVIEW_S):
                 while run.result is None:
                     await asyncio.sleep(PAUSE_S)
                     run.advance(SLICE_TICKS)
                     if run.path_request is not None:
-                        run.provide_path(await self._planned(run.path_request))
+                        path = silent or await self._planned(run.path_request)
+                        silent = path if path.text == _NO_ANSWER else None
+                        run.provide_path(path)
         except TimeoutError:
             text = f"the preview was not computed within {MAX_PREVIEW_S:g} s: preview it in parts"
             raise with_text(AreaError.BUSY, text) from None
@@ -131,7 +135,7 @@ class PreviewService:
             path = await query(lambda executive: executive.status.planned_path(request.number))
             if path is not None:
                 return path
-        return PlannedPath(wanted.number, (), f"no path of the planner in {PLANNER_WAIT_S:g} s")
+        return PlannedPath(wanted.number, (), _NO_ANSWER)
 
 
 def _refusal_error(refusal: Refusal) -> MalError:

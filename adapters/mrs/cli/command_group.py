@@ -24,6 +24,7 @@ from executive.commands import (
     ExecuteAction,
     Family,
     PreemptionPolicy,
+    Request,
     Waypoint,
     all_declarations,
     arguments_of,
@@ -224,9 +225,9 @@ def _sender(
     return CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
 
 
-_SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)
+SENDING_OPTIONS: Final = tuple(click.command()(_sender).params)
 """The options of `_sender`, in the order of their help."""
-_SENDING_NAMES: Final = [each.name or "" for each in _SENDING_OPTIONS if each.expose_value]
+_SENDING_NAMES: Final = [each.name or "" for each in SENDING_OPTIONS if each.expose_value]
 
 
 def sending(callback: Callable[..., None]) -> Callable[..., None]:
@@ -250,13 +251,13 @@ class SendingCommand(OperationCommand):
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
-        for option in map(copy, _SENDING_OPTIONS):
+        for option in map(copy, SENDING_OPTIONS):
             option.hidden = True  # type: ignore[attr-defined]
             self.params.append(option)
         self.epilog = "The options of `rover command`, such as --to and --no-wait, work here, too."
 
 
-@click.group(cls=OperationGroup, params=list(_SENDING_OPTIONS))
+@click.group(cls=OperationGroup, params=list(SENDING_OPTIONS))
 def command(**_: Any) -> None:
     """Command a rover and print each stage.
 
@@ -282,7 +283,6 @@ def command(**_: Any) -> None:
 
 def _operation(declaration: CommandDeclaration) -> click.Command:
     """Return the sub-command of a request."""
-    written = declaration.user_arguments
     parameters = parameters_of(declaration)
     if declaration.family is Family.MOTION:
         parameters.append(_replace())
@@ -294,11 +294,7 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         preemption: PreemptionPolicy = PreemptionPolicy.APPEND,
         **given: Any,
     ) -> None:
-        if declaration.at_least_one and all(value is None for value in given.values()):
-            names = ", ".join(f"--{argument.name}" for argument in written)
-            raise click.UsageError(f"give at least one of {names}")
-        values = (given[argument.field] for argument in written)
-        sender.send(declaration.build_request(*values), preemption)
+        sender.send(request_of(declaration, given), preemption)
 
     return SendingCommand(
         declaration.name,
@@ -306,6 +302,20 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
         callback=send,
         help=help_of(declaration, parameters, "rover command", declaration.examples),
     )
+
+
+def request_of(declaration: CommandDeclaration, given: dict[str, Any]) -> Request:
+    """Return the request of the given values.
+
+    Raises:
+        click.UsageError: all are missing, and it needs one.
+    """
+    written = declaration.user_arguments
+    if declaration.at_least_one and all(value is None for value in given.values()):
+        names = ", ".join(f"--{argument.name}" for argument in written)
+        raise click.UsageError(f"give at least one of {names}")
+    request: Request = declaration.build_request(*(given[each.field] for each in written))
+    return request
 
 
 def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:

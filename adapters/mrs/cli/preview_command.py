@@ -58,8 +58,9 @@ def preview(
     """Predict a motion or a plan without commanding it.
 
     The rover computes it from the end of its active and queued motions. It is refused like the
-    command, except for mode, queue and authority. Write options of `preview` itself before the
-    operation; --json also prints the path.
+    command, except for mode, queue and authority. A motion of a navigation is predicted along the
+    path of its planner; without one along straight lines, which the last line reports. Write
+    options of `preview` itself before the operation; --json also prints the path.
 
     \b
     Examples:

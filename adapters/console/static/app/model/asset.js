@@ -268,6 +268,12 @@ export class Asset extends Topics {
     return this.lastCommands.find((each) => names(each).includes(active)) ?? null;
   }
 
+  /** The progress of the active motion: its remaining path, or the state of the navigation; empty if none is active. */
+  get motionText() {
+    const leaf = this.tree?.nodes.findLast(({ kind, status, path }) => kind === "leaf" && status === "running" && path.includes("/motion/"));
+    return leaf?.message ?? "";
+  }
+
   /** The last stop without a later resume; null if there is none. */
   get lastStop() {
     const last = this.lastCommands.find(({ name, state }) => ["stop", "resume"].includes(name) && ["started", "executed", "cancelled"].includes(state));

@@ -282,10 +282,11 @@ function resumptionOf({ mode, plans }) {
 }
 
 /** @param {Asset} rover */
-function doingOf({ recording, mode, lastStop, activeCommand, status }) {
+function doingOf({ recording, mode, lastStop, activeCommand, motionText, status }) {
   if (recording) return `of ${recording.rover}, view only${recording.complete ? "" : recording.damaged ? "; damaged" : "; incomplete"}`;
   if (mode === "STOPPED" && lastStop) return `stopped by ${lastStop.by}`;
-  return `${activeCommand?.name ?? status?.plan ?? ""}${status?.queued ? `, ${status.queued} queued` : ""}`;
+  const motion = activeCommand && motionText ? `: ${motionText}` : "";
+  return `${activeCommand?.name ?? status?.plan ?? ""}${motion}${status?.queued ? `, ${status.queued} queued` : ""}`;
 }
 
 const ACTS = {
