@@ -1,12 +1,14 @@
 """Plans against BehaviorTree.CPP 4.10: traces of random plans, and each known difference."""
 
 import json
+import re
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 import pytest
 
-from executive.plans import LeafError, PlanRoot
+from executive.plans import LeafError, PlanRoot, Value
 from executive.values.reasons import Refusal
 from tests.stress import plan_traces
 from tests.support.behaviortree_cpp.differences import DIFFERENCES_OF_4_10
@@ -16,9 +18,11 @@ from tests.support.behaviortree_cpp.traces import (
     Trace,
     recorded_digests,
     recorded_plans,
+    recorded_scripts,
     trace_of,
 )
 from tests.support.random_plans import RandomPlan
+from tests.support.random_scripts import RESULT, random_script, script_plan
 from tests.support.scripted_plans import play, read
 from trees.plan import Answer
 from trees.plan.controls import SequenceBranch
@@ -55,18 +59,18 @@ def first_difference(trace: Trace, wanted: Trace) -> str:
 def test_random_plans_do_in_each_tick_what_4_10_does(
     recorded: list[RecordedPlan], stored: bool
 ) -> None:
-    # The full run of both is part of the stress test; here the second is run for a third.
-    for each in recorded[:: 3 if stored else 1]:
+    # The full run of both is part of the stress test; here the second is run for a quarter.
+    for each in recorded[:: 4 if stored else 1]:
         plan = each.plan
         trace = play(plan, root_of(plan), stored)
         if trace != each.trace:
             pytest.fail(f"seed {each.seed}: {first_difference(trace, each.trace)}\n{plan.text}")
 
 
-def test_most_traces_are_those_of_4_10_without_a_correction(recorded: list[RecordedPlan]) -> None:
+def test_nine_in_ten_traces_are_those_of_4_10_without_a_correction(recorded: list[RecordedPlan]) -> None:
     assert len(recorded) == 1000
     corrected = [each for each in recorded if each.corrections]
-    assert len(corrected) < 120
+    assert len(corrected) <= 100
     for each in corrected:
         assert all(f"<{kind} " in each.plan.text or f"<{kind}>" in each.plan.text
                    for kind in each.corrections)  # fmt: skip
@@ -125,6 +129,51 @@ def test_the_stress_part_finds_a_faulty_node(kind: str, fault: type, found: set[
     assert broken == {plan_traces.TraceFault[name].value for name in found}
 
 
+TYPES = re.compile(
+    r"needs (a number|numbers), not a text|joins texts|adds a number to a text|and gets a text"
+    r"|(compares|chooses between) a (text|number) (and|with) a (text|number)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NoValue:
+    """A script has no result."""
+
+    cause: str
+
+
+def result_of(script: str) -> Value | NoValue:
+    plan = script_plan(script)
+    root = read(plan)
+    if isinstance(root, Refusal):
+        return NoValue(root.text)
+    try:
+        (tick,) = play(plan, root)
+    except LeafError as error:
+        return NoValue(str(error.__cause__))
+    (value,) = (value for _, name, value in tick.cells if name == RESULT)
+    return value
+
+
+def test_random_scripts_have_the_results_of_4_10() -> None:
+    # Deliberate differences: types are checked when a plan is read, a division by zero is an error,
+    # numbers other than 0 and 1 have a truth value, a number in a text has no zeros at its end.
+    same = 0
+    for seed, wanted in enumerate(recorded_scripts()):
+        script = random_script(seed)
+        match result_of(script):
+            case NoValue(cause) if wanted is not None:
+                assert TYPES.search(cause) or cause == "division by zero", script
+            case NoValue():
+                same += 1
+            case found if wanted is None:
+                assert re.search(r"&&|\|\||\?", script), (script, found)
+            case found:
+                assert found == wanted or ".." in script, (script, found, wanted)
+                same += 1
+    assert same > 850
+
+
 @pytest.mark.parametrize("name", [each for each in DIFFERENCES_OF_4_10 if each not in EXCEPTIONS])
 def test_a_deliberate_difference_is_as_described(name: str) -> None:
     plan, recording = DIFFERENCES_OF_4_10[name].plan, RECORDED[name]
@@ -134,7 +183,7 @@ def test_a_deliberate_difference_is_as_described(name: str) -> None:
     assert recording["bounded"] == (name == "tick without end")
 
 
-def test_what_is_not_known_fails_its_node_not_the_tick() -> None:
+def test_an_unknown_value_fails_its_node_and_not_the_tick() -> None:
     assert "Variable not found: w" in RECORDED["exception in a condition"]["error"]
     plan = DIFFERENCES_OF_4_10["exception in a condition"].plan
     assert [tick.result for tick in play(plan, root_of(plan))] == ["R", "S"]

@@ -88,12 +88,22 @@ def random_plan(seed: int) -> RandomPlan:
     last = '<takePicture name="last RS" deadline_s="1000"/>'
     main = f"<Sequence><Script code={quoteattr(start)}/>{body}{last}</Sequence>"
     models = f"<TreeNodesModel>{''.join(trees.models)}</TreeNodesModel>" if trees.models else ""
-    text = (
-        '<root BTCPP_format="4" main_tree_to_execute="Main">'
-        f'<BehaviorTree ID="Main">{main}</BehaviorTree>{"".join(trees.bodies)}{models}</root>'
-    )
+    text = plan_text(main, "".join(trees.bodies) + models)
     telemetry = {name: _series(draw) for name in TELEMETRY}
     return RandomPlan(text, telemetry, 1 + draw.below(TICKS - 1) if draw.chance(0.2) else -1)
+
+
+def plan_text(main: str, more: str = "") -> str:
+    """Return the text of a plan.
+
+    Args:
+        main: the root node of the main tree.
+        more: other trees, and models.
+    """
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">'
+        f'<BehaviorTree ID="Main">{main}</BehaviorTree>{more}</root>'
+    )
 
 
 def _series(draw: Draw) -> list[float]:

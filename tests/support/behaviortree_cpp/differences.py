@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-from tests.support.random_plans import RandomPlan
+from tests.support.random_plans import RandomPlan, plan_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +27,7 @@ class Difference:
     @property
     def plan(self) -> RandomPlan:
         """The plan."""
-        text = (
-            '<root BTCPP_format="4" main_tree_to_execute="Main">'
-            f'<BehaviorTree ID="Main">{self.body}</BehaviorTree></root>'
-        )
-        return RandomPlan(text, dict(self.telemetry), self.abort)
+        return RandomPlan(plan_text(self.body), dict(self.telemetry), self.abort)
 
 
 def _command(script: str, more: str = "") -> str:

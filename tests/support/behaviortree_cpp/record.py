@@ -16,14 +16,17 @@ from tests.support.behaviortree_cpp.traces import (
     FOLDER,
     FULL,
     NOT_RECORDED,
+    SCRIPTS,
     RecordedPlan,
     Trace,
     TracedTick,
     digest_of,
 )
 from tests.support.random_plans import STEP_MS, TELEMETRY, TICKS, RandomPlan, random_plan
+from tests.support.random_scripts import RESULT, random_script, script_plan
 
 CORRECTIONS: Final = ("IfThenElse", "WhileDoElse", "Precondition", "Timeout", "SetBlackboard")
+SCRIPT_COUNT: Final = 1_000
 FULL_COUNT: Final = 1_000
 DIGEST_COUNT: Final = 30_000
 PORTION: Final = 1_000
@@ -114,6 +117,7 @@ def main(driver: str) -> None:
     """Write the data."""
     FOLDER.mkdir(exist_ok=True)
     _write_differences(driver)
+    _write_scripts(driver)
     recorded = record(driver)
     full = list(islice(recorded, FULL_COUNT))
     needed = Counter(each.corrections for each in full)
@@ -144,6 +148,16 @@ def _write_differences(driver: str) -> None:
             "corrected": [tick.values() for tick in trace_from(corrected)],
         }
     DIFFERENCES.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+
+
+def _write_scripts(driver: str) -> None:
+    plans = [script_plan(random_script(seed)) for seed in range(SCRIPT_COUNT)]
+    found = []
+    for answer in execute(driver, [request(plan, ()) for plan in plans]):
+        ticks = [] if answer["error"] else trace_from(answer)
+        values = [value for tick in ticks for _, name, value in tick.cells if name == RESULT]
+        found.append(values[0] if values else None)
+    SCRIPTS.write_bytes(lzma.compress(json.dumps(found).encode(), preset=9 | lzma.PRESET_EXTREME))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ FOLDER: Final = Path(__file__).parent / "recorded"
 FULL: Final = FOLDER / "traces.jsonl.xz"
 DIGESTS: Final = FOLDER / "digests.bin.xz"
 DIFFERENCES: Final = FOLDER / "differences.json"
+SCRIPTS: Final = FOLDER / "scripts.json.xz"
 DIGEST_OCTETS: Final = 4
 NOT_RECORDED: Final = bytes(DIGEST_OCTETS)
 
@@ -99,3 +100,9 @@ def recorded_digests() -> dict[int, bytes]:
     content = lzma.decompress(DIGESTS.read_bytes())
     parts = (content[at : at + DIGEST_OCTETS] for at in range(0, len(content), DIGEST_OCTETS))
     return {seed: part for seed, part in enumerate(parts) if part != NOT_RECORDED}
+
+
+def recorded_scripts() -> list[float | str | None]:
+    """Return the result of the random script of each seed; None for an exception."""
+    found: list[float | str | None] = json.loads(lzma.decompress(SCRIPTS.read_bytes()))
+    return found
