@@ -67,7 +67,7 @@ def test_random_plans_do_in_each_tick_what_4_10_does(
             pytest.fail(f"seed {each.seed}: {first_difference(trace, each.trace)}\n{plan.text}")
 
 
-def test_nine_in_ten_traces_are_those_of_4_10_without_a_correction(recorded: list[RecordedPlan]) -> None:
+def test_nine_in_ten_traces_are_of_4_10_without_corrections(recorded: list[RecordedPlan]) -> None:
     assert len(recorded) == 1000
     corrected = [each for each in recorded if each.corrections]
     assert len(corrected) <= 100
