@@ -31,6 +31,7 @@ from executive.plans.execution import StepStatus as StepStatus
 from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
 from executive.plans.execution import TreeNodeView as TreeNodeView
+from executive.plans.model import LOOPS as LOOPS
 from executive.plans.model import Blackboard as Blackboard
 from executive.plans.model import CellReference as CellReference
 from executive.plans.model import PlanNode as PlanNode

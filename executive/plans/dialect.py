@@ -4,7 +4,8 @@ The reader's checks, the palette for Groot2, the console and the documentation d
 kinds of command leaves derive from the catalogue, the names of telemetry from the parameters.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum, unique
 from types import MappingProxyType
@@ -152,50 +153,138 @@ def attribute_help(argument: Argument) -> str:
     return argument.meaning
 
 
-def _control(
-    name: str, meaning: str, *ports: Port, low: int = 1, high: int | None = None
-) -> NodeKind:
-    return NodeKind(name, Role.CONTROL, meaning, ports, low, high)
-
-
-def _decorator(name: str, meaning: str, *ports: Port) -> NodeKind:
-    return NodeKind(name, Role.DECORATOR, meaning, ports, 1, 1)
-
-
-def _leaf(role: Role, name: str, meaning: str, *ports: Port) -> NodeKind:
-    limited = any(each.name == DEADLINE for each in ports)
-    return NodeKind(name, role, meaning, ports, needs_limit=limited)
-
-
-def _switch(cases: int) -> NodeKind:
-    ports = [Port("variable", PortType.ANY, "value that selects the child", optional=True)]
-    ports += [Port(f"case_{n}", PortType.ANY, f"value of child {n}") for n in range(1, cases + 1)]
-    meaning = "runs the child with the case of the variable, else the last child"
-    return _control(f"Switch{cases}", meaning, *ports, low=cases + 1, high=cases + 1)
-
-
-_COUNT, _MSEC, _SECONDS = PortType.COUNT, PortType.MILLISECONDS, PortType.SECONDS
-_NUMBER, _TEXT, _UTC = PortType.NUMBER, PortType.TEXT, PortType.UTC
-_EMPTY: Final = Port("if_empty", PortType.STATUS, "result after the last part", "SUCCESS")
 _DEADLINE: Final = Port(
     DEADLINE,
-    _SECONDS,
+    PortType.SECONDS,
     "timeout in s, then it fails; needed unless below a Timeout or a Window",
     optional=True,
 )
-_X: Final = Port("x", _NUMBER, "m")
-_Y: Final = Port("y", _NUMBER, "m")
+_QUESTION: Final = "Ask"
+_TABLE: Final = f"""
+control Sequence: runs its children in order, until one fails
+control Fallback: runs its children in order, until one succeeds
+control AsyncSequence: a Sequence that yields between children that end at once
+control AsyncFallback: a Fallback that yields between children that end at once
+control SequenceWithMemory: a Sequence that continues at the child that failed
+control ReactiveSequence: ticks its children from the first one in each tick
+control ReactiveFallback: ticks its children from the first one in each tick
+control Parallel: runs all its children, until enough have succeeded or failed
+  success_count count = -1: successes needed; -1 for all not skipped
+  failure_count count = 1: failures that fail it
+control ParallelAll: runs all its children to their ends
+  max_failures count = 1: failures that fail it
+control IfThenElse 2 3: tests its first child once, runs the second or third
+control WhileDoElse 2 3: tests its first child each tick, runs the second or third
+control TryCatch 2: a Sequence; after a failure its last child cleans up, then it fails
+  catch_on_halt flag = false: whether to clean up when it is halted
+decorator Inverter: exchanges success and failure
+decorator ForceSuccess: succeeds after its child has ended
+decorator ForceFailure: fails after its child has ended
+decorator Repeat: runs its child again after a success
+  num_cycles count: number of cycles; -1 below a limit of time only
+decorator RetryUntilSuccessful: runs its child again after a failure
+  num_attempts count: number of attempts; -1 below a limit of time only
+decorator KeepRunningUntilFailure: runs its child again; below a limit of time only
+decorator RunOnce: runs its child once in a plan
+  then_skip flag = true: whether it is skipped later
+decorator Timeout: fails if its child has not ended in time
+  msec milliseconds: time limit in ms
+decorator Delay: runs its child after a time
+  delay_msec milliseconds: time before, in ms
+decorator Precondition: runs its child if a condition holds when it begins
+  if condition: the condition
+  else status = FAILURE: result if it does not hold
+decorator LoopString: runs its child for each part of a queue
+  queue text: texts joined by ;
+  value written_text: the part
+  if_empty status = SUCCESS: result after the last part
+decorator LoopDouble: runs its child for each number of a queue
+  queue text: numbers joined by ;
+  value written_number: the number
+  if_empty status = SUCCESS: result after the last part
+decorator LoopPlace: runs its child for each position of a queue
+  queue text: x,y or x,y,heading (m, rad) joined by ;
+  x written_number: m
+  y written_number: m
+  heading written_number ?: rad
+  if_empty status = SUCCESS: result after the last part
+decorator Window: runs its child between two times, and fails at the end
+  from utc ?: time before which it waits, as 2026-11-27T09:00:00Z
+  until utc ?: time when its child is halted
+action Script: runs statements
+  code statements: statements
+condition ScriptCondition: succeeds if a condition holds
+  code condition: the condition
+action SetBlackboard: sets a variable
+  value any: the value, or another variable
+  output_key written: the variable
+action AlwaysSuccess: succeeds
+action AlwaysFailure: fails
+action Sleep: waits
+  msec milliseconds: time in ms
+action WaitUntil: succeeds from a time on
+  utc utc: the time, as 2026-11-27T09:00:00Z
+  late_s seconds ?: delay in s after which it fails when it begins
+action WaitFor: succeeds as soon as a condition holds
+  if condition: the condition
+  {DEADLINE} seconds ?: {_DEADLINE.meaning}
+action {_QUESTION}: requests one of several options from the operators
+  question text: text of the question
+  options text: options joined by ;
+  default text ?: option at the deadline; without one it fails
+  {DEADLINE} seconds ?: {_DEADLINE.meaning}
+  answer written_text: the chosen option
+condition Near: succeeds if the rover is near a position
+  x number: m
+  y number: m
+  within seconds: distance in m
+condition Reachable: succeeds if a moveTo would be accepted
+  x number: m
+  y number: m
+condition FaultActive: succeeds while a fault is active
+  name text: name of the fault
+"""
+"""The nodes: role, name, bounds of the number of children; a line for each port."""
+
+_CHILDREN: Final = {Role.CONTROL: (1, None), Role.DECORATOR: (1, 1)}
 
 
-def _loop(value: Port, queue: str, *more: Port) -> tuple[Port, ...]:
-    return (Port("queue", _TEXT, queue), value, *more, _EMPTY)
+def _switches() -> Iterator[NodeKind]:
+    for cases in range(2, 7):
+        ports = [Port("variable", PortType.ANY, "value that selects the child", optional=True)]
+        for number in range(1, cases + 1):
+            ports.append(Port(f"case_{number}", PortType.ANY, f"value of child {number}"))
+        meaning = "runs the child with the case of the variable, else the last child"
+        count = cases + 1
+        yield NodeKind(f"Switch{cases}", Role.CONTROL, meaning, tuple(ports), count, count)
+
+
+def _nodes(table: str) -> Iterator[NodeKind]:
+    """Yield the nodes of a table."""
+    for entry in re.split(r"\n(?! )", table.strip()):
+        head, *lines = entry.split("\n")
+        signature, _, meaning = head.partition(": ")
+        role_name, name, *bounds = signature.split()
+        role, ports = Role(role_name.capitalize()), tuple(map(_port, lines))
+        low, high = _CHILDREN.get(role, (0, 0))
+        if bounds:
+            low, high = int(bounds[0]), int(bounds[1]) if bounds[1:] else None
+        limited = any(each.name == DEADLINE for each in ports)
+        yield NodeKind(name, role, meaning, ports, low, high, needs_limit=limited)
+
+
+def _port(line: str) -> Port:
+    signature, _, meaning = line.partition(": ")
+    name, kind, *rest = signature.split()
+    default = rest[1] if rest[:1] == ["="] else None
+    return Port(name, PortType[kind.upper()], meaning, default, optional=rest == ["?"])
 
 
 def _command(declaration: CommandDeclaration) -> NodeKind:
     ports = [
         Port(
             each.name,
-            _NUMBER if each.kind is float else _TEXT,
+            PortType.NUMBER if each.kind is float else PortType.TEXT,
             attribute_help(each),
             optional=each.optional,
             argument=each,
@@ -224,161 +313,9 @@ _MORE_OUTPUTS: Final = {
 
 SUBTREE: Final = "SubTree"
 ROOT_KIND: Final = NodeKind(SUBTREE, Role.SUBTREE, "runs another tree", (), 1, 1)
-
-_KINDS: Final = (
-    _control("Sequence", "runs its children in order, until one fails"),
-    _control("Fallback", "runs its children in order, until one succeeds"),
-    _control("AsyncSequence", "a Sequence that yields between children that end at once"),
-    _control("AsyncFallback", "a Fallback that yields between children that end at once"),
-    _control("SequenceWithMemory", "a Sequence that continues at the child that failed"),
-    _control("ReactiveSequence", "ticks its children from the first one in each tick"),
-    _control("ReactiveFallback", "ticks its children from the first one in each tick"),
-    _control(
-        "Parallel",
-        "runs all its children, until enough have succeeded or failed",
-        Port("success_count", _COUNT, "successes needed; -1 for all not skipped", "-1"),
-        Port("failure_count", _COUNT, "failures that fail it", "1"),
-    ),
-    _control(
-        "ParallelAll",
-        "runs all its children to their ends",
-        Port("max_failures", _COUNT, "failures that fail it", "1"),
-    ),
-    _control("IfThenElse", "tests its first child once, runs the second or third", low=2, high=3),
-    _control(
-        "WhileDoElse", "tests its first child each tick, runs the second or third", low=2, high=3
-    ),
-    *map(_switch, range(2, 7)),
-    _control(
-        "TryCatch",
-        "a Sequence; after a failure its last child cleans up, then it fails",
-        Port("catch_on_halt", PortType.FLAG, "whether to clean up when it is halted", "false"),
-        low=2,
-    ),
-    _decorator("Inverter", "exchanges success and failure"),
-    _decorator("ForceSuccess", "succeeds after its child has ended"),
-    _decorator("ForceFailure", "fails after its child has ended"),
-    _decorator(
-        "Repeat",
-        "runs its child again after a success",
-        Port("num_cycles", _COUNT, "number of cycles; -1 below a limit of time only"),
-    ),
-    _decorator(
-        "RetryUntilSuccessful",
-        "runs its child again after a failure",
-        Port("num_attempts", _COUNT, "number of attempts; -1 below a limit of time only"),
-    ),
-    _decorator("KeepRunningUntilFailure", "runs its child again; below a limit of time only"),
-    _decorator(
-        "RunOnce",
-        "runs its child once in a plan",
-        Port("then_skip", PortType.FLAG, "whether it is skipped later", "true"),
-    ),
-    _decorator(
-        "Timeout",
-        "fails if its child has not ended in time",
-        Port("msec", _MSEC, "time limit in ms"),
-    ),
-    _decorator(
-        "Delay", "runs its child after a time", Port("delay_msec", _MSEC, "time before, in ms")
-    ),
-    _decorator(
-        "Precondition",
-        "runs its child if a condition holds when it begins",
-        Port("if", PortType.CONDITION, "the condition"),
-        Port("else", PortType.STATUS, "result if it does not hold", "FAILURE"),
-    ),
-    _decorator(
-        "LoopString",
-        "runs its child for each part of a queue",
-        *_loop(Port("value", PortType.WRITTEN_TEXT, "the part"), "texts joined by ;"),
-    ),
-    _decorator(
-        "LoopDouble",
-        "runs its child for each number of a queue",
-        *_loop(Port("value", PortType.WRITTEN_NUMBER, "the number"), "numbers joined by ;"),
-    ),
-    _decorator(
-        "LoopPlace",
-        "runs its child for each position of a queue",
-        *_loop(
-            Port("x", PortType.WRITTEN_NUMBER, "m"),
-            "x,y or x,y,heading (m, rad) joined by ;",
-            Port("y", PortType.WRITTEN_NUMBER, "m"),
-            Port("heading", PortType.WRITTEN_NUMBER, "rad", optional=True),
-        ),
-    ),
-    _decorator(
-        "Window",
-        "runs its child between two times, and fails at the end",
-        Port("from", _UTC, "time before which it waits, as 2026-11-27T09:00:00Z", optional=True),
-        Port("until", _UTC, "time when its child is halted", optional=True),
-    ),
-    _leaf(
-        Role.ACTION, "Script", "runs statements", Port("code", PortType.STATEMENTS, "statements")
-    ),
-    _leaf(
-        Role.CONDITION,
-        "ScriptCondition",
-        "succeeds if a condition holds",
-        Port("code", PortType.CONDITION, "the condition"),
-    ),
-    _leaf(
-        Role.ACTION,
-        "SetBlackboard",
-        "sets a variable",
-        Port("value", PortType.ANY, "the value, or another variable"),
-        Port("output_key", PortType.WRITTEN, "the variable"),
-    ),
-    _leaf(Role.ACTION, "AlwaysSuccess", "succeeds"),
-    _leaf(Role.ACTION, "AlwaysFailure", "fails"),
-    _leaf(Role.ACTION, "Sleep", "waits", Port("msec", _MSEC, "time in ms")),
-    _leaf(
-        Role.ACTION,
-        "WaitUntil",
-        "succeeds from a time on",
-        Port("utc", _UTC, "the time, as 2026-11-27T09:00:00Z"),
-        Port("late_s", _SECONDS, "delay in s after which it fails when it begins", optional=True),
-    ),
-    _leaf(
-        Role.ACTION,
-        "WaitFor",
-        "succeeds as soon as a condition holds",
-        Port("if", PortType.CONDITION, "the condition"),
-        _DEADLINE,
-    ),
-    _leaf(
-        Role.ACTION,
-        "Ask",
-        "requests one of several options from the operators",
-        Port("question", _TEXT, "text of the question"),
-        Port("options", _TEXT, "options joined by ;"),
-        Port("default", _TEXT, "option at the deadline; without one it fails", optional=True),
-        _DEADLINE,
-        Port("answer", PortType.WRITTEN_TEXT, "the chosen option"),
-    ),
-    _leaf(
-        Role.CONDITION,
-        "Near",
-        "succeeds if the rover is near a position",
-        _X,
-        _Y,
-        Port("within", _SECONDS, "distance in m"),
-    ),
-    _leaf(Role.CONDITION, "Reachable", "succeeds if a moveTo would be accepted", _X, _Y),
-    _leaf(
-        Role.CONDITION,
-        "FaultActive",
-        "succeeds while a fault is active",
-        Port("name", _TEXT, "name of the fault"),
-    ),
-    *map(_command, LEAVES.values()),
-)
-
+_KINDS: Final = (*_nodes(_TABLE), *_switches(), *map(_command, LEAVES.values()))
 DIALECT: Final[Mapping[str, NodeKind]] = MappingProxyType({each.name: each for each in _KINDS})
 """The node kinds by name, without `SubTree`."""
-
-_QUESTION: Final = "Ask"
 
 UNSUPPORTED_NODES: Final = {
     node: why

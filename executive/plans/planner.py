@@ -345,11 +345,13 @@ class Planner:
         if plan is None or plan.state is not PlanStatus.SUSPENDED or self._surroundings.is_held:
             self._restarted = None
             return False
-        stored = self._store.state(plan_id)
         if position is None or not self._store.is_durable(plan.batch):
             return False
-        self._restarted = None
-        state = PlanState() if stored is None else decode(stored.text)
+        self._restarted, stored = None, self._store.state(plan_id)
+        try:
+            state = PlanState() if stored is None else decode(stored.text)
+        except StateError:
+            return False
         if stored is None or state.position is None or state.restarts >= MAX_RESTARTS:
             return False
         if dist(position, state.position) > MAX_RESTART_DISTANCE_M:
@@ -418,7 +420,10 @@ class Planner:
             return None
         if not self._store.is_durable(plan.batch):
             return UNWRITTEN_STEPS
-        _, state = self._stored(plan.plan_id, root)
+        try:
+            _, state = self._stored(plan.plan_id, root)
+        except StateError:
+            return None
         letters = "" if state.tree is None else state.tree.statuses
         done = (number for number, letter in enumerate(letters) if letter in "SF")
         found = skipped_nodes(root, step, plan.node, {*state.ended, *done})

@@ -1,8 +1,8 @@
 """The nodes of a plan with several children: sequences, fallbacks, parallels, branches."""
 
-from typing import ClassVar
+from collections.abc import Sequence
 
-from executive.plans import UnknownValueError, Value, case_matches
+from executive.plans import PlanNode, UnknownValueError, Value, case_matches
 from trees.plan.node import (
     FAILURE,
     IDLE,
@@ -11,11 +11,24 @@ from trees.plan.node import (
     SUCCESS,
     Answer,
     PlanBehaviour,
+    PlanRun,
 )
 
 
-class OrderedBranch(PlanBehaviour):
+class ControlNode(PlanBehaviour):
+    """A node with several children; those of fallbacks go on after a failure."""
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        is_fallback = "Fallback" in plan.kind.name
+        self.continues, self.ends = (FAILURE, SUCCESS) if is_fallback else (SUCCESS, FAILURE)
+
+
+class OrderedBranch(ControlNode):
     """Runs its children in order, until one ends it: `Sequence`, `Fallback`, and their variants.
+
+    Those with `Async` yield after a child that ended in its first tick. `SequenceWithMemory` does,
+    and continues at the child that failed, also after it was halted.
 
     Attributes:
         current: index of the child that it continues with.
@@ -24,9 +37,11 @@ class OrderedBranch(PlanBehaviour):
 
     memory = ("current", "skipped")
     current = skipped = 0
-    is_async: ClassVar[bool] = False
-    continues: ClassVar = SUCCESS
-    ends: ClassVar = FAILURE
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        self._remembers = plan.kind.name == "SequenceWithMemory"
+        self._yields = self._remembers or plan.kind.name.startswith("Async")
 
     def run(self) -> Answer:
         """Tick the children from the present one on."""
@@ -41,12 +56,14 @@ class OrderedBranch(PlanBehaviour):
             if answer is RUNNING:
                 return RUNNING
             if answer is self.ends:
-                self.on_end()
+                for other in self.nodes[self.current :] if self._remembers else self.nodes:
+                    other.reset()
+                self.current = self.current if self._remembers else 0
                 return answer
             self.current += 1
             if answer is SKIPPED:
                 self.skipped += 1
-            elif self.is_async and begins and self.current < count:
+            elif self._yields and begins and self.current < count:
                 self.context.yielded = True
                 return RUNNING
         answer = SKIPPED if self.skipped == count else self.continues
@@ -54,58 +71,14 @@ class OrderedBranch(PlanBehaviour):
         self.current = self.skipped = 0
         return answer
 
-    def on_end(self) -> None:
-        """Reset the children after one has ended the branch."""
-        self.reset_children()
-        self.current = 0
-
     def on_halt(self) -> None:
         """Begin with the first child next time."""
-        self.current = self.skipped = 0
+        if not self._remembers:
+            self.current = self.skipped = 0
 
 
-class SequenceBranch(OrderedBranch):
-    """`Sequence`."""
-
-
-class FallbackBranch(OrderedBranch):
-    """`Fallback`."""
-
-    continues = FAILURE
-    ends = SUCCESS
-
-
-class AsyncSequence(SequenceBranch):
-    """`AsyncSequence`: yields after a child that ended in its first tick."""
-
-    is_async = True
-
-
-class AsyncFallback(FallbackBranch):
-    """`AsyncFallback`: yields after a child that ended in its first tick."""
-
-    is_async = True
-
-
-class SequenceWithMemory(SequenceBranch):
-    """`SequenceWithMemory`: continues at the child that failed, also after it was halted."""
-
-    is_async = True
-
-    def on_end(self) -> None:
-        """Reset the child that failed and those after it."""
-        for child in self.nodes[self.current :]:
-            child.reset()
-
-    def on_halt(self) -> None:
-        """Continue at the same child next time."""
-
-
-class ReactiveBranch(PlanBehaviour):
-    """Ticks its children from the first one on in every tick."""
-
-    continues: ClassVar = SUCCESS
-    ends: ClassVar = FAILURE
+class ReactiveBranch(ControlNode):
+    """`ReactiveSequence`, `ReactiveFallback`: tick their children from the first one each time."""
 
     def run(self) -> Answer:
         """Tick the children; one that is RUNNING resets all others."""
@@ -129,17 +102,6 @@ class ReactiveBranch(PlanBehaviour):
         return SKIPPED if all_skipped else self.continues
 
 
-class ReactiveSequence(ReactiveBranch):
-    """`ReactiveSequence`."""
-
-
-class ReactiveFallback(ReactiveBranch):
-    """`ReactiveFallback`."""
-
-    continues = FAILURE
-    ends = SUCCESS
-
-
 class ParallelBranch(PlanBehaviour):
     """`Parallel`: ticks all children that have not ended, until enough have.
 
@@ -151,8 +113,8 @@ class ParallelBranch(PlanBehaviour):
     memory = ("ended", "good", "bad")
     ended = good = bad = 0
 
-    def __init__(self, *args: object) -> None:
-        super().__init__(*args)  # type: ignore[arg-type]
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
         self._successes = self.plan.number("success_count")
         self._failures = self.plan.number("failure_count")
         self._counts_skipped = bool(self.plan.ports["counts_skipped"])

@@ -1,9 +1,10 @@
 """The nodes of a plan with one child: loops, limits of time, forced results, conditions."""
 
+from collections.abc import Sequence
 from math import inf
-from typing import ClassVar
+from typing import Final
 
-from executive.plans import ArgumentError, UnknownValueError, part_values, parts_of
+from executive.plans import LOOPS, ArgumentError, PlanNode, UnknownValueError, part_values, parts_of
 from trees.plan.node import (
     ANSWERS,
     FAILURE,
@@ -13,16 +14,12 @@ from trees.plan.node import (
     SUCCESS,
     Answer,
     PlanBehaviour,
+    PlanRun,
 )
 
 
 class PlanDecorator(PlanBehaviour):
     """A node with one child, which is IDLE again after it has ended."""
-
-    @property
-    def child(self) -> PlanBehaviour:
-        """The child."""
-        return self.nodes[0]
 
     def execute(self) -> Answer:
         """Tick the node; see `PlanBehaviour.execute`."""
@@ -46,11 +43,15 @@ class SubTree(PlanDecorator):
         return answer
 
 
-class _MappedResult(PlanDecorator):
-    """Gives other results than its child."""
+_RESULTS: Final = {
+    "Inverter": (FAILURE, SUCCESS),
+    "ForceSuccess": (SUCCESS, SUCCESS),
+    "ForceFailure": (FAILURE, FAILURE),
+}
 
-    on_success: ClassVar = SUCCESS
-    on_failure: ClassVar = FAILURE
+
+class MappedResult(PlanDecorator):
+    """`Inverter`, `ForceSuccess`, `ForceFailure`: give another result than their child."""
 
     def run(self) -> Answer:
         """Tick the child, and map its result."""
@@ -59,30 +60,11 @@ class _MappedResult(PlanDecorator):
         if answer is RUNNING or answer is SKIPPED:
             return answer
         self.nodes[0].reset()
-        return self.on_success if answer is SUCCESS else self.on_failure
-
-
-class Inverter(_MappedResult):
-    """`Inverter`."""
-
-    on_success = FAILURE
-    on_failure = SUCCESS
-
-
-class ForceSuccess(_MappedResult):
-    """`ForceSuccess`."""
-
-    on_failure = SUCCESS
-
-
-class ForceFailure(_MappedResult):
-    """`ForceFailure`."""
-
-    on_success = FAILURE
+        return _RESULTS[self.plan.kind.name][answer is FAILURE]
 
 
 class LoopDecorator(PlanDecorator):
-    """Runs its child again after one result, a number of times; yields between instant cycles.
+    """`Repeat`, `RetryUntilSuccessful`: yield between cycles that end at once.
 
     Attributes:
         count: number of cycles that have ended.
@@ -90,12 +72,11 @@ class LoopDecorator(PlanDecorator):
 
     memory = ("count",)
     count = 0
-    times_port: ClassVar[str]
-    again: ClassVar = SUCCESS
 
-    def __init__(self, *args: object) -> None:
-        super().__init__(*args)  # type: ignore[arg-type]
-        self.times = self.plan.number(self.times_port)
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        self.times = plan.number(LOOPS[plan.kind.name])
+        self.again = SUCCESS if plan.kind.name == "Repeat" else FAILURE
 
     def run(self) -> Answer:
         """Tick the child, and begin the next cycle after its end."""
@@ -125,19 +106,6 @@ class LoopDecorator(PlanDecorator):
     def on_halt(self) -> None:
         """Begin with the first cycle next time."""
         self.count = 0
-
-
-class Repeat(LoopDecorator):
-    """`Repeat`."""
-
-    times_port = "num_cycles"
-
-
-class RetryUntilSuccessful(LoopDecorator):
-    """`RetryUntilSuccessful`."""
-
-    times_port = "num_attempts"
-    again = FAILURE
 
 
 class RunUntilFailure(PlanDecorator):
@@ -174,21 +142,38 @@ class RunOnce(PlanDecorator):
         return answer
 
 
-class Timeout(PlanDecorator):
-    """`Timeout`: fails when its child takes too long, on the executive's clock.
+class TimedDecorator(PlanDecorator):
+    """A decorator with a timer on the executive's clock.
 
     Attributes:
-        until_s: end of the time limit; infinite if it expired while its child did not run.
+        until_s: end of the timer; None while it is not running.
     """
 
     timers = ("until_s",)
     until_s: float | None = None
 
+    def on_halt(self) -> None:
+        """Drop the timer."""
+        self.until_s = None
+
+    def tick_child(self) -> Answer:
+        """Tick the child; its end drops the timer."""
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.until_s = None
+            self.nodes[0].reset()
+        return answer
+
+
+class Timeout(TimedDecorator):
+    """`Timeout`: fails when its child takes too long. The timer ends once if the child is idle."""
+
     def run(self) -> Answer:
         """Tick the child, unless its time has expired."""
-        now_s, duration_s = self.context.port.clock.now_s(), self.plan.number("msec") / 1000
+        port, duration_s = self.context.port, self.plan.number("msec") / 1000
+        now_s = port.clock.now_s()
         if self.until_s is None:
-            if self.context.port.has_expired(self.plan, self.cycles):
+            if port.has_expired(self.plan, self.cycles):
                 return FAILURE
             self.status = RUNNING
             self.until_s = now_s + duration_s
@@ -196,30 +181,14 @@ class Timeout(PlanDecorator):
             if self.nodes[0].status is RUNNING:
                 self.until_s = None
                 self.nodes[0].reset()
-                self.feedback_message = "expired"
-                self.context.port.note_failure(self.plan, f"not done within {duration_s:g} s")
+                port.note_failure(self.plan, f"not done within {duration_s:g} s")
                 return FAILURE
             self.until_s = inf
-        answer = self.nodes[0].execute()
-        if answer is SUCCESS or answer is FAILURE:
-            self.until_s = None
-            self.nodes[0].reset()
-        return answer
-
-    def on_halt(self) -> None:
-        """Drop the timer."""
-        self.until_s = None
+        return self.tick_child()
 
 
-class Delay(PlanDecorator):
-    """`Delay`: waits, then runs its child.
-
-    Attributes:
-        until_s: end of the delay.
-    """
-
-    timers = ("until_s",)
-    until_s: float | None = None
+class Delay(TimedDecorator):
+    """`Delay`: waits, then runs its child."""
 
     def run(self) -> Answer:
         """Tick the child after the delay."""
@@ -227,17 +196,7 @@ class Delay(PlanDecorator):
         if self.until_s is None:
             self.status = RUNNING
             self.until_s = now_s + self.plan.number("delay_msec") / 1000
-        if now_s < self.until_s:
-            return RUNNING
-        answer = self.nodes[0].execute()
-        if answer is SUCCESS or answer is FAILURE:
-            self.until_s = None
-            self.nodes[0].reset()
-        return answer
-
-    def on_halt(self) -> None:
-        """Drop the timer."""
-        self.until_s = None
+        return RUNNING if now_s < self.until_s else self.tick_child()
 
 
 class Precondition(PlanDecorator):
