@@ -25,8 +25,8 @@ from tests.support.random_plans import RandomPlan
 from tests.support.random_scripts import RESULT, random_script, script_plan
 from tests.support.scripted_plans import play, read
 from trees.plan import Answer
-from trees.plan.controls import SequenceBranch
-from trees.plan.decorators import Repeat
+from trees.plan.controls import OrderedBranch
+from trees.plan.decorators import LoopDecorator
 
 RECORDED: dict[str, Any] = json.loads(DIFFERENCES.read_text("utf-8"))
 EXCEPTIONS = ("exception in a condition", "division by zero")
@@ -101,13 +101,13 @@ def test_a_run_of_the_stress_part_finds_no_difference() -> None:
     assert len(recorded_digests()) == 30_000
 
 
-class ForgetfulSequence(SequenceBranch):
+class ForgetfulSequence(OrderedBranch):
     """A Sequence that begins anew after its state was stored."""
 
     memory = ()  # type: ignore[assignment]
 
 
-class HastyRepeat(Repeat):
+class HastyRepeat(LoopDecorator):
     """A Repeat that leaves out its last cycle."""
 
     def run(self) -> Answer:
