@@ -45,7 +45,7 @@ from executive.plans.scripting import (
     type_of,
     value_of,
 )
-from executive.plans.syntax import Assignment, Expression, Name, ScriptError, expressions, parse
+from executive.plans.syntax import ASSIGNMENTS, NAME, Expression, ScriptError, expressions, parse
 from executive.settings import Settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason, Refusal
@@ -215,7 +215,7 @@ class _Expansion:
                 site.fail(f"{attribute} is empty: a script is needed")
             site.scripts[attribute] = found
             for each in expressions(found):
-                if isinstance(each, Assignment):
+                if each.sign in ASSIGNMENTS:
                     if each.cell in cells.telemetry:
                         column = f"{attribute}: column {each.column}"
                         site.fail(f"{column}: {each.text} is telemetry, and is not written")
@@ -296,15 +296,12 @@ def _check_reads(root: Site, cells: CellTable) -> None:
     for site in root.sites():
         for attribute, statements in site.scripts.items():
             for each in expressions(statements):
-                match each:
-                    case Name(column, cell, text) if not cells.has_value(cell):
-                        where = f"{attribute}: column {column}"
-                        site.fail(f"{where}: nothing sets {text}{_remedy(site.scope, text)}")
-                    case Assignment(column, sign, cell, text) if not cells.has_value(cell):
-                        where = f"{attribute}: column {column}"
-                        site.fail(f"{where}: {text} does not exist before {sign!r}: use :=")
-                    case _:
-                        pass
+                if each.cell < 0 or cells.has_value(each.cell):
+                    continue
+                text, where = each.text, f"{attribute}: column {each.column}"
+                if each.sign == NAME:
+                    site.fail(f"{where}: nothing sets {text}{_remedy(site.scope, text)}")
+                site.fail(f"{where}: {text} does not exist before {each.sign!r}: use :=")
 
 
 def _remedy(scope: Scope, name: str) -> str:

@@ -287,7 +287,7 @@ class Planner:
         found = (each if each.stage else self._ended(plan_id, each) for each in state.commands)
         commands = tuple(each for each in found if each is not None)
         ended = (*state.ended, *(each.node for each in commands))
-        state = replace(state, commands=commands, ended=ended)
+        state = state._replace(commands=commands, ended=ended)
         utc_s = self._clock.utc_s()
         if not stored.suspended:
             state = shifted(state, min(0.0, stored.utc_s - utc_s))
@@ -356,7 +356,7 @@ class Planner:
             return False
         if dist(position, state.position) > MAX_RESTART_DISTANCE_M:
             return False
-        state = replace(state, restarts=state.restarts + 1)
+        state = state._replace(restarts=state.restarts + 1)
         self._store.save_state(plan_id, replace(stored, text=encode(state)))
         text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
         self._change(plan, PlanEvent.RESUME, text)
@@ -368,7 +368,11 @@ class Planner:
         moved_m = 0.0
         if run.resumes and state.position is not None:
             moved_m = dist(state.position, before.position or state.position)
-        if state == before and moved_m < STORED_POSITION_M and not suspended:
+        if (
+            state._replace(position=before.position) == before
+            and moved_m < STORED_POSITION_M
+            and not suspended
+        ):
             return
         run.saved = state
         left = shifted(state, -self._clock.now_s())
@@ -464,7 +468,7 @@ class Planner:
             self._notify(plan, f"{node.location.path}: skipped")
         forced = {each.location.number: PlanResult.SUCCESS.name for each in self._skipped}
         forced = {**dict(state.forced), **forced}
-        state = replace(state, ended=tuple(ended), forced=tuple(forced.items()))
+        state = state._replace(ended=tuple(ended), forced=tuple(forced.items()))
         self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
         return text
 

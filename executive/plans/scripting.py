@@ -7,23 +7,20 @@ Differences: a value that is not known raises `UnknownValueError`, and a divisio
 
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
 from math import isfinite
-from typing import Final, assert_never
+from typing import Final
 
 from executive.plans.syntax import (
+    ASSIGNMENTS,
+    COMPARE,
     CONSTANTS,
-    Assignment,
-    Binary,
-    Choice,
-    Comparison,
+    LITERAL,
+    NAME,
     Expression,
-    Literal,
-    Name,
     ScriptError,
-    Unary,
     Value,
 )
 
@@ -138,70 +135,45 @@ def infer(expression: Expression, types: Types) -> ValueType | None:
     Raises:
         ScriptError: types are mixed.
     """
-    match expression:
-        case Literal(value=value):
-            return type_of(value)
-        case Name(cell=cell):
-            return types[cell]
-        case Unary(column, sign, operand):
-            _require(NUMBER, operand, types, f"{sign!r} needs a number")
-            return NUMBER
-        case Binary():
-            return _infer_binary(expression, types)
-        case Comparison(column, signs, operands):
-            found = [infer(each, types) for each in operands]
-            for sign, left, right in zip(signs, found, found[1:], strict=False):
-                if left is not right and None not in {left, right}:
-                    text = f"{sign!r} compares {_text(left)} with {_text(right)}"
-                    raise ScriptError(column, text)
-            return NUMBER
-        case Choice(column, condition, first, second):
-            infer(condition, types)
-            one, other = infer(first, types), infer(second, types)
-            if one is not other and one is not None and other is not None:
-                raise ScriptError(column, f"'?' chooses between {one.value} and {other.value}")
-            return one or other
-        case Assignment():
-            return _infer_assignment(expression, types)
-        case _:
-            assert_never(expression)
-
-
-def _text(kind: ValueType | None) -> str:
-    return "" if kind is None else kind.value
-
-
-def _require(kind: ValueType, operand: Expression, types: Types, text: str) -> None:
-    found = infer(operand, types)
-    if found is not None and found is not kind:
-        raise ScriptError(operand.column, f"{text}, not {found.value}")
-
-
-def _infer_binary(binary: Binary, types: Types) -> ValueType | None:
-    sign = binary.sign
-    left, right = infer(binary.left, types), infer(binary.right, types)
+    found = [infer(each, types) for each in expression.operands]
+    sign, column, known = expression.sign, expression.column, {*found} - {None}
+    if sign == LITERAL:
+        return type_of(expression.value)
+    if sign == NAME:
+        return types[expression.cell]
+    if sign == COMPARE:
+        for each, left, right in zip(expression.text.split(), found, found[1:], strict=False):
+            if left is not right and left is not None and right is not None:
+                raise ScriptError(column, f"{each!r} compares {left.value} with {right.value}")
+        return NUMBER
+    if sign == "?":
+        one, other = found[1:]
+        if one is not other and one is not None and other is not None:
+            raise ScriptError(column, f"'?' chooses between {one.value} and {other.value}")
+        return one or other
     if sign == "..":
-        if left is right is NUMBER:
-            raise ScriptError(binary.column, "'..' joins texts: one side at least is a text")
+        if found == [NUMBER, NUMBER]:
+            raise ScriptError(column, "'..' joins texts: one side at least is a text")
         return TEXT
-    if sign == "+" and TEXT in {left, right}:
-        if NUMBER in {left, right}:
-            raise ScriptError(binary.column, "'+' adds a number to a text: join them by '..'")
-        return TEXT
-    for operand in (binary.left, binary.right):
-        if sign != "+":
-            _require(NUMBER, operand, types, f"{sign!r} needs numbers")
-    return left or right if sign == "+" else NUMBER
+    if sign in {"+", ":=", "=", "+="}:
+        if len(known) > 1:
+            raise ScriptError(column, f"{sign!r} adds a number to a text: join them by '..'")
+        result = next(iter(known), None)
+    else:
+        result = NUMBER
+        for operand, kind in zip(expression.operands, found, strict=True):
+            if kind is TEXT:
+                needs = "a number" if len(found) == 1 else "numbers"
+                raise ScriptError(operand.column, f"{sign!r} needs {needs}, not a text")
+    return _assigned(expression, result, types) if sign in ASSIGNMENTS else result
 
 
-def _infer_assignment(assignment: Assignment, types: Types) -> ValueType | None:
-    found, before = infer(assignment.value, types), types[assignment.cell]
-    if assignment.sign in {"-=", "*=", "/="}:
-        _require(NUMBER, assignment.value, types, f"{assignment.sign!r} needs a number")
-        found = NUMBER
+def _assigned(assignment: Expression, found: ValueType | None, types: Types) -> ValueType | None:
+    before = types[assignment.cell]
     if found is None:
         return before
-    if before is not None and before is not found:
+    if before not in {None, found}:
+        assert before is not None
         text = f"{assignment.text} is {before.value}, and gets {found.value}: use another name"
         raise ScriptError(assignment.column, text)
     types[assignment.cell] = found
@@ -224,26 +196,28 @@ def compile_script(text: str, statements: tuple[Expression, ...]) -> Script:
 
 
 def _compiled(expression: Expression) -> Evaluation:
-    match expression:
-        case Literal(value=value):
+    sign, value, cell = expression.sign, expression.value, expression.cell
+    operands = tuple(map(_compiled, expression.operands))
+    if sign in ASSIGNMENTS:
+        return _assignment(sign, cell, operands[0])
+    match sign, operands:
+        case "literal", _:
             return lambda _: value
-        case Name(cell=cell):
+        case "name", _:
             return _read(cell)
-        case Unary(sign=sign, operand=operand):
-            return _unary(sign, _compiled(operand))
-        case Binary(sign=sign, left=left, right=right):
-            return _binary(_BINARY[sign], _compiled(left), _compiled(right))
-        case Comparison(signs=signs, operands=operands):
-            return _comparison(
-                tuple(_COMPARE[each] for each in signs), tuple(map(_compiled, operands))
-            )
-        case Choice(condition=condition, first=first, second=second):
-            decides, one, other = map(_compiled, (condition, first, second))
+        case "compare", _:
+            return _comparison([_COMPARE[each] for each in expression.text.split()], operands)
+        case "?", (decides, one, other):
             return lambda cells: one(cells) if decides(cells) else other(cells)
-        case Assignment(sign=sign, cell=cell, value=value_):
-            return _assignment(sign, cell, _compiled(value_))
+        case "-", (one,):
+            return lambda cells: -_number(one(cells))
+        case "!", (one,):
+            return lambda cells: float(not _number(one(cells)))
+        case "~", (one,):
+            return lambda cells: float(~_whole(one(cells), truncated=True))
         case _:
-            assert_never(expression)
+            apply, (left, right) = _BINARY[sign], operands
+            return lambda cells: apply(left(cells), right(cells))
 
 
 def _read(cell: int) -> Evaluation:
@@ -256,22 +230,8 @@ def _read(cell: int) -> Evaluation:
     return run
 
 
-def _unary(sign: str, operand: Evaluation) -> Evaluation:
-    match sign:
-        case "-":
-            return lambda cells: -_number(operand(cells))
-        case "!":
-            return lambda cells: float(not _number(operand(cells)))
-        case _:
-            return lambda cells: float(~_whole(operand(cells), truncated=True))
-
-
-def _binary(apply: Callable[[Value, Value], Value], one: Evaluation, two: Evaluation) -> Evaluation:
-    return lambda cells: apply(one(cells), two(cells))
-
-
 def _comparison(
-    compare: tuple[Callable[[Value, Value], bool], ...], operands: tuple[Evaluation, ...]
+    compare: Sequence[Callable[[Value, Value], bool]], operands: tuple[Evaluation, ...]
 ) -> Evaluation:
     first, *others = operands
     pairs = tuple(zip(compare, others, strict=True))
@@ -289,21 +249,14 @@ def _comparison(
 
 
 def _assignment(sign: str, cell: int, value: Evaluation) -> Evaluation:
-    if sign in {":=", "="}:
+    change, read = _BINARY.get(sign[0]), _read(cell)
 
-        def assign(cells: Cells) -> Value:
-            found = cells[cell] = value(cells)
-            return found
-
-        return assign
-    change, read = _BINARY[sign[0]], _read(cell)
-
-    def update(cells: Cells) -> Value:
-        added = value(cells)
-        found = cells[cell] = change(read(cells), added)
+    def assign(cells: Cells) -> Value:
+        found = value(cells)
+        found = cells[cell] = found if change is None else change(read(cells), found)
         return found
 
-    return update
+    return assign
 
 
 def _number(value: Value) -> float:

@@ -5,7 +5,6 @@ running commands. Timers are times on the executive's clock; as text they are th
 """
 
 import json
-from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from executive.plans.syntax import Value
@@ -15,8 +14,7 @@ class StateError(Exception):
     """A state does not belong to the plan."""
 
 
-@dataclass(frozen=True, slots=True)
-class TreeState:
+class TreeState(NamedTuple):
     """State of a plan's tree.
 
     Attributes:
@@ -46,8 +44,7 @@ class StateCommand(NamedTuple):
     reason: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class PlanState:
+class PlanState(NamedTuple):
     """State of a plan.
 
     Attributes:
@@ -72,7 +69,7 @@ class PlanState:
     questions: tuple[str, ...] = ()
     charge_ratio: float | None = None
     restarts: int = 0
-    position: tuple[float, float] | None = field(default=None, compare=False)
+    position: tuple[float, float] | None = None
 
 
 def shifted(state: PlanState, by_s: float) -> PlanState:
@@ -80,25 +77,12 @@ def shifted(state: PlanState, by_s: float) -> PlanState:
     if state.tree is None:
         return state
     timers = tuple(None if each is None else each + by_s for each in state.tree.timers)
-    return replace(state, tree=replace(state.tree, timers=timers))
+    return state._replace(tree=state.tree._replace(timers=timers))
 
 
 def encode(state: PlanState) -> str:
     """Return a state as text."""
-    tree = state.tree
-    rest = [
-        state.commands,
-        state.last,
-        state.ended,
-        state.forced,
-        state.answers,
-        state.questions,
-        state.charge_ratio,
-        state.restarts,
-        state.position,
-    ]
-    nodes = None if tree is None else [tree.statuses, tree.memory, tree.timers, tree.cells]
-    return json.dumps([nodes, *rest], separators=(",", ":"))
+    return json.dumps(state, separators=(",", ":"))
 
 
 def decode(text: str) -> PlanState:
@@ -108,27 +92,13 @@ def decode(text: str) -> PlanState:
         StateError: the text is no state.
     """
     try:
-        nodes, commands, last, ended, forced, answers, questions, *figures = json.loads(text)
-        charge_ratio, restarts, position = figures
-        tree = None
-        if nodes is not None:
-            statuses, memory, timers, cells = nodes
-            tree = TreeState(statuses, tuple(memory), tuple(timers), tuple(cells))
-        return PlanState(
-            tree,
-            tuple(StateCommand(*each) for each in commands),
-            _pairs(last),
-            tuple(ended),
-            _pairs(forced),
-            _pairs(answers),
-            tuple(questions),
-            charge_ratio,
-            restarts,
-            None if position is None else (position[0], position[1]),
-        )
+        state = PlanState(*_frozen(json.loads(text)))
+        tree = None if state.tree is None else TreeState(*state.tree)
+        commands = tuple(StateCommand(*each) for each in state.commands)
     except (ValueError, TypeError) as error:
         raise StateError("the stored state cannot be read") from error
+    return state._replace(tree=tree, commands=commands)
 
 
-def _pairs(found: list[list[Any]]) -> tuple[tuple[Any, Any], ...]:
-    return tuple((first, second) for first, second in found)
+def _frozen(found: Any) -> Any:
+    return tuple(map(_frozen, found)) if isinstance(found, list) else found

@@ -7,7 +7,7 @@ script is read; nothing is looked up by name later.
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, assert_never
+from typing import Final
 
 from executive.commands import Mode
 
@@ -32,72 +32,28 @@ class ScriptError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
-    """A number or a text."""
+class Expression:
+    """One operation of a script.
 
-    column: int
-    value: Value
+    Attributes:
+        sign: LITERAL, NAME, COMPARE, or the operator; `?` chooses.
+        column: where it is in the script, from 1.
+        value: of a literal.
+        cell, text: the cell that it reads or assigns and its name; the operators of a comparison.
+    """
 
-
-@dataclass(frozen=True, slots=True)
-class Name:
-    """A cell that is read."""
-
-    column: int
-    cell: int
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Unary:
-    """`-`, `~` or `!`."""
-
-    column: int
     sign: str
-    operand: "Expression"
-
-
-@dataclass(frozen=True, slots=True)
-class Binary:
-    """An operator between two operands."""
-
     column: int
-    sign: str
-    left: "Expression"
-    right: "Expression"
+    operands: tuple["Expression", ...] = ()
+    value: Value = 0.0
+    cell: int = -1
+    text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """A chain of comparisons, as `1 < x <= 3`."""
-
-    column: int
-    signs: tuple[str, ...]
-    operands: tuple["Expression", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """`condition ? first : second`."""
-
-    column: int
-    condition: "Expression"
-    first: "Expression"
-    second: "Expression"
-
-
-@dataclass(frozen=True, slots=True)
-class Assignment:
-    """A cell that is written, by `:=`, `=`, `+=`, `-=`, `*=` or `/=`."""
-
-    column: int
-    sign: str
-    cell: int
-    text: str
-    value: "Expression"
-
-
-Expression = Literal | Name | Unary | Binary | Comparison | Choice | Assignment
+LITERAL: Final = "literal"
+NAME: Final = "name"
+COMPARE: Final = "compare"
+ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
 
 
 _TOKEN: Final = re.compile(
@@ -107,7 +63,7 @@ _TOKEN: Final = re.compile(
     r"|(?P<sign>:=|==|!=|<=|>=|&&|\|\||\+=|-=|\*=|/=|\.\.|[-+*/&|^~!<>=?:();]))"
 )
 _POWERS: Final = {
-    **dict.fromkeys((":=", "=", "+=", "-=", "*=", "/="), 2),
+    **dict.fromkeys(ASSIGNMENTS, 2),
     **{"?": 4, "||": 6, "&&": 8},
     **dict.fromkeys(("==", "!=", "<", ">", "<=", ">="), 10),
     **{"|": 12, "^": 12, "&": 14, "+": 16, "-": 16, "..": 16, "*": 18, "/": 18},
@@ -181,70 +137,62 @@ class _Parser:
         if self._levels > MAX_LEVELS:
             raise ScriptError(self._peek.column, f"a script is {MAX_LEVELS} levels deep at most")
         left = self._prefix()
-        while True:
-            token = self._peek
-            power = _POWERS.get(token.text, -1) if token.kind == "sign" else -1
-            if power < 0 or power < bound:
-                break
-            self._at += 1
+        while (power := self._power) >= bound:
+            token = self._next()
             if power == _ASSIGNING:
-                left = self._assignment(left, token)
+                if left.sign != NAME:
+                    text = f"the left side of {token.text!r} is a variable"
+                    raise ScriptError(token.column, text)
+                value = (self._expression(0),)
+                left = Expression(token.text, left.column, value, cell=left.cell, text=left.text)
                 break
             if power == _CHOOSING:
                 first = self._expression(0)
                 self._expect(":")
-                left = Choice(token.column, left, first, self._expression(_CHOOSING))
+                parts = (left, first, self._expression(_CHOOSING))
+                left = Expression("?", token.column, parts)
                 break
             if power == _COMPARING:
-                left = self._comparison(left, token)
+                signs, operands = [token.text], [left, self._expression(_COMPARING + 1)]
+                while self._power == _COMPARING:
+                    signs.append(self._next().text)
+                    operands.append(self._expression(_COMPARING + 1))
+                left = Expression(COMPARE, token.column, tuple(operands), text=" ".join(signs))
                 continue
-            left = Binary(token.column, token.text, left, self._expression(power + 1))
+            left = Expression(token.text, token.column, (left, self._expression(power + 1)))
         self._levels -= 1
         return left
 
+    @property
+    def _power(self) -> int:
+        """Binding power of the next token; -1 if it is no infix operator."""
+        token = self._peek
+        return _POWERS.get(token.text, -1) if token.kind == "sign" else -1
+
     def _prefix(self) -> Expression:
         token = self._next()
-        match token:
-            case _Token("sign", "(", _):
+        text, column = token.text, token.column
+        match token.kind, text:
+            case "sign", "(":
                 inner = self._expression(0)
                 self._expect(")")
                 return inner
-            case _Token("sign", "-" | "~" | "!", column):
-                return Unary(column, token.text, self._expression(_PREFIX))
-            case _Token("text", text, column):
-                return Literal(column, text[1:-1])
-            case _Token("hex", text, column):
-                return Literal(column, float(int(text, 16)))
-            case _Token("number", text, column):
-                return Literal(column, float(text))
-            case _Token("name", text, column) if text in CONSTANTS:
-                return Literal(column, CONSTANTS[text])
-            case _Token("name", text, column):
-                return Name(column, self._cell(text, column), text)
+            case "sign", "-" | "~" | "!":
+                return Expression(text, column, (self._expression(_PREFIX),))
+            case "text", _:
+                return Expression(LITERAL, column, value=text[1:-1])
+            case (("hex" | "number"), _):
+                number = float(int(text, 16)) if token.kind == "hex" else float(text)
+                return Expression(LITERAL, column, value=number)
+            case "name", _ if text in CONSTANTS:
+                return Expression(LITERAL, column, value=CONSTANTS[text])
+            case "name", _:
+                try:
+                    return Expression(NAME, column, cell=self._resolve(text), text=text)
+                except ValueError as error:
+                    raise ScriptError(column, str(error)) from error
             case _:
-                text = f"a value is expected, not {token.text[:20]!r}"
-                raise ScriptError(token.column, text)
-
-    def _cell(self, name: str, column: int) -> int:
-        try:
-            return self._resolve(name)
-        except ScriptError:
-            raise
-        except ValueError as error:
-            raise ScriptError(column, str(error)) from error
-
-    def _assignment(self, left: Expression, token: _Token) -> Assignment:
-        if not isinstance(left, Name):
-            raise ScriptError(token.column, f"the left side of {token.text!r} is a variable")
-        value = self._expression(0)
-        return Assignment(left.column, token.text, left.cell, left.text, value)
-
-    def _comparison(self, left: Expression, token: _Token) -> Comparison:
-        signs, operands = [token.text], [left, self._expression(_COMPARING + 1)]
-        while self._peek.kind == "sign" and _POWERS.get(self._peek.text) == _COMPARING:
-            signs.append(self._next().text)
-            operands.append(self._expression(_COMPARING + 1))
-        return Comparison(token.column, tuple(signs), tuple(operands))
+                raise ScriptError(column, f"a value is expected, not {text[:20]!r}")
 
 
 def parse(text: str, resolve: Resolve) -> tuple[Expression, ...]:
@@ -259,19 +207,5 @@ def parse(text: str, resolve: Resolve) -> tuple[Expression, ...]:
 def expressions(statements: Sequence[Expression]) -> Iterator[Expression]:
     """Yield each expression of a script, in the order of evaluation."""
     for each in statements:
-        match each:
-            case Literal() | Name():
-                pass
-            case Unary(operand=operand):
-                yield from expressions((operand,))
-            case Binary(left=left, right=right):
-                yield from expressions((left, right))
-            case Comparison(operands=operands):
-                yield from expressions(operands)
-            case Choice(condition=condition, first=first, second=second):
-                yield from expressions((condition, first, second))
-            case Assignment(value=value):
-                yield from expressions((value,))
-            case _:
-                assert_never(each)
+        yield from expressions(each.operands)
         yield each

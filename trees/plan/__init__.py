@@ -1,7 +1,5 @@
 """The trees of plans, with the semantics of BehaviorTree.CPP v4."""
 
-from trees.plan.controls import ParallelAll as ParallelAll
-from trees.plan.controls import ParallelBranch as ParallelBranch
 from trees.plan.decorators import PlanDecorator as PlanDecorator
 from trees.plan.leaves import PlanLeaf as PlanLeaf
 from trees.plan.leaves import TimedLeaf as TimedLeaf

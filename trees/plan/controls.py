@@ -72,9 +72,9 @@ class OrderedBranch(ControlNode):
         return answer
 
     def on_halt(self) -> None:
-        """Begin with the first child next time."""
+        """Begin with the first child next time, except with memory."""
         if not self._remembers:
-            self.current = self.skipped = 0
+            super().on_halt()
 
 
 class ReactiveBranch(ControlNode):
@@ -103,7 +103,7 @@ class ReactiveBranch(ControlNode):
 
 
 class ParallelBranch(PlanBehaviour):
-    """`Parallel`: ticks all children that have not ended, until enough have.
+    """`Parallel` ticks its children until enough have ended, `ParallelAll` until all have.
 
     Attributes:
         ended: a bit for each child that has ended.
@@ -113,16 +113,11 @@ class ParallelBranch(PlanBehaviour):
     memory = ("ended", "good", "bad")
     ended = good = bad = 0
 
-    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
-        super().__init__(plan, run, nodes)
-        self._successes = self.plan.number("success_count")
-        self._failures = self.plan.number("failure_count")
-        self._counts_skipped = bool(self.plan.ports["counts_skipped"])
-
     def run(self) -> Answer:
         """Tick the children in order until the result is decided."""
         self.status = RUNNING
-        skipped, count = 0, len(self.nodes)
+        ports, skipped, count = self.plan.ports, 0, len(self.nodes)
+        needed, allowed = ports.get("success_count"), ports.get("failure_count")
         for index, child in enumerate(self.nodes):
             if not self.ended >> index & 1:
                 answer = child.execute()
@@ -132,59 +127,21 @@ class ParallelBranch(PlanBehaviour):
                     self.ended |= 1 << index
                     self.good += answer is SUCCESS
                     self.bad += answer is FAILURE
-            done = self.good + skipped if self._counts_skipped else self.good
-            if max(done, self.good) >= self._successes:
-                return self._end(SUCCESS)
-            if count - self.bad < self._successes or self.bad == self._failures:
-                return self._end(FAILURE)
-        return SKIPPED if skipped == count else RUNNING
+            if isinstance(needed, int):
+                if self.good + (skipped if ports["counts_skipped"] else 0) >= needed:
+                    return self._end(SUCCESS)
+                if count - self.bad < needed or self.bad == allowed:
+                    return self._end(FAILURE)
+        if skipped == count:
+            return SKIPPED
+        if needed is not None or skipped + self.ended.bit_count() < count:
+            return RUNNING
+        return self._end(FAILURE if self.bad >= self.plan.number("max_failures") else SUCCESS)
 
     def _end(self, answer: Answer) -> Answer:
         self.on_halt()
         self.reset_children()
         return answer
-
-    def on_halt(self) -> None:
-        """Forget which children have ended."""
-        self.ended = self.good = self.bad = 0
-
-
-class ParallelAll(PlanBehaviour):
-    """`ParallelAll`: runs all children to their ends.
-
-    Attributes:
-        ended: a bit for each child that has ended.
-        bad: number of failures.
-    """
-
-    memory = ("ended", "bad")
-    ended = bad = 0
-
-    def run(self) -> Answer:
-        """Tick the children that have not ended."""
-        self.status = RUNNING
-        skipped, count = 0, len(self.nodes)
-        for index, child in enumerate(self.nodes):
-            if self.ended >> index & 1:
-                continue
-            answer = child.execute()
-            if answer is SKIPPED:
-                skipped += 1
-            elif answer is not RUNNING:
-                self.ended |= 1 << index
-                self.bad += answer is FAILURE
-        if skipped == count:
-            return SKIPPED
-        if skipped + self.ended.bit_count() < count:
-            return RUNNING
-        result = FAILURE if self.bad >= self.plan.number("max_failures") else SUCCESS
-        self.reset_children()
-        self.ended = self.bad = 0
-        return result
-
-    def on_halt(self) -> None:
-        """Forget which children have ended."""
-        self.ended = self.bad = 0
 
 
 class IfThenElse(PlanBehaviour):
@@ -216,10 +173,6 @@ class IfThenElse(PlanBehaviour):
             self.reset_children()
             self.current = 0
         return answer
-
-    def on_halt(self) -> None:
-        """Test the condition again next time."""
-        self.current = 0
 
 
 class WhileDoElse(PlanBehaviour):
@@ -284,10 +237,6 @@ class Switch(PlanBehaviour):
         except UnknownValueError:
             return False
 
-    def on_halt(self) -> None:
-        """Forget the child that runs."""
-        self.running = -1
-
 
 class TryCatch(PlanBehaviour):
     """`TryCatch`: a sequence; its last child cleans up after a failure of the others.
@@ -336,4 +285,4 @@ class TryCatch(PlanBehaviour):
                 child.reset()
             if self.nodes[-1].execute() is RUNNING:
                 self.nodes[-1].reset()
-        self.current, self.skipped, self.catching = 0, 0, False
+        super().on_halt()

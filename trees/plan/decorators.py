@@ -37,10 +37,7 @@ class SubTree(PlanDecorator):
         """Tick the tree."""
         if self.status is IDLE:
             self.status = RUNNING
-        answer = self.nodes[0].execute()
-        if answer is SUCCESS or answer is FAILURE:
-            self.nodes[0].reset()
-        return answer
+        return self.nodes[0].execute()
 
 
 _RESULTS: Final = {
@@ -59,7 +56,6 @@ class MappedResult(PlanDecorator):
         answer = self.nodes[0].execute()
         if answer is RUNNING or answer is SKIPPED:
             return answer
-        self.nodes[0].reset()
         return _RESULTS[self.plan.kind.name][answer is FAILURE]
 
 
@@ -103,10 +99,6 @@ class LoopDecorator(PlanDecorator):
         self.count = 0
         return self.again
 
-    def on_halt(self) -> None:
-        """Begin with the first cycle next time."""
-        self.count = 0
-
 
 class RunUntilFailure(PlanDecorator):
     """`KeepRunningUntilFailure`: one cycle each tick."""
@@ -115,8 +107,6 @@ class RunUntilFailure(PlanDecorator):
         """Tick the child."""
         self.status = RUNNING
         answer = self.nodes[0].execute()
-        if answer is SUCCESS or answer is FAILURE:
-            self.nodes[0].reset()
         return FAILURE if answer is FAILURE else RUNNING
 
 
@@ -130,6 +120,9 @@ class RunOnce(PlanDecorator):
     memory = ("was",)
     was = ""
 
+    def on_halt(self) -> None:
+        """Remember the result."""
+
     def run(self) -> Answer:
         """Tick the child, unless it has ended once."""
         if self.was:
@@ -138,7 +131,6 @@ class RunOnce(PlanDecorator):
         answer = self.nodes[0].execute()
         if answer is SUCCESS or answer is FAILURE:
             self.was = answer.name
-            self.nodes[0].reset()
         return answer
 
 
@@ -152,16 +144,11 @@ class TimedDecorator(PlanDecorator):
     timers = ("until_s",)
     until_s: float | None = None
 
-    def on_halt(self) -> None:
-        """Drop the timer."""
-        self.until_s = None
-
     def tick_child(self) -> Answer:
         """Tick the child; its end drops the timer."""
         answer = self.nodes[0].execute()
         if answer is SUCCESS or answer is FAILURE:
             self.until_s = None
-            self.nodes[0].reset()
         return answer
 
 
@@ -220,13 +207,8 @@ class Precondition(PlanDecorator):
             self.inside = True
         answer = self.nodes[0].execute()
         if answer is SUCCESS or answer is FAILURE:
-            self.nodes[0].reset()
             self.inside = False
         return answer
-
-    def on_halt(self) -> None:
-        """Test the condition again next time."""
-        self.inside = False
 
 
 class QueueLoop(PlanDecorator):
@@ -257,8 +239,6 @@ class QueueLoop(PlanDecorator):
             self.status = RUNNING
         answer = self.nodes[0].execute()
         self.busy = answer is RUNNING
-        if answer is SUCCESS or answer is FAILURE:
-            self.nodes[0].reset()
         return FAILURE if answer is FAILURE else RUNNING
 
     def _take_part(self) -> bool:
@@ -289,7 +269,4 @@ class Window(PlanDecorator):
             return FAILURE
         if "from" in ports and utc_s < self.plan.number("from"):
             return RUNNING
-        answer = self.nodes[0].execute()
-        if answer is SUCCESS or answer is FAILURE:
-            self.nodes[0].reset()
-        return answer
+        return self.nodes[0].execute()

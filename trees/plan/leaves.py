@@ -110,10 +110,6 @@ class Sleep(TimedLeaf):
         self.until_s = None
         return SUCCESS
 
-    def on_halt(self) -> None:
-        """Drop the timer."""
-        self.until_s = None
-
 
 class CommandLeaf(TimedLeaf):
     """Gives a command, and waits up to its deadline for its end; its message names the command.

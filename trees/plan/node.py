@@ -124,7 +124,9 @@ class PlanBehaviour(Behaviour):
         """Continue after its state was loaded."""
 
     def on_halt(self) -> None:
-        """Reset the attributes of a node that is RUNNING."""
+        """Give the attributes of its state their initial values."""
+        for name in (*self.memory, *self.timers):
+            setattr(self, name, getattr(type(self), name))
 
     def reset(self) -> None:
         """Halt the node if it is RUNNING, and make it IDLE."""
