@@ -1,20 +1,29 @@
 """`check_plan` validates a whole plan and builds its nodes.
 
-The first pass expands subtrees, checks the structure and numbers the variables; the types of these
-are inferred; the second pass builds the nodes with their ports and scripts.
+Subtrees are expanded, and nodes and variables numbered; the types of the variables are inferred;
+then the ports of the nodes are read.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import count
-from typing import Final, NoReturn
+from typing import Final
 
 from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
 from executive.commands.intake import check_arguments
 from executive.plans.arguments import ArgumentError, check_length, quote, suggest
 from executive.plans.blackboard import CellTable, Scope, variable
-from executive.plans.dialect import CONDITIONS, DIALECT, ROOT_KIND, NodeKind, PortType, Role
+from executive.plans.dialect import (
+    CONDITIONS,
+    DEADLINE,
+    DIALECT,
+    ROOT_KIND,
+    TELEMETRY,
+    NodeKind,
+    PortType,
+    Role,
+)
 from executive.plans.model import NodeLocation, PlanNode, PlanRoot, PlanStep, steps
 from executive.plans.nominal import max_commands
 from executive.plans.plan_xml import (
@@ -33,11 +42,10 @@ from executive.plans.plan_xml import (
     subtree_defaults,
     trees_of,
 )
-from executive.plans.ports import PortReader, check_ports
+from executive.plans.ports import read_ports
 from executive.plans.scripting import (
     NUMBER,
     TEXT,
-    Script,
     Types,
     ValueType,
     compile_script,
@@ -55,38 +63,43 @@ MAX_COMMANDS: Final = 10_000
 """Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
 
 
-@dataclass(slots=True)
-class Site:
-    """A node between the two passes.
+@dataclass(frozen=True, slots=True)
+class _Draft:
+    """A node whose ports are not read yet.
 
     Attributes:
         limited: whether a Timeout, or a Window with an end, is above it.
         texts: texts of its ports.
-        scripts: syntax trees of its scripts, by attribute.
+        scripts: expressions of its scripts, by attribute.
     """
 
-    location: NodeLocation
+    node: PlanNode
     element: Element
-    kind: NodeKind
     scope: Scope
     limited: bool
-    texts: dict[str, str] = field(default_factory=dict)
-    scripts: dict[str, tuple[Expression, ...]] = field(default_factory=dict)
-    children: list["Site"] = field(default_factory=list)
+    texts: Mapping[str, str]
+    scripts: Mapping[str, tuple[Expression, ...]]
 
-    def fail(self, text: str, reason: Reason = Reason.PLAN_BAD_ARGUMENT) -> NoReturn:
-        """Raise an error on this node."""
-        raise PlanError(reason, self.location.line, text)
-
-    def sites(self) -> Iterator["Site"]:
-        """Yield this node and all below it."""
-        yield self
-        for child in self.children:
-            yield from child.sites()
+    def finish(self) -> None:
+        """Read the ports."""
+        node, kind = self.node, self.node.kind
+        for attribute, found in self.scripts.items():
+            text = self.element.attributes[attribute]
+            into = node.conditions if attribute in CONDITIONS else node.ports
+            into[attribute] = compile_script(text, found)
+        if kind.role is not Role.SUBTREE:
+            read_ports(node, self.texts, self.scope, self.limited)
+        if kind.needs_limit and DEADLINE not in node.ports and not self.limited:
+            text = f"{kind.name} has no deadline: give deadline_s, or put it below a Timeout"
+            raise self.element.error(Reason.PLAN_NO_DEADLINE, text)
 
 
 class _Expansion:
-    """The first pass."""
+    """Expands subtrees, and numbers nodes and variables.
+
+    Attributes:
+        drafts: the nodes.
+    """
 
     def __init__(
         self,
@@ -94,134 +107,79 @@ class _Expansion:
         defaults: Mapping[str, Mapping[str, str]],
         kinds: Mapping[str, NodeKind],
     ) -> None:
+        self.drafts: list[_Draft] = []
         self._trees = trees
         self._defaults = defaults
         self._kinds = kinds
         self._count = 0
 
-    def root(self, tree: str, path: str, scope: Scope) -> Site:
+    def tree(self, name: str, path: str, scope: Scope) -> PlanNode:
         """Return the root of a plan, which runs a tree."""
-        element = self._trees[tree]
-        site = Site(self._location(path, element), element, ROOT_KIND, scope, limited=False)
-        site.children = self._children(site, element.children, scope, (tree,), limited=False)
-        return site
+        element = self._trees[name]
+        location = self._location(path, element)
+        children = self._children(element, location, scope, (name,), limited=False)
+        return PlanNode(location, ROOT_KIND, children, {}, {})
 
     def _children(
         self,
-        site: Site,
-        elements: Iterable[Element],
+        parent: Element,
+        location: NodeLocation,
         scope: Scope,
         above: tuple[str, ...],
         limited: bool,
-    ) -> list[Site]:
+    ) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         found = []
-        for element in elements:
-            kind = node_kind(element, self._trees, self._kinds)
-            default = element.attributes["ID"] if kind is None else kind.name
-            first = name_of(element, default)
+        for element in parent.children:
+            kind = node_kind(element, self._trees, self._kinds) or ROOT_KIND
+            is_subtree = kind is ROOT_KIND
+            first = name_of(element, element.attributes["ID"] if is_subtree else kind.name)
             name = first
             while name in taken:
                 name = f"{first} {next(again[first])}"
             taken.add(name)
-            location = self._location(f"{site.location.path}/{name}", element)
-            child = Site(location, element, kind or ROOT_KIND, scope, limited)
-            child.texts = ports_of(element)
-            if child.kind.port("name") is not None and "name" in element.attributes:
-                child.texts["name"] = element.attributes["name"]
-            self._read_scripts(child)
-            if kind is None:
-                self._expand_subtree(child, above)
+            at = self._location(f"{location.path}/{name}", element)
+            texts = ports_of(element)
+            if kind.port("name") is not None and "name" in element.attributes:
+                texts["name"] = element.attributes["name"]
+            scripts = _scripts(element, kind, scope)
+            if is_subtree:
+                children = self._subtree(element, at, texts, scope, above, limited)
             else:
-                self._expand(child, kind, above)
-            found.append(child)
-        return found
+                _check_structure(element, kind, texts)
+                _note_outputs(element, kind, texts, scope)
+                ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in texts)
+                children = self._children(element, at, scope, above, limited or ends)
+            make = PlanNode if kind.command is None else PlanStep
+            node = make(at, kind, children, {}, {})
+            found.append(node)
+            self.drafts.append(_Draft(node, element, scope, limited, texts, scripts))
+        return tuple(found)
 
-    def _expand(self, site: Site, kind: NodeKind, above: tuple[str, ...]) -> None:
-        given, low, high = len(site.element.children), kind.min_children, kind.max_children
-        if given < low or (high is not None and given > high):
-            plural = "ren" if low > 1 else ""
-            match (low, high):
-                case (0, 0):
-                    text = f"{kind.name} has no children"
-                case (_, None):
-                    text = f"{kind.name} needs at least {low} child{plural}"
-                case _ if low == high:
-                    text = f"{kind.name} has exactly {low} child{plural}"
-                case _:
-                    text = f"{kind.name} has {low} to {high} children"
-            site.fail(text, _STRUCTURE)
-        names = [each.name for each in kind.ports]
-        for name in site.texts:
-            if name not in names:
-                site.fail(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
-        self._note_outputs(site)
-        ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in site.texts)
-        site.children = self._children(
-            site, site.element.children, site.scope, above, site.limited or ends
-        )
-
-    def _expand_subtree(self, site: Site, above: tuple[str, ...]) -> None:
-        tree, texts = site.element.attributes["ID"], site.texts
-        if site.element.children:
-            site.fail("<SubTree> has no children", _STRUCTURE)
+    def _subtree(
+        self,
+        element: Element,
+        location: NodeLocation,
+        texts: Mapping[str, str],
+        scope: Scope,
+        above: tuple[str, ...],
+        limited: bool,
+    ) -> tuple[PlanNode, ...]:
+        tree = element.attributes["ID"]
+        if element.children:
+            raise element.error(_STRUCTURE, "<SubTree> has no children")
         if tree in above:
-            site.fail(f"tree {tree[:40]!r} contains itself", _STRUCTURE)
-        autoremap = site.element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
-        label = f"{site.location.path.partition('/')[2]}/"
-        inner = Scope(site.scope.cells, label, site.scope, autoremap)
+            raise element.error(_STRUCTURE, f"tree {tree[:40]!r} contains itself")
+        autoremap = element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
+        inner = Scope(scope.cells, f"{location.path.partition('/')[2]}/", scope, autoremap)
         given = texts if autoremap else {**self._defaults.get(tree, {}), **texts}
         for name, text in given.items():
             outer = variable(text, name)
             if outer is not None:
-                _cell(site, name, outer)
+                _cell(element, scope, name, outer)
             inner.set(name, text)
-        site.texts = {}
-        children = self._trees[tree].children
-        site.children = self._children(site, children, inner, (*above, tree), site.limited)
-
-    def _note_outputs(self, site: Site) -> None:
-        cells = site.scope.cells
-        for port in site.kind.ports:
-            if not port.type.is_output or port.name not in site.texts:
-                continue
-            text = site.texts[port.name]
-            name = variable(text, port.name)
-            if name is None and port.name != "output_key":
-                site.fail(f"{port.name} {quote(text)}: a variable in braces, as {{x}}, is needed")
-            cell = _cell(site, port.name, name or text)
-            if cell in cells.telemetry:
-                site.fail(f"{port.name}: {cells.telemetry[cell]} is telemetry, and is not written")
-            cells.created.add(cell)
-            cells.changed.add(cell)
-
-    def _read_scripts(self, site: Site) -> None:
-        texts = {each: site.element.attributes.get(each) for each in CONDITIONS}
-        for port in site.kind.ports:
-            if port.type.is_script:
-                texts[port.name] = site.texts.get(port.name)
-        cells = site.scope.cells
-        for attribute, text in texts.items():
-            if text is None:
-                continue
-            try:
-                found = parse(check_length(attribute, text), site.scope.resolve)
-            except ArgumentError as error:
-                site.fail(str(error))
-            except ScriptError as error:
-                site.fail(f"{attribute}: {error}")
-            if not found:
-                site.fail(f"{attribute} is empty: a script is needed")
-            site.scripts[attribute] = found
-            for each in expressions(found):
-                if each.sign in ASSIGNMENTS:
-                    if each.cell in cells.telemetry:
-                        column = f"{attribute}: column {each.column}"
-                        site.fail(f"{column}: {each.text} is telemetry, and is not written")
-                    cells.changed.add(each.cell)
-                    if each.sign == ":=":
-                        cells.created.add(each.cell)
+        return self._children(self._trees[tree], location, inner, (*above, tree), limited)
 
     def _location(self, path: str, element: Element) -> NodeLocation:
         if self._count == MAX_NODES:
@@ -236,125 +194,139 @@ class _Expansion:
 
 
 _STRUCTURE: Final = Reason.PLAN_STRUCTURE
+_ARGUMENT: Final = Reason.PLAN_BAD_ARGUMENT
 
 
-def _cell(site: Site, attribute: str, name: str) -> int:
+def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str]) -> None:
+    """Raise PlanError for a wrong number of children, or an unknown attribute."""
+    given, low, high = len(element.children), kind.min_children, kind.max_children
+    if given < low or (high is not None and given > high):
+        number = f"exactly {low}" if low == high else f"{low} to {high}"
+        number = f"at least {low}" if high is None else number if high else "no"
+        verb = "needs" if high is None else "has"
+        plural = "" if (low, high) in {(1, 1), (1, None)} else "ren"
+        raise element.error(_STRUCTURE, f"{kind.name} {verb} {number} child{plural}")
+    names = sorted(each.name for each in kind.ports)
+    for name in texts:
+        if name not in names:
+            raise element.error(_ARGUMENT, f"unknown attribute {quote(name)}{suggest(name, names)}")
+
+
+def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[Expression, ...]]:
+    """Return the expressions of the scripts of a node, and note the variables that they set."""
+    names, cells = [each.name for each in kind.ports if each.type.is_script], scope.cells
+    found = {}
+    for attribute in (*CONDITIONS, *names):
+        text = element.attributes.get(attribute)
+        if text is None:
+            continue
+        try:
+            found[attribute] = parse(check_length(attribute, text), scope.resolve)
+        except ScriptError as error:
+            raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
+        except ArgumentError as error:
+            raise element.error(_ARGUMENT, str(error)) from error
+        if not found[attribute]:
+            raise element.error(_ARGUMENT, f"{attribute} is empty: a script is needed")
+        for each in expressions(found[attribute]):
+            if each.sign in ASSIGNMENTS:
+                cells.changed.add(each.cell)
+                if each.cell in cells.telemetry:
+                    text = f"{attribute}: column {each.column}: {each.text} is telemetry"
+                    raise element.error(_ARGUMENT, f"{text}, and is not written")
+            if each.sign == ":=":
+                cells.created.add(each.cell)
+    return found
+
+
+def _note_outputs(element: Element, kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
+    """Note the variables that the output ports of a node set."""
+    cells = scope.cells
+    for port in kind.ports:
+        if not port.type.is_output or port.name not in texts:
+            continue
+        text = texts[port.name]
+        name = variable(text, port.name)
+        if name is None and port.name != "output_key":
+            needed = "a variable in braces, as {x}, is needed"
+            raise element.error(_ARGUMENT, f"{port.name} {quote(text)}: {needed}")
+        cell = _cell(element, scope, port.name, name or text)
+        if cell in cells.telemetry:
+            text = f"{port.name}: {cells.telemetry[cell]} is telemetry, and is not written"
+            raise element.error(_ARGUMENT, text)
+        cells.created.add(cell)
+        cells.changed.add(cell)
+
+
+def _cell(element: Element, scope: Scope, attribute: str, name: str) -> int:
     try:
-        return site.scope.resolve(name)
+        return scope.resolve(name)
     except ValueError as error:
-        site.fail(f"{attribute}: {error}")
-
-
-def _infer_types(root: Site, cells: CellTable) -> None:
-    """Raise PlanError where a variable or an expression mixes types."""
-    types = cells.types()
-    sites = tuple(root.sites())
-    for site in sites:
-        for port in site.kind.ports:
-            if port.type.is_output and port.name in site.texts and port.type in _WRITTEN:
-                _unite(site, port.name, _WRITTEN[port.type], types)
-    while True:
-        before = list(types)
-        for site in sites:
-            _infer_site(site, types)
-        if before == types:
-            return
+        raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
 
 
 _WRITTEN: Final = {PortType.WRITTEN_NUMBER: NUMBER, PortType.WRITTEN_TEXT: TEXT}
 
 
-def _infer_site(site: Site, types: Types) -> None:
-    for attribute, statements in site.scripts.items():
+def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
+    """Raise PlanError where a variable or an expression mixes types."""
+    types = cells.types()
+    for draft in drafts:
+        for port in draft.node.kind.ports:
+            if port.type in _WRITTEN:
+                _unite(draft, port.name, _WRITTEN[port.type], types)
+    before: Types = []
+    while before != types:
+        before = list(types)
+        for draft in drafts:
+            _infer_draft(draft, types)
+
+
+def _infer_draft(draft: _Draft, types: Types) -> None:
+    for attribute, statements in draft.scripts.items():
         try:
             for each in statements:
                 infer(each, types)
         except ScriptError as error:
-            site.fail(f"{attribute}: {error}")
-    if site.kind.name == "SetBlackboard" and "value" in site.texts:
-        name = variable(site.texts["value"], "value")
-        if name is None:
-            _unite(site, "output_key", type_of(value_of(site.texts["value"])), types)
-        elif (found := types[site.scope.resolve(name)]) is not None:
-            _unite(site, "output_key", found, types)
+            raise draft.element.error(_ARGUMENT, f"{attribute}: {error}") from error
+    if draft.node.kind.name == "SetBlackboard" and "value" in draft.texts:
+        text = draft.texts["value"]
+        name = variable(text, "value")
+        found = type_of(value_of(text)) if name is None else types[draft.scope.resolve(name)]
+        if found is not None:
+            _unite(draft, "output_key", found, types)
 
 
-def _unite(site: Site, port: str, kind: ValueType, types: Types) -> None:
-    if port not in site.texts:
+def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
+    """Set the type of the variable of an output port."""
+    if port not in draft.texts:
         return
-    cell = site.scope.resolve(variable(site.texts[port], port) or site.texts[port])
-    if types[cell] not in {None, kind}:
-        before = types[cell]
-        assert before is not None
-        name = site.scope.cells.name(cell)
-        site.fail(f"{port}: {name} is {before.value}, and gets {kind.value}: use another name")
+    cell = draft.scope.resolve(variable(draft.texts[port], port) or draft.texts[port])
+    before, name = types[cell], draft.scope.cells.name(cell)
+    if before is not None and before is not kind:
+        text = f"{port}: {name} is {before.value}, and gets {kind.value}: use another name"
+        raise draft.element.error(_ARGUMENT, text)
     types[cell] = kind
 
 
-def _check_reads(root: Site, cells: CellTable) -> None:
+def _check_reads(draft: _Draft) -> None:
     """Raise PlanError where a script reads a variable that nothing sets."""
-    for site in root.sites():
-        for attribute, statements in site.scripts.items():
-            for each in expressions(statements):
-                if each.cell < 0 or cells.has_value(each.cell):
-                    continue
-                text, where = each.text, f"{attribute}: column {each.column}"
-                if each.sign == NAME:
-                    site.fail(f"{where}: nothing sets {text}{_remedy(site.scope, text)}")
-                site.fail(f"{where}: {text} does not exist before {each.sign!r}: use :=")
+    for attribute, statements in draft.scripts.items():
+        for each in expressions(statements):
+            if each.cell < 0 or draft.scope.cells.has_value(each.cell):
+                continue
+            text = f"{attribute}: column {each.column}: "
+            if each.sign == NAME:
+                text += f"nothing sets {each.text}{_remedy(draft.scope, each.text)}"
+            else:
+                text += f"{each.text} does not exist before {each.sign!r}: use :="
+            raise draft.element.error(_ARGUMENT, text)
 
 
 def _remedy(scope: Scope, name: str) -> str:
-    from executive.plans.dialect import TELEMETRY
-
     if name in TELEMETRY:
         return f": telemetry is @{name}"
     return suggest(name.removeprefix("@"), [*sorted(scope.used - {name}), *TELEMETRY])
-
-
-class _Construction:
-    """The second pass."""
-
-    def __init__(self, cells: CellTable) -> None:
-        self._cells = cells
-
-    def node(self, site: Site) -> PlanNode:
-        """Return a node with all below it."""
-        children = tuple(self.node(each) for each in site.children)
-        scripts = {
-            each: compile_script(site.element.attributes.get(each) or site.texts[each], found)
-            for each, found in site.scripts.items()
-        }
-        conditions: dict[str, Script] = {}
-        for each in CONDITIONS:
-            if each in scripts:
-                conditions[each] = scripts.pop(each)
-        if site.kind.role is Role.SUBTREE:
-            return PlanNode(site.location, site.kind, children, {}, conditions)
-        reader = PortReader(site.kind, site.texts, site.scope, scripts)
-        try:
-            ports = reader.ports()
-            check_ports(site.kind, ports, len(children), site.limited)
-            node = PlanNode(site.location, site.kind, children, ports, conditions)
-            command = site.kind.command
-            values, request = ((), None) if command is None else reader.command(command)
-            if site.kind.needs_limit and reader.deadline_s is None and not site.limited:
-                above = "give deadline_s, or put it below a Timeout"
-                site.fail(f"{site.kind.name} has no deadline: {above}", Reason.PLAN_NO_DEADLINE)
-            if command is None:
-                return node
-            return PlanStep(
-                site.location,
-                site.kind,
-                children,
-                ports,
-                conditions,
-                values,
-                reader.deadline_s,
-                request,
-            )
-        except ArgumentError as error:
-            site.fail(str(error))
 
 
 def check_plan(definition: PlanDefinition, settings: Settings) -> PlanRoot | Refusal:
@@ -424,20 +396,19 @@ def _read(definition: PlanDefinition, kinds: Mapping[str, NodeKind]) -> PlanRoot
     for argument in definition.arguments:
         scope.set(argument.name, argument.text)
     expansion = _Expansion(trees, subtree_defaults(root), kinds)
-    site = expansion.root(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
+    built = expansion.tree(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
     _require_used(definition.arguments, root.children, scope)
-    _check_reads(site, cells)
-    _infer_types(site, cells)
-    built = _Construction(cells).node(site)
-    return PlanRoot(
-        built.location,
-        built.kind,
-        built.children,
-        built.ports,
-        built.conditions,
-        cells.blackboard(),
-        resumes_after_restart(root),
-    )
+    drafts = sorted(expansion.drafts, key=lambda each: each.node.location.number)
+    for draft in drafts:
+        _check_reads(draft)
+    _infer_types(drafts, cells)
+    for draft in drafts:
+        try:
+            draft.finish()
+        except ArgumentError as error:
+            raise draft.element.error(_ARGUMENT, str(error)) from error
+    board, resumes = cells.blackboard(), resumes_after_restart(root)
+    return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes)
 
 
 def _require_used(

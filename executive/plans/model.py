@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import astuple, dataclass, replace
 from typing import Final
 
-from executive.commands import PlanDefinition, Request
+from executive.commands import CommandDeclaration, PlanDefinition, Request
 from executive.plans.arguments import ArgumentError, ArgumentValue, argument_value, number
-from executive.plans.dialect import LEAVES, NodeKind
+from executive.plans.dialect import DEADLINE, NodeKind
 from executive.plans.scripting import Cells, Script, UnknownValueError
 from executive.plans.syntax import Value
 from executive.values.reasons import Reason, Refusal
@@ -46,7 +46,7 @@ class CellReference:
     name: str
 
 
-PortValue = int | Value | Script | CellReference
+PortValue = int | ArgumentValue | Script | CellReference
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +61,12 @@ class PlanNode:
     location: NodeLocation
     kind: NodeKind
     children: tuple["PlanNode", ...]
-    ports: Mapping[str, PortValue]
-    conditions: Mapping[str, Script]
+    ports: dict[str, PortValue]
+    conditions: dict[str, Script]
 
-    def number(self, port: str, default: float | None = None) -> float:
+    def number(self, port: str) -> float:
         """Return the number of a port that is known when the plan is read."""
-        value = self.ports.get(port, default)
+        value = self.ports[port]
         assert isinstance(value, float | int), (self.location.path, port)
         return value
 
@@ -79,17 +79,19 @@ class PlanNode:
 
 @dataclass(frozen=True, slots=True)
 class PlanStep(PlanNode):
-    """A leaf: one command.
+    """A leaf: one command."""
 
-    Attributes:
-        values: the arguments as the user types them; those from the blackboard as references.
-        deadline_s: seconds after which it fails; None if the time is limited above it.
-        request: the request; None if an argument is read from the blackboard.
-    """
+    @property
+    def deadline_s(self) -> float | None:
+        """Seconds after which it fails; None if the time is limited above it."""
+        return self.number(DEADLINE) if DEADLINE in self.ports else None
 
-    values: tuple[ArgumentValue | CellReference | None, ...]
-    deadline_s: float | None
-    request: Request | None
+    @property
+    def request(self) -> Request | None:
+        """The request; None if an argument is read from the blackboard."""
+        given = (self.ports.get(each.name) for each in self._declaration.user_arguments)
+        is_open = any(isinstance(each, CellReference) for each in given)
+        return None if is_open else self.request_from([])
 
     def request_from(self, cells: Cells) -> Request:
         """Return the request with the arguments of the blackboard.
@@ -98,19 +100,37 @@ class PlanStep(PlanNode):
             UnknownValueError: an argument has no known value.
             ArgumentError: a value is none of its argument.
         """
-        if self.request is not None:
-            return self.request
-        declaration = LEAVES[self.kind.name]
         values = []
-        for argument, value in zip(declaration.user_arguments, self.values, strict=True):
+        for argument in self._declaration.user_arguments:
+            value = self.ports.get(argument.name)
             if isinstance(value, CellReference):
                 found = cells[value.cell]
                 if found is None:
                     raise UnknownValueError(value.cell)
                 value = argument_value(argument, found)
             values.append(value)
-        request: Request = declaration.build_request(*values)
+        request: Request = self._declaration.build_request(*values)
         return request
+
+    def bound(self, cells: Cells) -> "PlanStep | None":
+        """Return it with its arguments from the blackboard; None if they are not known."""
+        ports = dict(self.ports)
+        for argument in self._declaration.user_arguments:
+            value = self.ports.get(argument.name)
+            if isinstance(value, CellReference):
+                found = cells[value.cell]
+                if found is None:
+                    return None
+                try:
+                    ports[argument.name] = argument_value(argument, found)
+                except ArgumentError:
+                    return None
+        return replace(self, ports=ports)
+
+    @property
+    def _declaration(self) -> CommandDeclaration:
+        assert self.kind.command is not None
+        return self.kind.command
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,16 +211,6 @@ def part_values(loop: str, part: str) -> dict[str, Value]:
             units = (("x", "m"), ("y", "m"), ("heading", "rad"))
             pairs = zip(units, figures, strict=False)
             return {port: number("queue", text, unit) for (port, unit), text in pairs}
-
-
-def bind(step: PlanStep, cells: Cells) -> PlanStep | None:
-    """Return a step with its request from the blackboard; None if that is not known."""
-    if step.request is not None:
-        return step
-    try:
-        return replace(step, request=step.request_from(cells))
-    except (UnknownValueError, ArgumentError):
-        return None
 
 
 def resume_points(

@@ -9,7 +9,6 @@ from executive.plans.model import (
     PlanNode,
     PlanRoot,
     PlanStep,
-    bind,
     part_values,
     parts_of,
 )
@@ -63,8 +62,7 @@ def nominal_steps(node: PlanNode, cells: Cells | None = None) -> Iterator[Nomina
 
 def _body(node: PlanNode, cells: Cells) -> Iterator[NominalStep]:
     if isinstance(node, PlanStep):
-        bound = bind(node, cells)
-        if bound is not None:
+        if (bound := node.bound(cells)) is not None:
             yield bound
         return
     match node.kind.name:

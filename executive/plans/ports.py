@@ -1,13 +1,11 @@
-"""`PortReader` reads the ports of a node: literals, variables, scripts; `check_ports` its rules."""
+"""`read_ports` reads the ports of a node, literals and variables, and checks their rules."""
 
 from collections.abc import Mapping
-from typing import Final, assert_never
+from typing import Final
 
-from executive.commands import CommandDeclaration, Request
 from executive.faults import FaultTable
 from executive.plans.arguments import (
     ArgumentError,
-    ArgumentValue,
     argument_value,
     check_length,
     count,
@@ -18,8 +16,8 @@ from executive.plans.arguments import (
 )
 from executive.plans.blackboard import Scope, variable
 from executive.plans.dialect import DEADLINE, NodeKind, Port, PortType
-from executive.plans.model import LOOPS, CellReference, PortValue, part_values, parts_of
-from executive.plans.scripting import Script, value_of
+from executive.plans.model import LOOPS, CellReference, PlanNode, PortValue, part_values, parts_of
+from executive.plans.scripting import value_of
 
 MAX_LOOP_CYCLES: Final = 1000
 MAX_DEADLINE_S: Final = 86_400.0
@@ -30,124 +28,87 @@ _FLAGS: Final = {"true": True, "1": True, "false": False, "0": False}
 _FAULTS: Final = tuple(FaultTable.__dataclass_fields__)
 
 
-class PortReader:
-    """The ports of one node.
+def read_ports(node: PlanNode, texts: Mapping[str, str], scope: Scope, limited: bool) -> None:
+    """Read all ports of a node that are given or have a default; its scripts are there already.
 
     Args:
+        node: the node; its ports are set.
         texts: the texts that are given.
-        scripts: the scripts among them, compiled.
+        scope: the names of its tree.
+        limited: whether the time is limited above it.
 
     Raises:
-        ArgumentError: from every method, if a port is not valid.
+        ArgumentError: a port is not valid, or missing.
     """
+    ports = node.ports
+    for port in node.kind.ports:
+        text = texts.get(port.name, port.default)
+        if text is None and port.required:
+            raise ArgumentError(f"{node.kind.name} needs {port.name} ({port.meaning})")
+        if text is not None and not port.type.is_script:
+            ports[port.name] = _value(port, check_length(port.name, text), scope)
+    deadline_s = ports.get(DEADLINE)
+    if isinstance(deadline_s, float) and not 0.0 < deadline_s <= MAX_DEADLINE_S:
+        bounds = f"above 0, {MAX_DEADLINE_S:g} at most"
+        raise ArgumentError(f"{DEADLINE} {deadline_s:g}: {bounds}")
+    _check_ports(node.kind, ports, len(node.children), limited)
 
-    def __init__(
-        self, kind: NodeKind, texts: Mapping[str, str], scope: Scope, scripts: Mapping[str, Script]
-    ) -> None:
-        self._kind = kind
-        self._texts = texts
-        self._scope = scope
-        self._scripts = scripts
-        self.deadline_s: float | None = None
 
-    def ports(self) -> dict[str, PortValue]:
-        """Return the values of all ports that are given or have a default."""
-        found: dict[str, PortValue] = {}
-        for port in self._kind.ports:
-            text = self._texts.get(port.name, port.default)
-            if text is None:
-                if port.required:
-                    raise ArgumentError(f"{self._kind.name} needs {port.name} ({port.meaning})")
-                continue
-            if port.argument is None:
-                found[port.name] = self._value(port, check_length(port.name, text))
-        if DEADLINE in found:
-            deadline_s = found[DEADLINE]
-            assert isinstance(deadline_s, float)
-            if not 0.0 < deadline_s <= MAX_DEADLINE_S:
-                bounds = f"above 0, {MAX_DEADLINE_S:g} at most"
-                raise ArgumentError(f"{DEADLINE} {deadline_s:g}: {bounds}")
-            self.deadline_s = deadline_s
-        return found
+def _literal(name: str, text: str, scope: Scope) -> str | CellReference:
+    """Return the text of a port, or the cell that it is read from."""
+    wanted = variable(text, name)
+    if wanted is None:
+        return text
+    try:
+        cell = scope.resolve(wanted)
+    except ValueError as error:
+        raise ArgumentError(f"{name}: {error}") from error
+    constant = scope.cells.constant(cell)
+    if constant is not None:
+        return check_length(name, constant)
+    if not scope.cells.has_value(cell):
+        outer = scope.cells.name(cell).rpartition("/")[2]
+        remapped = "" if outer == wanted else f", which is {{{outer[:40]}}} above"
+        raise ArgumentError(f"{name}: no value given for {{{wanted[:40]}}}{remapped}")
+    return CellReference(cell, wanted)
 
-    def command(
-        self, declaration: CommandDeclaration
-    ) -> tuple[tuple[ArgumentValue | CellReference | None, ...], Request | None]:
-        """Return the arguments of a command, and its request if all are known."""
-        values: list[ArgumentValue | CellReference | None] = []
-        for argument in declaration.user_arguments:
-            text = self._texts.get(argument.name)
-            if text is None:
-                values.append(None)
-                continue
-            found = self._literal(argument.name, text)
-            if isinstance(found, str):
-                values.append(argument_value(argument, check_length(argument.name, found)))
-            else:
-                values.append(found)
-        if any(isinstance(each, CellReference) for each in values):
-            return tuple(values), None
-        return tuple(values), declaration.build_request(*values)
 
-    def _literal(self, name: str, text: str) -> str | CellReference:
-        """Return the text of a port, or the cell that it is read from."""
-        wanted = variable(text, name)
-        if wanted is None:
-            return text
-        try:
-            cell = self._scope.resolve(wanted)
-        except ValueError as error:
-            raise ArgumentError(f"{name}: {error}") from error
-        constant = self._scope.cells.constant(cell)
-        if constant is not None:
-            return constant
-        if not self._scope.cells.has_value(cell):
-            outer = self._scope.cells.name(cell).rpartition("/")[2]
-            remapped = "" if outer == wanted else f", which is {{{outer[:40]}}} above"
-            raise ArgumentError(f"{name}: no value given for {{{wanted[:40]}}}{remapped}")
-        return CellReference(cell, wanted)
-
-    def _known(self, name: str, text: str) -> str:
-        found = self._literal(name, text)
-        if isinstance(found, CellReference):
+def _value(port: Port, text: str, scope: Scope) -> PortValue:
+    name = port.name
+    if port.type.is_output:
+        wanted = variable(text, name) or text
+        return CellReference(scope.resolve(wanted), wanted)
+    found = _literal(name, text, scope)
+    if isinstance(found, CellReference):
+        if port.type not in {PortType.NUMBER, PortType.TEXT, PortType.ANY}:
             remedy = "give a number, or an argument of the plan"
             raise ArgumentError(f"{name}: {{{found.name}}} is not known before the plan: {remedy}")
         return found
-
-    def _value(self, port: Port, text: str) -> PortValue:
-        name = port.name
-        match port.type:
-            case PortType.COUNT:
-                return count(name, self._known(name, text))
-            case PortType.MILLISECONDS:
-                msec = count(name, self._known(name, text))
-                if not 0 < msec <= MAX_DEADLINE_S * 1000:
-                    bounds = f"above 0, {MAX_DEADLINE_S * 1000:.0f} at most"
-                    raise ArgumentError(f"{name} {msec}: {bounds}")
-                return msec
-            case PortType.SECONDS:
-                return number(name, self._known(name, text))
-            case PortType.UTC:
-                return utc(name, self._known(name, text))
-            case PortType.STATUS:
-                return _one_of(name, self._known(name, text), _STATUSES)
-            case PortType.FLAG:
-                return _FLAGS[_one_of(name, self._known(name, text).lower(), tuple(_FLAGS))]
-            case PortType.NUMBER:
-                found = self._literal(name, text)
-                return number(name, found, port.meaning) if isinstance(found, str) else found
-            case PortType.TEXT:
-                return self._literal(name, text)
-            case PortType.ANY:
-                found = self._literal(name, text)
-                return value_of(found) if isinstance(found, str) else found
-            case PortType.CONDITION | PortType.STATEMENTS:
-                return self._scripts[name]
-            case PortType.WRITTEN_NUMBER | PortType.WRITTEN_TEXT | PortType.WRITTEN:
-                wanted = variable(text, name) or text
-                return CellReference(self._scope.resolve(wanted), wanted)
-            case _:
-                assert_never(port.type)
+    if port.argument is not None:
+        return argument_value(port.argument, found)
+    match port.type:
+        case PortType.COUNT:
+            return count(name, found)
+        case PortType.MILLISECONDS:
+            msec = count(name, found)
+            if not 0 < msec <= MAX_DEADLINE_S * 1000:
+                bounds = f"above 0, {MAX_DEADLINE_S * 1000:.0f} at most"
+                raise ArgumentError(f"{name} {msec}: {bounds}")
+            return msec
+        case PortType.SECONDS:
+            return number(name, found)
+        case PortType.NUMBER:
+            return number(name, found, port.meaning)
+        case PortType.UTC:
+            return utc(name, found)
+        case PortType.STATUS:
+            return _one_of(name, found, _STATUSES)
+        case PortType.FLAG:
+            return _FLAGS[_one_of(name, found.lower(), tuple(_FLAGS))]
+        case PortType.ANY:
+            return value_of(found)
+        case _:
+            return found
 
 
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
@@ -157,18 +118,8 @@ def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
     return text
 
 
-def check_ports(kind: NodeKind, ports: dict[str, PortValue], children: int, limited: bool) -> None:
-    """Check the rules of a kind of node, and count thresholds in children.
-
-    Args:
-        kind: the kind of node.
-        ports: values of the ports; thresholds are replaced.
-        children: number of its children.
-        limited: whether the time is limited above the node.
-
-    Raises:
-        ArgumentError: a rule is violated.
-    """
+def _check_ports(kind: NodeKind, ports: dict[str, PortValue], children: int, limited: bool) -> None:
+    """Check the rules of a kind of node, and count thresholds in children."""
     match kind.name:
         case "Parallel":
             for name in ("success_count", "failure_count"):

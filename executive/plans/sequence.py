@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from executive.commands import Motion, Waypoint, arguments_of
 from executive.plans.dialect import DEADLINE, LEAVES
-from executive.plans.model import PlanNode, PlanStep
+from executive.plans.model import CellReference, PlanNode, PlanStep
 
 MOTION_DEADLINE_S: Final = 600.0
 STEP_DEADLINE_S: Final = 60.0
@@ -97,9 +97,5 @@ def steps_of(root: PlanNode) -> tuple[PlanStep, ...] | PlanNode:
 
 def _is_plain(node: PlanNode) -> bool:
     """Return whether a node is a step that a list of steps can show as a whole."""
-    return (
-        isinstance(node, PlanStep)
-        and node.request is not None
-        and not node.conditions
-        and not node.ports.keys() - {DEADLINE}
-    )
+    variables = any(isinstance(each, CellReference) for each in node.ports.values())
+    return isinstance(node, PlanStep) and not node.conditions and not variables

@@ -165,7 +165,7 @@ class PlanBehaviour(Behaviour):
             if found is None:
                 raise UnknownValueError(value.cell)
             return found
-        assert not isinstance(value, Script)
+        assert isinstance(value, float | int | str)
         return value
 
     def read_text(self, port: str) -> str:
