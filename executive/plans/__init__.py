@@ -4,7 +4,6 @@ from executive.plans.arguments import ArgumentError as ArgumentError
 from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import read_plan as read_plan
-from executive.plans.builder import read_tree as read_tree
 from executive.plans.dialect import BATTERY_CHARGE as BATTERY_CHARGE
 from executive.plans.dialect import DEADLINE as DEADLINE
 from executive.plans.dialect import DIALECT as DIALECT
@@ -17,9 +16,7 @@ from executive.plans.dialect import TELEMETRY as TELEMETRY
 from executive.plans.dialect import UTC as UTC
 from executive.plans.dialect import NodeKind as NodeKind
 from executive.plans.dialect import Port as Port
-from executive.plans.dialect import PortType as PortType
 from executive.plans.dialect import Role as Role
-from executive.plans.dialect import attribute_help as attribute_help
 from executive.plans.dialect import palette as palette
 from executive.plans.execution import CommandOutcome as CommandOutcome
 from executive.plans.execution import LeafError as LeafError
@@ -32,7 +29,6 @@ from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
 from executive.plans.execution import TreeNodeView as TreeNodeView
 from executive.plans.model import LOOPS as LOOPS
-from executive.plans.model import Blackboard as Blackboard
 from executive.plans.model import CellReference as CellReference
 from executive.plans.model import PlanNode as PlanNode
 from executive.plans.model import PlanRoot as PlanRoot

@@ -17,7 +17,6 @@ from executive.plans.blackboard import CellTable, Scope, variable
 from executive.plans.dialect import (
     CONDITIONS,
     DEADLINE,
-    DIALECT,
     ROOT_KIND,
     TELEMETRY,
     NodeKind,
@@ -102,15 +101,11 @@ class _Expansion:
     """
 
     def __init__(
-        self,
-        trees: Mapping[str, Element],
-        defaults: Mapping[str, Mapping[str, str]],
-        kinds: Mapping[str, NodeKind],
+        self, trees: Mapping[str, Element], defaults: Mapping[str, Mapping[str, str]]
     ) -> None:
         self.drafts: list[_Draft] = []
         self._trees = trees
         self._defaults = defaults
-        self._kinds = kinds
         self._count = 0
 
     def tree(self, name: str, path: str, scope: Scope) -> PlanNode:
@@ -132,7 +127,7 @@ class _Expansion:
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         found = []
         for element in parent.children:
-            kind = node_kind(element, self._trees, self._kinds) or ROOT_KIND
+            kind = node_kind(element, self._trees) or ROOT_KIND
             is_subtree = kind is ROOT_KIND
             first = name_of(element, element.attributes["ID"] if is_subtree else kind.name)
             name = first
@@ -209,7 +204,8 @@ def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str])
     names = sorted(each.name for each in kind.ports)
     for name in texts:
         if name not in names:
-            raise element.error(_ARGUMENT, f"unknown attribute {quote(name)}{suggest(name, names)}")
+            near = suggest(name, names) or ": remove it"
+            raise element.error(_ARGUMENT, f"unknown attribute {quote(name)}{near}")
 
 
 def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[Expression, ...]]:
@@ -357,7 +353,7 @@ def check_bounds(plan: PlanNode, settings: Settings) -> Refusal | None:
 def read_plan(definition: PlanDefinition) -> PlanRoot | Refusal:
     """Return the root node of a plan that is valid apart from the bounds of an asset."""
     try:
-        plan = _read(definition, DIALECT)
+        plan = _read(definition)
         if not steps(plan):
             text = "the plan has no command"
             raise PlanError(Reason.PLAN_STRUCTURE, plan.location.line, text)
@@ -369,15 +365,7 @@ def read_plan(definition: PlanDefinition) -> PlanRoot | Refusal:
         return fault.refusal
 
 
-def read_tree(definition: PlanDefinition, kinds: Mapping[str, NodeKind]) -> PlanRoot | Refusal:
-    """Return the root node of a tree of these kinds of nodes, which may be without a command."""
-    try:
-        return _read(definition, kinds)
-    except PlanError as fault:
-        return fault.refusal
-
-
-def _read(definition: PlanDefinition, kinds: Mapping[str, NodeKind]) -> PlanRoot:
+def _read(definition: PlanDefinition) -> PlanRoot:
     if not is_plan_id(definition.plan_id):
         raise PlanError(
             Reason.BAD_IDENTIFIER, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
@@ -390,12 +378,12 @@ def _read(definition: PlanDefinition, kinds: Mapping[str, NodeKind]) -> PlanRoot
     trees = trees_of(root)
     for tree in trees.values():
         for element in tree.children[0].elements():
-            node_kind(element, trees, kinds)
+            node_kind(element, trees)
     cells = CellTable()
     scope = Scope(cells)
     for argument in definition.arguments:
         scope.set(argument.name, argument.text)
-    expansion = _Expansion(trees, subtree_defaults(root), kinds)
+    expansion = _Expansion(trees, subtree_defaults(root))
     built = expansion.tree(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
     _require_used(definition.arguments, root.children, scope)
     drafts = sorted(expansion.drafts, key=lambda each: each.node.location.number)

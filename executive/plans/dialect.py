@@ -47,7 +47,7 @@ class Role(Enum):
 
 @unique
 class PortType(Enum):
-    """Type of the value of a port; the value is its type in Groot2's model.
+    """Type of the value of a port, and its type in Groot2's model.
 
     Attributes:
         COUNT, SECONDS, MILLISECONDS, UTC, STATUS, FLAG: known when the plan is read.
@@ -56,47 +56,34 @@ class PortType(Enum):
         CONDITION, STATEMENTS: scripts.
     """
 
-    COUNT = "int"
-    SECONDS = "double"
-    MILLISECONDS = "unsigned int"
-    UTC = "utc"
-    STATUS = "BT::NodeStatus"
-    FLAG = "bool"
-    NUMBER = "number"
-    TEXT = "std::string"
-    ANY = "BT::AnyTypeAllowed"
-    CONDITION = "condition"
-    STATEMENTS = "script"
-    WRITTEN_NUMBER = "written number"
-    WRITTEN_TEXT = "written text"
-    WRITTEN = "written"
+    COUNT = "count", "int"
+    SECONDS = "seconds", "double"
+    MILLISECONDS = "milliseconds", "unsigned int"
+    UTC = "utc", "std::string"
+    STATUS = "status", "BT::NodeStatus"
+    FLAG = "flag", "bool"
+    NUMBER = "number", "double"
+    TEXT = "text", "std::string"
+    ANY = "any", "BT::AnyTypeAllowed"
+    CONDITION = "condition", "std::string"
+    STATEMENTS = "statements", "std::string"
+    WRITTEN_NUMBER = "written_number", "double"
+    WRITTEN_TEXT = "written_text", "std::string"
+    WRITTEN = "written", "BT::AnyTypeAllowed"
+
+    def __init__(self, word: str, model_type: str) -> None:
+        self.word = word
+        self.model_type = model_type
 
     @property
     def is_output(self) -> bool:
         """Whether the node writes the port."""
-        return self in _OUTPUTS
+        return self.word.startswith("written")
 
     @property
     def is_script(self) -> bool:
         """Whether the value is a script."""
         return self in {PortType.CONDITION, PortType.STATEMENTS}
-
-    @property
-    def model_type(self) -> str:
-        """Type in Groot2's model of nodes."""
-        return _MODEL_TYPES.get(self, self.value)
-
-
-_OUTPUTS: Final = {PortType.WRITTEN_NUMBER, PortType.WRITTEN_TEXT, PortType.WRITTEN}
-_MODEL_TYPES: Final = {
-    PortType.UTC: "std::string",
-    PortType.NUMBER: "double",
-    PortType.CONDITION: "std::string",
-    PortType.STATEMENTS: "std::string",
-    PortType.WRITTEN_NUMBER: "double",
-    PortType.WRITTEN_TEXT: "std::string",
-    PortType.WRITTEN: "BT::AnyTypeAllowed",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,30 +304,25 @@ _KINDS: Final = (*_nodes(_TABLE), *_switches(), *map(_command, LEAVES.values()))
 DIALECT: Final[Mapping[str, NodeKind]] = MappingProxyType({each.name: each for each in _KINDS})
 """The node kinds by name, without `SubTree`."""
 
+_REMEDIES: Final = f"""
+stop: a plan cannot stop the rover: an external stop suspends the plan
+resume: a plan cannot resume the rover: mission control does, after a stop
+ManualSelector: an editor is not connected aboard: use {_QUESTION}
+UnsetBlackboard WasEntryUpdated EntryUpdated SkipUnlessUpdated WaitValueUpdate WaitValueUpdated\
+ ConsumeQueue PopFromQueue: queues and update counters are of one process: use WaitFor or LoopString
+LoopInt LoopBool: use LoopDouble or LoopString
+TestNode: a plan has no test doubles: use AlwaysSuccess, AlwaysFailure or Sleep
+RecoveryNode: of Nav2: use RetryUntilSuccessful around a Fallback of the action and its recovery
+RateController: of Nav2: use Repeat with a Delay, or a Sleep in a Sequence
+PipelineSequence: of Nav2: use ReactiveSequence, or Parallel
+RoundRobin: of Nav2: use Fallback or SequenceWithMemory
+SequenceStar: an older name: use SequenceWithMemory
+FallbackStar: an older name: use ReactiveFallback
+BlackboardCheckInt BlackboardCheckDouble BlackboardCheckString: an older name: use Precondition"""
 UNSUPPORTED_NODES: Final = {
     node: why
-    for why, nodes in {
-        "a plan cannot stop the rover: an external stop suspends the plan": "stop",
-        "a plan cannot resume the rover: mission control does, after a stop": "resume",
-        f"an editor is not connected aboard: use {_QUESTION}": "ManualSelector",
-        "queues and update counters are of one process: use WaitFor, LoopString or LoopPlace": (
-            "UnsetBlackboard WasEntryUpdated EntryUpdated SkipUnlessUpdated WaitValueUpdate"
-            " WaitValueUpdated ConsumeQueue PopFromQueue"
-        ),
-        "use LoopDouble or LoopString": "LoopInt LoopBool",
-        "a plan has no test doubles: use AlwaysSuccess, AlwaysFailure or Sleep": "TestNode",
-        "of Nav2: use RetryUntilSuccessful around a Fallback of the action and its recovery": (
-            "RecoveryNode"
-        ),
-        "of Nav2: use Repeat with a Delay, or a Sleep in a Sequence": "RateController",
-        "of Nav2: use ReactiveSequence, or Parallel": "PipelineSequence",
-        "of Nav2: use Fallback or SequenceWithMemory": "RoundRobin",
-        "an older name: use SequenceWithMemory": "SequenceStar",
-        "an older name: use ReactiveFallback": "FallbackStar",
-        "an older name: use Precondition": "BlackboardCheckInt BlackboardCheckDouble"
-        " BlackboardCheckString BlackboardCheckBool",
-    }.items()
-    for node in nodes.split()
+    for names, _, why in (line.partition(": ") for line in _REMEDIES.strip().splitlines())
+    for node in names.split()
 }
 """Unsupported nodes of BehaviorTree.CPP and Nav2, and their replacements."""
 

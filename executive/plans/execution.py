@@ -32,21 +32,16 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanUpdate, Stage
 
 
-class StepStatus(Enum):
-    """Status of a step."""
-
-    RUNNING = "running"
-    SUCCESS = "success"
-    FAILURE = "failure"
-
-
 class PlanResult(Enum):
-    """Result of a tick of a plan; SKIPPED if the root was skipped."""
+    """Result of a tick of a plan, or of a poll of a step; SKIPPED if the root was skipped."""
 
     RUNNING = "running"
     SUCCESS = "success"
     FAILURE = "failure"
     SKIPPED = "skipped"
+
+
+StepStatus = PlanResult
 
 
 class LeafError(Exception):
@@ -98,17 +93,7 @@ class PlanPort(Protocol):
         """Return whether a fault is active."""
 
     def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
-        """Request the command of a step, unless it was given before a restart.
-
-        Args:
-            step: the step.
-            cycles: present cycle of each loop around it, from 1.
-            cells: the blackboard.
-
-        Raises:
-            UnknownValueError: an argument has no known value.
-            ArgumentError: a value of the blackboard is none of its argument.
-        """
+        """Request the command of a step; see `PlanStep.request_from` for what it raises."""
 
     def poll(self, step: PlanStep) -> StepStatus:
         """Return the status of the command of a step."""

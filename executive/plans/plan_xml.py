@@ -11,7 +11,15 @@ from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
 from executive.plans.arguments import quote, suggest
-from executive.plans.dialect import CONDITIONS, REMARKS, SUBTREE, UNSUPPORTED_NODES, NodeKind, Role
+from executive.plans.dialect import (
+    CONDITIONS,
+    DIALECT,
+    REMARKS,
+    SUBTREE,
+    UNSUPPORTED_NODES,
+    NodeKind,
+    Role,
+)
 from executive.values.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -146,9 +154,7 @@ def is_plan_id(text: str) -> bool:
     return _PLAN_ID.fullmatch(text) is not None
 
 
-def node_kind(
-    element: Element, trees: Collection[str], kinds: Mapping[str, NodeKind]
-) -> NodeKind | None:
+def node_kind(element: Element, trees: Collection[str]) -> NodeKind | None:
     """Return the kind of node of an element; None for a `SubTree`.
 
     Raises:
@@ -164,14 +170,14 @@ def node_kind(
             text = f"there is no tree {quote(named)}{suggest(named, list(trees))}"
             raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
         return None
-    if kind not in kinds:
+    if kind not in DIALECT:
         if kind in UNSUPPORTED_NODES:
             text = f"{kind}: {UNSUPPORTED_NODES[kind]}"
         else:
-            near = suggest(kind, [*kinds, SUBTREE]) or ": `rover plan nodes` lists them"
+            near = suggest(kind, [*DIALECT, SUBTREE]) or ": `rover plan nodes` lists them"
             text = f"unknown node {quote(kind)}{near}"
         raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
-    return kinds[kind]
+    return DIALECT[kind]
 
 
 def name_of(element: Element, default: str) -> str:
@@ -201,7 +207,7 @@ def ports_of(element: Element) -> dict[str, str]:
         if name.startswith("_"):
             known = name in REMARKS or name in CONDITIONS or (is_subtree and name == AUTOREMAP)
             if not known:
-                near = suggest(name, [*CONDITIONS, AUTOREMAP])
+                near = suggest(name, [*CONDITIONS, AUTOREMAP]) or ": remove it"
                 text = f"attribute {quote(name)} is neither a condition nor a script{near}"
                 raise element.error(Reason.PLAN_BAD_ARGUMENT, text)
         elif name != "name" and (name != "ID" or not (is_subtree or element.tag in EXPLICIT)):

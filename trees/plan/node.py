@@ -19,8 +19,8 @@ from executive.plans import (
     LeafError,
     PlanNode,
     PlanPort,
+    PlanResult,
     Script,
-    StepStatus,
     UnknownValueError,
     Value,
     text_of,
@@ -255,4 +255,4 @@ _BEFORE: Final[tuple[tuple[str, Answer], ...]] = (
 )
 _WHILE: Final = (IDLE, RUNNING)
 
-STATUSES: Final = {StepStatus[each.name]: each for each in (RUNNING, SUCCESS, FAILURE)}
+STATUSES: Final = {PlanResult[each.name]: each for each in (RUNNING, SUCCESS, FAILURE)}
