@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from executive.plans.model import (
     LOOPS,
@@ -41,30 +42,34 @@ class TimeLimitEnd:
 NominalStep = PlanStep | TimeLimit | TimeLimitEnd
 
 
-def nominal_steps(node: PlanNode, cells: Cells | None = None) -> Iterator[NominalStep]:
+MAX_VISITS: Final = 50_000
+"""Maximum number of nodes that are visited: loops without a command would take hours; chosen."""
+
+
+def nominal_steps(root: PlanNode) -> Iterator[NominalStep]:
     """Yield the steps of a plan in order, assuming that each succeeds, with their requests.
 
     Of a fallback the first child, of a retry one attempt, of a choice its first branch, unless the
     blackboard decides it. Conditions hold. Steps that a timeout limits follow it and precede its
     end. Steps with an argument that is not known before the plan runs are left out.
-
-    Args:
-        node: the root of a plan, or a node of it.
-        cells: the blackboard; by default as the plan begins.
     """
-    if cells is None:
-        cells = list(node.blackboard.initial) if isinstance(node, PlanRoot) else []
-    if _runs(node, cells):
-        yield from _body(node, cells)
+    cells = list(root.blackboard.initial) if isinstance(root, PlanRoot) else []
+    return _visit(root, cells, iter(range(MAX_VISITS)))
+
+
+def _visit(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[NominalStep]:
+    if next(left, None) is not None and _runs(node, cells):
+        yield from _body(node, cells, left)
         for name in ("_onSuccess", "_post"):
             _run(node.conditions.get(name), cells)
 
 
-def _body(node: PlanNode, cells: Cells) -> Iterator[NominalStep]:
+def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[NominalStep]:
     if isinstance(node, PlanStep):
         if (bound := node.bound(cells)) is not None:
             yield bound
         return
+    chosen = node.children
     match node.kind.name:
         case "Script":
             _run(node.ports["code"], cells)
@@ -74,30 +79,30 @@ def _body(node: PlanNode, cells: Cells) -> Iterator[NominalStep]:
         case "Ask":
             _write(node, "answer", _given(node, "default", cells), cells)
         case "Fallback" | "AsyncFallback" | "ReactiveFallback":
-            yield from nominal_steps(node.children[0], cells)
+            chosen = chosen[:1]
         case "IfThenElse" | "WhileDoElse":
-            for child in node.children[:2]:
-                yield from nominal_steps(child, cells)
+            chosen = chosen[:2]
         case "TryCatch":
-            for child in node.children[:-1]:
-                yield from nominal_steps(child, cells)
+            chosen = chosen[:-1]
         case "Switch2" | "Switch3" | "Switch4" | "Switch5" | "Switch6":
-            yield from nominal_steps(_case(node, cells), cells)
+            chosen = (_case(node, cells),)
         case "Repeat":
-            for _ in range(max(1, int(node.number("num_cycles")))):
-                yield from nominal_steps(node.children[0], cells)
+            chosen *= max(1, int(node.number("num_cycles")))
         case "LoopString" | "LoopDouble" | "LoopPlace":
             for part in parts_of(_given(node, "queue", cells) or ""):
                 _set_part(node, part, cells)
-                yield from nominal_steps(node.children[0], cells)
+                yield from _visit(chosen[0], cells, left)
+            return
         case "Timeout":
             limit = TimeLimit(node.location.path, node.number("msec") / 1000)
             yield limit
-            yield from nominal_steps(node.children[0], cells)
+            yield from _visit(chosen[0], cells, left)
             yield TimeLimitEnd(limit)
+            return
         case _:
-            for child in node.children:
-                yield from nominal_steps(child, cells)
+            pass
+    for child in chosen:
+        yield from _visit(child, cells, left)
 
 
 def _runs(node: PlanNode, cells: Cells) -> bool:

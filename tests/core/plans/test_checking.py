@@ -13,7 +13,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Accepted
-from executive.plans import LEAVES, check_plan, steps
+from executive.plans import LEAVES, check_plan, nominal_steps, steps
 from executive.settings import load_settings
 from executive.values.reasons import Reason, Refusal
 from tests.support.kinematic import Bench
@@ -214,6 +214,15 @@ def test_subtrees_cannot_grow_without_end() -> None:
     last = f'<BehaviorTree ID="T40">{GO}</BehaviorTree>'
     found = refusal(plan('<SubTree ID="T0"/>', others="".join([*trees, last])))
     assert found.reason is Reason.PLAN_TOO_LARGE
+
+
+def test_loops_without_a_command_do_not_delay_a_check() -> None:
+    script = '<Script code="x := 1"/>'
+    for _ in range(5):
+        script = f'<Repeat num_cycles="1000">{script}</Repeat>'
+    root = check_plan(plan(f"<Sequence>{script}{GO}</Sequence>"), SETTINGS)
+    assert not isinstance(root, Refusal), root
+    assert len(list(nominal_steps(root))) <= 1
 
 
 def test_an_argument_that_nothing_reads_is_refused() -> None:
