@@ -1,8 +1,7 @@
 """`Planner` executes requests on plans (submit, activate, suspend, ...), and runs active plans."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from math import dist
 from typing import Final, assert_never
 
@@ -21,11 +20,8 @@ from executive.commands import (
 from executive.commands.intake import source_of
 from executive.commands.lifecycle import (
     Accepted,
-    Edge,
     Rejected,
     SubmitResult,
-    make_machine,
-    terminal_states,
 )
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
@@ -39,6 +35,13 @@ from executive.plans.execution import (
     ended_steps,
 )
 from executive.plans.model import PlanNode, PlanRoot, digest_of, nodes, skipped_nodes, steps
+from executive.plans.plan_lifecycle import (
+    FINAL_STATUSES,
+    MACHINE,
+    PlanEvent,
+    check_status,
+    source_states,
+)
 from executive.plans.state import PlanState, StateCommand, StateError, decode, encode, shifted
 from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
@@ -59,45 +62,6 @@ class ActivePlans:
     def __init__(self) -> None:
         self.executing: str | None = None
         self.suspended: tuple[str, ...] = ()
-
-
-class PlanEvent(Enum):
-    """Events of a plan's life cycle."""
-
-    ACTIVATE = "activate"
-    BEGIN = "begin"
-    SUSPEND = "suspend"
-    RESUME = "resume"
-    COMPLETE = "complete"
-    FAIL = "fail"
-    ABORT = "abort"
-
-
-PLAN_EDGES: Final = (
-    Edge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
-    Edge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
-    Edge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
-    Edge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
-    Edge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
-    Edge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
-    Edge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
-    Edge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
-    Edge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
-    Edge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
-    Edge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
-    Edge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
-)
-
-FINAL_STATUSES: Final = frozenset(terminal_states(PLAN_EDGES))
-"""Terminal statuses of a plan."""
-
-
-_MACHINE: Final = make_machine(PLAN_EDGES, "state")
-
-
-def source_states(event: PlanEvent) -> tuple[PlanStatus, ...]:
-    """Return the statuses that permit an event."""
-    return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
 
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
@@ -213,14 +177,14 @@ class Planner:
             return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
         match request:
             case ActivatePlan():
-                return self._rover_busy() or _unless(plan, source_states(PlanEvent.ACTIVATE))
+                return self._rover_busy() or check_status(plan, source_states(PlanEvent.ACTIVATE))
             case ResumePlan(step=step):
-                busy = self._rover_busy() or _unless(plan, source_states(PlanEvent.RESUME))
+                busy = self._rover_busy() or check_status(plan, source_states(PlanEvent.RESUME))
                 return busy or self._check_step(plan, step)
             case SuspendPlan():
-                return _unless(plan, source_states(PlanEvent.SUSPEND))
+                return check_status(plan, source_states(PlanEvent.SUSPEND))
             case RemovePlan():
-                return _unless(plan, _REMOVABLE)
+                return check_status(plan, _REMOVABLE)
             case AbortPlan():
                 return None
             case _:
@@ -543,7 +507,7 @@ class Planner:
         Raises:
             transitions.MachineError: the plan's status does not permit it.
         """
-        _MACHINE.events[event.value].trigger(plan)
+        MACHINE.events[event.value].trigger(plan)
         self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
@@ -587,11 +551,3 @@ class Planner:
     def _end_run(self) -> None:
         self._run = None
         self._host.detach()
-
-
-def _unless(plan: RunningPlan, allowed: Iterable[PlanStatus]) -> Refusal | None:
-    if plan.state in allowed:
-        return None
-    names = ", ".join(sorted(status.name for status in allowed))
-    text = f"plan {plan.plan_id} is {plan.state.name}: needs {names}"
-    return Refusal(Reason.PLAN_STATUS, text)

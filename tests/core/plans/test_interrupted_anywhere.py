@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from executive.commands import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.plans import FINAL_STATUSES
-from executive.plans.planner import PLAN_EDGES
+from executive.plans.plan_lifecycle import PLAN_EDGES
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose
 from executive.values.reports import PlanStatus, Stage
