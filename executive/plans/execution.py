@@ -44,6 +44,19 @@ class PlanResult(Enum):
 StepStatus = PlanResult
 
 
+class Steering(Enum):
+    """Request of the operators that a node obeys at its next tick.
+
+    SUCCESS and FAILURE end it without running it, RETRY begins it again, HOLD suspends the plan
+    before it begins.
+    """
+
+    SUCCESS = "success"
+    FAILURE = "failure"
+    RETRY = "retry"
+    HOLD = "hold"
+
+
 class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is the exception."""
 
@@ -116,14 +129,14 @@ class PlanPort(Protocol):
     def take_answer(self, question: Question) -> str | None:
         """Report a question once; remove and return its answer, if there is one."""
 
-    def withdraw(self, question: Question) -> None:
-        """End a question that needs no answer any longer."""
+    def withdraw(self, question: Question, answer: str = "") -> None:
+        """End a question that needs no answer any longer, or has one of its own."""
 
     def note_failure(self, node: PlanNode, text: str) -> None:
         """Note why a node fails."""
 
-    def on_forced(self, node: PlanNode) -> None:
-        """Note that a node gave its result without being run."""
+    def on_forced(self, node: PlanNode, steering: Steering) -> None:
+        """Note that a node obeyed."""
 
     def cell_name(self, cell: int) -> str:
         """Return the name of a cell of the blackboard."""
@@ -149,8 +162,8 @@ class PlanTree(Protocol):
             StateError: it is of another tree.
         """
 
-    def force(self, number: int, result: PlanResult) -> None:
-        """Let a node give a result at its next tick instead of being run."""
+    def force(self, number: int, steering: Steering) -> None:
+        """Let a node obey at its next tick."""
 
     def halt(self) -> None:
         """Halt all nodes that are RUNNING."""
@@ -277,7 +290,8 @@ class PlanExecution:
 
     Attributes:
         why: description of the last failure.
-        forced: nodes that give a result without being run.
+        forced: requests that nodes obey at their next tick, by their numbers.
+        held: the node before which the plan is to be suspended now, if any.
     """
 
     def __init__(
@@ -291,8 +305,10 @@ class PlanExecution:
         journal: Mapping[str, StepOutcome],
     ) -> None:
         self.plan = plan
+        self.root = root
         self.clock = clock
         self.why = ""
+        self.held: PlanNode | None = None
         self._cancel = cancel
         self._surroundings = surroundings
         self._names = root.blackboard.names
@@ -307,14 +323,15 @@ class PlanExecution:
         self._ends = {each.node: each for each in state.commands if each.stage}
         self._last = dict(state.last)
         self._ended = {*state.ended, *ended_steps(journal)}
-        self.forced = {number: PlanResult[name] for number, name in state.forced}
+        self.forced = {number: Steering[name] for number, name in state.forced}
         self.forced |= {
-            each.location.number: PlanResult.SUCCESS
+            each.location.number: Steering.SUCCESS
             for each in nodes(root)
             if journal.get(step_key(each.location, ())) is StepOutcome.SKIPPED
         }
         self._answers = dict(state.answers)
         self._open_questions = set(state.questions)
+        self._settled_questions = dict(state.settled)
         self.restarts = state.restarts
         self._charge_ratio = state.charge_ratio
         if state.tree is None:
@@ -425,28 +442,44 @@ class PlanExecution:
         """Report a question, and return its answer; see `PlanPort`."""
         answer = self._answers.pop(question.key, None)
         if answer is not None:
-            self._open_questions.discard(question.key)
+            self._settle(question, answer)
         elif question.key not in self._open_questions:
             self._open_questions.add(question.key)
+            self._settled_questions.pop(question.key, None)
             self._surroundings.report_question(self.plan.plan_id, question)
         return answer
 
-    def withdraw(self, question: Question) -> None:
-        """End a question."""
-        self._open_questions.discard(question.key)
+    def withdraw(self, question: Question, answer: str = "") -> None:
+        """End a question; see `PlanPort`."""
         self._answers.pop(question.key, None)
+        self._settle(question, answer)
 
-    def give_answer(self, key: str, option: str) -> None:
-        """Answer a question; also before it is reported."""
-        self._answers[key] = option
+    def _settle(self, question: Question, answer: str) -> None:
+        self._open_questions.discard(question.key)
+        self._settled_questions[question.key] = answer
+
+    def steer(self, state: PlanState) -> None:
+        """Take requests and answers of the operators from a state."""
+        self.forced = {number: Steering[name] for number, name in state.forced}
+        self._answers = dict(state.answers)
 
     def note_failure(self, node: PlanNode, text: str) -> None:
         """Note why a node fails."""
         self.why = f"{node.location.path}: {text}"
 
-    def on_forced(self, node: PlanNode) -> None:
-        """Note that a node gave its result without being run."""
+    def on_forced(self, node: PlanNode, steering: Steering) -> None:
+        """Note that a node obeyed."""
         self.forced.pop(node.location.number, None)
+        match steering:
+            case Steering.HOLD:
+                self.held = node
+            case Steering.SUCCESS | Steering.FAILURE:
+                self._ended |= {each.location.number for each in nodes(node)}
+                self.plan.node, self.plan.done = node.location.path, len(self._ended & self._leaves)
+                if steering is Steering.FAILURE:
+                    self.note_failure(node, "skipped with FAILURE")
+            case Steering.RETRY:
+                pass
 
     def state(self, tree: TreeState) -> PlanState:
         """Return the state of the plan."""
@@ -461,6 +494,7 @@ class PlanExecution:
             self._charge_ratio,
             self.restarts,
             self._surroundings.position,
+            tuple(self._settled_questions.items()),
         )
 
     def cancel_running(self, refusal: Refusal) -> None:

@@ -9,11 +9,16 @@ from executive.commands import (
     PLAN_LINK,
     AbortPlan,
     ActivatePlan,
+    AnswerQuestion,
     Command,
+    HoldAtNode,
     PlanDefinition,
     PlanRequest,
+    PlanSteering,
     RemovePlan,
     ResumePlan,
+    RetryNode,
+    SkipNode,
     SubmitPlan,
     SuspendPlan,
 )
@@ -31,6 +36,7 @@ from executive.plans.execution import (
     PlanResult,
     PlanTree,
     RunningPlan,
+    Steering,
     Surroundings,
     ended_steps,
 )
@@ -43,6 +49,7 @@ from executive.plans.plan_lifecycle import (
     source_states,
 )
 from executive.plans.state import PlanState, StateCommand, StateError, decode, encode, shifted
+from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
 from executive.state import MotionStatistics
@@ -69,9 +76,6 @@ _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: S
 
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
-
-MAX_NAMED: Final = 10
-"""Maximum number of skipped nodes that the report of a resume names."""
 
 MAX_RESTARTS: Final = 3
 """Maximum number of restarts after which a plan continues by itself."""
@@ -187,6 +191,9 @@ class Planner:
                 return check_status(plan, _REMOVABLE)
             case AbortPlan():
                 return None
+            case SkipNode() | RetryNode() | HoldAtNode() | AnswerQuestion():
+                found = self._steerable(plan)
+                return found if isinstance(found, Refusal) else check_steering(request, *found)
             case _:
                 assert_never(request)
 
@@ -208,6 +215,8 @@ class Planner:
                 return text
             case AbortPlan(plan_id):
                 return self._abort(self._plans[plan_id], f"aborted by {by}")
+            case SkipNode() | RetryNode() | HoldAtNode() | AnswerQuestion():
+                return self._steer(self._plans[request.plan_id], request, by)
             case RemovePlan(plan_id):
                 self._store.remove(plan_id)
                 del self._plans[plan_id]
@@ -293,6 +302,10 @@ class Planner:
             return True
         result = run.tree.tick()
         if result is PlanResult.RUNNING:
+            if (held := run.execution.held) is not None:
+                text = f"held at {held.location.path}"
+                self.suspend(Refusal(Reason.PLAN_SUSPENDED, text))
+                return True
             return self._command(run, submit)
         self._end_run()
         if result is PlanResult.SUCCESS:
@@ -430,10 +443,44 @@ class Planner:
             ended |= {each.location.number for each in nodes(node)}
             plan.node, plan.done = node.location.path, len(ended & leaves)
             self._notify(plan, f"{node.location.path}: skipped")
-        forced = {each.location.number: PlanResult.SUCCESS.name for each in self._skipped}
+        forced = {each.location.number: Steering.SUCCESS.name for each in self._skipped}
         forced = {**dict(state.forced), **forced}
         state = state._replace(ended=tuple(ended), forced=tuple(forced.items()))
         self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
+        return text
+
+    def _steerable(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
+        """Return the root node and the state of a plan that can be steered."""
+        if self._run is not None and self._run.execution.plan is plan:
+            execution = self._run.execution
+            return execution.root, execution.state(self._run.tree.state())
+        if (refusal := check_status(plan, set(PlanStatus) - FINAL_STATUSES)) is not None:
+            return refusal
+        if not self._store.is_durable(plan.batch):
+            return UNWRITTEN_STEPS
+        root = check_plan(self._store.definition(plan.plan_id), self._settings)
+        if isinstance(root, Refusal):
+            return root
+        try:
+            return root, self._stored(plan.plan_id, root)[1]
+        except StateError as error:
+            return Refusal(Reason.PLAN_STATUS, f"{plan.plan_id}: {error}")
+
+    def _steer(self, plan: RunningPlan, request: PlanSteering, by: Identity) -> str:
+        """Change the state of a plan; a node that runs obeys at its next tick."""
+        found = self._steerable(plan)
+        assert not isinstance(found, Refusal), found
+        state, node, text = steered(request, *found)
+        text = f"{node.location.path}: {text}, by {by}"
+        if self._run is not None and self._run.execution.plan is plan:
+            self._run.execution.steer(state)
+            for each in self._run.execution.forced.items():
+                self._run.tree.force(*each)
+            self._save(self._run)
+        else:
+            stored, _ = self._stored(plan.plan_id, found[0])
+            self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
+        self._notify(plan, text)
         return text
 
     def _abort(self, plan: RunningPlan, text: str) -> str:
@@ -464,8 +511,8 @@ class Planner:
             self._host.detach()
             self._end(plan, PlanEvent.FAIL, f"{plan.plan_id}: {error}", Reason.PLAN_STATUS)
             return None
-        for number, result in execution.forced.items():
-            tree.force(number, result)
+        for each in execution.forced.items():
+            tree.force(*each)
         self._change(plan, PlanEvent.BEGIN, "starts" if is_new else "continues")
         statistics = None
         if is_new:

@@ -52,12 +52,13 @@ class PlanState(NamedTuple):
         commands: commands that the nodes have not seen to end.
         last: number of each node that gave a command, and of its last one.
         ended: numbers of the nodes that ended at least once, or were skipped.
-        forced: numbers of nodes that give a result without being run, and the result's name.
+        forced: numbers of nodes, and the name of the `Steering` that each obeys at its next tick.
         answers: keys of questions with their answers that no node has taken yet.
         questions: keys of the open questions.
         charge_ratio: charge of the battery when the plan began; None if it was not known.
         restarts: how often it has continued by itself after a restart.
         position: x and y of the rover when it was stored, m; None if they were not known.
+        settled: keys of the questions that have ended, and their answers; empty for none.
     """
 
     tree: TreeState | None = None
@@ -70,6 +71,7 @@ class PlanState(NamedTuple):
     charge_ratio: float | None = None
     restarts: int = 0
     position: tuple[float, float] | None = None
+    settled: tuple[tuple[str, str], ...] = ()
 
 
 def shifted(state: PlanState, by_s: float) -> PlanState:

@@ -104,6 +104,35 @@ def test_the_suspended_plan_is_resumed_at_a_step(running: Aboard, tmp_path: Path
     assert "3 of 3" in rover("status", *to).output
 
 
+def test_an_active_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
+    to = ("--to", running.uri)
+    file = tmp_path / "route.xml"
+    question = '<Ask name="ditch" question="?" options="go;stay" deadline_s="9000" answer="{a}"/>'
+    far = '<moveForward name="far" distance="90" deadline_s="900"/>'
+    photo = '<takePicture name="photo" deadline_s="9"/>'
+    file.write_bytes(
+        plan(f"<Sequence>{far}{question}<Inverter>{photo}</Inverter></Sequence>").content
+    )
+    assert rover("submit", str(file), *to).exit_code == 0
+    nothing = rover("hold", "photo", *to)
+    assert nothing.exit_code == 1
+    assert "name a plan; activated or executing or suspended: none" in nothing.stderr
+    assert rover("hold", "far", "--plan", "route", *to).exit_code == 0
+    assert rover("activate", "route", *to).exit_code == 0
+    wrong = rover("answer", "ditch", "fly", *to)
+    assert wrong.exit_code == 1
+    assert "118 NO_SUCH_OPTION: plan:route/Sequence/ditch: 'fly' is no option" in wrong.output
+    for typed in (("answer", "ditch", "go"), ("skip", "far"), ("skip", "photo", "--failure")):
+        steered = rover(*typed, *to)
+        assert steered.exit_code == 0, steered.output
+    late = rover("retry", "far", *to)
+    assert late.exit_code == 1
+    assert "206 PLAN_STATUS" in late.output
+    rover("resume", *to)
+    assert rover("watch", "route", *to).exit_code == 0
+    assert "2 of 2" in rover("status", *to).output
+
+
 def update(node: str, text: str) -> PlanUpdate:
     return PlanUpdate("look", PlanStatus.EXECUTING, 1.7e9, node, done=1, total=3, text=text)
 

@@ -11,6 +11,7 @@ from executive.plans import (
     PlanRoot,
     PlanStep,
     Question,
+    Steering,
     StepStatus,
     Value,
     nodes,
@@ -111,14 +112,14 @@ class ScriptedPort:
         """Raise: there is no question."""
         raise AssertionError(question)
 
-    def withdraw(self, question: Question) -> None:
+    def withdraw(self, question: Question, answer: str = "") -> None:
         """Raise: there is no question."""
         raise AssertionError(question)
 
     def note_failure(self, _node: PlanNode, _text: str) -> None:
         """Do nothing."""
 
-    def on_forced(self, node: PlanNode) -> None:
+    def on_forced(self, node: PlanNode, steering: Steering) -> None:
         """Raise: no node is forced."""
         raise AssertionError(node.location.path)
 

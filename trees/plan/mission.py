@@ -79,7 +79,7 @@ class OperatorQuestion(_WaitingLeaf):
         answer = port.take_answer(self._question)
         if answer is None and self.is_overdue:
             default = self.plan.ports.get("default")
-            port.withdraw(self._question)
+            port.withdraw(self._question, str(default or ""))
             if not isinstance(default, str):
                 port.note_failure(self.plan, "no answer within its deadline")
                 return FAILURE

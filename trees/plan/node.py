@@ -21,6 +21,7 @@ from executive.plans import (
     PlanPort,
     PlanResult,
     Script,
+    Steering,
     UnknownValueError,
     Value,
     text_of,
@@ -72,7 +73,7 @@ class PlanBehaviour(Behaviour):
         number: number of the node in the plan.
         memory: names of the attributes that are part of its state, beside the status.
         timers: names of those that are times on the executive's clock; None if not running.
-        forced: result that it gives at its next tick instead of being run, if any.
+        forced: request of the operators that it obeys at its next tick.
         loops: the loops with a count around it, outermost first.
     """
 
@@ -89,7 +90,7 @@ class PlanBehaviour(Behaviour):
         self.children = list(nodes)
         for child in nodes:
             child.parent = self
-        self.forced: Status | None = None
+        self.forced: Steering | None = None
         self._conditions = plan.conditions
         self._guarded = bool(plan.conditions)
 
@@ -103,6 +104,9 @@ class PlanBehaviour(Behaviour):
         Raises:
             LeafError: it raised.
         """
+        if self._guarded and self.forced is Steering.HOLD and self.status is IDLE:
+            self.context.port.on_forced(self.plan, Steering.HOLD)
+            return RUNNING  # it stays IDLE, so that it begins when the plan continues
         answer = self._execute_guarded() if self._guarded else self.run()
         if answer is not SKIPPED:
             self.status = answer
@@ -149,9 +153,9 @@ class PlanBehaviour(Behaviour):
         self.execute()
         yield self
 
-    def force(self, status: Status) -> None:
-        """Let the next tick give a result without running the node."""
-        self.forced, self._guarded = status, True
+    def force(self, steering: Steering) -> None:
+        """Obey at the next tick."""
+        self.forced, self._guarded = steering, True
 
     def read(self, port: str) -> Value:
         """Return the value of an input port.
@@ -205,13 +209,10 @@ class PlanBehaviour(Behaviour):
         self.context.port.note_failure(self.plan, self.feedback_message)
 
     def _execute_guarded(self) -> Answer:
-        answer: Answer | None = self.forced
-        if answer is not None:
-            self.reset()
-            self.forced, self._guarded = None, bool(self._conditions)
-            self.feedback_message = "skipped"
-            self.context.port.on_forced(self.plan)
-        else:
+        answer: Answer | None = None
+        if self.forced not in {None, Steering.HOLD}:
+            answer = self._obey()
+        if answer is None:
             answer = self._precondition()
             if answer is None:
                 answer = self.run()
@@ -220,6 +221,18 @@ class PlanBehaviour(Behaviour):
             if not (self._run_script(ended) and self._run_script("_post")):
                 return FAILURE
         return answer
+
+    def _obey(self) -> Answer | None:
+        """Obey the operators; return the result that they request, if any."""
+        steering = self.forced
+        assert steering is not None
+        self.reset()
+        self.forced, self._guarded = None, bool(self._conditions)
+        self.context.port.on_forced(self.plan, steering)
+        if steering is Steering.RETRY:
+            return None
+        self.feedback_message = "skipped"
+        return SUCCESS if steering is Steering.SUCCESS else FAILURE
 
     def _precondition(self) -> Answer | None:
         """Return the answer that a condition before the node gives, or None."""

@@ -9,6 +9,7 @@ from executive.plans import (
     PlanResult,
     PlanRoot,
     StateError,
+    Steering,
     TreeState,
     Value,
 )
@@ -137,9 +138,9 @@ class PlanTree:
         for node in self.nodes:
             node.on_load()
 
-    def force(self, number: int, result: PlanResult) -> None:
-        """Let a node give a result at its next tick instead of being run."""
-        self.nodes[number].force(SUCCESS if result is PlanResult.SUCCESS else FAILURE)
+    def force(self, number: int, steering: Steering) -> None:
+        """Let a node obey at its next tick."""
+        self.nodes[number].force(steering)
 
     def halt(self) -> None:
         """Halt all nodes that are RUNNING; their scripts run."""

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, NoReturn, get_args
+from typing import Any, Final, NoReturn
 
 import click
 
@@ -23,13 +23,21 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import wire_update
 from adapters.process import asset_option
 from executive.commands import (
+    AbortPlan,
+    ActivatePlan,
+    AnswerQuestion,
     CommandDeclaration,
+    HoldAtNode,
     PlanArgument,
     PlanDefinition,
     PlanRequest,
+    RemovePlan,
     Request,
     ResumePlan,
+    RetryNode,
+    SkipNode,
     SubmitPlan,
+    SuspendPlan,
     declaration_of,
 )
 from executive.plans import FORMAT, check_plan, max_commands, palette, read_plan, steps
@@ -145,9 +153,91 @@ def _add_control_command(
         CommandSender(to).send(kind(plan_id))
 
 
-for _kind in get_args(PlanRequest):
-    if _kind not in {SubmitPlan, ResumePlan}:
-        _add_control_command(_kind, declaration_of(_kind))
+for _kind in (ActivatePlan, SuspendPlan, AbortPlan, RemovePlan):
+    _add_control_command(_kind, declaration_of(_kind))
+
+
+def _steering_command(name: str, *parameters: Any) -> Callable[..., Any]:
+    """Return a decorator that adds a command which sends its request to a plan."""
+
+    def add(make: Callable[..., PlanRequest]) -> Callable[..., PlanRequest]:
+        def send(plan_id: str | None, to: RoverTarget, **values: Any) -> None:
+            async def choose(client: MrsClient) -> Request:
+                return make(plan_id or await _one_plan(client, *_ACTIVE), **values)
+
+            CommandSender(to).send_chosen(choose)
+
+        send.__doc__ = make.__doc__
+        command = to_option(_OF(send))
+        for parameter in reversed(parameters):
+            command = parameter(command)
+        plan.command(name)(command)
+        return make
+
+    return add
+
+
+_NODE: Final = click.argument("node")
+_OF: Final = click.option(
+    "--plan",
+    "plan_id",
+    metavar="PLAN",
+    shell_complete=completion(plan_ids),
+    help="The plan; the only active or suspended one by default.",
+)
+_ACTIVE: Final = (PlanStatus.ACTIVATED, PlanStatus.EXECUTING, PlanStatus.SUSPENDED)
+
+
+@_steering_command(
+    "skip", _NODE, click.option("--failure", is_flag=True, help="Let it fail instead.")
+)
+def _skip(plan_id: str, node: str, failure: bool) -> PlanRequest:
+    """End NODE of a plan as if it had succeeded; its commands are cancelled.
+
+    A node that has not begun ends at once when the plan reaches it. NODE is a node's path, or
+    the end of it.
+
+    \b
+    Examples:
+      rover plan skip wp2
+      rover plan skip survey/photo --failure --plan traverse
+    """
+    return SkipNode(plan_id, node, "FAILURE" if failure else "SUCCESS")
+
+
+@_steering_command("retry", _NODE)
+def _retry(plan_id: str, node: str) -> PlanRequest:
+    """Begin NODE again, which is running; its commands are cancelled and given again.
+
+    \b
+    Example:
+      rover plan retry wp2
+    """
+    return RetryNode(plan_id, node)
+
+
+@_steering_command("hold", _NODE)
+def _hold(plan_id: str, node: str) -> PlanRequest:
+    """Suspend a plan before NODE begins; `rover plan resume` continues it.
+
+    \b
+    Example:
+      rover plan hold photo
+    """
+    return HoldAtNode(plan_id, node)
+
+
+@_steering_command("answer", click.argument("question", metavar="KEY"), click.argument("option"))
+def _answer(plan_id: str, question: str, option: str) -> PlanRequest:
+    """Answer the question KEY of a plan by OPTION, also in advance.
+
+    The first answer counts. KEY is the path of the node, or the end of it.
+
+    \b
+    Example:
+      rover plan answer ditch cross
+    """
+    return AnswerQuestion(plan_id, question, option)
 
 
 @plan.command()
@@ -166,11 +256,7 @@ def resume(plan_id: str | None, step: str | None, to: RoverTarget) -> None:
     """
 
     async def choose(client: MrsClient) -> Request:
-        plans = [] if plan_id else await client.get_plan_status()
-        found = [each.plan_id for each in plans if each.status is PlanStatus.SUSPENDED]
-        if plan_id is None and len(found) != 1:
-            raise click.ClickException(f"name a plan; suspended: {', '.join(found) or 'none'}")
-        return ResumePlan(plan_id or found[0], step)
+        return ResumePlan(plan_id or await _one_plan(client, PlanStatus.SUSPENDED), step)
 
     CommandSender(to).send_chosen(choose)
 
@@ -234,6 +320,16 @@ def nodes() -> None:
       rover plan nodes > nodes.xml
     """
     click.echo(palette(), nl=False)
+
+
+async def _one_plan(client: MrsClient, *statuses: PlanStatus) -> str:
+    """Return the only plan in one of some statuses."""
+    plans = await client.get_plan_status()
+    found = [each.plan_id for each in plans if each.status in statuses]
+    if len(found) != 1:
+        names = " or ".join(status.name.lower() for status in statuses)
+        raise click.ClickException(f"name a plan; {names}: {', '.join(found) or 'none'}")
+    return found[0]
 
 
 def definition_of(

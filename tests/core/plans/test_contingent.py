@@ -8,6 +8,7 @@ import pytest
 
 from executive.commands import (
     AbortPlan,
+    AnswerQuestion,
     MoveForward,
     Request,
     Resume,
@@ -123,9 +124,7 @@ def test_a_question_is_reported_and_answered_once(bench: PlanBench) -> None:
     bench.begin(with_question(), 1.0)
     (report,) = (r for r in bench.received.reports if "The ditch?" in r.text)
     assert "question plan:survey/Sequence/Ask: The ditch? (cross or stay)" in report.text
-    run = bench.executive._planner._run
-    assert run is not None
-    run.execution.give_answer("plan:survey/Sequence/Ask", "cross")
+    bench.request(AnswerQuestion("survey", "Ask", "cross"))
     bench.step()
     bench.crash()
     bench.step()
