@@ -165,6 +165,9 @@ class PlanTree(Protocol):
     def force(self, number: int, steering: Steering) -> None:
         """Let a node obey at its next tick."""
 
+    def waits(self) -> str:
+        """Return the present waits and questions as text; empty without any."""
+
     def halt(self) -> None:
         """Halt all nodes that are RUNNING."""
 

@@ -64,11 +64,13 @@ class ActivePlans:
     Attributes:
         executing: the plan that controls the rover, if any.
         suspended: the plans that wait to be resumed.
+        waits: the present waits and questions of the executing plan, as text; empty without any.
     """
 
     def __init__(self) -> None:
         self.executing: str | None = None
         self.suspended: tuple[str, ...] = ()
+        self.waits = ""
 
 
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
@@ -205,7 +207,7 @@ class Planner:
                 self._add(definition, text)
                 return text
             case ActivatePlan(plan_id):
-                return self._start(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
+                return self._change(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
             case ResumePlan(plan_id, step):
                 at = "" if step is None else f" at {step}"
                 return self._resume(self._plans[plan_id], f"resumed by {by}{at}")
@@ -351,7 +353,7 @@ class Planner:
             and not suspended
         ):
             return
-        run.saved = state
+        run.saved, self._active.waits = state, run.tree.waits()
         left = shifted(state, -self._clock.now_s())
         stored = StoredState(run.digest, self._clock.utc_s(), suspended, encode(left))
         self._store.save_state(run.execution.plan.plan_id, stored)
@@ -388,10 +390,6 @@ class Planner:
         self._plans[definition.plan_id] = RunningPlan(update)
         self._store.add(definition, update)
         self._notifications.report_plan_update(update)
-
-    def _start(self, plan: RunningPlan, event: PlanEvent, text: str) -> str:
-        self._change(plan, event, text)
-        return text
 
     def _check_step(self, plan: RunningPlan, step: str | None) -> Refusal | None:
         """Return a refusal if a plan cannot be resumed at a step; store which nodes it skips."""
@@ -548,8 +546,8 @@ class Planner:
         text: str,
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
-    ) -> None:
-        """Apply an event to a plan.
+    ) -> str:
+        """Apply an event to a plan; return the text.
 
         Raises:
             transitions.MachineError: the plan's status does not permit it.
@@ -561,6 +559,7 @@ class Planner:
             detail = f"plan {plan.plan_id} {plan.state.name}: {text}"
             self._notifications.report_event(severity, detail, reason, figures)
         self._note()
+        return text
 
     def _notify(self, plan: RunningPlan, text: str) -> None:
         """Store and publish the progress of a plan."""
@@ -583,9 +582,8 @@ class Planner:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
     ) -> str:
-        self._change(plan, event, text, reason, figures)
         self._store.forget(plan.plan_id)
-        return text
+        return self._change(plan, event, text, reason, figures)
 
     def _stop_run(self, why: Refusal, halts: bool = False) -> None:
         """End the active commands of the executing plan, for a reason, and halt its nodes."""
@@ -596,5 +594,5 @@ class Planner:
             self._end_run()
 
     def _end_run(self) -> None:
-        self._run = None
+        self._run, self._active.waits = None, ""
         self._host.detach()

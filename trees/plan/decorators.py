@@ -15,6 +15,7 @@ from trees.plan.node import (
     Answer,
     PlanBehaviour,
     PlanRun,
+    time_text,
 )
 
 
@@ -270,3 +271,12 @@ class Window(PlanDecorator):
         if "from" in ports and utc_s < self.plan.number("from"):
             return RUNNING
         return self.nodes[0].execute()
+
+    @property
+    def waits(self) -> str:
+        """Its begin, before that."""
+        if "from" not in self.plan.ports:
+            return ""
+        begin_utc_s = self.plan.number("from")
+        waits = self.context.port.clock.utc_s() < begin_utc_s
+        return f"waits until {time_text(begin_utc_s)}" if waits else ""

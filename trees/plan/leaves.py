@@ -9,7 +9,16 @@ from executive.plans import (
     StepStatus,
     UnknownValueError,
 )
-from trees.plan.node import FAILURE, IDLE, RUNNING, STATUSES, SUCCESS, Answer, PlanBehaviour
+from trees.plan.node import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    STATUSES,
+    SUCCESS,
+    Answer,
+    PlanBehaviour,
+    time_text,
+)
 
 
 class PlanLeaf(PlanBehaviour):
@@ -109,6 +118,13 @@ class Sleep(TimedLeaf):
             return RUNNING
         self.until_s = None
         return SUCCESS
+
+    @property
+    def waits(self) -> str:
+        """The end of the wait."""
+        clock = self.context.port.clock
+        left_s = (self.until_s or clock.now_s()) - clock.now_s()
+        return f"waits until {time_text(clock.utc_s() + left_s)}"
 
 
 class CommandLeaf(TimedLeaf):

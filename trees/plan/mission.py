@@ -6,7 +6,7 @@ from typing import ClassVar
 from executive.plans import Question, parts_of
 from executive.values.parameters import Parameter
 from trees.plan.leaves import PlanLeaf, TimedLeaf
-from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer
+from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, time_text
 
 
 class WaitUntil(TimedLeaf):
@@ -24,6 +24,11 @@ class WaitUntil(TimedLeaf):
         """Succeed from the time on."""
         left_s = self.plan.number("utc") - self.context.port.clock.utc_s()
         return RUNNING if left_s > 0.0 else SUCCESS
+
+    @property
+    def waits(self) -> str:
+        """The time that it waits for."""
+        return f"waits until {time_text(self.plan.number('utc'))}"
 
 
 class _WaitingLeaf(TimedLeaf):
@@ -43,6 +48,11 @@ class _WaitingLeaf(TimedLeaf):
             allowed_s = self.plan.number("deadline_s")
             self.until_utc_s = self.context.port.clock.utc_s() + allowed_s
         return self.proceed()
+
+    @property
+    def deadline(self) -> str:
+        """The deadline as text; empty without one."""
+        return "" if self.until_utc_s is None else f" until {time_text(self.until_utc_s)}"
 
     @property
     def is_overdue(self) -> bool:
@@ -68,6 +78,11 @@ class WaitFor(_WaitingLeaf):
         text = self.feedback_message or f"not {self.script('if').text} within its deadline"
         self.context.port.note_failure(self.plan, text)
         return FAILURE
+
+    @property
+    def waits(self) -> str:
+        """Its condition and deadline."""
+        return f"waits for {self.script('if').text}{self.deadline}"
 
 
 class OperatorQuestion(_WaitingLeaf):
@@ -99,6 +114,15 @@ class OperatorQuestion(_WaitingLeaf):
             default if isinstance(default, str) else None,
             self.until_utc_s,
         )
+
+    @property
+    def waits(self) -> str:
+        """The question with its options, deadline and default."""
+        question = self._question
+        default = "" if question.default is None else f", then {question.default}"
+        options = " or ".join(question.options)
+        text = f"{self.name}: {question.text} ({options}){self.deadline}{default}"
+        return f"waits for an answer to {text}"
 
     def on_halt(self) -> None:
         """Withdraw the question."""

@@ -7,6 +7,7 @@ is reset is halted if it is RUNNING, and IDLE (INVALID of py_trees) in any case.
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from enum import Enum
 from typing import ClassVar, Final, Protocol
 
@@ -48,6 +49,15 @@ ANSWERS: Final[Mapping[str, Answer]] = {
     "SKIPPED": SKIPPED,
 }
 """Answers by their names in a plan."""
+
+
+_LAST_UTC_S: Final = datetime(9999, 1, 1, tzinfo=UTC).timestamp()
+
+
+def time_text(utc_s: float) -> str:
+    """Return a time as text."""
+    at = datetime.fromtimestamp(min(max(utc_s, 0.0), _LAST_UTC_S), UTC)
+    return f"{at:%H:%M} UTC" if at.second == 0 else f"{at:%H:%M:%S} UTC"
 
 
 class PlanRun(Protocol):
@@ -123,6 +133,11 @@ class PlanBehaviour(Behaviour):
     def cycles(self) -> tuple[int, ...]:
         """The present cycle of each loop around it, from 1."""
         return tuple(getattr(each, "count", 0) + 1 for each in self.loops)
+
+    @property
+    def waits(self) -> str:
+        """Its wait or question as text, while it is RUNNING; empty for none."""
+        return ""
 
     def on_load(self) -> None:
         """Continue after its state was loaded."""

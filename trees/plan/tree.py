@@ -142,6 +142,11 @@ class PlanTree:
         """Let a node obey at its next tick."""
         self.nodes[number].force(steering)
 
+    def waits(self) -> str:
+        """Return the present waits and questions as text; empty without any."""
+        running = (each for each in self.nodes if each.status is RUNNING)
+        return "; ".join(filter(None, (each.waits for each in running)))
+
     def halt(self) -> None:
         """Halt all nodes that are RUNNING; their scripts run."""
         self._measure()

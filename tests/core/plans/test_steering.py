@@ -1,11 +1,16 @@
 """An active plan is steered: nodes are skipped, begun again, held at; questions are answered."""
 
 from collections.abc import Iterator
+from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from adapters.recording import RunFile
+from adapters.recording.replay import replay
 from executive.commands import (
+    AbortPlan,
     ActivatePlan,
     AnswerQuestion,
     HoldAtNode,
@@ -16,6 +21,7 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Accepted
+from executive.values.clock import START_UTC_S
 from executive.values.reasons import Reason
 from executive.values.reports import PlanStatus, Stage
 from tests.support.plans import PlanBench, plan
@@ -184,3 +190,42 @@ def test_what_cannot_be_is_refused_and_changes_nothing(bench: PlanBench) -> None
     bench.until(FAILED)
     ended = bench.plan_refusal(SkipNode("survey", "after", "SUCCESS"))
     assert (ended.reason, "is FAILED" in ended.text) == (Reason.PLAN_STATUS, True)
+
+
+def test_the_reason_of_the_standstill_names_waits_and_questions(bench: PlanBench) -> None:
+    until = START_UTC_S + 300 - START_UTC_S % 60
+    at = f"{datetime.fromtimestamp(until, UTC):%H:%M} UTC"
+    wait = f'<WaitUntil utc="{until}"/>'
+    window = f'<Window from="{until + 60}">{CAMERA}</Window>'
+    question = QUESTION.replace("answer=", 'default="stay" answer=')
+    bench.begin(f"<Sequence>{question}{wait}{window}</Sequence>")
+    assert bench.executive.why.startswith(
+        "standing: plan survey waits for an answer to ditch: The ditch? (cross or stay) until "
+    )
+    assert bench.executive.why.endswith(" UTC, then stay")
+    steer(bench, AnswerQuestion("survey", "ditch", "stay"))
+    bench.run(0.2)
+    assert bench.executive.why == f"standing: plan survey waits until {at}"
+    steer(bench, SkipNode("survey", "WaitUntil", "SUCCESS"))
+    bench.run(0.2)
+    later = f"{datetime.fromtimestamp(until + 60, UTC):%H:%M} UTC"
+    assert bench.executive.why == f"standing: plan survey waits until {later}"
+    bench.request(AbortPlan("survey"))
+    bench.run(0.2)
+    assert bench.executive.why == "standing: no motion goal"
+
+
+def test_a_recording_of_steering_is_replayed_with_the_same_decisions(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, PlanBench(tmp_path, tape=tape) as bench:
+        later = CAMERA.replace('"camera"', '"later"')
+        bench.begin(f"<Sequence>{LONG}{QUESTION}{CAMERA}{later}</Sequence>", 1.0)
+        steer(bench, RetryNode("survey", "long"))
+        steer(bench, AnswerQuestion("survey", "ditch", "stay"))
+        bench.plan_refusal(AnswerQuestion("survey", "ditch", "cross"))
+        steer(bench, HoldAtNode("survey", "later"))
+        steer(bench, SkipNode("survey", "long", "SUCCESS"))
+        assert bench.until(SUSPENDED, COMPLETED) is SUSPENDED
+        assert bench.resumed() is COMPLETED
+    replayed = replay(path)
+    assert (replayed.difference, replayed.whole) == (None, True)
