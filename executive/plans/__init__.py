@@ -1,6 +1,10 @@
 """Plans: behaviour trees that mission control sends; their check, execution and results."""
 
+from executive.plans.abstraction import ANY as ANY
+from executive.plans.abstraction import Abstraction as Abstraction
+from executive.plans.abstraction import input_cells as input_cells
 from executive.plans.arguments import ArgumentError as ArgumentError
+from executive.plans.arguments import utc as utc
 from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import read_plan as read_plan
@@ -29,6 +33,9 @@ from executive.plans.execution import StepStatus as StepStatus
 from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
 from executive.plans.execution import TreeNodeView as TreeNodeView
+from executive.plans.findings import Finding as Finding
+from executive.plans.findings import Level as Level
+from executive.plans.findings import find_faults as find_faults
 from executive.plans.model import LOOPS as LOOPS
 from executive.plans.model import CellReference as CellReference
 from executive.plans.model import PlanNode as PlanNode
@@ -46,6 +53,7 @@ from executive.plans.plan_lifecycle import FINAL_STATUSES as FINAL_STATUSES
 from executive.plans.plan_xml import FORMAT as FORMAT
 from executive.plans.planner import ActivePlans as ActivePlans
 from executive.plans.planner import Planner as Planner
+from executive.plans.scripting import Cells as Cells
 from executive.plans.scripting import EvaluationError as EvaluationError
 from executive.plans.scripting import Script as Script
 from executive.plans.scripting import UnknownValueError as UnknownValueError

@@ -87,7 +87,7 @@ class CommandOutcome:
         file: path of the stored file; empty for none.
     """
 
-    reason: float = 0.0
+    reason: Value = 0.0
     file: str = ""
 
 

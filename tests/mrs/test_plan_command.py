@@ -30,7 +30,9 @@ def rover(*arguments: str) -> Result:
 
 def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
     good = rover("check", str(EXAMPLE))
-    assert (good.exit_code, good.stdout) == (0, "look-around: 8 leaves, 10 commands at most\n")
+    first, note = good.stdout.splitlines()
+    assert (good.exit_code, first) == (0, "look-around: 8 leaves, 10 commands at most")
+    assert note.startswith("  line 11: note: Sequence/get there/at least ahead: after a stop")
     bad = tmp_path / "bad.xml"
     bad.write_text(EXAMPLE.read_text().replace("<takePicture", "<takePictures"))
     reported = rover("check", str(bad))
@@ -42,6 +44,29 @@ def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
     assert rover("check", str(requests), "--arg", "far=2").exit_code == 0
     assert rover("check", str(requests), "--arg", "far").exit_code == 2
     assert rover("check", str(requests), "--asset", "nobody").exit_code == 2
+
+
+def test_a_plan_is_proved_or_its_faults_are_named_by_line(tmp_path: Path) -> None:
+    good = rover("prove", str(EXAMPLE))
+    assert (good.exit_code, good.stdout) == (0, "look-around: proved, 30 states, 119 ticks\n")
+    body = """<Sequence>
+      <moveForward distance="1" deadline_s="9"/>
+      <AlwaysFailure/></Sequence>"""
+    bad = tmp_path / "bad.xml"
+    bad.write_bytes(plan(body).content)
+    found = rover("prove", "--json", str(bad))
+    assert found.exit_code == 1
+    (fault,) = json.loads(found.stdout)["findings"]
+    assert (fault["line"], fault["level"], fault["node"]) == (3, "error", "Sequence")
+    late = plan('<Window until="2027-01-01T00:00:00Z"><takePicture deadline_s="9"/></Window>')
+    bad.write_bytes(late.content)
+    for at, exit_code in (("2026-12-31T00:00:00Z", 0), ("2027-01-01T00:00:09Z", 1)):
+        checked = rover("check", "--at", at, "--json", str(bad))
+        assert checked.exit_code == exit_code
+        assert len(json.loads(checked.stdout)["findings"]) == exit_code
+    assert rover("check", "--at", "noon", str(bad)).exit_code == 2
+    bad.write_text("no plan")
+    assert json.loads(rover("prove", "--json", str(bad)).stdout)["reason"] == "PLAN_NOT_XML"
 
 
 def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:

@@ -10,5 +10,7 @@ from trees.plan.node import SKIPPED as SKIPPED
 from trees.plan.node import SUCCESS as SUCCESS
 from trees.plan.node import Answer as Answer
 from trees.plan.node import PlanBehaviour as PlanBehaviour
+from trees.plan.proof import Proof as Proof
+from trees.plan.proof import prove as prove
 from trees.plan.tree import NODES as NODES
 from trees.plan.tree import PlanTree as PlanTree

@@ -1,14 +1,23 @@
-"""The command `rover plan`: checks plans locally; submits, controls and watches them on a rover."""
+"""The command `rover plan`: submits, controls and watches plans on a rover."""
 
 import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 import click
 
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
+from adapters.mrs.cli.plan_check_command import (
+    ARGUMENTS,
+    FILE,
+    ID,
+    check,
+    definition_of,
+    prove,
+    refuse,
+)
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import (
     FAILED,
@@ -21,7 +30,6 @@ from adapters.mrs.cli.terminal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import wire_update
-from adapters.process import asset_option
 from executive.commands import (
     AbortPlan,
     ActivatePlan,
@@ -29,7 +37,6 @@ from executive.commands import (
     CommandDeclaration,
     HoldAtNode,
     PlanArgument,
-    PlanDefinition,
     PlanRequest,
     RemovePlan,
     Request,
@@ -40,34 +47,11 @@ from executive.commands import (
     SuspendPlan,
     declaration_of,
 )
-from executive.plans import FORMAT, check_plan, max_commands, palette, read_plan, steps
-from executive.settings import SettingsError, load_settings
+from executive.plans import palette, read_plan
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
-_FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-
-
-def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> Any:
-    pairs = [text.partition("=") for text in texts]
-    for name, equals, _value in pairs:
-        if not name or not equals:
-            raise click.BadParameter(f"{name!r}: write NAME=VALUE")
-    return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
-
-
-ARGUMENTS: Final = click.option(
-    "--arg",
-    "arguments",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=_arguments,
-    help="A value that the plan reads as {NAME}; may be repeated.",
-)
-_ID: Final = click.option(
-    "--id", "plan_id", metavar="PLAN", help="The plan's id; the file's name by default."
-)
 
 
 @click.group()
@@ -80,40 +64,20 @@ def plan() -> None:
     \b
     Examples:
       rover plan check config/plans/look-around.xml
+      rover plan prove config/plans/look-around.xml
       rover plan submit config/plans/look-around.xml
       rover plan activate look-around
       rover plan watch look-around
     """
 
 
-@plan.command()
-@_FILE
-@_ID
-@ARGUMENTS
-@asset_option()
-def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
-    """Check FILE as an asset would, without a connection.
-
-    \b
-    Examples:
-      rover plan check config/plans/look-around.xml
-      rover plan check there-and-back.xml --arg far=3 --asset mocup
-    """
-    try:
-        settings = load_settings(asset)
-    except SettingsError as error:
-        raise click.UsageError(str(error)) from error
-    definition = definition_of(file, plan_id, arguments)
-    checked = check_plan(definition, settings)
-    if isinstance(checked, Refusal):
-        _refuse(file, checked)
-    leaves, commands = len(steps(checked)), max_commands(checked)
-    click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
+for _command in (check, prove):
+    plan.add_command(_command)
 
 
 @plan.command()
-@_FILE
-@_ID
+@FILE
+@ID
 @ARGUMENTS
 @to_option
 def submit(
@@ -129,14 +93,8 @@ def submit(
     definition = definition_of(file, plan_id, arguments)
     read = read_plan(definition)
     if isinstance(read, Refusal):
-        _refuse(file, read)
+        refuse(file, read)
     CommandSender(to).send(SubmitPlan(definition))
-
-
-def _refuse(file: Path, refusal: Refusal) -> NoReturn:
-    reason = refusal.reason
-    click.echo(f"{file}: {reason.value} {reason.name}: {refusal.text}", err=True)
-    sys.exit(FAILED)
 
 
 def _add_control_command(
@@ -330,14 +288,6 @@ async def _one_plan(client: MrsClient, *statuses: PlanStatus) -> str:
         names = " or ".join(status.name.lower() for status in statuses)
         raise click.ClickException(f"name a plan; {names}: {', '.join(found) or 'none'}")
     return found[0]
-
-
-def definition_of(
-    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
-) -> PlanDefinition:
-    """Return the plan of a file; its id is the file's name by default."""
-    name = plan_id or file.name.partition(".")[0]
-    return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
 
 
 def _is_over(update: PlanUpdate) -> bool:
