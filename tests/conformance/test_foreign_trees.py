@@ -98,10 +98,17 @@ REFUSED = {
     "endless Repeat": (f'<Repeat num_cycles="-1">{COMMAND}</Repeat>', "below a Timeout"),
     "misspelt condition": (f'<Sequence _skipif="1 == 1">{COMMAND}</Sequence>', "_skipIf"),
     "misspelt node": (f"<Sequnce>{COMMAND}</Sequnce>", "did you mean Sequence"),
+    "node of another library": (
+        f'<ForEachUntilSuccess vector_in="{{v}}">{COMMAND}</ForEachUntilSuccess>',
+        "did you mean ForceSuccess",
+    ),
+    "node like no other": (f"<Xyz>{COMMAND}</Xyz>", "rover plan nodes"),
+    "attribute like no other": (f'<Sequence timeout="9">{COMMAND}</Sequence>', "remove it"),
+    "attribute of an editor": (f'<Sequence _external="1">{COMMAND}</Sequence>', "remove it"),
     "tree of another file": ('<SubTree ID="Elsewhere"/>', "no tree"),
     "external argument": (
         f'<Repeat num_cycles="{{times}}">{COMMAND}</Repeat>',
-        "no value given for {times}",
+        "give --arg times=VALUE",
     ),
     "text in double quotes": (
         f'<Precondition if="mode == &quot;x&quot;">{COMMAND}</Precondition>',
@@ -123,7 +130,7 @@ def test_what_does_not_load_is_refused_with_its_line_and_a_remedy(name: str) -> 
     [
         (file_of(COMMAND, 'main_tree_to_execute="Main"'), 2, 'BTCPP_format="4"'),
         (file_of(COMMAND, 'BTCPP_format="3" main_tree_to_execute="Main"'), 2, 'BTCPP_format="4"'),
-        (file_of(COMMAND, 'BTCPP_format="4" main_tree_to_execute="Mian"'), 2, "Mian"),
+        (file_of(COMMAND, 'BTCPP_format="4" main_tree_to_execute="Mian"'), 2, "did you mean Main"),
         (file_of(COMMAND).replace("</root>", '<include path="more.xml"/>\n</root>'), 6, "one file"),
     ],
     ids=["version 3", "format 3", "unknown main tree", "include"],

@@ -23,6 +23,7 @@ TEXTS: Final = ("'a'", "'b'", "'c'")
 TELEMETRY: Final = ("BATERY_VOLTAGE", "LINK_SILENT_S", "LINK_UP")
 _DURATIONS_MS: Final = (75, 125, 200, 250, 500, 875)
 _PRECONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
+_ALWAYS_SKIPPED: Final = {"_skipIf": "1 == 1", "_while": "0 == 1"}
 _POSTCONDITIONS: Final = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
@@ -90,7 +91,7 @@ def random_plan(seed: int) -> RandomPlan:
     models = f"<TreeNodesModel>{''.join(trees.models)}</TreeNodesModel>" if trees.models else ""
     text = plan_text(main, "".join(trees.bodies) + models)
     telemetry = {name: _series(draw) for name in TELEMETRY}
-    return RandomPlan(text, telemetry, 1 + draw.below(TICKS - 1) if draw.chance(0.2) else -1)
+    return RandomPlan(text, telemetry, 1 + draw.below(TICKS - 1) if draw.chance(0.3) else -1)
 
 
 def plan_text(main: str, more: str = "") -> str:
@@ -311,7 +312,9 @@ class _Tree:
     def _element(self, kind: str, ports: dict[str, str], children: Sequence[str] = ()) -> str:
         attributes = dict(ports)
         if self._draw.chance(0.16):
-            attributes[self._draw.one(_PRECONDITIONS)] = self._premise()
+            name = self._draw.one(_PRECONDITIONS)
+            always = _ALWAYS_SKIPPED.get(name) if self._draw.chance(0.4) else None
+            attributes[name] = always or self._premise()
         if self._draw.chance(0.16):
             attributes[self._draw.one(_POSTCONDITIONS)] = self._assignments()
         written = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
