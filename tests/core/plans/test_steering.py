@@ -229,3 +229,16 @@ def test_a_recording_of_steering_is_replayed_with_the_same_decisions(tmp_path: P
         assert bench.resumed() is COMPLETED
     replayed = replay(path)
     assert (replayed.difference, replayed.whole) == (None, True)
+
+
+def test_a_kill_after_the_report_and_before_the_node_obeys_loses_nothing(bench: PlanBench) -> None:
+    bench.begin(DRIVE, 2.0)
+    number = bench.number + 1
+    bench.request(SkipNode("survey", "long", "SUCCESS"))
+    bench.executive._commits.flush()
+    bench.crash()
+    bench.step()
+    reports = [r for r in bench.received.reports if r.identity and r.identity.command_id == number]
+    assert reports[-1].stage is Stage.EXECUTED
+    assert bench.resumed() is COMPLETED
+    assert bench.ends() == [Stage.FAILED, Stage.EXECUTED]
