@@ -91,6 +91,7 @@ class Exploration:
     """Explores one plan; the executive's side of its tree.
 
     Attributes:
+        runs: number of runs of nodes.
         reached: numbers of the nodes that ran.
         repeated: nodes that were commanded again after they succeeded.
         satisfied: lines of `WaitFor` nodes that succeeded.
@@ -101,6 +102,7 @@ class Exploration:
     def __init__(self, plan: PlanRoot) -> None:
         self.time = _Clock()
         self.clock: Clock = self.time
+        self.runs = 0
         self.reached: set[int] = set()
         self.repeated: set[int] = set()
         self.satisfied: set[int] = set()
@@ -421,6 +423,7 @@ def _noted(base: Any) -> NodeClass:
     """Return a class of nodes that note when they run."""
 
     def run(self: PlanBehaviour) -> Answer:
+        _exploration(self).runs += 1
         _exploration(self).reached.add(self.number)
         answer: Answer = base.run(self)
         return answer

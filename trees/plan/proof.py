@@ -7,8 +7,8 @@ from typing import Final
 from executive.plans import Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
 from trees.plan.exploration import Exploration, ExploredState
 
-MAX_TICKS: Final = 20_000
-"""Maximum number of explored ticks: a few seconds; chosen."""
+MAX_WORK: Final = 1_000_000
+"""Maximum number of nodes that are loaded or run: about 5 s; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +48,14 @@ class _State:
     is_left: bool = True
 
 
-def prove(plan: PlanRoot, max_ticks: int = MAX_TICKS) -> Proof:
+def prove(plan: PlanRoot, max_work: int = MAX_WORK) -> Proof:
     """Explore a plan."""
     exploration = Exploration(plan)
     numbers: dict[ExploredState, int] = {exploration.begin: 0}
     graph = [_State(frozenset(), [])]
     todo, results, ticks, at = [exploration.begin], set[PlanResult](), 0, 0
-    while at < len(todo) and ticks < max_ticks:
+    size, is_cut = sum(1 for _ in nodes(plan)), False
+    while at < len(todo) and not is_cut:
         state, leaves = graph[at], False
         for tick in exploration.transitions(todo[at]):
             ticks += 1
@@ -69,19 +70,20 @@ def prove(plan: PlanRoot, max_ticks: int = MAX_TICKS) -> Proof:
                 graph.append(_State(frozenset(i for i, each in letters if each == "R"), []))
             if not tick.is_stop:
                 state.next.append((number, tick.begun))
-            if ticks >= max_ticks:
-                leaves = True
+            is_cut = ticks * size + exploration.runs >= max_work
+            if is_cut:
                 break
-        state.is_left = leaves
-        at += 1
-    limits = [f"{ticks} ticks: {len(todo) - at} states were not explored"] * (at < len(todo))
+        state.is_left = leaves or is_cut
+        at += not is_cut
+    is_cut = at < len(todo)
+    limits = [f"{ticks} ticks: {len(todo) - at} states were not explored"] * is_cut
     limits += [
         f"line {node.location.line}: {node.kind.name} explored with {text}"
         for node, text in exploration.shortened
     ]
     judge = _Judge(plan, exploration)
     judge.judge_graph(graph)
-    if at == len(todo):
+    if not is_cut:
         judge.judge_results(results)
     return Proof(len(todo), ticks, judge.findings, tuple(dict.fromkeys(limits)))
 
