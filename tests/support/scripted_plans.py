@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
+from unittest.mock import patch
 
 from executive.commands import PlanDefinition, Request, SetCameraAngles
 from executive.plans import (
@@ -23,6 +24,7 @@ from executive.values.reasons import Refusal
 from tests.support.behaviortree_cpp.traces import CellChange, Trace, TracedTick
 from tests.support.random_plans import STEP_MS, TELEMETRY, TICKS, RandomPlan
 from trees.plan import FAILURE, SUCCESS, Answer, PlanBehaviour, PlanLeaf, PlanTree
+from trees.plan import tree as tree_module
 
 STATUSES: Final = {
     "R": StepStatus.RUNNING,
@@ -172,7 +174,9 @@ def play(
         classes: classes of nodes to use instead of the product's.
     """
     used: Classes = {"Near": ScriptedCondition, **(classes or {})}
-    return tuple(_ticks(plan, root, stored, used))
+    # The reference has no bound of nodes in a tick: it repeats the tick 50 times.
+    with patch.object(tree_module, "MAX_EXECUTED_NODES", 1_000_000, create=True):
+        return tuple(_ticks(plan, root, stored, used))
 
 
 def _ticks(
