@@ -106,7 +106,7 @@ class PlanPort(Protocol):
         """Return whether a fault is active."""
 
     def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
-        """Request the command of a step; see `PlanStep.request_from` for what it raises."""
+        """Request the command of a step; see `PlanStep.request_from`."""
 
     def poll(self, step: PlanStep) -> StepStatus:
         """Return the status of the command of a step."""

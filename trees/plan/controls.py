@@ -16,7 +16,7 @@ from trees.plan.node import (
 
 
 class ControlNode(PlanBehaviour):
-    """A node with several children; those of fallbacks go on after a failure."""
+    """A node with several children; those of fallbacks continue after a failure."""
 
     def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
         super().__init__(plan, run, nodes)

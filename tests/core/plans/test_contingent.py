@@ -26,7 +26,7 @@ from tests.support.plans import PlanBench, plan, xml
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
 BACK = '<moveForward distance="-0.3" deadline_s="60"/>'
 LONG = '<moveForward name="long" distance="50" deadline_s="600"/>'
-LOOK = '<setCameraAngles pan="{pan}" tilt="0" deadline_s="9"/>'
+AIM = '<setCameraAngles pan="{pan}" tilt="0" deadline_s="9"/>'
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def after(seconds: float) -> str:
 
 
 def test_a_loop_gives_each_part_to_its_command(bench: PlanBench) -> None:
-    body = f'<LoopDouble queue="-0.8;0.4" value="{{pan}}" _onSuccess="all := 1">{LOOK}</LoopDouble>'
+    body = f'<LoopDouble queue="-0.8;0.4" value="{{pan}}" _onSuccess="all := 1">{AIM}</LoopDouble>'
     assert bench.outcome(body) is COMPLETED
     assert requests(bench) == [SetCameraAngles(-0.8, 0.0), SetCameraAngles(0.4, 0.0)]
     assert bench.status().done == bench.status().total == 1
@@ -74,7 +74,7 @@ def test_telemetry_is_read_in_each_tick_and_unknown_is_no_answer(bench: PlanBenc
     assert bench.ends() == [Stage.CANCELLED]
 
 
-def test_a_wait_does_not_end_by_what_is_not_known(bench: PlanBench) -> None:
+def test_a_wait_does_not_end_by_an_unknown_value(bench: PlanBench) -> None:
     bench.voltage_v = None
     bench.executive.status.battery = None
     bench.begin(
@@ -169,7 +169,7 @@ def test_conditions_on_the_rover(bench: PlanBench) -> None:
     assert bench.outcome(body) is COMPLETED, bench.status()
 
 
-def test_a_suspension_halts_no_node_and_keeps_what_is_left_of_a_sleep(bench: PlanBench) -> None:
+def test_a_suspension_halts_no_node_and_stores_the_rest_of_a_sleep(bench: PlanBench) -> None:
     body = f"""<Sequence><Script code="halted := 0"/>
       <Sequence name="in" _onHalted="halted := 1"><Sleep msec="4000"/>{BACK}</Sequence>
       <ScriptCondition code="halted == 0"/></Sequence>"""
