@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from executive.checks import check_pose, check_request
-from executive.commands import MoveTo, Waypoint
+from executive.commands import Mode, MoveTo, Waypoint
 from executive.commands.intake import check_arguments, localized
 from executive.core.link_loss import GroundMonitor
 from executive.goals import Context
@@ -106,7 +106,9 @@ class RoverSurroundings:
 
     @property
     def is_held(self) -> bool:
-        """Whether a stop or a fault holds the rover."""
+        """Whether a stop or a fault holds the rover, or another command moves it."""
         latches = self._context.latches
+        goals = self._context.goals
         held = latches.hazard is not None or latches.stopped_by is not None
-        return held or latches.paused is not None
+        moves = goals.motion_mode is not Mode.IDLE or goals.motion.blocked_by is not None
+        return held or moves or latches.paused is not None

@@ -37,6 +37,7 @@ from executive.plans.findings import Finding as Finding
 from executive.plans.findings import Level as Level
 from executive.plans.findings import find_faults as find_faults
 from executive.plans.model import LOOPS as LOOPS
+from executive.plans.model import MAX_READ_PARTS as MAX_READ_PARTS
 from executive.plans.model import CellReference as CellReference
 from executive.plans.model import PlanNode as PlanNode
 from executive.plans.model import PlanRoot as PlanRoot

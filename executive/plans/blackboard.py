@@ -80,6 +80,7 @@ class Scope:
     ) -> None:
         self.cells = cells
         self.used: set[str] = set()
+        self.measured: set[str] = set()
         self._label = label
         self._above = above
         self._autoremap = autoremap
@@ -101,6 +102,7 @@ class Scope:
             ValueError: no variable can have this name.
         """
         if name.startswith("@"):
+            self._root.measured.add(name[1:])
             return self._root.resolve(name[1:])
         if not name or len(name) > _MAX_NAME_LENGTH or not name.isprintable():
             raise ValueError(f"{name[:40]!r} is no name of a variable")

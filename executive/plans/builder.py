@@ -24,7 +24,7 @@ from executive.plans.dialect import (
     Role,
 )
 from executive.plans.model import NodeLocation, PlanNode, PlanRoot, PlanStep, steps
-from executive.plans.nominal import max_commands
+from executive.plans.nominal import max_leaves
 from executive.plans.plan_xml import (
     AUTOREMAP,
     FORMAT,
@@ -58,6 +58,9 @@ from executive.values.geometry import Point
 from executive.values.reasons import Reason, Refusal
 
 MAX_NODES: Final = 500
+MAX_CELLS: Final = 1000
+MAX_EXPRESSIONS: Final = 10_000
+"""Maximum numbers of variables and operations of scripts, with expanded subtrees; chosen."""
 MAX_COMMANDS: Final = 10_000
 """Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
 
@@ -78,6 +81,15 @@ class _Draft:
     limited: bool
     texts: Mapping[str, str]
     scripts: Mapping[str, tuple[Expression, ...]]
+
+    @property
+    def cells(self) -> frozenset[int]:
+        """The cells that its scripts read or set, or that `SetBlackboard` copies."""
+        found = {each.cell for script in self.scripts.values() for each in expressions(script)}
+        copied = variable(self.texts.get("value", ""), "value")
+        if copied is not None and self.node.kind.name == "SetBlackboard":
+            found.add(self.scope.resolve(copied))
+        return frozenset(found - {-1})
 
     def finish(self) -> None:
         """Read the ports."""
@@ -106,7 +118,7 @@ class _Expansion:
         self.drafts: list[_Draft] = []
         self._trees = trees
         self._defaults = defaults
-        self._count = 0
+        self._count = self._operations = 0
 
     def tree(self, name: str, path: str, scope: Scope) -> PlanNode:
         """Return the root of a plan, which runs a tree."""
@@ -139,6 +151,7 @@ class _Expansion:
             if kind.port("name") is not None and "name" in element.attributes:
                 texts["name"] = element.attributes["name"]
             scripts = _scripts(element, kind, scope)
+            self._check_size(element, scope.cells, scripts)
             if is_subtree:
                 children = self._subtree(element, at, texts, scope, above, limited)
             else:
@@ -174,7 +187,19 @@ class _Expansion:
             if outer is not None:
                 _cell(element, scope, name, outer)
             inner.set(name, text)
+            self._check_size(element, scope.cells, {})
         return self._children(self._trees[tree], location, inner, (*above, tree), limited)
+
+    def _check_size(
+        self, element: Element, cells: CellTable, scripts: Mapping[str, tuple[Expression, ...]]
+    ) -> None:
+        self._operations += sum(sum(1 for _ in expressions(each)) for each in scripts.values())
+        for number, high, name in (
+            (len(cells.texts), MAX_CELLS, "variables"),
+            (self._operations, MAX_EXPRESSIONS, "operations in scripts"),
+        ):
+            if number > high:
+                raise element.error(Reason.PLAN_TOO_LARGE, f"a plan has {high} {name} at most")
 
     def _location(self, path: str, element: Element) -> NodeLocation:
         if self._count == MAX_NODES:
@@ -271,11 +296,18 @@ def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
         for port in draft.node.kind.ports:
             if port.type in _WRITTEN:
                 _unite(draft, port.name, _WRITTEN[port.type], types)
-    before: Types = []
-    while before != types:
+    waiting: defaultdict[int, list[_Draft]] = defaultdict(list)
+    pending = list(drafts)
+    while pending:
         before = list(types)
-        for draft in drafts:
+        for draft in pending:
             _infer_draft(draft, types)
+            for cell in draft.cells:
+                if types[cell] is None:
+                    waiting[cell].append(draft)
+        known = [cell for cell in range(len(types)) if before[cell] is None and types[cell]]
+        found = {id(each): each for cell in known for each in waiting.pop(cell, ())}
+        pending = list(found.values())
 
 
 def _infer_draft(draft: _Draft, types: Types) -> None:
@@ -357,8 +389,8 @@ def read_plan(definition: PlanDefinition) -> PlanRoot | Refusal:
         if not steps(plan):
             text = "the plan has no command"
             raise PlanError(Reason.PLAN_STRUCTURE, plan.location.line, text)
-        if max_commands(plan) > MAX_COMMANDS:
-            text = f"its loops could command {max_commands(plan)} times: {MAX_COMMANDS} at most"
+        if max_leaves(plan) > MAX_COMMANDS:
+            text = f"its loops could execute {max_leaves(plan)} leaves: {MAX_COMMANDS} at most"
             raise PlanError(Reason.PLAN_TOO_LARGE, plan.location.line, text)
         return plan
     except PlanError as fault:
@@ -386,6 +418,10 @@ def _read(definition: PlanDefinition) -> PlanRoot:
     expansion = _Expansion(trees, subtree_defaults(root))
     built = expansion.tree(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
     _require_used(definition.arguments, root.children, scope)
+    for argument in definition.arguments:
+        if argument.name in scope.measured & TELEMETRY.keys():
+            text = f"a script reads the telemetry @{argument.name}: rename the argument"
+            raise PlanError(_ARGUMENT, None, text)
     drafts = sorted(expansion.drafts, key=lambda each: each.node.location.number)
     for draft in drafts:
         _check_reads(draft)

@@ -180,6 +180,9 @@ def steps(root: PlanNode) -> tuple[PlanStep, ...]:
     return tuple(each for each in nodes(root) if isinstance(each, PlanStep))
 
 
+MAX_LOOP_CYCLES: Final = 1000
+MAX_READ_PARTS: Final = 100
+"""Maximum number of parts of a queue that is read from the blackboard; chosen."""
 LOOPS: Final[Mapping[str, str]] = {"Repeat": "num_cycles", "RetryUntilSuccessful": "num_attempts"}
 """Loops with a number of cycles, and its port."""
 

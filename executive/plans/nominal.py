@@ -6,6 +6,8 @@ from typing import Final
 
 from executive.plans.model import (
     LOOPS,
+    MAX_LOOP_CYCLES,
+    MAX_READ_PARTS,
     CellReference,
     PlanNode,
     PlanRoot,
@@ -89,7 +91,7 @@ def _body(node: PlanNode, cells: Cells, left: Iterator[int]) -> Iterator[Nominal
         case "Repeat":
             chosen *= max(1, int(node.number("num_cycles")))
         case "LoopString" | "LoopDouble" | "LoopPlace":
-            for part in parts_of(_given(node, "queue", cells) or ""):
+            for part in parts_of(_given(node, "queue", cells) or "")[:MAX_LOOP_CYCLES]:
                 _set_part(node, part, cells)
                 yield from _visit(chosen[0], cells, left)
             return
@@ -150,14 +152,19 @@ def _case(node: PlanNode, cells: Cells) -> PlanNode:
     return node.children[-1 if variable is not None else 0]
 
 
-def max_commands(node: PlanNode) -> int:
-    """Return the maximum number of commands of a node; a loop that only time limits counts once."""
-    if isinstance(node, PlanStep):
-        return 1
+def max_leaves(node: PlanNode, commands_only: bool = False) -> int:
+    """Return the maximum number of executed leaves; a loop that only time limits counts once."""
+    if not node.children:
+        return int(isinstance(node, PlanStep) or not commands_only)
     times = 1
     if node.kind.name in LOOPS:
         times = max(1, int(node.number(LOOPS[node.kind.name])))
     elif node.kind.name.startswith("Loop"):
         queue = node.ports["queue"]
-        times = len(parts_of(queue)) if isinstance(queue, str) else 1
-    return times * sum(max_commands(child) for child in node.children)
+        times = len(parts_of(queue)) if isinstance(queue, str) else MAX_READ_PARTS
+    return times * sum(max_leaves(child, commands_only) for child in node.children)
+
+
+def max_commands(node: PlanNode) -> int:
+    """Return the maximum number of commands of a node."""
+    return max_leaves(node, commands_only=True)

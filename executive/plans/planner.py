@@ -1,6 +1,7 @@
 """`Planner` executes requests on plans (submit, activate, suspend, ...), and runs active plans."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import dist
 from typing import Final, assert_never
@@ -31,6 +32,7 @@ from executive.commands.lifecycle import (
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
     Cancel,
+    LeafError,
     PlanExecution,
     PlanHost,
     PlanResult,
@@ -48,7 +50,8 @@ from executive.plans.plan_lifecycle import (
     check_status,
     source_states,
 )
-from executive.plans.state import PlanState, StateCommand, StateError, decode, encode, shifted
+from executive.plans.recovery import recover_state
+from executive.plans.state import PlanState, StateError, decode, encode, shifted
 from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
@@ -83,9 +86,12 @@ MAX_RESTARTS: Final = 3
 """Maximum number of restarts after which a plan continues by itself."""
 MAX_RESTART_DISTANCE_M: Final = 1.5
 """Maximum distance from the stored position for a plan that continues by itself; chosen."""
+RESTART_S: Final = 60.0
+"""Time after a start within which a plan continues by itself; chosen."""
 STORED_POSITION_M: Final = 0.5
 """Distance after which the position of the rover is stored again."""
 
+MAX_STATE_LENGTH: Final = 256 * 1024
 UNWRITTEN_STEPS: Final = Refusal(
     Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
 )
@@ -158,6 +164,7 @@ class Planner:
         self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()
         self._restarted: str | None = None
+        self._restarted_s = clock.now_s()
         self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
@@ -201,6 +208,7 @@ class Planner:
 
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
+        self._restarted = None
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
@@ -245,36 +253,11 @@ class Planner:
         if plan is None:
             return
         self._store.forget_unfinished_steps(plan.plan_id)
-        self._recover_state(plan.plan_id)
+        recover_state(self._store, plan.plan_id, self._clock.utc_s())
         text = "the executive was restarted"
         self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
         root = None if self._surroundings.is_held else self.root(plan.plan_id)
         self._restarted = plan.plan_id if root is not None and root.resumes else None
-
-    def _recover_state(self, plan_id: str) -> None:
-        stored = self._store.state(plan_id)
-        if stored is None:
-            return
-        try:
-            state = decode(stored.text)
-        except StateError:
-            return  # the plan fails when it continues
-        found = (each if each.stage else self._ended(plan_id, each) for each in state.commands)
-        commands = tuple(each for each in found if each is not None)
-        ended = (*state.ended, *(each.node for each in commands))
-        state = state._replace(commands=commands, ended=ended)
-        utc_s = self._clock.utc_s()
-        if not stored.suspended:
-            state = shifted(state, min(0.0, stored.utc_s - utc_s))
-        self._store.save_state(plan_id, StoredState(stored.digest, utc_s, True, encode(state)))
-
-    def _ended(self, plan_id: str, command: StateCommand) -> StateCommand | None:
-        """Return a command with its terminal stage; None if it has not reached one."""
-        report = self._store.last_report(plan_id, command.command_id)
-        if report is None or report.stage is None or not report.stage.terminal:
-            return None
-        reason = 0 if report.reason is None else report.reason.value
-        return command._replace(stage=report.stage.value, reason=reason)
 
     def fail(self, why: Refusal) -> None:
         """Fail the executing plan."""
@@ -321,7 +304,13 @@ class Planner:
     def _resume_restarted(self, plan_id: str) -> bool:
         """Resume a plan that continues by itself after a restart, as soon as the pose is known."""
         position, plan = self._surroundings.position, self._plans.get(plan_id)
-        if plan is None or plan.state is not PlanStatus.SUSPENDED or self._surroundings.is_held:
+        late = self._clock.now_s() > self._restarted_s + RESTART_S
+        if (
+            plan is None
+            or plan.state is not PlanStatus.SUSPENDED
+            or self._surroundings.is_held
+            or late
+        ):
             self._restarted = None
             return False
         if position is None or not self._store.is_durable(plan.batch):
@@ -355,7 +344,11 @@ class Planner:
             return
         run.saved, self._active.waits = state, run.tree.waits()
         left = shifted(state, -self._clock.now_s())
-        stored = StoredState(run.digest, self._clock.utc_s(), suspended, encode(left))
+        if len(text := encode(left)) > MAX_STATE_LENGTH and not suspended:
+            raise LeafError(f"plan:{run.execution.plan.plan_id}") from StateError(
+                "too large a state"
+            )
+        stored = StoredState(run.digest, self._clock.utc_s(), suspended, text)
         self._store.save_state(run.execution.plan.plan_id, stored)
 
     @property
@@ -590,7 +583,8 @@ class Planner:
         if self._run is not None:
             self._run.execution.cancel_running(why)
             if halts:
-                self._run.tree.halt()
+                with suppress(LeafError):
+                    self._run.tree.halt()
             self._end_run()
 
     def _end_run(self) -> None:

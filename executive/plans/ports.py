@@ -16,10 +16,17 @@ from executive.plans.arguments import (
 )
 from executive.plans.blackboard import Scope, variable
 from executive.plans.dialect import DEADLINE, NodeKind, Port, PortType
-from executive.plans.model import LOOPS, CellReference, PlanNode, PortValue, part_values, parts_of
+from executive.plans.model import (
+    LOOPS,
+    MAX_LOOP_CYCLES,
+    CellReference,
+    PlanNode,
+    PortValue,
+    part_values,
+    parts_of,
+)
 from executive.plans.scripting import value_of
 
-MAX_LOOP_CYCLES: Final = 1000
 MAX_DEADLINE_S: Final = 86_400.0
 MAX_OPTIONS: Final = 10
 

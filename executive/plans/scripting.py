@@ -24,7 +24,7 @@ from executive.plans.syntax import (
     Value,
 )
 
-MAX_TEXT_LENGTH: Final = 16_384
+MAX_TEXT_LENGTH: Final = 1024
 """Maximum length in characters of a text that a script builds."""
 EQUALITY_TOLERANCE: Final = 2.0**-23
 """Difference within which two numbers are equal; the epsilon of a 32-bit float."""
@@ -265,6 +265,12 @@ def _number(value: Value) -> float:
     return value
 
 
+def _finite(number: float) -> float:
+    if not isfinite(number):
+        raise EvaluationError("a result is too large")
+    return number
+
+
 def _whole(value: Value, *, truncated: bool = False) -> int:
     number = _number(value)
     if not isfinite(number) or abs(number) >= 2.0**63 or not (truncated or number == int(number)):
@@ -275,7 +281,7 @@ def _whole(value: Value, *, truncated: bool = False) -> int:
 def _add(left: Value, right: Value) -> Value:
     if isinstance(left, str) and isinstance(right, str):
         return _join(left, right)
-    return _number(left) + _number(right)
+    return _finite(_number(left) + _number(right))
 
 
 def _join(left: Value, right: Value) -> Value:
@@ -289,7 +295,7 @@ def _divide(left: Value, right: Value) -> Value:
     divisor = _number(right)
     if divisor == 0.0:
         raise EvaluationError("division by zero")
-    return _number(left) / divisor
+    return _finite(_number(left) / divisor)
 
 
 def _ordered(compare: Callable[[float, float], bool]) -> Callable[[Value, Value], bool]:
@@ -304,8 +310,8 @@ def _ordered(compare: Callable[[float, float], bool]) -> Callable[[Value, Value]
 
 _BINARY: Final[dict[str, Callable[[Value, Value], Value]]] = {
     "+": _add,
-    "-": lambda left, right: _number(left) - _number(right),
-    "*": lambda left, right: _number(left) * _number(right),
+    "-": lambda left, right: _finite(_number(left) - _number(right)),
+    "*": lambda left, right: _finite(_number(left) * _number(right)),
     "/": _divide,
     "..": _join,
     "&": lambda left, right: float(_whole(left) & _whole(right)),

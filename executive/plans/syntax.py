@@ -7,6 +7,7 @@ script is read; nothing is looked up by name later.
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Final
 
 from executive.commands import Mode
@@ -57,7 +58,7 @@ ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
 
 
 _TOKEN: Final = re.compile(
-    r"\s*(?:(?P<text>'[^']*')|(?P<hex>0[xX][0-9a-fA-F]+)(?![\w.])"
+    r"\s*(?:(?P<text>'[^']*')|(?P<hex>0[xX][0-9a-fA-F]{1,16})(?![\w.])"
     r"|(?P<number>(?>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?))(?![A-Za-z_]|\.(?!\.))"
     r"|(?P<name>[A-Za-z_@][A-Za-z0-9_]*)"
     r"|(?P<sign>:=|==|!=|<=|>=|&&|\|\||\+=|-=|\*=|/=|\.\.|[-+*/&|^~!<>=?:();]))"
@@ -183,6 +184,8 @@ class _Parser:
                 return Expression(LITERAL, column, value=text[1:-1])
             case (("hex" | "number"), _):
                 number = float(int(text, 16)) if token.kind == "hex" else float(text)
+                if not isfinite(number):
+                    raise ScriptError(column, f"{text[:20]} is too large")
                 return Expression(LITERAL, column, value=number)
             case "name", _ if text in CONSTANTS:
                 return Expression(LITERAL, column, value=CONSTANTS[text])

@@ -17,9 +17,9 @@ from executive.commands.lifecycle import EDGES, Edge, terminal_states
 from executive.plans import DIALECT, plan_xml
 from executive.plans.arguments import MAX_VALUE_LENGTH, MAX_WAYPOINTS
 from executive.plans.builder import MAX_COMMANDS, MAX_NODES
+from executive.plans.model import MAX_LOOP_CYCLES
 from executive.plans.plan_lifecycle import PLAN_EDGES
 from executive.plans.planner import MAX_PLANS
-from executive.plans.ports import MAX_LOOP_CYCLES
 from executive.settings import load_settings
 from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview

@@ -209,7 +209,13 @@ class Switch(PlanBehaviour):
 
     def run(self) -> Answer:
         """Select a child, reset another one that runs, tick the selected one."""
-        selected = self._selected()
+        try:
+            selected = self._selected()
+        except UnknownValueError as unknown:
+            self.note_unknown(unknown)
+            self.reset_children()
+            self.running = -1
+            return FAILURE
         if self.running not in {-1, selected}:
             self.nodes[self.running].reset()
         answer = self.nodes[selected].execute()
@@ -225,7 +231,9 @@ class Switch(PlanBehaviour):
         last = len(self.nodes) - 1
         try:
             variable = self.read("variable") if "variable" in self.plan.ports else None
-        except UnknownValueError:
+        except UnknownValueError as unknown:
+            if unknown.cell in self.context.measured:
+                raise
             return last
         if variable is None:
             return last

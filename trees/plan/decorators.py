@@ -4,7 +4,15 @@ from collections.abc import Sequence
 from math import inf
 from typing import Final
 
-from executive.plans import LOOPS, ArgumentError, PlanNode, UnknownValueError, part_values, parts_of
+from executive.plans import (
+    LOOPS,
+    MAX_READ_PARTS,
+    ArgumentError,
+    PlanNode,
+    UnknownValueError,
+    part_values,
+    parts_of,
+)
 from trees.plan.node import (
     ANSWERS,
     FAILURE,
@@ -246,6 +254,9 @@ class QueueLoop(PlanDecorator):
         """Write the next part to its ports; return whether there is one."""
         if self.status is IDLE:
             self.busy, self.left = False, parts_of(self.read_text("queue"))
+            if len(self.left) > MAX_READ_PARTS and not isinstance(self.plan.ports["queue"], str):
+                problem = f"queue has {len(self.left)} parts: {MAX_READ_PARTS} at most"
+                raise ArgumentError(f"{problem} from a variable")
         if not self.left:
             return False
         part, *rest = self.left

@@ -7,7 +7,6 @@ is reset is halted if it is RUNNING, and IDLE (INVALID of py_trees) in any case.
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
 from enum import Enum
 from typing import ClassVar, Final, Protocol
 
@@ -51,13 +50,11 @@ ANSWERS: Final[Mapping[str, Answer]] = {
 """Answers by their names in a plan."""
 
 
-_LAST_UTC_S: Final = datetime(9999, 1, 1, tzinfo=UTC).timestamp()
-
-
 def time_text(utc_s: float) -> str:
-    """Return a time as text."""
-    at = datetime.fromtimestamp(min(max(utc_s, 0.0), _LAST_UTC_S), UTC)
-    return f"{at:%H:%M} UTC" if at.second == 0 else f"{at:%H:%M:%S} UTC"
+    """Return the time of day as text."""
+    minutes, seconds = divmod(int(utc_s) % 86_400, 60)
+    text = f"{minutes // 60:02}:{minutes % 60:02}"
+    return f"{text}:{seconds:02} UTC" if seconds else f"{text} UTC"
 
 
 class PlanRun(Protocol):
@@ -67,11 +64,15 @@ class PlanRun(Protocol):
         port: the executive's side of the plan.
         cells: the blackboard.
         yielded: whether a node requests another tick at once.
+        executed: number of nodes executed in this tick.
+        measured: cells with telemetry.
     """
 
     port: PlanPort
     cells: list[Value | None]
     yielded: bool
+    executed: int
+    measured: frozenset[int]
 
 
 class PlanBehaviour(Behaviour):
@@ -117,6 +118,7 @@ class PlanBehaviour(Behaviour):
         if self._guarded and self.forced is Steering.HOLD and self.status is IDLE:
             self.context.port.on_forced(self.plan, Steering.HOLD)
             return RUNNING  # it stays IDLE, so that it begins when the plan continues
+        self.context.executed += 1
         answer = self._execute_guarded() if self._guarded else self.run()
         if answer is not SKIPPED:
             self.status = answer
@@ -230,7 +232,11 @@ class PlanBehaviour(Behaviour):
         if answer is None:
             answer = self._precondition()
             if answer is None:
-                answer = self.run()
+                try:
+                    answer = self.run()
+                except UnknownValueError as unknown:
+                    self.note_unknown(unknown)
+                    answer = FAILURE
         if answer is SUCCESS or answer is FAILURE:
             ended = "_onSuccess" if answer is SUCCESS else "_onFailure"
             if not (self._run_script(ended) and self._run_script("_post")):

@@ -1,9 +1,10 @@
 """`PlanTree`: the tree of one plan: its tick, its state as one flat value."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Final, TypeVar
 
 from executive.plans import (
+    LeafError,
     PlanNode,
     PlanPort,
     PlanResult,
@@ -16,9 +17,12 @@ from executive.plans import (
 from trees.plan import controls, decorators, leaves, mission
 from trees.plan.node import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Answer, PlanBehaviour, PlanRun
 
+MAX_EXECUTED_NODES: Final = 2000
+"""Number of executed nodes after which a tick is not repeated; chosen."""
 MAX_REPEATED_TICKS: Final = 50
 """Maximum number of ticks at once while a node yields: two reactive nodes could yield for ever."""
 
+T = TypeVar("T")
 NodeClass = Callable[[PlanNode, PlanRun, Sequence[PlanBehaviour]], PlanBehaviour]
 
 _NAMES: Final[Mapping[NodeClass, str]] = {
@@ -71,6 +75,8 @@ class PlanTree:
         nodes: all nodes by number.
         cells: the blackboard.
         yielded: whether a node requests another tick at once.
+        executed: number of nodes executed in this tick.
+        measured: cells with telemetry.
     """
 
     def __init__(
@@ -81,13 +87,14 @@ class PlanTree:
         self.yielded = False
         self._classes = {**NODES, **(classes or {})}
         self._telemetry = plan.blackboard.telemetry
+        self.executed, self.measured = 0, frozenset(cell for cell, _ in self._telemetry)
         self.root = self._built(plan)
         found = (each for each in self.root.iterate() if isinstance(each, PlanBehaviour))
         self.nodes = tuple(sorted(found, key=lambda each: each.number))
         self._memory = [(each, name) for each in self.nodes for name in each.memory]
         self._timers = [(each, name) for each in self.nodes for name in each.timers]
-        measured = {cell for cell, _ in self._telemetry}
-        self._saved_cells = [cell for cell in range(len(self.cells)) if cell not in measured]
+        cells = range(len(self.cells))
+        self._saved_cells = [cell for cell in cells if cell not in self.measured]
 
     def tick(self) -> PlanResult:
         """Tick from the root, and again at once as long as a node yields.
@@ -97,10 +104,11 @@ class PlanTree:
         """
         self._measure()
         answer: Answer = RUNNING
+        self.executed = 0
         for _ in range(MAX_REPEATED_TICKS):
             self.yielded = False
-            answer = self.root.execute()
-            if answer is not RUNNING or not self.yielded:
+            answer = self._contained(self.root.execute)
+            if answer is not RUNNING or not self.yielded or self.executed > MAX_EXECUTED_NODES:
                 break
         if answer is SKIPPED:
             return PlanResult.SKIPPED
@@ -148,10 +156,23 @@ class PlanTree:
         return "; ".join(filter(None, (each.waits for each in running)))
 
     def halt(self) -> None:
-        """Halt all nodes that are RUNNING; their scripts run."""
+        """Halt all nodes that are RUNNING; their scripts run.
+
+        Raises:
+            LeafError: a node raised.
+        """
         self._measure()
         if self.root.status is RUNNING:
-            self.root.halt()
+            self._contained(self.root.halt)
+
+    def _contained(self, work: Callable[[], T]) -> T:
+        """Return the result of work; its exceptions become those of the plan."""
+        try:
+            return work()
+        except LeafError:
+            raise
+        except Exception as error:
+            raise LeafError(self.root.plan.location.path) from error
 
     def _measure(self) -> None:
         """Write the telemetry into its cells."""

@@ -13,7 +13,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Accepted
-from executive.plans import LEAVES, check_plan, nominal_steps, steps
+from executive.plans import LEAVES, check_plan, steps
 from executive.settings import load_settings
 from executive.values.reasons import Reason, Refusal
 from tests.support.kinematic import Bench
@@ -220,9 +220,24 @@ def test_loops_without_a_command_do_not_delay_a_check() -> None:
     script = '<Script code="x := 1"/>'
     for _ in range(5):
         script = f'<Repeat num_cycles="1000">{script}</Repeat>'
-    root = check_plan(plan(f"<Sequence>{script}{GO}</Sequence>"), SETTINGS)
-    assert not isinstance(root, Refusal), root
-    assert len(list(nominal_steps(root))) <= 1
+    found = refusal(plan(f"<Sequence>{script}{GO}</Sequence>"))
+    assert found.reason is Reason.PLAN_TOO_LARGE
+
+
+def test_scripts_are_bounded_after_subtrees_are_expanded() -> None:
+    terms = "-".join(["1"] * 150)
+    script = f'<Script code="x := {terms}"/>'
+    assert not isinstance(check_plan(plan(f"<Sequence>{script}{GO}</Sequence>"), SETTINGS), Refusal)
+    tree = f'<BehaviorTree ID="T">{script}</BehaviorTree>'
+    twice = '<SubTree ID="T"/>' * 100
+    found = refusal(plan(f"<Sequence>{twice}{GO}</Sequence>", others=tree))
+    assert found.text.endswith("a plan has 10000 operations in scripts at most")
+
+
+def test_an_argument_does_not_replace_telemetry() -> None:
+    body = f'<Sequence><ScriptCondition code="@BATERY_VOLTAGE &gt; 2"/>{GO}</Sequence>'
+    found = refusal(plan(body, BATERY_VOLTAGE="1000"))
+    assert found.text == "a script reads the telemetry @BATERY_VOLTAGE: rename the argument"
 
 
 def test_an_argument_that_nothing_reads_is_refused() -> None:

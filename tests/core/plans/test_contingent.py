@@ -207,6 +207,22 @@ def test_an_abort_runs_the_scripts_of_halted_nodes_and_commands_nothing(bench: P
     assert bench.rover.velocity == STANDING
 
 
+def test_a_wrong_script_does_not_prevent_an_abort(bench: PlanBench) -> None:
+    bench.begin(f'<Sequence _onHalted="x := 1 / (@LINK_UP - @LINK_UP)">{LONG}</Sequence>', 1.0)
+    bench.request(AbortPlan("survey"))
+    assert bench.status().status is PlanStatus.ABORTED
+    assert bench.ends() == [Stage.CANCELLED]
+
+
+def test_a_switch_fails_while_its_telemetry_is_not_known(bench: PlanBench) -> None:
+    bench.voltage_v = None
+    bench.executive.status.battery = None
+    body = f'<Switch2 variable="{{@BATERY_VOLTAGE}}" case_1="1" case_2="2">{BACK * 3}</Switch2>'
+    assert bench.outcome(body) is FAILED
+    assert bench.status().text.endswith("BATERY_VOLTAGE is not known")
+    assert bench.commanded() == []
+
+
 def test_a_wrong_script_fails_the_plan(bench: PlanBench) -> None:
     body = f'<Fallback><Script code="x := 1 / (@LINK_UP - @LINK_UP)"/>{BACK}</Fallback>'
     assert bench.outcome(body) is FAILED
