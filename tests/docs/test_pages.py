@@ -101,9 +101,9 @@ def test_the_life_cycle_is_drawn_from_its_table() -> None:
 
 def test_the_bounds_are_documented() -> None:
     reported = (
-        f"A plan has at most {plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes once"
-        f" subtrees are put in their places, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} cycles"
-        f" of a loop, and {MAX_COMMANDS:_} commands if all loops run as often as they may. A leaf"
+        f"A plan has at most {plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes with"
+        f" all subtrees included, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} cycles"
+        f" of a loop, and {MAX_COMMANDS:_} leaves if all loops run as often as they may. A leaf"
         f" has at most {MAX_WAYPOINTS} waypoints (an asset may allow fewer), a value at"
         f" most {MAX_VALUE_LENGTH:_} characters. At most {MAX_PLANS} plans are stored"
         " aboard."
