@@ -261,7 +261,8 @@ class QueueLoop(PlanDecorator):
             return False
         part, *rest = self.left
         self.left = tuple(rest)
-        self.feedback_message = part
+        self.feedback_message = f"part {part}"[:80]
+        self.write("heading", None)
         for port, value in part_values(self.plan.kind.name, part).items():
             self.write(port, value)
         return True

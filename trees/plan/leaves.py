@@ -172,8 +172,7 @@ class CommandLeaf(TimedLeaf):
         self.deadline_s = None
         outcome = port.outcome(step)
         self.write("reason", outcome.reason)
-        if "file" in self.plan.ports and outcome.file:
-            self.write("file", outcome.file)
+        self.write("file", outcome.file or None)
         return STATUSES[progress]
 
     def on_halt(self) -> None:
