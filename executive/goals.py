@@ -512,7 +512,7 @@ class Context:
     def _idle_text(self) -> str:
         plans = self.plans
         if plans.executing is not None:
-            return f"plan {plans.executing} runs no motion now"
+            return f"plan {plans.executing} {plans.waits or 'runs no motion now'}"
         if plans.suspended:
             names, first = ", ".join(plans.suspended), plans.suspended[0]
             recovery = f"send resumePlan {first} (`rover plan resume {first}`)"

@@ -21,7 +21,7 @@ from executive.core.runner import Executive
 from executive.faults import summary
 from executive.goals import Context, Goals
 from executive.motion import VelocityLocomotion
-from executive.plans import PlanExecution, PlanNode
+from executive.plans import PlanExecution, PlanRoot
 from executive.safety import FaultMonitor, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, join_sources
@@ -199,7 +199,7 @@ class RoverTree:
         """Terminate every running node."""
         self.root.stop(Status.INVALID)
 
-    def attach(self, plan: PlanNode, execution: PlanExecution) -> PlanTree:
+    def attach(self, plan: PlanRoot, execution: PlanExecution) -> PlanTree:
         """Return the tree of a plan, which remains attached until it is detached."""
         self.plan = PlanTree(plan, execution)
         return self.plan

@@ -12,9 +12,10 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from executive.commands.intake import SOURCE_PREFIX
+from executive.plans import Role
 from executive.values.reports import Identity, Severity
 from trees.leaf import Condition, TakeGoal
-from trees.plan import ParallelBranch
+from trees.plan import PlanBehaviour
 
 
 @unique
@@ -125,7 +126,7 @@ def _add(
 ) -> None:
     status = _STATUSES[node.status] if node in ticked else NodeStatus.IDLE
     found.append(
-        TreeNodeSnapshot(path, node.name, depth, _kind(type(node)), status, node.feedback_message)
+        TreeNodeSnapshot(path, node.name, depth, _kind_of(node), status, node.feedback_message)
     )
     for child in node.children:
         _add(found, child, ticked, f"{path}/{child.name}", depth + 1)
@@ -141,11 +142,28 @@ _KINDS: Final[dict[type, NodeKind]] = {
     composites.Selector: NodeKind.SELECTOR,
     composites.Sequence: NodeKind.SEQUENCE,
     composites.Parallel: NodeKind.PARALLEL,
-    ParallelBranch: NodeKind.PARALLEL,
     Decorator: NodeKind.DECORATOR,
     Condition: NodeKind.CONDITION,
     TakeGoal: NodeKind.TAKE,
 }
+
+
+_PLAN_KINDS: Final = {
+    Role.CONTROL: NodeKind.SELECTOR,
+    Role.DECORATOR: NodeKind.DECORATOR,
+    Role.SUBTREE: NodeKind.SEQUENCE,
+    Role.CONDITION: NodeKind.CONDITION,
+    Role.ACTION: NodeKind.LEAF,
+}
+
+
+def _kind_of(node: Behaviour) -> NodeKind:
+    if not isinstance(node, PlanBehaviour):
+        return _kind(type(node))
+    name = node.plan.kind.name
+    if "Sequence" in name or name == "TryCatch":
+        return NodeKind.SEQUENCE
+    return NodeKind.PARALLEL if "Parallel" in name else _PLAN_KINDS[node.plan.kind.role]
 
 
 @cache
@@ -224,7 +242,8 @@ def commands_by_node(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...
     above: list[int] = []
     for index, node in enumerate(nodes):
         del above[node.depth :]
-        if node.kind in _GUARDS and node.message and above:
+        in_plan = node.path.startswith(SOURCE_PREFIX)
+        if node.kind in _GUARDS and node.message and above and not in_plan:
             found[above[-1]] = node.message
         if node.message.startswith(SOURCE_PREFIX):
             found.append(node.message)

@@ -361,6 +361,40 @@ class ResumePlan:
     )
 
 
+@command(Family.PLAN, "Plan.skipNode")
+class SkipNode:
+    """Let a node of a plan end without running it; its commands are cancelled."""
+
+    plan_id: str
+    node: str = argument(help="path of the node, or the end of it")
+    result: str = argument(choices=("SUCCESS", "FAILURE"))
+
+
+@command(Family.PLAN, "Plan.retryNode")
+class RetryNode:
+    """Let a node of a plan that is running begin again; its commands are cancelled."""
+
+    plan_id: str
+    node: str = argument(help="path of the node, or the end of it")
+
+
+@command(Family.PLAN, "Plan.holdAtNode")
+class HoldAtNode:
+    """Suspend a plan before a node begins."""
+
+    plan_id: str
+    node: str = argument(help="path of the node, or the end of it")
+
+
+@command(Family.PLAN, "Plan.answerQuestion")
+class AnswerQuestion:
+    """Answer a question of a plan, also in advance; the first answer counts."""
+
+    plan_id: str
+    question: str = argument(help="path of the question, or the end of it")
+    option: str
+
+
 @command(Family.PLAN, "Plan.abortPlan")
 class AbortPlan:
     """End a plan permanently."""
@@ -387,7 +421,19 @@ Setting = (
     | SetCameraRotateSpeed
     | SetStatusInterval
 )
-PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
+PlanSteering = SkipNode | RetryNode | HoldAtNode | AnswerQuestion
+PlanRequest = (
+    SubmitPlan
+    | ActivatePlan
+    | SuspendPlan
+    | ResumePlan
+    | AbortPlan
+    | RemovePlan
+    | SkipNode
+    | RetryNode
+    | HoldAtNode
+    | AnswerQuestion
+)
 Request = Motion | CameraWork | InstantCommand | Setting | ConfirmPose | PlanRequest | Stop | Resume
 
 

@@ -65,7 +65,7 @@ class PoseKeeper:
         self._monitor.confirm(uncertainty)
 
     def store(self, still: bool) -> None:
-        """Write the pose with the next commit, if reports are about to be committed.
+        """Write the pose with the next commit, if reports or states of plans are to be committed.
 
         Another commit would make the tick wait for the disk again. Only the first pose and the
         first frame of a second odometry have their own, for a stationary rover without a report.
@@ -73,7 +73,7 @@ class PoseKeeper:
         Args:
             still: whether the rover is commanded to be stationary.
         """
-        if self._notifications.pending or self._monitor.unstored:
+        if self._notifications.pending or self._record.has_commit or self._monitor.unstored:
             self._record.write(self._monitor.state_to_store(still))
 
 
@@ -95,6 +95,11 @@ class PoseRecord:
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
         ledger.add_tables(_SCHEMA)
+
+    @property
+    def has_commit(self) -> bool:
+        """Whether writes wait for the next commit."""
+        return self._ledger.last_batch > self._ledger.sealed
 
     def read(self, kind: type[T]) -> T | None:
         """Return the last committed state as its class; None before the first."""

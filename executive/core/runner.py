@@ -18,6 +18,7 @@ from executive.core.commits import Commits, open_stop_latch
 from executive.core.dispatcher import Dispatcher, ledger_refusal
 from executive.core.inbox import MAX_ITEMS_PER_TURN, Inbox, Query, Submission
 from executive.core.link_loss import GroundMonitor
+from executive.core.plan_surroundings import RoverSurroundings
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
 from executive.core.recorder import Recorder, process_start, recorded_ports
@@ -161,6 +162,7 @@ class Executive:
             self.tree,
             self._context.goals.cancel,
             self.predictions.predict_plan,
+            RoverSurroundings(self._context, self.ground, self._notifications),
         )
         self.authority = Authority(
             clock,
@@ -558,11 +560,8 @@ class Executive:
 
     def _run_plan(self) -> None:
         """Tick the executing plan, which submits its commands; they start once committed."""
-        executing = self._context.plans.executing
-        if executing is None:
-            return
         try:
-            if self._planner.tick(executing, self._dispatcher.submit):
+            if self._planner.tick(self._dispatcher.submit):
                 self._commits.flush()
         except LeafError as error:
             _LOG.error("leaf %s raised", error, exc_info=error.__cause__)

@@ -1,191 +1,205 @@
-"""`check_plan` validates a whole plan and builds its nodes: expands subtrees, checks attributes."""
+"""`check_plan` validates a whole plan and builds its nodes.
+
+Subtrees are expanded, and nodes and variables numbered; the types of the variables are inferred;
+then the ports of the nodes are read.
+"""
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import Final
 
-from executive.commands import (
-    CommandDeclaration,
-    FollowPath,
-    MoveTo,
-    PlanArgument,
-    PlanDefinition,
-    Request,
-    Waypoint,
-)
+from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
 from executive.commands.intake import check_arguments
-from executive.plans.model import (
+from executive.plans.arguments import ArgumentError, check_length, quote, suggest
+from executive.plans.blackboard import CellTable, Scope, variable
+from executive.plans.dialect import (
+    CONDITIONS,
     DEADLINE,
-    LEAVES,
-    FallbackNode,
-    InverterNode,
-    LoopNode,
-    NodeLocation,
-    ParallelNode,
-    PlanNode,
-    PlanStep,
-    RepeatOn,
-    SequenceNode,
-    TimeoutNode,
-    attribute_help,
-    children_of,
-    steps,
+    ROOT_KIND,
+    TELEMETRY,
+    NodeKind,
+    PortType,
+    Role,
 )
+from executive.plans.model import NodeLocation, PlanNode, PlanRoot, PlanStep, steps
+from executive.plans.nominal import max_leaves
 from executive.plans.plan_xml import (
-    CONTROLS,
-    DECORATORS,
+    AUTOREMAP,
     FORMAT,
     MAX_DEPTH,
-    SUBTREE,
-    Attributes,
     Element,
     PlanError,
     is_plan_id,
+    main_tree,
     name_of,
     node_kind,
-    quote,
+    ports_of,
     read_xml,
-    suggest,
+    resumes_after_restart,
+    subtree_defaults,
+    trees_of,
 )
+from executive.plans.ports import read_ports
+from executive.plans.scripting import (
+    NUMBER,
+    TEXT,
+    Types,
+    ValueType,
+    compile_script,
+    infer,
+    type_of,
+    value_of,
+)
+from executive.plans.syntax import ASSIGNMENTS, NAME, Expression, ScriptError, expressions, parse
 from executive.settings import Settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason, Refusal
 
 MAX_NODES: Final = 500
-MAX_LOOP_CYCLES: Final = 1000
-MAX_DEADLINE_S: Final = 86_400.0
+MAX_CELLS: Final = 1000
+MAX_EXPRESSIONS: Final = 10_000
+"""Maximum numbers of variables and operations of scripts, with expanded subtrees; chosen."""
+MAX_COMMANDS: Final = 10_000
+"""Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
-class _BuildContext:
-    """Context of a node that is built.
+class _Draft:
+    """A node whose ports are not read yet.
 
     Attributes:
-        location: location of the node, or of its parent.
-        arguments: the values of `{names}` in its tree.
-        trees: the enclosing trees, outermost first.
-        limited: whether a Timeout is above it.
+        limited: whether a Timeout, or a Window with an end, is above it.
+        texts: texts of its ports.
+        scripts: expressions of its scripts, by attribute.
     """
 
-    location: NodeLocation
+    node: PlanNode
     element: Element
-    arguments: Mapping[str, str]
-    trees: tuple[str, ...]
+    scope: Scope
     limited: bool
+    texts: Mapping[str, str]
+    scripts: Mapping[str, tuple[Expression, ...]]
 
     @property
-    def attributes(self) -> Attributes:
-        """The attributes of the element, resolved in this context."""
-        return Attributes(self.element, self.arguments)
+    def cells(self) -> frozenset[int]:
+        """The cells that its scripts read or set, or that `SetBlackboard` copies."""
+        found = {each.cell for script in self.scripts.values() for each in expressions(script)}
+        copied = variable(self.texts.get("value", ""), "value")
+        if copied is not None and self.node.kind.name == "SetBlackboard":
+            found.add(self.scope.resolve(copied))
+        return frozenset(found - {-1})
 
-    def error(self, text: str) -> PlanError:
-        """Return an error on the plan's structure at this element."""
-        return PlanError(Reason.PLAN_STRUCTURE, self.location.line, text)
+    def finish(self) -> None:
+        """Read the ports."""
+        node, kind = self.node, self.node.kind
+        for attribute, found in self.scripts.items():
+            text = self.element.attributes[attribute]
+            into = node.conditions if attribute in CONDITIONS else node.ports
+            into[attribute] = compile_script(text, found)
+        if kind.role is not Role.SUBTREE:
+            read_ports(node, self.texts, self.scope, self.limited)
+        if kind.needs_limit and DEADLINE not in node.ports and not self.limited:
+            text = f"{kind.name} has no deadline: give deadline_s, or put it below a Timeout"
+            raise self.element.error(Reason.PLAN_NO_DEADLINE, text)
 
 
-class PlanBuilder:
-    """Builds the nodes of one plan.
+class _Expansion:
+    """Expands subtrees, and numbers nodes and variables.
 
-    Args:
-        trees: the `BehaviorTree` elements by ID.
-        defaults: port defaults of each `SubTree`, by ID.
-        root: name of the root of all paths.
+    Attributes:
+        drafts: the nodes.
     """
 
     def __init__(
-        self, trees: Mapping[str, Element], defaults: Mapping[str, Mapping[str, str]], root: str
+        self, trees: Mapping[str, Element], defaults: Mapping[str, Mapping[str, str]]
     ) -> None:
+        self.drafts: list[_Draft] = []
         self._trees = trees
         self._defaults = defaults
-        self._root = root
-        self._count = 0
+        self._count = self._operations = 0
 
-    def build(self, tree: str, given: Mapping[str, str]) -> PlanNode:
-        """Return the root node of a tree by its ID, with the plan's arguments.
+    def tree(self, name: str, path: str, scope: Scope) -> PlanNode:
+        """Return the root of a plan, which runs a tree."""
+        element = self._trees[name]
+        location = self._location(path, element)
+        children = self._children(element, location, scope, (name,), limited=False)
+        return PlanNode(location, ROOT_KIND, children, {}, {})
 
-        Raises:
-            PlanError: it is not valid.
-        """
-        element = self._trees[tree]
-        location = self._location(self._root, element)
-        return self._tree(_BuildContext(location, element, given, (tree,), limited=False))
-
-    def _tree(self, site: _BuildContext) -> SequenceNode:
-        children = self._trees[site.trees[-1]].children
-        return SequenceNode(site.location, self._children(site, children))
-
-    def _children(self, site: _BuildContext, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
+    def _children(
+        self,
+        parent: Element,
+        location: NodeLocation,
+        scope: Scope,
+        above: tuple[str, ...],
+        limited: bool,
+    ) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
-        nodes = []
-        for element in elements:
-            kind = node_kind(element, self._trees, LEAVES)
-            first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
+        found = []
+        for element in parent.children:
+            kind = node_kind(element, self._trees) or ROOT_KIND
+            is_subtree = kind is ROOT_KIND
+            first = name_of(element, element.attributes["ID"] if is_subtree else kind.name)
             name = first
             while name in taken:
                 name = f"{first} {next(again[first])}"
             taken.add(name)
-            location = self._location(f"{site.location.path}/{name}", element)
-            nodes.append(self._node(kind, replace(site, location=location, element=element)))
-        return tuple(nodes)
+            at = self._location(f"{location.path}/{name}", element)
+            texts = ports_of(element)
+            if kind.port("name") is not None and "name" in element.attributes:
+                texts["name"] = element.attributes["name"]
+            scripts = _scripts(element, kind, scope)
+            self._check_size(element, scope.cells, scripts)
+            if is_subtree:
+                children = self._subtree(element, at, texts, scope, above, limited)
+            else:
+                _check_structure(element, kind, texts)
+                _note_outputs(element, kind, texts, scope)
+                ends = kind.name == "Timeout" or (kind.name == "Window" and "until" in texts)
+                children = self._children(element, at, scope, above, limited or ends)
+            make = PlanNode if kind.command is None else PlanStep
+            node = make(at, kind, children, {}, {})
+            found.append(node)
+            self.drafts.append(_Draft(node, element, scope, limited, texts, scripts))
+        return tuple(found)
 
-    def _node(self, kind: str, site: _BuildContext) -> PlanNode:
-        if kind == SUBTREE:
-            return self._subtree(site)
-        if kind in CONTROLS:
-            return self._control(kind, site)
-        if kind in DECORATORS:
-            return self._decorator(kind, site)
-        if site.element.children:
-            raise site.error(f"{kind} has no children")
-        return _step(LEAVES[kind], site)
+    def _subtree(
+        self,
+        element: Element,
+        location: NodeLocation,
+        texts: Mapping[str, str],
+        scope: Scope,
+        above: tuple[str, ...],
+        limited: bool,
+    ) -> tuple[PlanNode, ...]:
+        tree = element.attributes["ID"]
+        if element.children:
+            raise element.error(_STRUCTURE, "<SubTree> has no children")
+        if tree in above:
+            raise element.error(_STRUCTURE, f"tree {tree[:40]!r} contains itself")
+        autoremap = element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
+        inner = Scope(scope.cells, f"{location.path.partition('/')[2]}/", scope, autoremap)
+        given = texts if autoremap else {**self._defaults.get(tree, {}), **texts}
+        for name, text in given.items():
+            outer = variable(text, name)
+            if outer is not None:
+                _cell(element, scope, name, outer)
+            inner.set(name, text)
+            self._check_size(element, scope.cells, {})
+        return self._children(self._trees[tree], location, inner, (*above, tree), limited)
 
-    def _subtree(self, site: _BuildContext) -> PlanNode:
-        tree = site.element.attributes["ID"]
-        if site.element.children:
-            raise site.error("<SubTree> has no children")
-        if tree in site.trees:
-            raise site.error(f"tree {tree[:40]!r} contains itself")
-        given = site.attributes.forwarded(self._defaults.get(tree, {}))
-        return self._tree(replace(site, arguments=given, trees=(*site.trees, tree)))
-
-    def _control(self, kind: str, site: _BuildContext) -> PlanNode:
-        location, attributes = site.location, site.attributes
-        if not site.element.children:
-            raise site.error(f"{kind} needs at least 1 child")
-        attributes.require_known(
-            {"success_count", "failure_count"} if kind == "Parallel" else set()
-        )
-        children = self._children(site, site.element.children)
-        if kind == "Parallel":
-            successes = _threshold(attributes, "success_count", -1, len(children))
-            failures = _threshold(attributes, "failure_count", 1, len(children))
-            return ParallelNode(location, successes, failures, children)
-        return (SequenceNode if kind == "Sequence" else FallbackNode)(location, children)
-
-    def _decorator(self, kind: str, site: _BuildContext) -> PlanNode:
-        location, attributes = site.location, site.attributes
-        if len(site.element.children) != 1:
-            raise site.error(f"{kind} has exactly 1 child")
-        below = replace(site, limited=site.limited or kind == "Timeout")
-        (child,) = self._children(below, site.element.children)
-        match kind:
-            case "RetryUntilSuccessful":
-                attributes.require_known({"num_attempts"})
-                return LoopNode(
-                    location, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child
-                )
-            case "Repeat":
-                attributes.require_known({"num_cycles"})
-                return LoopNode(location, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
-            case "Timeout":
-                attributes.require_known({"msec"})
-                return TimeoutNode(location, _limit_s(attributes), child)
-            case _:
-                attributes.require_known(set())
-                return InverterNode(location, child)
+    def _check_size(
+        self, element: Element, cells: CellTable, scripts: Mapping[str, tuple[Expression, ...]]
+    ) -> None:
+        self._operations += sum(sum(1 for _ in expressions(each)) for each in scripts.values())
+        for number, high, name in (
+            (len(cells.texts), MAX_CELLS, "variables"),
+            (self._operations, MAX_EXPRESSIONS, "operations in scripts"),
+        ):
+            if number > high:
+                raise element.error(Reason.PLAN_TOO_LARGE, f"a plan has {high} {name} at most")
 
     def _location(self, path: str, element: Element) -> NodeLocation:
         if self._count == MAX_NODES:
@@ -199,63 +213,155 @@ class PlanBuilder:
         return location
 
 
-def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
-    attributes = site.attributes
-    attributes.require_known({argument.name for argument in leaf.user_arguments} | {DEADLINE})
-    values = []
-    for argument in leaf.user_arguments:
-        value = attributes.value(argument)
-        if value is None and not argument.optional:
-            raise attributes.error(
-                f"{leaf.name} needs {argument.name} ({attribute_help(argument)})"
-            )
-        values.append(value)
-    deadline_s = attributes.number(DEADLINE)
-    if deadline_s is None and not site.limited:
-        text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
-        raise PlanError(Reason.PLAN_NO_DEADLINE, site.location.line, text)
-    if deadline_s is not None and not 0.0 < deadline_s <= MAX_DEADLINE_S:
-        raise attributes.error(f"deadline_s {deadline_s:g}: above 0, {MAX_DEADLINE_S:g} at most")
-    return PlanStep(site.location, leaf.build_request(*values), deadline_s)
+_STRUCTURE: Final = Reason.PLAN_STRUCTURE
+_ARGUMENT: Final = Reason.PLAN_BAD_ARGUMENT
 
 
-def _times(attributes: Attributes, name: str) -> int:
-    times = attributes.count(name)
-    if times is None:
-        raise attributes.error(f"{name} is required")
-    if not 1 <= times <= MAX_LOOP_CYCLES:
-        raise attributes.error(f"{name} {times}: 1 to {MAX_LOOP_CYCLES}, so that every plan ends")
-    return times
+def _check_structure(element: Element, kind: NodeKind, texts: Mapping[str, str]) -> None:
+    """Raise PlanError for a wrong number of children, or an unknown attribute."""
+    given, low, high = len(element.children), kind.min_children, kind.max_children
+    if given < low or (high is not None and given > high):
+        number = f"exactly {low}" if low == high else f"{low} to {high}"
+        number = f"at least {low}" if high is None else number if high else "no"
+        verb = "needs" if high is None else "has"
+        plural = "" if (low, high) in {(1, 1), (1, None)} else "ren"
+        raise element.error(_STRUCTURE, f"{kind.name} {verb} {number} child{plural}")
+    names = sorted(each.name for each in kind.ports)
+    for name in texts:
+        if name not in names:
+            near = suggest(name, names) or ": remove it"
+            raise element.error(_ARGUMENT, f"unknown attribute {quote(name)}{near}")
 
 
-def _limit_s(attributes: Attributes) -> float:
-    msec = attributes.count("msec")
-    if msec is None:
-        raise attributes.error("msec is required")
-    if not 0 < msec <= MAX_DEADLINE_S * 1000:
-        raise attributes.error(f"msec {msec}: above 0, {MAX_DEADLINE_S * 1000:.0f} at most")
-    return msec / 1000
+def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[Expression, ...]]:
+    """Return the expressions of the scripts of a node, and note the variables that they set."""
+    names, cells = [each.name for each in kind.ports if each.type.is_script], scope.cells
+    found = {}
+    for attribute in (*CONDITIONS, *names):
+        text = element.attributes.get(attribute)
+        if text is None:
+            continue
+        try:
+            found[attribute] = parse(check_length(attribute, text), scope.resolve)
+        except ScriptError as error:
+            raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
+        except ArgumentError as error:
+            raise element.error(_ARGUMENT, str(error)) from error
+        if not found[attribute]:
+            raise element.error(_ARGUMENT, f"{attribute} is empty: a script is needed")
+        for each in expressions(found[attribute]):
+            if each.sign in ASSIGNMENTS:
+                cells.changed.add(each.cell)
+                if each.cell in cells.telemetry:
+                    text = f"{attribute}: column {each.column}: {each.text} is telemetry"
+                    raise element.error(_ARGUMENT, f"{text}, and is not written")
+            if each.sign == ":=":
+                cells.created.add(each.cell)
+    return found
 
 
-def _threshold(attributes: Attributes, name: str, default: int, children: int) -> int:
-    """Return the threshold as a number of children; -1 stands for all, -2 for all but one."""
-    given = attributes.count(name)
-    required = default if given is None else given
-    meant = required if required >= 0 else children + 1 + required
-    if not 1 <= meant <= children:
-        raise attributes.error(f"{name} {required}: there are {children} children")
-    return meant
+def _note_outputs(element: Element, kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
+    """Note the variables that the output ports of a node set."""
+    cells = scope.cells
+    for port in kind.ports:
+        if not port.type.is_output or port.name not in texts:
+            continue
+        text = texts[port.name]
+        name = variable(text, port.name)
+        if name is None and port.name != "output_key":
+            needed = "a variable in braces, as {x}, is needed"
+            raise element.error(_ARGUMENT, f"{port.name} {quote(text)}: {needed}")
+        cell = _cell(element, scope, port.name, name or text)
+        if cell in cells.telemetry:
+            text = f"{port.name}: {cells.telemetry[cell]} is telemetry, and is not written"
+            raise element.error(_ARGUMENT, text)
+        cells.created.add(cell)
+        cells.changed.add(cell)
 
 
-MAX_COMMANDS = 10_000
-"""Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
+def _cell(element: Element, scope: Scope, attribute: str, name: str) -> int:
+    try:
+        return scope.resolve(name)
+    except ValueError as error:
+        raise element.error(_ARGUMENT, f"{attribute}: {error}") from error
 
 
-def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Refusal:
+_WRITTEN: Final = {PortType.WRITTEN_NUMBER: NUMBER, PortType.WRITTEN_TEXT: TEXT}
+
+
+def _infer_types(drafts: Sequence[_Draft], cells: CellTable) -> None:
+    """Raise PlanError where a variable or an expression mixes types."""
+    types = cells.types()
+    for draft in drafts:
+        for port in draft.node.kind.ports:
+            if port.type in _WRITTEN:
+                _unite(draft, port.name, _WRITTEN[port.type], types)
+    waiting: defaultdict[int, list[_Draft]] = defaultdict(list)
+    pending = list(drafts)
+    while pending:
+        before = list(types)
+        for draft in pending:
+            _infer_draft(draft, types)
+            for cell in draft.cells:
+                if types[cell] is None:
+                    waiting[cell].append(draft)
+        known = [cell for cell in range(len(types)) if before[cell] is None and types[cell]]
+        found = {id(each): each for cell in known for each in waiting.pop(cell, ())}
+        pending = list(found.values())
+
+
+def _infer_draft(draft: _Draft, types: Types) -> None:
+    for attribute, statements in draft.scripts.items():
+        try:
+            for each in statements:
+                infer(each, types)
+        except ScriptError as error:
+            raise draft.element.error(_ARGUMENT, f"{attribute}: {error}") from error
+    if draft.node.kind.name == "SetBlackboard" and "value" in draft.texts:
+        text = draft.texts["value"]
+        name = variable(text, "value")
+        found = type_of(value_of(text)) if name is None else types[draft.scope.resolve(name)]
+        if found is not None:
+            _unite(draft, "output_key", found, types)
+
+
+def _unite(draft: _Draft, port: str, kind: ValueType, types: Types) -> None:
+    """Set the type of the variable of an output port."""
+    if port not in draft.texts:
+        return
+    cell = draft.scope.resolve(variable(draft.texts[port], port) or draft.texts[port])
+    before, name = types[cell], draft.scope.cells.name(cell)
+    if before is not None and before is not kind:
+        text = f"{port}: {name} is {before.value}, and gets {kind.value}: use another name"
+        raise draft.element.error(_ARGUMENT, text)
+    types[cell] = kind
+
+
+def _check_reads(draft: _Draft) -> None:
+    """Raise PlanError where a script reads a variable that nothing sets."""
+    for attribute, statements in draft.scripts.items():
+        for each in expressions(statements):
+            if each.cell < 0 or draft.scope.cells.has_value(each.cell):
+                continue
+            text = f"{attribute}: column {each.column}: "
+            if each.sign == NAME:
+                text += f"nothing sets {each.text}{_remedy(draft.scope, each.text)}"
+            else:
+                text += f"{each.text} does not exist before {each.sign!r}: use :="
+            raise draft.element.error(_ARGUMENT, text)
+
+
+def _remedy(scope: Scope, name: str) -> str:
+    if name in TELEMETRY:
+        return f": telemetry is @{name}"
+    return suggest(name.removeprefix("@"), [*sorted(scope.used - {name}), *TELEMETRY])
+
+
+def check_plan(definition: PlanDefinition, settings: Settings) -> PlanRoot | Refusal:
     """Return the root node of a valid plan, or a refusal.
 
     Arguments are checked against the asset's bounds, except bounds that depend on the rover's
-    position: they are checked when the command is due.
+    position, and arguments from the blackboard: they are checked when the command is due.
     """
     plan = read_plan(definition)
     if isinstance(plan, Refusal):
@@ -266,6 +372,8 @@ def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Ref
 def check_bounds(plan: PlanNode, settings: Settings) -> Refusal | None:
     """Return a refusal if an argument of a plan is outside the bounds of an asset."""
     for step in steps(plan):
+        if step.request is None:
+            continue
         refusal = check_arguments(step.request, settings, _from(step.request))
         if refusal is not None:
             line = step.location.line
@@ -274,15 +382,22 @@ def check_bounds(plan: PlanNode, settings: Settings) -> Refusal | None:
     return None
 
 
-def read_plan(definition: PlanDefinition) -> PlanNode | Refusal:
+def read_plan(definition: PlanDefinition) -> PlanRoot | Refusal:
     """Return the root node of a plan that is valid apart from the bounds of an asset."""
     try:
-        return _read(definition)
+        plan = _read(definition)
+        if not steps(plan):
+            text = "the plan has no command"
+            raise PlanError(Reason.PLAN_STRUCTURE, plan.location.line, text)
+        if max_leaves(plan) > MAX_COMMANDS:
+            text = f"its loops could execute {max_leaves(plan)} leaves: {MAX_COMMANDS} at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, plan.location.line, text)
+        return plan
     except PlanError as fault:
         return fault.refusal
 
 
-def _read(definition: PlanDefinition) -> PlanNode:
+def _read(definition: PlanDefinition) -> PlanRoot:
     if not is_plan_id(definition.plan_id):
         raise PlanError(
             Reason.BAD_IDENTIFIER, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
@@ -292,79 +407,39 @@ def _read(definition: PlanDefinition) -> PlanNode:
             Reason.PLAN_FORMAT, None, f"unknown format {definition.format[:40]!r}: use {FORMAT}"
         )
     root = read_xml(definition.content)
-    trees = _trees(root)
+    trees = trees_of(root)
     for tree in trees.values():
         for element in tree.children[0].elements():
-            node_kind(element, trees, LEAVES)
-    _require_used(definition.arguments, root.children)
-    plan = PlanBuilder(trees, _defaults(root), f"plan:{definition.plan_id}").build(
-        _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
-    )
-    if not steps(plan):
-        raise PlanError(Reason.PLAN_STRUCTURE, plan.location.line, "the plan has no command")
-    if max_commands(plan) > MAX_COMMANDS:
-        raise PlanError(
-            Reason.PLAN_TOO_LARGE,
-            plan.location.line,
-            f"its loops could command {max_commands(plan)} times: {MAX_COMMANDS} at most",
-        )
-    return plan
+            node_kind(element, trees)
+    cells = CellTable()
+    scope = Scope(cells)
+    for argument in definition.arguments:
+        scope.set(argument.name, argument.text)
+    expansion = _Expansion(trees, subtree_defaults(root))
+    built = expansion.tree(main_tree(root, trees), f"plan:{definition.plan_id}", scope)
+    _require_used(definition.arguments, root.children, scope)
+    for argument in definition.arguments:
+        if argument.name in scope.measured & TELEMETRY.keys():
+            text = f"a script reads the telemetry @{argument.name}: rename the argument"
+            raise PlanError(_ARGUMENT, None, text)
+    drafts = sorted(expansion.drafts, key=lambda each: each.node.location.number)
+    for draft in drafts:
+        _check_reads(draft)
+    _infer_types(drafts, cells)
+    for draft in drafts:
+        try:
+            draft.finish()
+        except ArgumentError as error:
+            raise draft.element.error(_ARGUMENT, str(error)) from error
+    board, resumes = cells.blackboard(), resumes_after_restart(root)
+    return PlanRoot(built.location, built.kind, built.children, {}, {}, board, resumes)
 
 
-def max_commands(node: PlanNode) -> int:
-    """Return the maximum number of commands of a node."""
-    if isinstance(node, PlanStep):
-        return 1
-    times = node.times if isinstance(node, LoopNode) else 1
-    return times * sum(max_commands(child) for child in children_of(node))
-
-
-def _trees(root: Element) -> dict[str, Element]:
-    if root.tag != "root":
-        raise root.error(Reason.PLAN_STRUCTURE, f"a plan begins with <root>, not <{root.tag}>")
-    if root.attributes.get("BTCPP_format") != "4":
-        raise root.error(Reason.PLAN_FORMAT, '<root> needs BTCPP_format="4"')
-    trees: dict[str, Element] = {}
-    for element in root.children:
-        match element.tag:
-            case "BehaviorTree":
-                name = element.attributes.get("ID")
-                if not name or name in trees:
-                    raise element.error(
-                        Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
-                    )
-                if len(element.children) != 1:
-                    raise element.error(
-                        Reason.PLAN_STRUCTURE, "a <BehaviorTree> has exactly 1 child"
-                    )
-                trees[name] = element
-            case "TreeNodesModel":
-                pass
-            case _:
-                raise element.error(
-                    Reason.PLAN_UNKNOWN_NODE, f"<{element.tag}> does not belong below <root>"
-                )
-    return trees
-
-
-def _defaults(root: Element) -> dict[str, dict[str, str]]:
-    """Return the port defaults of each `SubTree` from the `TreeNodesModel`."""
-    return {
-        model.attributes.get("ID", ""): {
-            port.attributes["name"]: port.attributes["default"]
-            for port in model.children
-            if {"name", "default"} <= port.attributes.keys()
-        }
-        for models in root.children
-        if models.tag == "TreeNodesModel"
-        for model in models.children
-        if model.tag == SUBTREE
-    }
-
-
-def _require_used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
+def _require_used(
+    arguments: Iterable[PlanArgument], trees: Iterable[Element], scope: Scope
+) -> None:
     """Raise PlanError for an argument that no node reads, probably misspelt."""
-    read_there = {name for tree in trees for name in _names_in(tree)}
+    read_there = {name for tree in trees for name in _names_in(tree)} | scope.used
     for argument in arguments:
         name = argument.name
         if name not in read_there:
@@ -376,24 +451,9 @@ def _require_used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -
 def _names_in(element: Element) -> Iterator[str]:
     for each in element.elements():
         for attribute, text in each.attributes.items():
-            if text.startswith("{") and text.endswith("}"):
-                yield attribute if text == "{=}" else text[1:-1]
-
-
-def _main(root: Element, trees: dict[str, Element]) -> str:
-    """Return the ID of the main tree: as declared, or the only one that no `SubTree` names."""
-    name = root.attributes.get("main_tree_to_execute")
-    if name is None:
-        below = [element for tree in trees.values() for element in tree.elements()]
-        named = {element.attributes["ID"] for element in below if element.tag == SUBTREE}
-        first = [each for each in trees if each not in named] or list(trees)
-        if len(first) != 1:
-            text = "the trees have no single root: main_tree_to_execute must name the tree to run"
-            raise root.error(Reason.PLAN_STRUCTURE, text)
-        return first[0]
-    if name not in trees:
-        raise root.error(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
-    return name
+            name = variable(text, attribute)
+            if name is not None:
+                yield name
 
 
 def _from(request: Request) -> Point:

@@ -1,62 +1,181 @@
-"""`PlanExecution` commands each step of a running plan at most once, and writes its journal.
+"""`PlanExecution`: the executive's side of a running plan: its commands, telemetry, questions.
 
-The tree polls every step each time it reaches it. Steps known to the journal are answered
-immediately, so that a rebuilt tree reaches the state of the plan by itself. Only the other steps
-are commanded.
+The tree of a plan requests a command when a leaf begins, polls it, and halts it. A tick of the tree
+precedes that of the rover, and its commands start after the commit; a command that the tree
+requests and drops within one tick is never submitted.
 
-- A step has a key: the number of its node, and the cycles of the loops around it. Each key is
-  commanded at most once.
-- The journal holds the number of a step's command, written in the commit of its stage
-  RECEIVED. The outcome is the command's own stage, so the two never disagree.
-- Abandoned branches (the rest of a decided `Parallel`, nodes below an expired `Timeout`) are in the
-  journal, too: on replay they stay RUNNING without a command until the same node decides again.
-- Suspending removes the active steps from the journal and ends their commands; they are commanded
-  again.
-
-A plan's tree is ticked before the rover's, and its commands start after the commit. A command that
-the tree requests and drops within one tick is never submitted.
+- A node has one command at a time. Its number is stored with the state of the tree, in the commit
+  of its stage RECEIVED. The outcome is the command's own stage, so the two never disagree.
+- A suspension ends the running commands and forgets them; the nodes stay RUNNING, and command
+  again when the plan continues.
+- A plan of version 0.1 has a journal of its steps instead of a state: it answers for the steps
+  that are done, by their number and the cycles of the loops around them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from itertools import islice
 from typing import Final, Protocol
 
+from executive.commands import Request
+from executive.commands.intake import source_of
 from executive.commands.lifecycle import CommandLifecycle
-from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, steps
-from executive.record import PlanStore, StepOutcome
+from executive.plans.dialect import BATTERY_CHARGE, ENERGY_USED
+from executive.plans.model import NodeLocation, PlanNode, PlanRoot, PlanStep, nodes, steps
+from executive.plans.scripting import Cells
+from executive.plans.state import PlanState, StateCommand, TreeState
+from executive.plans.syntax import Value
+from executive.record import StepOutcome
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanUpdate, Stage
 
 
-class StepStatus(Enum):
-    """Status of a plan, or of a step of it."""
+class PlanResult(Enum):
+    """Result of a tick of a plan, or of a poll of a step; SKIPPED if the root was skipped."""
 
     RUNNING = "running"
     SUCCESS = "success"
     FAILURE = "failure"
+    SKIPPED = "skipped"
+
+
+StepStatus = PlanResult
+
+
+class Steering(Enum):
+    """Request of the operators that a node obeys at its next tick.
+
+    SUCCESS and FAILURE end it without running it, RETRY begins it again, HOLD suspends the plan
+    before it begins.
+    """
+
+    SUCCESS = "success"
+    FAILURE = "failure"
+    RETRY = "retry"
+    HOLD = "hold"
 
 
 class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is the exception."""
 
 
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question to the operators.
+
+    Attributes:
+        key: path of its node.
+        default: option at the deadline; None to fail then.
+        until_utc_s: the deadline, seconds since 1970-01-01 UTC; None without one.
+    """
+
+    key: str
+    text: str
+    options: tuple[str, ...]
+    default: str | None
+    until_utc_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandOutcome:
+    """Values of the output ports of a step.
+
+    Attributes:
+        reason: number of the refusal; 0 after success.
+        file: path of the stored file; empty for none.
+    """
+
+    reason: Value = 0.0
+    file: str = ""
+
+
+class PlanPort(Protocol):
+    """The executive, as the tree of a plan needs it."""
+
+    clock: Clock
+
+    def telemetry(self, name: str) -> Value | None:
+        """Return a value of `dialect.TELEMETRY`; None if it is not known."""
+
+    def check_target(self, x_m: float, y_m: float) -> Refusal | None:
+        """Return why a motion to a point from here would be refused, or None."""
+
+    def fault_active(self, name: str) -> bool:
+        """Return whether a fault is active."""
+
+    def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
+        """Request the command of a step; see `PlanStep.request_from`."""
+
+    def poll(self, step: PlanStep) -> StepStatus:
+        """Return the status of the command of a step."""
+
+    def outcome(self, step: PlanStep) -> CommandOutcome:
+        """Return the outcome of the last command of a step."""
+
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
+        """Cancel the command of a step that exceeded its deadline."""
+
+    def halt_step(self, step: PlanStep) -> None:
+        """Abandon the command of a step."""
+
+    def command_text(self, step: PlanStep) -> str:
+        """Return the last command of a step as SOURCE:NUMBER; empty before its first."""
+
+    def has_expired(self, node: PlanNode, cycles: tuple[int, ...]) -> bool:
+        """Return whether the journal of a plan of version 0.1 has the end of a time limit."""
+
+    def take_answer(self, question: Question) -> str | None:
+        """Report a question once; remove and return its answer, if there is one."""
+
+    def withdraw(self, question: Question, answer: str = "") -> None:
+        """End a question that needs no answer any longer, or has one of its own."""
+
+    def note_failure(self, node: PlanNode, text: str) -> None:
+        """Note why a node fails."""
+
+    def on_forced(self, node: PlanNode, steering: Steering) -> None:
+        """Note that a node obeyed."""
+
+    def cell_name(self, cell: int) -> str:
+        """Return the name of a cell of the blackboard."""
+
+
 class PlanTree(Protocol):
     """The behaviour tree of a plan, as the planner needs it."""
 
-    def tick(self) -> StepStatus:
+    def tick(self) -> PlanResult:
         """Run every branch that is due once.
 
         Raises:
             LeafError: a leaf raised.
         """
 
+    def state(self) -> TreeState:
+        """Return all that a tick changes."""
+
+    def load(self, state: TreeState) -> None:
+        """Continue from a state.
+
+        Raises:
+            StateError: it is of another tree.
+        """
+
+    def force(self, number: int, steering: Steering) -> None:
+        """Let a node obey at its next tick."""
+
+    def waits(self) -> str:
+        """Return the present waits and questions as text; empty without any."""
+
+    def halt(self) -> None:
+        """Halt all nodes that are RUNNING."""
+
 
 class PlanHost(Protocol):
     """Host of a plan's tree: the behaviour tree of the rover."""
 
-    def attach(self, plan: PlanNode, execution: "PlanExecution") -> PlanTree:
+    def attach(self, plan: PlanRoot, execution: "PlanExecution") -> PlanTree:
         """Build the tree of a plan, replacing any other, and return it."""
 
     def detach(self) -> None:
@@ -96,8 +215,38 @@ class Tree(PlanHost, Protocol):
         """Return all nodes as of the last tick."""
 
 
+class Surroundings(Protocol):
+    """The rover and its surroundings, as plans see them."""
+
+    def telemetry(self, name: str) -> float | None:
+        """Return a value of `dialect.TELEMETRY`; None if it is not known."""
+
+    def check_target(self, x_m: float, y_m: float) -> Refusal | None:
+        """Return why a motion to a point from here would be refused, or None."""
+
+    def fault_active(self, name: str) -> bool:
+        """Return whether a fault is active."""
+
+    def energy_used_j(self, charge_ratio: float | None) -> float | None:
+        """Return the energy used since the battery had a charge; None if it is not known."""
+
+    def report_question(self, plan_id: str, question: Question) -> None:
+        """Report a question to the operators."""
+
+    def file_of(self, command: Identity) -> str:
+        """Return the path of the file that a command stored; empty if there is none."""
+
+    @property
+    def position(self) -> tuple[float, float] | None:
+        """The position x, y of the rover in m; None if it is not known well enough to move."""
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a stop or a fault holds the rover."""
+
+
 def step_key(location: NodeLocation, cycles: Sequence[int]) -> str:
-    """Return the key of a node within the cycles of the loops around it, outermost first."""
+    """Return the key of a node in the journal of a plan of version 0.1."""
     return ":".join([str(location.number), *map(str, cycles)])
 
 
@@ -121,8 +270,6 @@ class RunningPlan:
 
 MAX_COMMANDS_PER_TICK: Final = 8
 """Maximum commands of a plan in one tick: a stop that arrives waits for all of them; chosen."""
-MAX_POLLS_PER_TICK: Final = 500
-"""Number of polled steps after which loops continue in the next tick; chosen, not measured."""
 
 Cancel = Callable[[CommandLifecycle, Refusal], None]
 
@@ -134,144 +281,277 @@ _ANSWER: Final = {
 }
 
 
-def ended_leaves(root: PlanNode, journal: Mapping[str, StepOutcome]) -> set[int]:
-    """Return the numbers of the leaves that have ended at least once, or were skipped."""
-    leaves = {step.location.number for step in steps(root)}
-    ended = {
+class PlanExecution:
+    """The commands and the knowledge of one running plan.
+
+    Args:
+        plan: the plan; its progress is updated.
+        root: its root node.
+        state: its state; it continues there.
+        journal: outcomes of its steps, if it is a plan of version 0.1.
+        cancel: cancels a command that has not ended.
+
+    Attributes:
+        why: description of the last failure.
+        forced: requests that nodes obey at their next tick, by their numbers.
+        held: the node before which the plan is to be suspended now, if any.
+    """
+
+    def __init__(
+        self,
+        plan: RunningPlan,
+        root: PlanRoot,
+        clock: Clock,
+        cancel: Cancel,
+        surroundings: Surroundings,
+        state: PlanState,
+        journal: Mapping[str, StepOutcome],
+    ) -> None:
+        self.plan = plan
+        self.root = root
+        self.clock = clock
+        self.why = ""
+        self.held: PlanNode | None = None
+        self._cancel = cancel
+        self._surroundings = surroundings
+        self._names = root.blackboard.names
+        self._leaves = {step.location.number for step in steps(root)}
+        self._journal = journal
+        self._settled: dict[int, StepOutcome] = {}
+        self._wanted: dict[int, tuple[PlanStep, Request]] = {}
+        self._lifecycles: dict[int, CommandLifecycle] = {}
+        self._outcomes: dict[int, CommandOutcome] = {}
+        self._refusals: dict[int, Refusal] = {}
+        self._commands = {each.node: each.command_id for each in state.commands if each.stage}
+        self._ends = {each.node: each for each in state.commands if each.stage}
+        self._last = dict(state.last)
+        self._ended = {*state.ended, *ended_steps(journal)}
+        self.forced = {number: Steering[name] for number, name in state.forced}
+        self.forced |= {
+            each.location.number: Steering.SUCCESS
+            for each in nodes(root)
+            if journal.get(step_key(each.location, ())) is StepOutcome.SKIPPED
+        }
+        self._answers = dict(state.answers)
+        self._open_questions = set(state.questions)
+        self._settled_questions = dict(state.settled)
+        self.restarts = state.restarts
+        self._charge_ratio = state.charge_ratio
+        if state.tree is None:
+            self._charge_ratio = surroundings.telemetry(BATTERY_CHARGE)
+        plan.done = len(self._ended & self._leaves)
+
+    def telemetry(self, name: str) -> float | None:
+        """Return a value; see `PlanPort`."""
+        if name == ENERGY_USED:
+            return self._surroundings.energy_used_j(self._charge_ratio)
+        return self._surroundings.telemetry(name)
+
+    def check_target(self, x_m: float, y_m: float) -> Refusal | None:
+        """Check a motion; see `PlanPort`."""
+        return self._surroundings.check_target(x_m, y_m)
+
+    def fault_active(self, name: str) -> bool:
+        """Return whether a fault is active."""
+        return self._surroundings.fault_active(name)
+
+    def cell_name(self, cell: int) -> str:
+        """Return the name of a cell of the blackboard."""
+        return self._names[cell]
+
+    def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
+        """Request a command; see `PlanPort`."""
+        number = step.location.number
+        if self._journal:
+            outcome = self._journal.get(step_key(step.location, cycles))
+            if outcome is not None:
+                self._settled[number] = outcome
+                return
+        if number not in self._commands:
+            self._wanted[number] = step, step.request_from(cells)
+
+    def poll(self, step: PlanStep) -> StepStatus:
+        """Return the status of a step; a command that has ended is forgotten."""
+        number = step.location.number
+        if number in self._settled:
+            outcome = self._settled[number]
+            if outcome is not StepOutcome.HALTED:
+                del self._settled[number]
+            return _ANSWER[outcome]
+        lifecycle, known = self._lifecycles.get(number), self._ends.pop(number, None)
+        if known is not None:
+            return self._end(step, Stage(known.stage), known.reason, self._refusals.get(number))
+        if lifecycle is None or not lifecycle.stage.terminal:
+            return StepStatus.RUNNING
+        refusal = lifecycle.refusal
+        reason = 0 if refusal is None else refusal.reason.value
+        return self._end(step, lifecycle.stage, reason, refusal)
+
+    def outcome(self, step: PlanStep) -> CommandOutcome:
+        """Return the outcome of the last command of a step."""
+        return self._outcomes.get(step.location.number, CommandOutcome())
+
+    def command_text(self, step: PlanStep) -> str:
+        """Return the last command of a step as text."""
+        number = self._last.get(step.location.number)
+        return "" if number is None else str(Identity(source_of(self.plan.plan_id), number))
+
+    def take_requested(self) -> Sequence[tuple[PlanStep, Request]]:
+        """Return the steps to command in this tick, in the tree's order."""
+        return tuple(islice(self._wanted.values(), MAX_COMMANDS_PER_TICK))
+
+    def on_started(self, step: PlanStep, lifecycle: CommandLifecycle) -> None:
+        """Record the life cycle of a step's command, in any stage."""
+        number = step.location.number
+        self._note_command(number, lifecycle.command.identity)
+        self._lifecycles[number] = lifecycle
+        self.plan.node = step.location.path
+
+    def on_rejected(self, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
+        """Fail a step after the rejection of its command."""
+        number, reason = step.location.number, refusal.reason.value
+        self._note_command(number, identity)
+        self._ends[number] = StateCommand(number, identity.command_id, Stage.REJECTED.value, reason)
+        self._refusals[number] = refusal
+
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
+        """Fail a step that exceeded its deadline."""
+        number = step.location.number
+        text = f"{step.location.path}: not done within {allowed_s:g} s"
+        refusal = Refusal(Reason.PLAN_DEADLINE, text, (Figure("bound", allowed_s, "s"),))
+        if number in self._lifecycles:
+            self._cancel(self._lifecycles[number], refusal)
+            return self.poll(step)
+        if self._settled.get(number) is StepOutcome.HALTED:
+            return StepStatus.RUNNING
+        self._wanted.pop(number, None)
+        return self._end(step, Stage.CANCELLED, refusal.reason.value, refusal)
+
+    def halt_step(self, step: PlanStep) -> None:
+        """Abandon a step that has not ended."""
+        number = step.location.number
+        self._wanted.pop(number, None)
+        self._settled.pop(number, None)
+        self._forget(number)
+        lifecycle = self._lifecycles.pop(number, None)
+        if lifecycle is not None and not lifecycle.stage.terminal:
+            self._cancel(lifecycle, Refusal(Reason.STEP_HALTED, "the plan continued without it"))
+
+    def has_expired(self, node: PlanNode, cycles: tuple[int, ...]) -> bool:
+        """Return whether the journal has the end of a time limit."""
+        return bool(self._journal) and step_key(node.location, cycles) in self._journal
+
+    def take_answer(self, question: Question) -> str | None:
+        """Report a question, and return its answer; see `PlanPort`."""
+        answer = self._answers.pop(question.key, None)
+        if answer is not None:
+            self._settle(question, answer)
+        elif question.key not in self._open_questions:
+            self._open_questions.add(question.key)
+            self._settled_questions.pop(question.key, None)
+            self._surroundings.report_question(self.plan.plan_id, question)
+        return answer
+
+    def withdraw(self, question: Question, answer: str = "") -> None:
+        """End a question; see `PlanPort`."""
+        self._answers.pop(question.key, None)
+        self._settle(question, answer)
+
+    def _settle(self, question: Question, answer: str) -> None:
+        self._open_questions.discard(question.key)
+        self._settled_questions[question.key] = answer
+
+    def steer(self, state: PlanState) -> None:
+        """Take requests and answers of the operators from a state."""
+        self.forced = {number: Steering[name] for number, name in state.forced}
+        self._answers = dict(state.answers)
+
+    def note_failure(self, node: PlanNode, text: str) -> None:
+        """Note why a node fails."""
+        self.why = f"{node.location.path}: {text}"
+
+    def on_forced(self, node: PlanNode, steering: Steering) -> None:
+        """Note that a node obeyed."""
+        self.forced.pop(node.location.number, None)
+        match steering:
+            case Steering.HOLD:
+                self.held = node
+            case Steering.SUCCESS | Steering.FAILURE:
+                self._ended |= {each.location.number for each in nodes(node)}
+                self.plan.node, self.plan.done = node.location.path, len(self._ended & self._leaves)
+                if steering is Steering.FAILURE:
+                    self.note_failure(node, "skipped with FAILURE")
+            case Steering.RETRY:
+                pass
+
+    def state(self, tree: TreeState) -> PlanState:
+        """Return the state of the plan."""
+        return PlanState(
+            tree,
+            tuple(self._state_of(*each) for each in self._commands.items()),
+            tuple(self._last.items()),
+            tuple(sorted(self._ended)),
+            tuple((number, result.name) for number, result in self.forced.items()),
+            tuple(self._answers.items()),
+            tuple(sorted(self._open_questions)),
+            self._charge_ratio,
+            self.restarts,
+            self._surroundings.position,
+            tuple(self._settled_questions.items()),
+        )
+
+    def cancel_running(self, refusal: Refusal) -> None:
+        """Cancel every active command and forget it; one that has ended stays known."""
+        self._wanted.clear()
+        for number, lifecycle in tuple(self._lifecycles.items()):
+            if not lifecycle.stage.terminal:
+                del self._lifecycles[number]
+                self._forget(number)
+                self._cancel(lifecycle, refusal)
+        self._ended |= self._commands.keys()
+
+    def _forget(self, number: int) -> None:
+        self._commands.pop(number, None)
+        self._ends.pop(number, None)
+        self._refusals.pop(number, None)
+
+    def _state_of(self, number: int, command_id: int) -> StateCommand:
+        known, lifecycle = self._ends.get(number), self._lifecycles.get(number)
+        if known is not None or lifecycle is None or not lifecycle.stage.terminal:
+            return known or StateCommand(number, command_id)
+        reason = 0 if lifecycle.refusal is None else lifecycle.refusal.reason.value
+        return StateCommand(number, command_id, lifecycle.stage.value, reason)
+
+    def _note_command(self, number: int, identity: Identity) -> None:
+        self._wanted.pop(number, None)
+        self._commands[number] = self._last[number] = identity.command_id
+
+    def _end(
+        self, step: PlanStep, stage: Stage, reason: int, refusal: Refusal | None
+    ) -> StepStatus:
+        """Forget the command of a step that has ended, note its outcome, return its status."""
+        number, path = step.location.number, step.location.path
+        command_id = self._commands.get(number)
+        self._forget(number)
+        self._lifecycles.pop(number, None)
+        self._ended.add(number)
+        self.plan.node, self.plan.done = path, len(self._ended & self._leaves)
+        file = ""
+        if command_id is not None and step.kind.port("file") is not None:
+            identity = Identity(source_of(self.plan.plan_id), command_id)
+            file = self._surroundings.file_of(identity) if stage is Stage.EXECUTED else ""
+        self._outcomes[number] = CommandOutcome(float(reason), file)
+        if stage is Stage.EXECUTED:
+            return StepStatus.SUCCESS
+        text = f" ({refusal.text})" if refusal else ""
+        self.why = f"{path}: {stage.name}{text}"
+        return StepStatus.FAILURE
+
+
+def ended_steps(journal: Mapping[str, StepOutcome]) -> set[int]:
+    """Return the numbers of the nodes that have ended by the journal of a plan of version 0.1."""
+    return {
         int(key.partition(":")[0])
         for key, outcome in journal.items()
         if outcome is not StepOutcome.HALTED
     }
-    return ended & leaves
-
-
-class PlanExecution:
-    """The steps of one plan. A key names a step and the cycles of the loops around it.
-
-    Args:
-        plan: the plan; its journal is continued, and its progress updated.
-        root: its root node.
-        cancel: cancels a command that has not ended.
-
-    Attributes:
-        why: description of the last failed step.
-    """
-
-    def __init__(
-        self, plan: RunningPlan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
-    ) -> None:
-        self.plan = plan
-        self.clock = clock
-        self.why = ""
-        self._store = store
-        self._known = dict(store.journal(plan.plan_id))
-        self._requested: dict[str, PlanStep] = {}
-        self._polls = 0
-        self._lifecycles: dict[str, CommandLifecycle] = {}
-        self._commands = dict(store.commands(plan.plan_id))
-        self._done = ended_leaves(root, self._known)
-        plan.done = len(self._done)
-        self._cancel = cancel
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether loops must wait for the next tick."""
-        return self._polls >= MAX_POLLS_PER_TICK
-
-    def begin_tick(self) -> None:
-        """Reset the count of polled steps for this tick."""
-        self._polls = 0
-
-    def poll(self, key: str, step: PlanStep) -> StepStatus:
-        """Return the status of a step; request its command on the first poll."""
-        self._polls += 1
-        if key in self._known:
-            return _ANSWER[self._known[key]]
-        if key not in self._lifecycles:
-            self._requested[key] = step
-            return StepStatus.RUNNING
-        lifecycle = self._lifecycles[key]
-        if not lifecycle.stage.terminal:
-            return StepStatus.RUNNING
-        del self._lifecycles[key]
-        outcome = StepOutcome.SUCCESS if lifecycle.stage is Stage.EXECUTED else StepOutcome.FAILURE
-        self._note(key, step, outcome)
-        if outcome is StepOutcome.FAILURE:
-            text = f" ({lifecycle.refusal.text})" if lifecycle.refusal else ""
-            self.why = f"{step.location.path}: {lifecycle.stage.name}{text}"
-        return _ANSWER[outcome]
-
-    def skips(self, location: NodeLocation) -> bool:
-        """Whether an operator skipped a node."""
-        return self._known.get(step_key(location, ())) is StepOutcome.SKIPPED
-
-    def command_of(self, key: str) -> Identity | None:
-        """Return the last command of a step; None before its first."""
-        return self._commands.get(key)
-
-    def take_requested(self) -> Sequence[tuple[str, PlanStep]]:
-        """Remove and return the steps to command in this tick, in the tree's order."""
-        wanted = list(islice(self._requested.items(), MAX_COMMANDS_PER_TICK))
-        for key, _ in wanted:
-            del self._requested[key]
-        return wanted
-
-    def on_started(self, key: str, step: PlanStep, lifecycle: CommandLifecycle) -> None:
-        """Record the life cycle of a step's command, in any stage."""
-        self._lifecycles[key] = lifecycle
-        self._note_command(key, lifecycle.command.identity)
-        self.plan.node = step.location.path
-
-    def on_rejected(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
-        """Fail a step after the rejection of its command."""
-        self._note_command(key, identity)
-        self._note(key, step, StepOutcome.FAILURE)
-        self.why = f"{step.location.path}: REJECTED ({refusal.text})"
-
-    def fail_overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
-        """Fail a step that exceeded its deadline."""
-        if key in self._lifecycles:
-            text = f"{step.location.path}: not done within {allowed_s:g} s"
-            figures = (Figure("bound", allowed_s, "s"),)
-            self._cancel(self._lifecycles[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
-        return self.poll(key, step)
-
-    def halt_step(self, key: str) -> None:
-        """Abandon a step that has not ended."""
-        self._requested.pop(key, None)
-        if key in self._known:
-            return
-        lifecycle = self._lifecycles.pop(key, None)
-        if lifecycle is not None:
-            self._cancel(lifecycle, Refusal(Reason.STEP_HALTED, "the plan continued without it"))
-        self._settle(key, StepOutcome.HALTED)
-
-    def timed_out(self, key: str) -> bool:
-        """Whether the journal records that this time limit expired."""
-        return key in self._known
-
-    def time_out(self, key: str, limit: TimeoutNode) -> None:
-        """Record that a time limit expired."""
-        self.why = f"{limit.location.path}: not done within {limit.duration_s:g} s"
-        self._settle(key, StepOutcome.FAILURE)
-
-    def cancel_running(self, refusal: Refusal) -> None:
-        """Cancel every active command; steps that have ended stay in the journal."""
-        self._requested.clear()
-        self._store.forget_unfinished_steps(self.plan.plan_id)
-        for lifecycle in self._lifecycles.values():
-            self._cancel(lifecycle, refusal)
-        self._lifecycles.clear()
-
-    def _note_command(self, key: str, identity: Identity) -> None:
-        self._commands[key] = identity
-        self._store.begin(self.plan.plan_id, key, identity.command_id)
-
-    def _note(self, key: str, step: PlanStep, outcome: StepOutcome) -> None:
-        self._known[key] = outcome
-        self._done.add(step.location.number)
-        self.plan.node, self.plan.done = step.location.path, len(self._done)
-
-    def _settle(self, key: str, outcome: StepOutcome) -> None:
-        self._known[key] = outcome
-        self._store.set_outcome(self.plan.plan_id, key, outcome)

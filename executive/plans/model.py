@@ -1,38 +1,17 @@
-"""The nodes of a validated plan as values (`SequenceNode`, `PlanStep`, ...); its valid leaves."""
+"""A plan that was read, as values: `PlanNode`, `PlanStep`, `PlanRoot` with its blackboard."""
 
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
-from enum import Enum, unique
-from typing import Final, assert_never
+import hashlib
+import json
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import astuple, dataclass, replace
+from typing import Final
 
-from executive.commands import Argument, Family, Request, Waypoint, all_declarations
+from executive.commands import CommandDeclaration, PlanDefinition, Request
+from executive.plans.arguments import ArgumentError, ArgumentValue, argument_value, number
+from executive.plans.dialect import DEADLINE, NodeKind
+from executive.plans.scripting import Cells, Script, UnknownValueError
+from executive.plans.syntax import Value
 from executive.values.reasons import Reason, Refusal
-
-DEADLINE: Final = "deadline_s"
-"""The attribute that sets a leaf's deadline; required unless a Timeout is above it."""
-
-_STEERING: Final = {
-    Family.PLAN,
-    Family.PLAN_START,
-    Family.STOP,
-    Family.RESUME,
-    Family.CONFIRMATION,
-}
-"""Commands that a plan may not give; only an operator may confirm the pose, after a check."""
-
-LEAVES: Final = {
-    declaration.name: declaration
-    for declaration in all_declarations()
-    if declaration.family not in _STEERING
-}
-"""The requests that can be a step of a plan, by the names of their leaves."""
-
-
-def attribute_help(argument: Argument) -> str:
-    """Return the human-readable description of a leaf's attribute."""
-    if argument.kind is Waypoint:
-        return "x,y or x,y,heading (m, rad) joined by ;"
-    return argument.meaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,138 +35,185 @@ class NodeLocation:
 
 
 @dataclass(frozen=True, slots=True)
-class SequenceNode:
-    """Runs its children in order, until one fails."""
-
-    location: NodeLocation
-    children: tuple["PlanNode", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class FallbackNode:
-    """Runs its children in order, until one succeeds."""
-
-    location: NodeLocation
-    children: tuple["PlanNode", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ParallelNode:
-    """Runs its children in parallel, until enough have succeeded or failed."""
-
-    location: NodeLocation
-    successes: int
-    failures: int
-    children: tuple["PlanNode", ...]
-
-
-@unique
-class RepeatOn(Enum):
-    """Result after which a loop runs its child again."""
-
-    SUCCESS = "repeat"
-    FAILURE = "retry"
-
-
-@dataclass(frozen=True, slots=True)
-class LoopNode:
-    """Runs its child up to `times`, while it ends with the result `repeat_on`."""
-
-    location: NodeLocation
-    repeat_on: RepeatOn
-    times: int
-    child: "PlanNode"
-
-
-@dataclass(frozen=True, slots=True)
-class TimeoutNode:
-    """Fails if its child does not end within a time."""
-
-    location: NodeLocation
-    duration_s: float
-    child: "PlanNode"
-
-
-@dataclass(frozen=True, slots=True)
-class InverterNode:
-    """Succeeds when its child fails, and fails when it succeeds."""
-
-    location: NodeLocation
-    child: "PlanNode"
-
-
-@dataclass(frozen=True, slots=True)
-class PlanStep:
-    """A leaf: one command.
+class CellReference:
+    """A port that is read from, or written to, a cell of the blackboard.
 
     Attributes:
-        deadline_s: seconds after which it fails; None if a `Timeout` above limits it.
+        name: name of the cell in the text.
     """
 
-    location: NodeLocation
-    request: Request
-    deadline_s: float | None
+    cell: int
+    name: str
 
 
-PlanNode = (
-    SequenceNode | FallbackNode | ParallelNode | LoopNode | TimeoutNode | InverterNode | PlanStep
-)
-
-
-def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
-    """Return the children of a node."""
-    match node:
-        case SequenceNode() | FallbackNode() | ParallelNode():
-            return node.children
-        case LoopNode() | TimeoutNode() | InverterNode():
-            return (node.child,)
-        case PlanStep():
-            return ()
+PortValue = int | ArgumentValue | Script | CellReference
 
 
 @dataclass(frozen=True, slots=True)
-class TimeoutEnd:
-    """End of the subtree that a timeout limits."""
+class PlanNode:
+    """A node of a plan.
 
-    node: TimeoutNode
-
-
-def nominal_steps(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEnd]:
-    """Yield the steps of a plan in order, assuming that each succeeds.
-
-    Of a fallback the first child, of a retry one attempt. Steps that a timeout limits follow it and
-    precede its end.
+    Attributes:
+        ports: value of each port that is given or has a default.
+        conditions: scripts of the attributes with an underscore, as `_skipIf`.
     """
-    match node:
-        case PlanStep():
-            yield node
-        case FallbackNode():
-            for child in node.children[:1]:
-                yield from nominal_steps(child)
-        case LoopNode(repeat_on=repeat_on, times=times, child=child):
-            for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
-                yield from nominal_steps(child)
-        case TimeoutNode(child=child):
-            yield node
-            yield from nominal_steps(child)
-            yield TimeoutEnd(node)
-        case SequenceNode() | ParallelNode() | InverterNode():
-            for child in children_of(node):
-                yield from nominal_steps(child)
-        case _:
-            assert_never(node)
+
+    location: NodeLocation
+    kind: NodeKind
+    children: tuple["PlanNode", ...]
+    ports: dict[str, PortValue]
+    conditions: dict[str, Script]
+
+    def number(self, port: str) -> float:
+        """Return the number of a port that is known when the plan is read."""
+        value = self.ports[port]
+        assert isinstance(value, float | int), (self.location.path, port)
+        return value
+
+    def text(self, port: str) -> str:
+        """Return the text of a port that is known when the plan is read."""
+        value = self.ports[port]
+        assert isinstance(value, str), (self.location.path, port)
+        return value
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStep(PlanNode):
+    """A leaf: one command."""
+
+    @property
+    def deadline_s(self) -> float | None:
+        """Seconds after which it fails; None if the time is limited above it."""
+        return self.number(DEADLINE) if DEADLINE in self.ports else None
+
+    @property
+    def request(self) -> Request | None:
+        """The request; None if an argument is read from the blackboard."""
+        given = (self.ports.get(each.name) for each in self._declaration.user_arguments)
+        is_open = any(isinstance(each, CellReference) for each in given)
+        return None if is_open else self.request_from([])
+
+    def request_from(self, cells: Cells) -> Request:
+        """Return the request with the arguments of the blackboard.
+
+        Raises:
+            UnknownValueError: an argument has no known value.
+            ArgumentError: a value is none of its argument.
+        """
+        values = []
+        for argument in self._declaration.user_arguments:
+            value = self.ports.get(argument.name)
+            if isinstance(value, CellReference):
+                found = cells[value.cell]
+                if found is None:
+                    raise UnknownValueError(value.cell)
+                value = argument_value(argument, found)
+            values.append(value)
+        request: Request = self._declaration.build_request(*values)
+        return request
+
+    def bound(self, cells: Cells) -> "PlanStep | None":
+        """Return it with its arguments from the blackboard; None if they are not known."""
+        ports = dict(self.ports)
+        for argument in self._declaration.user_arguments:
+            value = self.ports.get(argument.name)
+            if isinstance(value, CellReference):
+                found = cells[value.cell]
+                if found is None:
+                    return None
+                try:
+                    ports[argument.name] = argument_value(argument, found)
+                except ArgumentError:
+                    return None
+        return replace(self, ports=ports)
+
+    @property
+    def _declaration(self) -> CommandDeclaration:
+        assert self.kind.command is not None
+        return self.kind.command
+
+
+@dataclass(frozen=True, slots=True)
+class Blackboard:
+    """The cells of a plan.
+
+    Attributes:
+        names: name of each cell, after the path of its tree.
+        initial: value of each cell when the plan begins; None as long as it is not written.
+        telemetry: cells with telemetry, each with its name.
+    """
+
+    names: tuple[str, ...] = ()
+    initial: tuple[Value | None, ...] = ()
+    telemetry: tuple[tuple[int, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRoot(PlanNode):
+    """The root of a plan; its child is the root node of the main tree.
+
+    Attributes:
+        resumes: whether it continues by itself after a restart of the executive.
+    """
+
+    blackboard: Blackboard
+    resumes: bool = False
+
+
+def digest_of(definition: PlanDefinition, root: PlanNode) -> str:
+    """Return a digest of a plan's text and arguments, and of the nodes that were read from them."""
+    table = [(each.kind.name, each.location.path, len(each.children)) for each in nodes(root)]
+    arguments = [astuple(each) for each in definition.arguments]
+    content = json.dumps([arguments, table], separators=(",", ":")).encode()
+    return hashlib.sha256(definition.content + b"\0" + content).hexdigest()
 
 
 def nodes(root: PlanNode) -> Iterator[PlanNode]:
     """Yield a node and all nodes below it."""
     yield root
-    for child in children_of(root):
+    for child in root.children:
         yield from nodes(child)
 
 
 def steps(root: PlanNode) -> tuple[PlanStep, ...]:
-    """Return all leaves."""
+    """Return all leaves with a command."""
     return tuple(each for each in nodes(root) if isinstance(each, PlanStep))
+
+
+MAX_LOOP_CYCLES: Final = 1000
+MAX_READ_PARTS: Final = 100
+"""Maximum number of parts of a queue that is read from the blackboard; chosen."""
+LOOPS: Final[Mapping[str, str]] = {"Repeat": "num_cycles", "RetryUntilSuccessful": "num_attempts"}
+"""Loops with a number of cycles, and its port."""
+
+
+def parts_of(queue: str) -> tuple[str, ...]:
+    """Return the parts of the queue of a loop."""
+    return tuple(filter(None, (each.strip() for each in queue.split(";"))))
+
+
+def part_values(loop: str, part: str) -> dict[str, Value]:
+    """Return the values of the output ports of a loop for a part of its queue.
+
+    Args:
+        loop: name of the loop's kind.
+        part: the part, as text.
+
+    Raises:
+        ArgumentError: the part is not as the loop needs it.
+    """
+    match loop:
+        case "LoopString":
+            return {"value": part}
+        case "LoopDouble":
+            return {"value": number("queue", part)}
+        case _:
+            figures = part.split(",")
+            if len(figures) not in {2, 3}:
+                raise ArgumentError(f"queue {part[:40]!r} is neither x,y nor x,y,heading")
+            units = (("x", "m"), ("y", "m"), ("heading", "rad"))
+            pairs = zip(units, figures, strict=False)
+            return {port: number("queue", text, unit) for (port, unit), text in pairs}
 
 
 def resume_points(
@@ -199,7 +225,7 @@ def resume_points(
     sequences that begin with it.
     """
     paths = (*above, node.location.path)
-    if not isinstance(node, SequenceNode):
+    if node.kind.name not in {"Sequence", "SubTree"} or node.conditions:
         yield node, paths
         return
     for child in node.children:
@@ -208,7 +234,7 @@ def resume_points(
 
 
 def skipped_nodes(
-    root: PlanNode, step: str, last: str, ended: Collection[str]
+    root: PlanNode, step: str, last: str, ended: Collection[int]
 ) -> tuple[PlanNode, ...] | Refusal:
     """Return the nodes to skip from the interruption to a named step, or a refusal.
 
@@ -218,13 +244,13 @@ def skipped_nodes(
         root: root node of the plan.
         step: name of the step: a path in the plan, or the end of one.
         last: path of the leaf that started or ended last.
-        ended: keys of the steps in the journal.
+        ended: numbers of the nodes that have ended.
     """
     points = tuple(resume_points(root))
     at = [each.location for each, _ in points]
     begun = [i for i, each in enumerate(at) if f"{last}/".startswith(f"{each.path}/")]
     after = range(max(begun, default=0), len(points))
-    present = next((i for i in after if str(at[i].number) not in ended), len(points))
+    present = next((i for i in after if at[i].number not in ended), len(points))
     named = [
         i for i, (_, paths) in enumerate(points) if any(f"/{p}".endswith(f"/{step}") for p in paths)
     ]

@@ -1,21 +1,25 @@
-"""`read_xml` parses a plan: bounded size, known nodes of BehaviorTree.CPP v4, their attributes.
+"""`read_xml` parses a plan: bounded size, known nodes of BehaviorTree.CPP v4, their names.
 
 No document type, entity, include or other file is read.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
-from enum import Enum
-from itertools import islice
-from re import IGNORECASE
-from re import compile as pattern
 from types import MappingProxyType
 from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
-from executive.commands import Argument, Waypoint
-from executive.values.quantities import QuantityError, read_quantity
+from executive.plans.arguments import quote, suggest
+from executive.plans.dialect import (
+    CONDITIONS,
+    DIALECT,
+    REMARKS,
+    SUBTREE,
+    UNSUPPORTED_NODES,
+    NodeKind,
+    Role,
+)
 from executive.values.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -131,70 +135,17 @@ class _Reader:
         raise PlanError(Reason.PLAN_NOT_XML, line, "a plan has no document type")
 
 
-_MAX_QUOTED_LENGTH: Final = 40
-"""Maximum length in characters of an invalid word that is compared and quoted."""
-_MAX_SUGGESTIONS: Final = 200
-"""Maximum number of candidates for a suggestion: more would delay a stop."""
-
-UNSUPPORTED_NODES: Final = {
-    node: why
-    for why, nodes in {
-        "a plan cannot stop the rover: an external stop suspends the plan": "stop",
-        "a plan cannot resume the rover: mission control does, after a stop": "resume",
-        "reactive nodes are not supported: use Sequence, Fallback, Timeout": (
-            "ReactiveSequence ReactiveFallback"
-        ),
-        "use Sequence, Fallback or Parallel": (
-            "SequenceWithMemory SequenceStar AsyncSequence AsyncFallback ParallelAll"
-        ),
-        "conditions are not supported: a leaf that fails makes a Fallback continue": (
-            "IfThenElse WhileDoElse Switch2 Switch3 Condition Precondition"
-        ),
-        "every plan must end: use Repeat or RetryUntilSuccessful": "KeepRunningUntilFailure",
-        "forced results are not supported: use Fallback or Inverter": (
-            "ForceSuccess ForceFailure AlwaysSuccess AlwaysFailure"
-        ),
-        "waiting nodes are not supported: limit a leaf by deadline_s or Timeout": ("Delay Sleep"),
-        "scripts and a blackboard are not supported: give values by {name} and --arg": (
-            "Script ScriptCondition SetBlackboard UnsetBlackboard"
-        ),
-    }.items()
-    for node in nodes.split()
-}
-"""Unsupported nodes of BehaviorTree.CPP, and their replacements."""
-
-
-def quote(word: str) -> str:
-    """Return an invalid word, quoted and truncated for a message."""
-    return repr(word[:_MAX_QUOTED_LENGTH])
-
-
-def suggest(word: str, known: Iterable[str]) -> str:
-    """Return a suffix for a message about an invalid word: the nearest known word, if any."""
-    short = [
-        each for each in islice(known, _MAX_SUGGESTIONS) if len(each) <= 2 * _MAX_QUOTED_LENGTH
-    ]
-    near = get_close_matches(word[:_MAX_QUOTED_LENGTH], short, 1)
-    return f": did you mean {near[0]}?" if near else ""
-
-
 FORMAT: Final = "BTCPP4"
 """Name of the format of plans."""
 
-CONTROLS: Final = frozenset({"Sequence", "Fallback", "Parallel"})
-DECORATORS: Final = frozenset({"RetryUntilSuccessful", "Repeat", "Timeout", "Inverter"})
-EXPLICIT: Final = frozenset({"Action", "Control", "Decorator"})
+EXPLICIT: Final = frozenset({"Action", "Condition", "Control", "Decorator"})
 """Elements that name their node in the attribute ID; all others name it by their tag."""
 
-SUBTREE: Final = "SubTree"
 AUTOREMAP: Final = "_autoremap"
-_OWN: Final = frozenset({"ID", "name"})
-_SCRIPT: Final = pattern(
-    r"_(skipIf|failureIf|successIf|while|onSuccess|onFailure|onHalted|post)", IGNORECASE
-)
-"""Conditions and scripts of BehaviorTree.CPP v4; other names with `_` are editor metadata."""
+AFTER_RESTART: Final = "after_restart"
+"""Attribute of the root: `suspend` or `resume`."""
 
-_PLAN_ID: Final = pattern(r"[A-Za-z0-9_.-]{1,64}")
+_PLAN_ID: Final = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 MAX_NAME_LENGTH: Final = 80
 
 
@@ -203,8 +154,8 @@ def is_plan_id(text: str) -> bool:
     return _PLAN_ID.fullmatch(text) is not None
 
 
-def node_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
-    """Return the kind of node of an element.
+def node_kind(element: Element, trees: Collection[str]) -> NodeKind | None:
+    """Return the kind of node of an element; None for a `SubTree`.
 
     Raises:
         PlanError: the node or the tree is unknown, or a required ID is missing.
@@ -216,17 +167,17 @@ def node_kind(element: Element, trees: Collection[str], leaves: Collection[str])
         kind = named
     if kind == SUBTREE:
         if named not in trees:
-            text = f"there is no tree {quote(named)}{suggest(named, trees)}"
+            text = f"there is no tree {quote(named)}{suggest(named, list(trees))}"
             raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
-        return kind
-    if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
+        return None
+    if kind not in DIALECT:
         if kind in UNSUPPORTED_NODES:
             text = f"{kind}: {UNSUPPORTED_NODES[kind]}"
         else:
-            near = suggest(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
+            near = suggest(kind, [*DIALECT, SUBTREE]) or ": `rover plan nodes` lists them"
             text = f"unknown node {quote(kind)}{near}"
         raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
-    return kind
+    return DIALECT[kind]
 
 
 def name_of(element: Element, default: str) -> str:
@@ -244,136 +195,109 @@ def name_of(element: Element, default: str) -> str:
     return name
 
 
-Value = float | int | str | Enum | tuple[Waypoint, ...]
-
-MAX_VALUE_LENGTH: Final = 16_384
-"""Maximum length in characters of an attribute. All attributes of a plan may use an argument:
-without a bound one plan could block the core, and with it a stop, for minutes."""
-MAX_WAYPOINTS: Final = 200
-"""Maximum number of waypoints of one leaf; the asset's own bound is lower."""
-
-_COUNT: Final = pattern(r"[+-]?[0-9]{1,9}")
-
-
-class Attributes:
-    """The attributes of one element, resolved in its tree.
-
-    Args:
-        given: the values of `{names}` in the tree.
+def ports_of(element: Element) -> dict[str, str]:
+    """Return the attributes of an element without its name, ID, conditions and editors' remarks.
 
     Raises:
-        PlanError: from every method that reads, if an attribute is invalid, or refers to an
-            argument without a value.
+        PlanError: an attribute begins with an underscore, and is not known.
     """
+    found = {}
+    is_subtree = element.tag == SUBTREE
+    for name, text in element.attributes.items():
+        if name.startswith("_"):
+            known = name in REMARKS or name in CONDITIONS or (is_subtree and name == AUTOREMAP)
+            if not known:
+                near = suggest(name, [*CONDITIONS, AUTOREMAP]) or ": remove it"
+                text = f"attribute {quote(name)} is neither a condition nor a script{near}"
+                raise element.error(Reason.PLAN_BAD_ARGUMENT, text)
+        elif name != "name" and (name != "ID" or not (is_subtree or element.tag in EXPLICIT)):
+            found[name] = text
+    return found
 
-    def __init__(self, element: Element, given: Mapping[str, str]) -> None:
-        self._element = element
-        self._arguments = given
 
-    def require_known(self, names: set[str]) -> None:
-        """Raise PlanError if there is an attribute outside these names."""
-        known = _OWN if self._element.tag in EXPLICIT else {"name"}
-        for name in self._ports():
-            if name not in known and name not in names:
-                raise self.error(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
+def trees_of(root: Element) -> dict[str, Element]:
+    """Return the `BehaviorTree` elements of a plan by ID.
 
-    def text(self, name: str) -> str | None:
-        """Return the text of an attribute, or None if it is missing."""
-        text = self._element.attributes.get(name)
-        if text is None:
-            return None
-        text = self._resolved(name, text)
-        if len(text) > MAX_VALUE_LENGTH:
-            raise self.error(f"{name} has {len(text)} characters: {MAX_VALUE_LENGTH} at most")
-        return text
+    Raises:
+        PlanError: the text is no plan.
+    """
+    if root.tag != "root":
+        raise root.error(Reason.PLAN_STRUCTURE, f"a plan begins with <root>, not <{root.tag}>")
+    if root.attributes.get("BTCPP_format") != "4":
+        remedy = "Groot2 converts older formats" if "BTCPP_format" in root.attributes else ""
+        text = '<root> needs BTCPP_format="4"'
+        raise root.error(Reason.PLAN_FORMAT, f"{text}: {remedy}" if remedy else text)
+    trees: dict[str, Element] = {}
+    for element in root.children:
+        match element.tag:
+            case "BehaviorTree":
+                alone = sum(each.tag == "BehaviorTree" for each in root.children) == 1
+                name = element.attributes.get("ID") or ("Main" if alone else "")
+                if not name or name in trees:
+                    raise element.error(
+                        Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
+                    )
+                if len(element.children) != 1:
+                    raise element.error(
+                        Reason.PLAN_STRUCTURE, "a <BehaviorTree> has exactly 1 child"
+                    )
+                trees[name] = element
+            case "TreeNodesModel":
+                pass
+            case "include":
+                text = "<include>: a plan is one file; copy the trees of the other file into it"
+                raise element.error(Reason.PLAN_UNKNOWN_NODE, text)
+            case _:
+                raise element.error(
+                    Reason.PLAN_UNKNOWN_NODE, f"<{element.tag}> does not belong below <root>"
+                )
+    return trees
 
-    def number(self, name: str, unit: str = "") -> float | None:
-        """Return a number in its SI unit, which may be written with another, as `90deg`."""
-        text = self.text(name)
-        return None if text is None else self._number(name, text, unit)
 
-    def count(self, name: str) -> int | None:
-        """Return a whole number."""
-        text = self.text(name)
-        if text is None:
-            return None
-        if not _COUNT.fullmatch(text.strip()):
-            raise self.error(f"{name} {text[:40]!r} is not a whole number")
-        return int(text)
+def main_tree(root: Element, trees: Mapping[str, Element]) -> str:
+    """Return the ID of the main tree: as declared, or the only one that no `SubTree` names.
 
-    def value(self, argument: Argument) -> Value | None:
-        """Return the value of a leaf's argument."""
-        name = argument.name
-        if argument.kind is float:
-            return self.number(name, argument.unit)
-        if argument.kind is int:
-            return self.count(name)
-        text = self.text(name)
-        if text is None or argument.kind is str:
-            return text
-        if issubclass(argument.kind, Enum):
-            return self._choice(name, text, argument.kind)
-        return self._waypoints(name, text)
+    Raises:
+        PlanError: there is no such tree, or more than one.
+    """
+    name = root.attributes.get("main_tree_to_execute")
+    if name is None:
+        below = [element for tree in trees.values() for element in tree.elements()]
+        named = {element.attributes["ID"] for element in below if element.tag == SUBTREE}
+        first = [each for each in trees if each not in named] or list(trees)
+        if len(first) != 1:
+            text = "the trees have no single root: main_tree_to_execute must name the tree to run"
+            raise root.error(Reason.PLAN_STRUCTURE, text)
+        return first[0]
+    if name not in trees:
+        near = suggest(name, list(trees))
+        raise root.error(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run{near}")
+    return name
 
-    def forwarded(self, defaults: Mapping[str, str]) -> dict[str, str]:
-        """Return the arguments that a `SubTree` forwards: its attributes; with `_autoremap`, all.
 
-        Without `_autoremap`, missing arguments are set to the defaults of its model.
-        """
-        all_of_them = self._element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
-        own = {} if all_of_them else dict(defaults)
-        own |= {name: self._element.attributes[name] for name in self._ports()}
-        resolved = {name: self._resolved(name, own[name]) for name in own if name not in _OWN}
-        return {**(self._arguments if all_of_them else {}), **resolved}
+def subtree_defaults(root: Element) -> dict[str, dict[str, str]]:
+    """Return the port defaults of each `SubTree` from the `TreeNodesModel`."""
+    return {
+        model.attributes.get("ID", ""): {
+            port.attributes["name"]: port.attributes["default"]
+            for port in model.children
+            if {"name", "default"} <= port.attributes.keys()
+        }
+        for models in root.children
+        if models.tag == "TreeNodesModel"
+        for model in models.children
+        if model.tag == Role.SUBTREE.value
+    }
 
-    def error(self, text: str) -> PlanError:
-        """Return an error that concerns these attributes."""
-        return self._element.error(Reason.PLAN_BAD_ARGUMENT, text)
 
-    def _ports(self) -> list[str]:
-        """Return the attribute names without editor metadata (`_uid`, `_fullpath` …)."""
-        names = self._element.attributes.keys()
-        for name in names:
-            if _SCRIPT.fullmatch(name):
-                raise self.error(f"attribute {quote(name)}: conditions and scripts are not run")
-        return [name for name in names if not name.startswith("_")]
+def resumes_after_restart(root: Element) -> bool:
+    """Return whether a plan continues by itself after a restart.
 
-    def _resolved(self, name: str, text: str) -> str:
-        if not (text.startswith("{") and text.endswith("}")):
-            return text
-        wanted = text[1:-1]
-        if wanted == "=":
-            wanted = name
-        if wanted not in self._arguments:
-            raise self.error(f"{name}: no value given for {{{wanted[:40]}}}")
-        return self._arguments[wanted]
-
-    def _number(self, name: str, text: str, unit: str) -> float:
-        try:
-            return read_quantity(text, unit)
-        except QuantityError:
-            of_unit = f" in {unit}" if unit else ""
-            raise self.error(f"{name} {text[:40]!r} is not a number{of_unit}") from None
-
-    def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
-        choices = {str(choice.value): choice for choice in kind}
-        if text.strip() not in choices:
-            near = suggest(text.strip(), choices)
-            raise self.error(f"{name} {quote(text)}: {' or '.join(choices)} is required{near}")
-        return choices[text.strip()]
-
-    def _waypoints(self, name: str, text: str) -> tuple[Waypoint, ...]:
-        parts = text.strip().strip(";").split(";")
-        if len(parts) > MAX_WAYPOINTS:
-            raise self.error(f"{name}: {len(parts)} waypoints, {MAX_WAYPOINTS} at most")
-        waypoints = []
-        for waypoint in parts:
-            figures = enumerate(waypoint.split(","))
-            match [self._number(name, part, "rad" if at == 2 else "m") for at, part in figures]:
-                case [x_m, y_m]:
-                    waypoints.append(Waypoint(x_m, y_m))
-                case [x_m, y_m, heading_rad]:
-                    waypoints.append(Waypoint(x_m, y_m, heading_rad))
-                case _:
-                    raise self.error(f"{name} {waypoint[:40]!r} is neither x,y nor x,y,heading")
-        return tuple(waypoints)
+    Raises:
+        PlanError: the attribute has another value.
+    """
+    text = root.attributes.get(AFTER_RESTART, "suspend")
+    if text not in {"suspend", "resume"}:
+        problem = f"{AFTER_RESTART} {quote(text)}: suspend or resume is required"
+        raise root.error(Reason.PLAN_BAD_ARGUMENT, problem)
+    return text == "resume"

@@ -1,44 +1,59 @@
 """`Planner` executes requests on plans (submit, activate, suspend, ...), and runs active plans."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from enum import Enum
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import dist
 from typing import Final, assert_never
 
 from executive.commands import (
     PLAN_LINK,
     AbortPlan,
     ActivatePlan,
+    AnswerQuestion,
     Command,
+    HoldAtNode,
     PlanDefinition,
     PlanRequest,
+    PlanSteering,
     RemovePlan,
     ResumePlan,
+    RetryNode,
+    SkipNode,
     SubmitPlan,
     SuspendPlan,
 )
 from executive.commands.intake import source_of
 from executive.commands.lifecycle import (
     Accepted,
-    Edge,
     Rejected,
     SubmitResult,
-    make_machine,
-    terminal_states,
 )
 from executive.plans.builder import check_plan
 from executive.plans.execution import (
     Cancel,
+    LeafError,
     PlanExecution,
     PlanHost,
+    PlanResult,
     PlanTree,
     RunningPlan,
-    StepStatus,
-    ended_leaves,
-    step_key,
+    Steering,
+    Surroundings,
+    ended_steps,
 )
-from executive.plans.model import PlanNode, nodes, skipped_nodes, steps
-from executive.record import Notifications, PlanStore, StepOutcome
+from executive.plans.model import PlanNode, PlanRoot, digest_of, nodes, skipped_nodes, steps
+from executive.plans.plan_lifecycle import (
+    FINAL_STATUSES,
+    MACHINE,
+    PlanEvent,
+    check_status,
+    source_states,
+)
+from executive.plans.recovery import recover_state
+from executive.plans.state import PlanState, StateError, decode, encode, shifted
+from executive.plans.steering import MAX_NAMED, check_steering, steered
+from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
 from executive.state import MotionStatistics
 from executive.values.clock import Clock
@@ -53,51 +68,14 @@ class ActivePlans:
         executing: the plan that controls the rover, if any.
         suspended: the plans that wait to be resumed.
         started_by: source that last activated or resumed each plan, in this process.
+        waits: the present waits and questions of the executing plan, as text; empty without any.
     """
 
     def __init__(self) -> None:
         self.executing: str | None = None
         self.suspended: tuple[str, ...] = ()
         self.started_by: dict[str, str] = {}
-
-
-class PlanEvent(Enum):
-    """Events of a plan's life cycle."""
-
-    ACTIVATE = "activate"
-    BEGIN = "begin"
-    SUSPEND = "suspend"
-    RESUME = "resume"
-    COMPLETE = "complete"
-    FAIL = "fail"
-    ABORT = "abort"
-
-
-PLAN_EDGES: Final = (
-    Edge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
-    Edge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
-    Edge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
-    Edge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
-    Edge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
-    Edge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
-    Edge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
-    Edge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
-    Edge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
-    Edge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
-    Edge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
-    Edge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
-)
-
-FINAL_STATUSES: Final = frozenset(terminal_states(PLAN_EDGES))
-"""Terminal statuses of a plan."""
-
-
-_MACHINE: Final = make_machine(PLAN_EDGES, "state")
-
-
-def source_states(event: PlanEvent) -> tuple[PlanStatus, ...]:
-    """Return the statuses that permit an event."""
-    return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
+        self.waits = ""
 
 
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
@@ -106,9 +84,16 @@ _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: S
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
 
-MAX_NAMED: Final = 10
-"""Maximum number of skipped nodes that the report of a resume names."""
+MAX_RESTARTS: Final = 3
+"""Maximum number of restarts after which a plan continues by itself."""
+MAX_RESTART_DISTANCE_M: Final = 1.5
+"""Maximum distance from the stored position for a plan that continues by itself; chosen."""
+RESTART_S: Final = 60.0
+"""Time after a start within which a plan continues by itself; chosen."""
+STORED_POSITION_M: Final = 0.5
+"""Distance after which the position of the rover is stored again."""
 
+MAX_STATE_LENGTH: Final = 256 * 1024
 UNWRITTEN_STEPS: Final = Refusal(
     Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
 )
@@ -116,17 +101,23 @@ UNWRITTEN_STEPS: Final = Refusal(
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _ActiveRun:
     """The executing plan.
 
     Attributes:
+        digest: digest of its text, arguments and nodes.
+        resumes: whether it continues by itself after a restart, near its stored position.
         statistics: its motion statistics; None after a suspension.
+        saved: its state as last stored.
     """
 
     execution: PlanExecution
     tree: PlanTree
+    digest: str
+    resumes: bool
     statistics: MotionStatistics | None
+    saved: PlanState
 
     @property
     def result_figures(self) -> tuple[Figure, ...]:
@@ -141,7 +132,8 @@ PredictPlan = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
 class Planner:
     """The plans of one executive.
 
-    A plan never continues by itself: a stop, a hazard or the end of the process suspends it.
+    A stop, a hazard or the end of the process suspends a plan. It continues by itself only if its
+    text wants that, and the process alone was the cause.
 
     Args:
         active: set to the executing plan and the suspended ones.
@@ -158,6 +150,7 @@ class Planner:
         host: PlanHost,
         cancel: Cancel,
         predict: PredictPlan,
+        surroundings: Surroundings,
     ) -> None:
         self._clock = clock
         self._predict_plan = predict
@@ -170,8 +163,10 @@ class Planner:
         self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
         self._run: _ActiveRun | None = None
         self._total = 0
+        self._surroundings = surroundings
         self._skipped: tuple[PlanNode, ...] = ()
-        self._ended: set[int] = set()
+        self._restarted: str | None = None
+        self._restarted_s = clock.now_s()
         self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
@@ -182,7 +177,7 @@ class Planner:
         """Return a plan as submitted; None if there is no such plan."""
         return self._store.definition(plan_id) if plan_id in self._plans else None
 
-    def root(self, plan_id: str) -> PlanNode | None:
+    def root(self, plan_id: str) -> PlanRoot | None:
         """Return the root node of a plan; None if it no longer fits the settings."""
         root = check_plan(self._store.definition(plan_id), self._settings)
         return None if isinstance(root, Refusal) else root
@@ -197,30 +192,33 @@ class Planner:
             return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
         match request:
             case ActivatePlan():
-                return self._rover_busy() or _unless(plan, source_states(PlanEvent.ACTIVATE))
+                return self._rover_busy() or check_status(plan, source_states(PlanEvent.ACTIVATE))
             case ResumePlan(step=step):
-                busy = self._rover_busy() or _unless(plan, source_states(PlanEvent.RESUME))
+                busy = self._rover_busy() or check_status(plan, source_states(PlanEvent.RESUME))
                 return busy or self._check_step(plan, step)
             case SuspendPlan():
-                return _unless(plan, source_states(PlanEvent.SUSPEND))
+                return check_status(plan, source_states(PlanEvent.SUSPEND))
             case RemovePlan():
-                return _unless(plan, _REMOVABLE)
+                return check_status(plan, _REMOVABLE)
             case AbortPlan():
                 return None
+            case SkipNode() | RetryNode() | HoldAtNode() | AnswerQuestion():
+                found = self._steerable(plan)
+                return found if isinstance(found, Refusal) else check_steering(request, *found)
             case _:
                 assert_never(request)
 
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
-        if isinstance(request, ActivatePlan | ResumePlan):
-            self._active.started_by[request.plan_id] = by.source
+        self.started_by: dict[str, str] = {}
+        self._restarted = None
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
                 self._add(definition, text)
                 return text
             case ActivatePlan(plan_id):
-                return self._start(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
+                return self._change(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
             case ResumePlan(plan_id, step):
                 at = "" if step is None else f" at {step}"
                 return self._resume(self._plans[plan_id], f"resumed by {by}{at}")
@@ -230,6 +228,8 @@ class Planner:
                 return text
             case AbortPlan(plan_id):
                 return self._abort(self._plans[plan_id], f"aborted by {by}")
+            case SkipNode() | RetryNode() | HoldAtNode() | AnswerQuestion():
+                return self._steer(self._plans[request.plan_id], request, by)
             case RemovePlan(plan_id):
                 self._store.remove(plan_id)
                 del self._plans[plan_id]
@@ -240,18 +240,28 @@ class Planner:
 
     def suspend(self, why: Refusal) -> None:
         """Suspend the executing plan, if any, until it is resumed."""
-        plan = self._executing
+        plan, self._restarted = self._executing, None
         if plan is not None:
-            self._stop_run(why)
+            if self._run is not None:
+                self._run.execution.cancel_running(why)
+                self._save(self._run, suspended=True)
+                self._end_run()
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def recover(self) -> None:
-        """Suspend the plan that a previous process left executing."""
+        """Suspend the plan that a previous process left executing.
+
+        Commands that have ended stay known; the others are given again. Timers have continued.
+        """
         plan = self._executing
-        if plan is not None:
-            self._store.forget_unfinished_steps(plan.plan_id)
-            text = "the executive was restarted"
-            self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+        if plan is None:
+            return
+        self._store.forget_unfinished_steps(plan.plan_id)
+        recover_state(self._store, plan.plan_id, self._clock.utc_s())
+        text = "the executive was restarted"
+        self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+        root = None if self._surroundings.is_held else self.root(plan.plan_id)
+        self._restarted = plan.plan_id if root is not None and root.resumes else None
 
     def fail(self, why: Refusal) -> None:
         """Fail the executing plan."""
@@ -261,33 +271,89 @@ class Planner:
             self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
-    def tick(self, plan_id: str, submit: Callable[[Command], SubmitResult]) -> bool:
+    def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
         """Tick the tree of the executing plan once, and submit the commands that it requests.
 
         Returns:
             Whether a commit is needed before the commands may start.
 
         Raises:
-            executive.record.ledger.LedgerError: the journal cannot be read.
+            executive.record.ledger.LedgerError: the state cannot be read.
             LeafError: a leaf raised.
         """
-        plan = self._plans[plan_id]
+        plan = self._executing
+        if plan is None:
+            return self._restarted is not None and self._resume_restarted(self._restarted)
         if self._run is None and not self._store.is_durable(plan.batch):
             return False
         run = self._run or self._begin(plan)
         if run is None:
             return True
-        progress = run.tree.tick()
-        if progress is StepStatus.RUNNING:
+        result = run.tree.tick()
+        if result is PlanResult.RUNNING:
+            if (held := run.execution.held) is not None:
+                text = f"held at {held.location.path}"
+                self.suspend(Refusal(Reason.PLAN_SUSPENDED, text))
+                return True
             return self._command(run, submit)
         self._end_run()
-        if progress is StepStatus.SUCCESS:
+        if result is PlanResult.SUCCESS:
             self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.result_figures)
         else:
-            self._end(
-                plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.result_figures
-            )
+            skipped = "skipped: its conditions did not let it run"
+            text = skipped if result is PlanResult.SKIPPED else run.execution.why or "failed"
+            self._end(plan, PlanEvent.FAIL, text, Reason.PLAN_FAILED, run.result_figures)
         return True
+
+    def _resume_restarted(self, plan_id: str) -> bool:
+        """Resume a plan that continues by itself after a restart, as soon as the pose is known."""
+        position, plan = self._surroundings.position, self._plans.get(plan_id)
+        late = self._clock.now_s() > self._restarted_s + RESTART_S
+        if (
+            plan is None
+            or plan.state is not PlanStatus.SUSPENDED
+            or self._surroundings.is_held
+            or late
+        ):
+            self._restarted = None
+            return False
+        if position is None or not self._store.is_durable(plan.batch):
+            return False
+        self._restarted, stored = None, self._store.state(plan_id)
+        try:
+            state = PlanState() if stored is None else decode(stored.text)
+        except StateError:
+            return False
+        if stored is None or state.position is None or state.restarts >= MAX_RESTARTS:
+            return False
+        if dist(position, state.position) > MAX_RESTART_DISTANCE_M:
+            return False
+        state = state._replace(restarts=state.restarts + 1)
+        self._store.save_state(plan_id, replace(stored, text=encode(state)))
+        text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
+        self._change(plan, PlanEvent.RESUME, text)
+        return True
+
+    def _save(self, run: _ActiveRun, suspended: bool = False) -> None:
+        """Store the state of the executing plan in the next commit, if it changed."""
+        state, before = run.execution.state(run.tree.state()), run.saved
+        moved_m = 0.0
+        if run.resumes and state.position is not None:
+            moved_m = dist(state.position, before.position or state.position)
+        if (
+            state._replace(position=before.position) == before
+            and moved_m < STORED_POSITION_M
+            and not suspended
+        ):
+            return
+        run.saved, self._active.waits = state, run.tree.waits()
+        left = shifted(state, -self._clock.now_s())
+        if len(text := encode(left)) > MAX_STATE_LENGTH and not suspended:
+            raise LeafError(f"plan:{run.execution.plan.plan_id}") from StateError(
+                "too large a state"
+            )
+        stored = StoredState(run.digest, self._clock.utc_s(), suspended, text)
+        self._store.save_state(run.execution.plan.plan_id, stored)
 
     @property
     def _executing(self) -> RunningPlan | None:
@@ -322,10 +388,6 @@ class Planner:
         self._store.add(definition, update)
         self._notifications.report_plan_update(update)
 
-    def _start(self, plan: RunningPlan, event: PlanEvent, text: str) -> str:
-        self._change(plan, event, text)
-        return text
-
     def _check_step(self, plan: RunningPlan, step: str | None) -> Refusal | None:
         """Return a refusal if a plan cannot be resumed at a step; store which nodes it skips."""
         self._skipped = ()
@@ -334,12 +396,32 @@ class Planner:
             return None
         if not self._store.is_durable(plan.batch):
             return UNWRITTEN_STEPS
-        journal = self._store.journal(plan.plan_id)
-        found = skipped_nodes(root, step, plan.node, journal)
+        try:
+            _, state = self._stored(plan.plan_id, root)
+        except StateError:
+            return None
+        letters = "" if state.tree is None else state.tree.statuses
+        done = (number for number, letter in enumerate(letters) if letter in "SF")
+        found = skipped_nodes(root, step, plan.node, {*state.ended, *done})
         if isinstance(found, Refusal):
             return found
-        self._skipped, self._ended = found, ended_leaves(root, journal)
+        self._skipped = found
         return None
+
+    def _stored(self, plan_id: str, root: PlanRoot) -> tuple[StoredState, PlanState]:
+        """Return the stored state of a plan, or an initial one.
+
+        Raises:
+            StateError: it does not belong to the plan.
+        """
+        digest = digest_of(self._store.definition(plan_id), root)
+        stored = self._store.state(plan_id)
+        if stored is None:
+            ended = tuple(ended_steps(self._store.journal(plan_id)))
+            return StoredState(digest, self._clock.utc_s(), True, ""), PlanState(ended=ended)
+        if stored.digest != digest:
+            raise StateError("the stored state is of another text, of other arguments or nodes")
+        return stored, decode(stored.text)
 
     def _resume(self, plan: RunningPlan, text: str) -> str:
         """Resume a plan without the nodes that `_check_step` has just found."""
@@ -347,20 +429,60 @@ class Planner:
         more = len(self._skipped) - MAX_NAMED
         text += f", skipping {names}{f' and {more} more' if more > 0 else ''}" if names else ""
         self._change(plan, PlanEvent.RESUME, text)
+        root = self.root(plan.plan_id) if self._skipped else None
+        if root is None:
+            return text
+        stored, state = self._stored(plan.plan_id, root)
+        leaves, ended = {each.location.number for each in steps(root)}, set(state.ended)
         for node in self._skipped:
-            for each in nodes(node):
-                key = step_key(each.location, ())
-                self._store.set_outcome(plan.plan_id, key, StepOutcome.SKIPPED)
-            self._ended |= {step.location.number for step in steps(node)}
-            plan.node, plan.done = node.location.path, len(self._ended)
+            ended |= {each.location.number for each in nodes(node)}
+            plan.node, plan.done = node.location.path, len(ended & leaves)
             self._notify(plan, f"{node.location.path}: skipped")
+        forced = {each.location.number: Steering.SUCCESS.name for each in self._skipped}
+        forced = {**dict(state.forced), **forced}
+        state = state._replace(ended=tuple(ended), forced=tuple(forced.items()))
+        self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
+        return text
+
+    def _steerable(self, plan: RunningPlan) -> tuple[PlanRoot, PlanState] | Refusal:
+        """Return the root node and the state of a plan that can be steered."""
+        if self._run is not None and self._run.execution.plan is plan:
+            execution = self._run.execution
+            return execution.root, execution.state(self._run.tree.state())
+        if (refusal := check_status(plan, set(PlanStatus) - FINAL_STATUSES)) is not None:
+            return refusal
+        if not self._store.is_durable(plan.batch):
+            return UNWRITTEN_STEPS
+        root = check_plan(self._store.definition(plan.plan_id), self._settings)
+        if isinstance(root, Refusal):
+            return root
+        try:
+            return root, self._stored(plan.plan_id, root)[1]
+        except StateError as error:
+            return Refusal(Reason.PLAN_STATUS, f"{plan.plan_id}: {error}")
+
+    def _steer(self, plan: RunningPlan, request: PlanSteering, by: Identity) -> str:
+        """Change the state of a plan; a node that runs obeys at its next tick."""
+        found = self._steerable(plan)
+        assert not isinstance(found, Refusal), found
+        state, node, text = steered(request, *found)
+        text = f"{node.location.path}: {text}, by {by}"
+        if self._run is not None and self._run.execution.plan is plan:
+            self._run.execution.steer(state)
+            for each in self._run.execution.forced.items():
+                self._run.tree.force(*each)
+            self._save(self._run)
+        else:
+            stored, _ = self._stored(plan.plan_id, found[0])
+            self._store.save_state(plan.plan_id, replace(stored, text=encode(state)))
+        self._notify(plan, text)
         return text
 
     def _abort(self, plan: RunningPlan, text: str) -> str:
         if plan.state in FINAL_STATUSES:
             return f"it has already ended: {plan.state.name}"
         if plan.state.running:
-            self._stop_run(Refusal(Reason.PLAN_ABORTED, text))
+            self._stop_run(Refusal(Reason.PLAN_ABORTED, text), halts=True)
         return self._end(plan, PlanEvent.ABORT, text)
 
     def _begin(self, plan: RunningPlan) -> _ActiveRun | None:
@@ -368,13 +490,31 @@ class Planner:
         if isinstance(root, Refusal):
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
-        execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
-        tree, is_new = self._host.attach(root, execution), not plan.done
+        try:
+            stored, state = self._stored(plan.plan_id, root)
+            journal = self._store.journal(plan.plan_id)
+            execution = PlanExecution(
+                *(plan, root, self._clock, self._cancel),
+                *(self._surroundings, state, journal),
+            )
+            tree, is_new = self._host.attach(root, execution), state.tree is None and not journal
+            if state.tree is not None:
+                loaded = shifted(state, self._clock.now_s()).tree
+                assert loaded is not None
+                tree.load(loaded)
+        except StateError as error:
+            self._host.detach()
+            self._end(plan, PlanEvent.FAIL, f"{plan.plan_id}: {error}", Reason.PLAN_STATUS)
+            return None
+        for each in execution.forced.items():
+            tree.force(*each)
         self._change(plan, PlanEvent.BEGIN, "starts" if is_new else "continues")
         statistics = None
         if is_new:
             statistics = self._predict_plan(plan.plan_id, root, lambda: self._executes(execution))
-        self._run = _ActiveRun(execution, tree, statistics)
+        self._run = _ActiveRun(
+            execution, tree, stored.digest, root.resumes, statistics, PlanState()
+        )
         return self._run
 
     def _executes(self, execution: PlanExecution) -> bool:
@@ -383,14 +523,15 @@ class Planner:
     def _command(self, run: _ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
         wanted = execution.take_requested()
-        for key, step in wanted:
+        for step, request in wanted:
             number = self._store.next_number(plan.plan_id)
             identity = Identity(source_of(plan.plan_id), number)
-            match submit(Command(identity, step.request, PLAN_LINK)):
+            match submit(Command(identity, request, PLAN_LINK)):
                 case Accepted(lifecycle):
-                    execution.on_started(key, step, lifecycle)
+                    execution.on_started(step, lifecycle)
                 case Rejected(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
-                    execution.on_rejected(key, step, identity, refusal)
+                    execution.on_rejected(step, identity, refusal)
+        self._save(run)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
             self._notify(plan, execution.why)
         return bool(wanted)
@@ -402,19 +543,20 @@ class Planner:
         text: str,
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
-    ) -> None:
-        """Apply an event to a plan.
+    ) -> str:
+        """Apply an event to a plan; return the text.
 
         Raises:
             transitions.MachineError: the plan's status does not permit it.
         """
-        _MACHINE.events[event.value].trigger(plan)
+        MACHINE.events[event.value].trigger(plan)
         self._notify(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
             detail = f"plan {plan.plan_id} {plan.state.name}: {text}"
             self._notifications.report_event(severity, detail, reason, figures)
         self._note()
+        return text
 
     def _notify(self, plan: RunningPlan, text: str) -> None:
         """Store and publish the progress of a plan."""
@@ -437,24 +579,18 @@ class Planner:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
     ) -> str:
-        self._change(plan, event, text, reason, figures)
         self._store.forget(plan.plan_id)
-        return text
+        return self._change(plan, event, text, reason, figures)
 
-    def _stop_run(self, why: Refusal) -> None:
-        """End the active commands of the executing plan, for a reason."""
+    def _stop_run(self, why: Refusal, halts: bool = False) -> None:
+        """End the active commands of the executing plan, for a reason, and halt its nodes."""
         if self._run is not None:
             self._run.execution.cancel_running(why)
+            if halts:
+                with suppress(LeafError):
+                    self._run.tree.halt()
             self._end_run()
 
     def _end_run(self) -> None:
-        self._run = None
+        self._run, self._active.waits = None, ""
         self._host.detach()
-
-
-def _unless(plan: RunningPlan, allowed: Iterable[PlanStatus]) -> Refusal | None:
-    if plan.state in allowed:
-        return None
-    names = ", ".join(sorted(status.name for status in allowed))
-    text = f"plan {plan.plan_id} is {plan.state.name}: needs {names}"
-    return Refusal(Reason.PLAN_STATUS, text)

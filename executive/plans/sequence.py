@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from executive.commands import Motion, Waypoint, arguments_of
-from executive.plans.model import DEADLINE, LEAVES, PlanNode, PlanStep, SequenceNode
+from executive.plans.dialect import DEADLINE, LEAVES
+from executive.plans.model import CellReference, PlanNode, PlanStep
 
 MOTION_DEADLINE_S: Final = 600.0
 STEP_DEADLINE_S: Final = 60.0
@@ -88,7 +89,13 @@ def _item(item: Any) -> str:
 
 def steps_of(root: PlanNode) -> tuple[PlanStep, ...] | PlanNode:
     """Return the steps of a plan that is one sequence, or the first node that prevents that."""
-    (main,) = root.children if isinstance(root, SequenceNode) else (root,)
-    children = main.children if isinstance(main, SequenceNode) else (main,)
-    other = next((each for each in children if not isinstance(each, PlanStep)), None)
+    (main,) = root.children
+    children = main.children if main.kind.name == "Sequence" and not main.conditions else (main,)
+    other = next((each for each in children if not _is_plain(each)), None)
     return other or tuple(each for each in children if isinstance(each, PlanStep))
+
+
+def _is_plain(node: PlanNode) -> bool:
+    """Return whether a node is a step that a list of steps can show as a whole."""
+    variables = any(isinstance(each, CellReference) for each in node.ports.values())
+    return isinstance(node, PlanStep) and not node.conditions and not variables

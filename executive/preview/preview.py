@@ -28,7 +28,7 @@ from executive.goals import Context, Goals
 from executive.motion import Arbiter, TrajectorySolver, make_locomotion
 from executive.obstacles.detour import Detours
 from executive.obstacles.zones import ROUNDING_M, Zones
-from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, nominal_steps, steps
+from executive.plans import PlanNode, PlanStep, TimeLimit, TimeLimitEnd, nominal_steps
 from executive.preview.navigated_base import NavigatedBase
 from executive.preview.preview_rover import (
     CachedTrajectorySolver,
@@ -424,13 +424,14 @@ class PreviewRun:
         """Start the next motion, or build the preview after the last."""
         for each in self._course:
             match each:
-                case TimeoutNode():
+                case TimeLimit():
                     self._timeouts_s.append(self._clock.now_s())
-                case TimeoutEnd(node=node):
+                case TimeLimitEnd(limit=limit):
                     took_s = self._clock.now_s() - self._timeouts_s.pop()
-                    if took_s > node.duration_s:
-                        self.result = _at(node.location.path, _late(took_s, node.duration_s))
+                    if took_s > limit.duration_s:
+                        self.result = _at(limit.path, _late(took_s, limit.duration_s))
                 case PlanStep(request=request):
+                    assert request is not None
                     self._step, self._before = each, self._extent()
                     self._track.begin_step()
                     self._set_or_begin(request)
@@ -571,4 +572,7 @@ def _previewed_navigation(what: Motion | PlanNode, settings: Settings) -> Naviga
 
 
 def _requests(what: Motion | PlanNode) -> tuple[Request, ...]:
-    return (what,) if isinstance(what, Motion) else tuple(each.request for each in steps(what))
+    if isinstance(what, Motion):
+        return (what,)
+    course = (each for each in nominal_steps(what) if isinstance(each, PlanStep))
+    return tuple(each.request for each in course if each.request is not None)

@@ -12,6 +12,7 @@ from executive.record.ledger import digest as digest
 from executive.record.notifications import Notifications as Notifications
 from executive.record.plan_store import PlanStore as PlanStore
 from executive.record.plan_store import StepOutcome as StepOutcome
+from executive.record.plan_store import StoredState as StoredState
 from executive.record.relay_record import RelayedCommand as RelayedCommand
 from executive.record.relay_record import RelayRecord as RelayRecord
 from executive.record.retention import LedgerRetention as LedgerRetention

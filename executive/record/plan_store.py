@@ -1,19 +1,20 @@
-"""`PlanStore`: plans and their journals in the ledger's file, written in the ledger's commits.
+"""`PlanStore`: plans and their states in the ledger's file, written in the ledger's commits.
 
-The journal of a plan records its started steps with their commands. The result of a command
-is read from the command itself, so that a step and its outcome cannot disagree.
+A running plan has one row with its state, which is replaced. Plans of version 0.1 have a journal of
+their started steps instead, which is read and not written any longer. The result of a command is
+read from the command itself, so that a step and its outcome cannot disagree.
 """
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from enum import Enum, unique
 from typing import Final
 
 from executive.commands import PlanArgument, PlanDefinition
 from executive.commands.intake import SOURCE_PREFIX, source_of
 from executive.record.ledger import TERMINAL_STAGES, Ledger
-from executive.values.reports import Identity, PlanStatus, PlanUpdate, Stage
+from executive.values.reports import Identity, PlanStatus, PlanUpdate, Report, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS plans (
@@ -24,6 +25,10 @@ CREATE TABLE IF NOT EXISTS plans (
 CREATE TABLE IF NOT EXISTS plan_steps (
     plan_id TEXT NOT NULL, step TEXT NOT NULL, command_id INTEGER, outcome INTEGER,
     PRIMARY KEY (plan_id, step)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS plan_states (
+    plan_id TEXT PRIMARY KEY, digest TEXT NOT NULL, utc_s REAL NOT NULL,
+    suspended INTEGER NOT NULL, state TEXT NOT NULL
 ) WITHOUT ROWID;
 """
 
@@ -41,6 +46,23 @@ class StepOutcome(Enum):
     FAILURE = 2
     HALTED = 3
     SKIPPED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class StoredState:
+    """State of a plan as it is stored.
+
+    Attributes:
+        digest: digest of the plan that has the state.
+        utc_s: when it was stored, seconds since 1970-01-01 UTC.
+        suspended: whether the plan's timers are stopped.
+        text: the state; see `executive.plans.state`.
+    """
+
+    digest: str
+    utc_s: float
+    suspended: bool
+    text: str
 
 
 class PlanStore:
@@ -107,18 +129,25 @@ class PlanStore:
         """Return a number not used by commands of this plan, or of an earlier plan of this id."""
         return self._ledger.last_command_id(source_of(plan_id)) + 1
 
-    def begin(self, plan_id: str, step: str, command_id: int) -> None:
-        """Record the command that a step was started with."""
+    def save_state(self, plan_id: str, state: StoredState) -> None:
+        """Replace the state of a plan in the next commit."""
         self._ledger.write(
-            "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, NULL)", (plan_id, step, command_id)
+            "INSERT OR REPLACE INTO plan_states VALUES (?, ?, ?, ?, ?)",
+            (plan_id, state.digest, state.utc_s, state.suspended, state.text),
         )
 
-    def set_outcome(self, plan_id: str, step: str, outcome: StepOutcome) -> None:
-        """Record the outcome of a step that no command has."""
-        self._ledger.write(
-            "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, NULL, ?)",
-            (plan_id, step, outcome.value),
+    def state(self, plan_id: str) -> StoredState | None:
+        """Return the committed state of a plan; None if it has none."""
+        rows = self._ledger.rows(
+            "SELECT digest, utc_s, suspended, state FROM plan_states WHERE plan_id = ?", (plan_id,)
         )
+        for digest, utc_s, suspended, text in rows:
+            return StoredState(digest, utc_s, bool(suspended), text)
+        return None
+
+    def last_report(self, plan_id: str, command_id: int) -> Report | None:
+        """Return the last report on the life cycle of a plan's command, if it is stored."""
+        return self._ledger.last_report(Identity(source_of(plan_id), command_id))
 
     def journal(self, plan_id: str) -> Mapping[str, StepOutcome]:
         """Return the steps with a committed outcome."""
@@ -129,14 +158,6 @@ class PlanStore:
         )
         return {step: _outcome(outcome, stage) for step, outcome, stage in rows}
 
-    def commands(self, plan_id: str) -> Mapping[str, Identity]:
-        """Return the started steps, each with its command, as far as committed."""
-        rows = self._ledger.rows(
-            "SELECT step, command_id FROM plan_steps WHERE plan_id = ? AND command_id IS NOT NULL",
-            (plan_id,),
-        )
-        return {step: Identity(source_of(plan_id), number) for step, number in rows}
-
     def forget_unfinished_steps(self, plan_id: str) -> None:
         """Delete the steps with an unfinished command, so that they start again."""
         self._ledger.write(
@@ -146,8 +167,9 @@ class PlanStore:
         )
 
     def forget(self, plan_id: str) -> None:
-        """Delete the journal."""
-        self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
+        """Delete the state and the journal."""
+        for table in ("plan_states", "plan_steps"):
+            self._ledger.write(f"DELETE FROM {table} WHERE plan_id = ?", (plan_id,))
 
     def _settle_pruned(self, identity: Identity, stage: Stage) -> None:
         """Store the outcome of a step before its command is pruned."""

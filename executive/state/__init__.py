@@ -4,6 +4,7 @@ from executive.state.files import MAX_PATH_OCTETS as MAX_PATH_OCTETS
 from executive.state.files import FileFolder as FileFolder
 from executive.state.files import FileStamp as FileStamp
 from executive.state.files import check_path as check_path
+from executive.state.files import picture_of as picture_of
 from executive.state.files import store_picture as store_picture
 from executive.state.fusion import FramePair as FramePair
 from executive.state.fusion import PoseDisagreement as PoseDisagreement

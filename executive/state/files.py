@@ -260,7 +260,7 @@ def store_picture(
     Raises:
         OSError: the file cannot be written.
     """
-    name = f"{_file_name(identity.source)}-{identity.command_id}.{frame.format.lower()}"
+    name = f"{_picture_name(identity)}.{frame.format.lower()}"
     about = [Figure("commandId", identity.command_id)]
     about += [
         Figure(value.parameter.value, value.value, value.parameter.unit)
@@ -270,6 +270,19 @@ def store_picture(
     path = f"{PICTURE_FOLDER}/{name}"
     files.store(path, frame.data, tuple(about))
     return path
+
+
+def picture_of(files: FileFolder, identity: Identity) -> str:
+    """Return the path of the picture that a command stored; empty if there is none."""
+    name = f"{PICTURE_FOLDER}/{_picture_name(identity)}."
+    try:
+        return next((path for path in files.paths(PICTURE_FOLDER) if path.startswith(name)), "")
+    except OSError:
+        return ""
+
+
+def _picture_name(identity: Identity) -> str:
+    return f"{_file_name(identity.source)}-{identity.command_id}"
 
 
 def _file_name(source: str) -> str:

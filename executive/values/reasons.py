@@ -27,6 +27,7 @@ class Reason(Enum):
     PLAN_UNKNOWN_NODE = 115
     PLAN_BAD_ARGUMENT = 116
     PLAN_NO_DEADLINE = 117
+    NO_SUCH_OPTION = 118
 
     WRONG_MODE = 201
     EXPIRED = 202
@@ -44,6 +45,7 @@ class Reason(Enum):
     TURN_TOO_TIGHT = 214
     NO_MAP = 215
     OPERATOR_ACTIVE = 216
+    QUESTION_ANSWERED = 217
 
     DUPLICATE = 301
 
@@ -56,6 +58,7 @@ class Reason(Enum):
     NO_SUCH_FILE = 601
     NO_SUCH_PLAN = 602
     NO_SUCH_STEP = 603
+    NO_SUCH_QUESTION = 604
 
     TURN_DEADLINE = 701
     DRIVE_DEADLINE = 711

@@ -483,6 +483,15 @@ def recording_fuzz(count: int, seed: int, folder: Path | None) -> "list[Figure]"
     return recording_fuzz.measure(count, seed, log, folder)
 
 
+@benchmark("plan-traces --plans 1000", count("--plans", 30_000), SEED)
+def plan_traces(count: int, seed: int) -> "list[Figure]":
+    """Random plans against the recorded traces of BehaviorTree.CPP 4.10."""
+    from tests.stress import plan_traces
+
+    log(f"plan traces: {count} plans ...")
+    return plan_traces.measure(count, seed, log)
+
+
 @benchmark("mops-fuzz --messages 10000", count("--messages", 150_000, least=100), SEED)
 def mops_fuzz(count: int, seed: int) -> "list[Figure]":
     """Texts of wrong MOPS strings against all who read them."""

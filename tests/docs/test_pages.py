@@ -14,9 +14,12 @@ from PIL import Image
 from adapters.cli.main import main
 from executive.commands import ACCEPTED, Family, Mode
 from executive.commands.lifecycle import EDGES, Edge, terminal_states
-from executive.plans import plan_xml
-from executive.plans.builder import MAX_COMMANDS, MAX_LOOP_CYCLES, MAX_NODES
-from executive.plans.planner import MAX_PLANS, PLAN_EDGES
+from executive.plans import DIALECT, plan_xml
+from executive.plans.arguments import MAX_VALUE_LENGTH, MAX_WAYPOINTS
+from executive.plans.builder import MAX_COMMANDS, MAX_NODES
+from executive.plans.model import MAX_LOOP_CYCLES
+from executive.plans.plan_lifecycle import PLAN_EDGES
+from executive.plans.planner import MAX_PLANS
 from executive.settings import load_settings
 from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview
@@ -88,8 +91,8 @@ def mermaid(edges: Sequence[Edge[Any, Any]]) -> str:
 
 
 def test_the_page_has_every_node() -> None:
-    for node in (*plan_xml.CONTROLS, *plan_xml.DECORATORS, plan_xml.SUBTREE):
-        assert f"\n| `{node}` |" in PAGE
+    for kind in DIALECT.values():
+        assert kind.command is not None or f"\n| `{kind.name}` |" in PAGE, kind.name
 
 
 def test_the_life_cycle_is_drawn_from_its_table() -> None:
@@ -98,11 +101,11 @@ def test_the_life_cycle_is_drawn_from_its_table() -> None:
 
 def test_the_bounds_are_documented() -> None:
     reported = (
-        f"A plan has at most {plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes once"
-        f" subtrees are put in their places, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} cycles"
-        f" of a loop, and {MAX_COMMANDS:_} commands if all loops run as often as they may. A leaf"
-        f" has at most {plan_xml.MAX_WAYPOINTS} waypoints (an asset may allow fewer), a value at"
-        f" most {plan_xml.MAX_VALUE_LENGTH:_} characters. At most {MAX_PLANS} plans are stored"
+        f"A plan has at most {plan_xml.MAX_PLAN_OCTETS // 1024} KiB, {MAX_NODES} nodes with"
+        f" all subtrees included, {plan_xml.MAX_DEPTH} levels, {MAX_LOOP_CYCLES} cycles"
+        f" of a loop, and {MAX_COMMANDS:_} leaves if all loops run as often as they may. A leaf"
+        f" has at most {MAX_WAYPOINTS} waypoints (an asset may allow fewer), a value at"
+        f" most {MAX_VALUE_LENGTH:_} characters. At most {MAX_PLANS} plans are stored"
         " aboard."
     )
     assert reported.replace("_", " ") in PAGE.replace("\n", " ")

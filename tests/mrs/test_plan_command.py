@@ -10,16 +10,18 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 
 from adapters.cli.main import main
-from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, palette, plan_row
+from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
 from adapters.mrs.cli.terminal import table
-from executive.plans import LEAVES
+from executive.plans import LEAVES, palette
 from executive.plans.plan_xml import read_xml
 from executive.values.reports import PlanStatus, PlanUpdate
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "plans" / "look-around.xml"
+
+OWN = ["LoopPlace", "Window", "WaitUntil", "WaitFor", "Ask", "Near", "Reachable", "FaultActive"]
 
 
 def rover(*arguments: str) -> Result:
@@ -28,7 +30,9 @@ def rover(*arguments: str) -> Result:
 
 def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
     good = rover("check", str(EXAMPLE))
-    assert (good.exit_code, good.stdout) == (0, "look-around: 8 leaves, 10 commands at most\n")
+    first, note = good.stdout.splitlines()
+    assert (good.exit_code, first) == (0, "look-around: 8 leaves, 10 commands at most")
+    assert note.startswith("  line 11: note: Sequence/get there/at least ahead: after a stop")
     bad = tmp_path / "bad.xml"
     bad.write_text(EXAMPLE.read_text().replace("<takePicture", "<takePictures"))
     reported = rover("check", str(bad))
@@ -40,6 +44,29 @@ def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
     assert rover("check", str(requests), "--arg", "far=2").exit_code == 0
     assert rover("check", str(requests), "--arg", "far").exit_code == 2
     assert rover("check", str(requests), "--asset", "nobody").exit_code == 2
+
+
+def test_a_plan_is_proved_or_its_faults_are_named_by_line(tmp_path: Path) -> None:
+    good = rover("prove", str(EXAMPLE))
+    assert (good.exit_code, good.stdout) == (0, "look-around: proved, 30 states, 119 ticks\n")
+    body = """<Sequence>
+      <moveForward distance="1" deadline_s="9"/>
+      <AlwaysFailure/></Sequence>"""
+    bad = tmp_path / "bad.xml"
+    bad.write_bytes(plan(body).content)
+    found = rover("prove", "--json", str(bad))
+    assert found.exit_code == 1
+    (fault,) = json.loads(found.stdout)["findings"]
+    assert (fault["line"], fault["level"], fault["node"]) == (3, "error", "Sequence")
+    late = plan('<Window until="2027-01-01T00:00:00Z"><takePicture deadline_s="9"/></Window>')
+    bad.write_bytes(late.content)
+    for at, exit_code in (("2026-12-31T00:00:00Z", 0), ("2027-01-01T00:00:09Z", 1)):
+        checked = rover("check", "--at", at, "--json", str(bad))
+        assert checked.exit_code == exit_code
+        assert len(json.loads(checked.stdout)["findings"]) == exit_code
+    assert rover("check", "--at", "noon", str(bad)).exit_code == 2
+    bad.write_text("no plan")
+    assert json.loads(rover("prove", "--json", str(bad)).stdout)["reason"] == "PLAN_NOT_XML"
 
 
 def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
@@ -102,6 +129,35 @@ def test_the_suspended_plan_is_resumed_at_a_step(running: Aboard, tmp_path: Path
     assert "3 of 3" in rover("status", *to).output
 
 
+def test_an_active_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
+    to = ("--to", running.uri)
+    file = tmp_path / "route.xml"
+    question = '<Ask name="ditch" question="?" options="go;stay" deadline_s="9000" answer="{a}"/>'
+    far = '<moveForward name="far" distance="90" deadline_s="900"/>'
+    photo = '<takePicture name="photo" deadline_s="9"/>'
+    file.write_bytes(
+        plan(f"<Sequence>{far}{question}<Inverter>{photo}</Inverter></Sequence>").content
+    )
+    assert rover("submit", str(file), *to).exit_code == 0
+    nothing = rover("hold", "photo", *to)
+    assert nothing.exit_code == 1
+    assert "name a plan; activated or executing or suspended: none" in nothing.stderr
+    assert rover("hold", "far", "--plan", "route", *to).exit_code == 0
+    assert rover("activate", "route", *to).exit_code == 0
+    wrong = rover("answer", "ditch", "fly", *to)
+    assert wrong.exit_code == 1
+    assert "118 NO_SUCH_OPTION: plan:route/Sequence/ditch: 'fly' is no option" in wrong.output
+    for typed in (("answer", "ditch", "go"), ("skip", "far"), ("skip", "photo", "--failure")):
+        steered = rover(*typed, *to)
+        assert steered.exit_code == 0, steered.output
+    late = rover("retry", "far", *to)
+    assert late.exit_code == 1
+    assert "206 PLAN_STATUS" in late.output
+    rover("resume", *to)
+    assert rover("watch", "route", *to).exit_code == 0
+    assert "2 of 2" in rover("status", *to).output
+
+
 def update(node: str, text: str) -> PlanUpdate:
     return PlanUpdate("look", PlanStatus.EXECUTING, 1.7e9, node, done=1, total=3, text=text)
 
@@ -143,4 +199,9 @@ def test_every_sub_command_has_an_example(name: str) -> None:
 def test_the_nodes_for_groot2_are_all_there_are() -> None:
     assert rover("nodes").output == palette()
     (model,) = read_xml(palette().encode()).children
-    assert [action.attributes["ID"] for action in model.children] == list(LEAVES)
+    assert [node.attributes["ID"] for node in model.children] == [*OWN, *LEAVES]
+    roles = {node.attributes["ID"]: node.tag for node in model.children}
+    assert (roles["Window"], roles["Near"], roles["Ask"]) == ("Decorator", "Condition", "Action")
+    (picture,) = (node for node in model.children if node.attributes["ID"] == "takePicture")
+    ports = {port.attributes["name"]: port.tag for port in picture.children}
+    assert (ports["reason"], ports["file"]) == ("output_port", "output_port")

@@ -21,11 +21,15 @@ from adapters.mrs.spec.types import PlanDefinition
 from executive.commands import (
     AbortPlan,
     ActivatePlan,
+    AnswerQuestion,
+    HoldAtNode,
     MoveForward,
     RemovePlan,
     Request,
     Resume,
     ResumePlan,
+    RetryNode,
+    SkipNode,
     Stop,
     SubmitPlan,
     SuspendPlan,
@@ -105,6 +109,53 @@ async def test_a_stop_suspends_and_resume_plan_continues(client: MrsClient) -> N
     (outcome,) = await send(client, ResumePlan("survey", "moveForward"))
     assert outcome.executed
     assert outcome.reports[-1].text.endswith("at moveForward")
+    async for update in updates:
+        if update.status is PlanStatus.COMPLETED:
+            break
+
+
+async def test_a_plan_is_steered(client: MrsClient) -> None:
+    """Node and option in octets, refusals as the errors of the XML."""
+    question = '<Ask name="ditch" question="?" options="go;stay" deadline_s="9000" answer="{a}"/>'
+    far = '<moveForward name="far" distance="90" deadline_s="900"/>'
+    body = f'<Sequence>{far}{question}<takePicture name="photo" deadline_s="9"/></Sequence>'
+    updates = await client.plan_updates()
+    await send(client, SubmitPlan(plan(body)), ActivatePlan("survey"))
+    async for update in updates:
+        if update.node:
+            break
+    errors = []
+    for request in (
+        SkipNode("survey", "near", "SUCCESS"),
+        SkipNode("survey", "far", "MAYBE"),
+        RetryNode("survey", "photo"),
+        HoldAtNode("survey", "far"),
+        AnswerQuestion("survey", "far", "go"),
+        AnswerQuestion("survey", "ditch", "fly"),
+    ):
+        (outcome,) = await send(client, request)
+        assert outcome.refusal is not None
+        extra = outcome.refusal.extra
+        found = getattr(extra, "value", None) or getattr(extra, "values", None)
+        errors.append((AreaError(outcome.refusal.number).name, found))
+    assert errors[0] == ("NOT_FOUND", "near")
+    assert errors[1] == errors[5] == ("INVALID", (3,))
+    unfit = "plan:survey/Sequence/photo is not running: only what runs is begun again"
+    assert errors[2] == ("REJECTED", unfit)
+    assert errors[3] == ("REJECTED", "plan:survey/Sequence/far runs already: suspend the plan")
+    assert errors[4] == ("NOT_FOUND", "far")
+    steering = (
+        HoldAtNode("survey", "photo"),
+        AnswerQuestion("survey", "ditch", "go"),
+        RetryNode("survey", "far"),
+        SkipNode("survey", "far", "SUCCESS"),
+    )
+    assert all(outcome.executed for outcome in await send(client, *steering))
+    async for update in updates:
+        if update.status is PlanStatus.SUSPENDED:
+            break
+    assert update.text == "held at plan:survey/Sequence/photo"
+    await send(client, ResumePlan("survey"))
     async for update in updates:
         if update.status is PlanStatus.COMPLETED:
             break

@@ -27,6 +27,10 @@ GOOD: tuple[commands.Request, ...] = (
     commands.ActivatePlan("survey"),
     commands.SuspendPlan("survey"),
     commands.ResumePlan("survey"),
+    commands.SkipNode("survey", "wp2", "FAILURE"),
+    commands.RetryNode("survey", "wp2"),
+    commands.HoldAtNode("survey", "wp2"),
+    commands.AnswerQuestion("survey", "ditch", "stay"),
     commands.AbortPlan("survey"),
     commands.RemovePlan("survey"),
 )

@@ -214,6 +214,7 @@ def _steps(root: PlanNode) -> tuple[tuple[DraftStep, ...] | None, str | None]:
 
 def _step(step: PlanStep) -> DraftStep:
     location, request = step.location, step.request
+    assert request is not None  # a plan with other steps has no list of steps
     operation = declaration_of(type(request)).name
     args = argument_values(request)
     return DraftStep(location.path, location.name, operation, args, step.deadline_s, location.line)

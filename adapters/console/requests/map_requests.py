@@ -63,6 +63,7 @@ def route_of(
     times = Counter(each.location.path for each in remaining)
     for step in remaining:
         request, points = step.request, []
+        assert request is not None  # nominal steps have their requests
         if isinstance(request, MoveTo | FollowPath):
             wanted = request.frame or settings.frame
             pose, frame = (pose if wanted is frame else None) or Pose(), wanted

@@ -1,15 +1,23 @@
-"""The command `rover plan`: checks plans locally; submits, controls and watches them on a rover."""
+"""The command `rover plan`: submits, controls and watches plans on a rover."""
 
 import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, NoReturn, get_args
-from xml.sax.saxutils import quoteattr
+from typing import Any, Final
 
 import click
 
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
+from adapters.mrs.cli.plan_check_command import (
+    ARGUMENTS,
+    FILE,
+    ID,
+    check,
+    definition_of,
+    prove,
+    refuse,
+)
 from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import (
     FAILED,
@@ -22,54 +30,28 @@ from adapters.mrs.cli.terminal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import wire_update
-from adapters.process import asset_option
 from executive.commands import (
+    AbortPlan,
+    ActivatePlan,
+    AnswerQuestion,
     CommandDeclaration,
+    HoldAtNode,
     PlanArgument,
-    PlanDefinition,
     PlanRequest,
+    RemovePlan,
     Request,
     ResumePlan,
+    RetryNode,
+    SkipNode,
     SubmitPlan,
+    SuspendPlan,
     declaration_of,
 )
-from executive.plans import (
-    DEADLINE,
-    FORMAT,
-    LEAVES,
-    attribute_help,
-    check_plan,
-    max_commands,
-    read_plan,
-    steps,
-)
-from executive.settings import SettingsError, load_settings
+from executive.plans import palette, read_plan
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "text")
-_FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-
-
-def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> Any:
-    pairs = [text.partition("=") for text in texts]
-    for name, equals, _value in pairs:
-        if not name or not equals:
-            raise click.BadParameter(f"{name!r}: write NAME=VALUE")
-    return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
-
-
-ARGUMENTS: Final = click.option(
-    "--arg",
-    "arguments",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=_arguments,
-    help="A value that the plan reads as {NAME}; may be repeated.",
-)
-_ID: Final = click.option(
-    "--id", "plan_id", metavar="PLAN", help="The plan's id; the file's name by default."
-)
 
 
 @click.group()
@@ -82,40 +64,20 @@ def plan() -> None:
     \b
     Examples:
       rover plan check config/plans/look-around.xml
+      rover plan prove config/plans/look-around.xml
       rover plan submit config/plans/look-around.xml
       rover plan activate look-around
       rover plan watch look-around
     """
 
 
-@plan.command()
-@_FILE
-@_ID
-@ARGUMENTS
-@asset_option()
-def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
-    """Check FILE as an asset would, without a connection.
-
-    \b
-    Examples:
-      rover plan check config/plans/look-around.xml
-      rover plan check there-and-back.xml --arg far=3 --asset mocup
-    """
-    try:
-        settings = load_settings(asset)
-    except SettingsError as error:
-        raise click.UsageError(str(error)) from error
-    definition = definition_of(file, plan_id, arguments)
-    checked = check_plan(definition, settings)
-    if isinstance(checked, Refusal):
-        _refuse(file, checked)
-    leaves, commands = len(steps(checked)), max_commands(checked)
-    click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
+for _command in (check, prove):
+    plan.add_command(_command)
 
 
 @plan.command()
-@_FILE
-@_ID
+@FILE
+@ID
 @ARGUMENTS
 @to_option
 def submit(
@@ -131,14 +93,8 @@ def submit(
     definition = definition_of(file, plan_id, arguments)
     read = read_plan(definition)
     if isinstance(read, Refusal):
-        _refuse(file, read)
+        refuse(file, read)
     CommandSender(to).send(SubmitPlan(definition))
-
-
-def _refuse(file: Path, refusal: Refusal) -> NoReturn:
-    reason = refusal.reason
-    click.echo(f"{file}: {reason.value} {reason.name}: {refusal.text}", err=True)
-    sys.exit(FAILED)
 
 
 def _add_control_command(
@@ -155,9 +111,91 @@ def _add_control_command(
         CommandSender(to).send(kind(plan_id))
 
 
-for _kind in get_args(PlanRequest):
-    if _kind not in {SubmitPlan, ResumePlan}:
-        _add_control_command(_kind, declaration_of(_kind))
+for _kind in (ActivatePlan, SuspendPlan, AbortPlan, RemovePlan):
+    _add_control_command(_kind, declaration_of(_kind))
+
+
+def _steering_command(name: str, *parameters: Any) -> Callable[..., Any]:
+    """Return a decorator that adds a command which sends its request to a plan."""
+
+    def add(make: Callable[..., PlanRequest]) -> Callable[..., PlanRequest]:
+        def send(plan_id: str | None, to: RoverTarget, **values: Any) -> None:
+            async def choose(client: MrsClient) -> Request:
+                return make(plan_id or await _one_plan(client, *_ACTIVE), **values)
+
+            CommandSender(to).send_chosen(choose)
+
+        send.__doc__ = make.__doc__
+        command = to_option(_OF(send))
+        for parameter in reversed(parameters):
+            command = parameter(command)
+        plan.command(name)(command)
+        return make
+
+    return add
+
+
+_NODE: Final = click.argument("node")
+_OF: Final = click.option(
+    "--plan",
+    "plan_id",
+    metavar="PLAN",
+    shell_complete=completion(plan_ids),
+    help="The plan; the only active or suspended one by default.",
+)
+_ACTIVE: Final = (PlanStatus.ACTIVATED, PlanStatus.EXECUTING, PlanStatus.SUSPENDED)
+
+
+@_steering_command(
+    "skip", _NODE, click.option("--failure", is_flag=True, help="Let it fail instead.")
+)
+def _skip(plan_id: str, node: str, failure: bool) -> PlanRequest:
+    """End NODE of a plan as if it had succeeded; its commands are cancelled.
+
+    A node that has not begun ends at once when the plan reaches it. NODE is a node's path, or
+    the end of it.
+
+    \b
+    Examples:
+      rover plan skip wp2
+      rover plan skip survey/photo --failure --plan traverse
+    """
+    return SkipNode(plan_id, node, "FAILURE" if failure else "SUCCESS")
+
+
+@_steering_command("retry", _NODE)
+def _retry(plan_id: str, node: str) -> PlanRequest:
+    """Begin NODE again, which is running; its commands are cancelled and given again.
+
+    \b
+    Example:
+      rover plan retry wp2
+    """
+    return RetryNode(plan_id, node)
+
+
+@_steering_command("hold", _NODE)
+def _hold(plan_id: str, node: str) -> PlanRequest:
+    """Suspend a plan before NODE begins; `rover plan resume` continues it.
+
+    \b
+    Example:
+      rover plan hold photo
+    """
+    return HoldAtNode(plan_id, node)
+
+
+@_steering_command("answer", click.argument("question", metavar="KEY"), click.argument("option"))
+def _answer(plan_id: str, question: str, option: str) -> PlanRequest:
+    """Answer the question KEY of a plan by OPTION, also in advance.
+
+    The first answer counts. KEY is the path of the node, or the end of it.
+
+    \b
+    Example:
+      rover plan answer ditch cross
+    """
+    return AnswerQuestion(plan_id, question, option)
 
 
 @plan.command()
@@ -176,11 +214,7 @@ def resume(plan_id: str | None, step: str | None, to: RoverTarget) -> None:
     """
 
     async def choose(client: MrsClient) -> Request:
-        plans = [] if plan_id else await client.get_plan_status()
-        found = [each.plan_id for each in plans if each.status is PlanStatus.SUSPENDED]
-        if plan_id is None and len(found) != 1:
-            raise click.ClickException(f"name a plan; suspended: {', '.join(found) or 'none'}")
-        return ResumePlan(plan_id or found[0], step)
+        return ResumePlan(plan_id or await _one_plan(client, PlanStatus.SUSPENDED), step)
 
     CommandSender(to).send_chosen(choose)
 
@@ -246,12 +280,14 @@ def nodes() -> None:
     click.echo(palette(), nl=False)
 
 
-def definition_of(
-    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
-) -> PlanDefinition:
-    """Return the plan of a file; its id is the file's name by default."""
-    name = plan_id or file.name.partition(".")[0]
-    return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
+async def _one_plan(client: MrsClient, *statuses: PlanStatus) -> str:
+    """Return the only plan in one of some statuses."""
+    plans = await client.get_plan_status()
+    found = [each.plan_id for each in plans if each.status in statuses]
+    if len(found) != 1:
+        names = " or ".join(status.name.lower() for status in statuses)
+        raise click.ClickException(f"name a plan; {names}: {', '.join(found) or 'none'}")
+    return found[0]
 
 
 def _is_over(update: PlanUpdate) -> bool:
@@ -294,27 +330,3 @@ def _text(update: PlanUpdate) -> str:
 
 def _short(update: PlanUpdate, text: str) -> str:
     return text.replace(f"plan:{update.plan_id}/", "")
-
-
-def palette() -> str:
-    """Return a palette: a plan without trees, with a model of every leaf."""
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
-    lines.append("  <TreeNodesModel>")
-    for leaf in LEAVES.values():
-        lines.append(f'    <Action ID="{leaf.name}">')
-        for argument in leaf.user_arguments:
-            kind = _PORT_TYPES.get(argument.kind, "std::string")
-            optional = " (optional)" if argument.optional else ""
-            lines.append(_input_port(argument.name, kind, attribute_help(argument) + optional))
-        lines.append(_input_port(DEADLINE, "double", _DEADLINE_HELP))
-        lines.append("    </Action>")
-    lines += ["  </TreeNodesModel>", "</root>"]
-    return "\n".join(lines) + "\n"
-
-
-def _input_port(name: str, kind: str, about: str) -> str:
-    return f'      <input_port name="{name}" type="{kind}" description={quoteattr(about)}/>'
-
-
-_PORT_TYPES: Final = {float: "double", int: "int"}
-_DEADLINE_HELP: Final = "timeout in s, then it fails; needed unless below a Timeout (optional)"

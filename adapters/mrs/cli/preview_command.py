@@ -10,7 +10,7 @@ import click
 
 from adapters.mrs.cli.command_group import OperationCommand, help_of, parameters_of
 from adapters.mrs.cli.options import RoverTarget, json_option, to_option
-from adapters.mrs.cli.plan_command import ARGUMENTS, definition_of
+from adapters.mrs.cli.plan_check_command import ARGUMENTS, definition_of
 from adapters.mrs.cli.terminal import connect, echo_json, echo_line, run
 from adapters.mrs.spec import Preview
 from executive.commands import (

@@ -51,8 +51,11 @@ def test_every_leaf_is_made_of_its_parameters(leaf: CommandDeclaration) -> None:
 
 FAULTS = [
     ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
-    ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
-    ("<ReactiveFallback/>", Reason.PLAN_UNKNOWN_NODE, 3, "reactive nodes are not supported"),
+    ("<ReactiveSequence/>", Reason.PLAN_STRUCTURE, 3, "ReactiveSequence needs at least 1 child"),
+    ("<ManualSelector/>", Reason.PLAN_UNKNOWN_NODE, 3, "Ask"),
+    ("<RecoveryNode/>", Reason.PLAN_UNKNOWN_NODE, 3, "use RetryUntilSuccessful around a Fallback"),
+    ("<RateController/>", Reason.PLAN_UNKNOWN_NODE, 3, "use Repeat with a Delay"),
+    ("<PipelineSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "use ReactiveSequence"),
     ("<stop/>", Reason.PLAN_UNKNOWN_NODE, 3, "a plan cannot stop the rover"),
     ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
     ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': did you mean Main?"),
@@ -72,7 +75,8 @@ FAULTS = [
     ('<moveForward distance="{d}" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "{d}"),
     ('<moveForward distance="1" deadline_s="0"/>', Reason.PLAN_BAD_ARGUMENT, 3, "deadline_s"),
     (GO.replace("/", ' speed="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "'speed'"),
-    (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "scripts"),
+    (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "column 1: nothing sets a"),
+    (GO.replace("/", ' _skipif="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "did you mean _skipIf?"),
     (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
     (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
     ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
@@ -212,6 +216,30 @@ def test_subtrees_cannot_grow_without_end() -> None:
     assert found.reason is Reason.PLAN_TOO_LARGE
 
 
+def test_loops_without_a_command_do_not_delay_a_check() -> None:
+    script = '<Script code="x := 1"/>'
+    for _ in range(5):
+        script = f'<Repeat num_cycles="1000">{script}</Repeat>'
+    found = refusal(plan(f"<Sequence>{script}{GO}</Sequence>"))
+    assert found.reason is Reason.PLAN_TOO_LARGE
+
+
+def test_scripts_are_bounded_after_subtrees_are_expanded() -> None:
+    terms = "-".join(["1"] * 150)
+    script = f'<Script code="x := {terms}"/>'
+    assert not isinstance(check_plan(plan(f"<Sequence>{script}{GO}</Sequence>"), SETTINGS), Refusal)
+    tree = f'<BehaviorTree ID="T">{script}</BehaviorTree>'
+    twice = '<SubTree ID="T"/>' * 100
+    found = refusal(plan(f"<Sequence>{twice}{GO}</Sequence>", others=tree))
+    assert found.text.endswith("a plan has 10000 operations in scripts at most")
+
+
+def test_an_argument_does_not_replace_telemetry() -> None:
+    body = f'<Sequence><ScriptCondition code="@BATERY_VOLTAGE &gt; 2"/>{GO}</Sequence>'
+    found = refusal(plan(body, BATERY_VOLTAGE="1000"))
+    assert found.text == "a script reads the telemetry @BATERY_VOLTAGE: rename the argument"
+
+
 def test_an_argument_that_nothing_reads_is_refused() -> None:
     leaf = '<moveForward distance="{far}" deadline_s="{=}"/>'
     assert not isinstance(check_plan(plan(leaf, far="1", deadline_s="9"), SETTINGS), Refusal)
@@ -330,7 +358,7 @@ def test_with_autoremap_outer_arguments_count_and_no_default() -> None:
     assert "{d}" in refusal(of_groot(trees)).text
 
 
-MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _later="x"'
+MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _favorite="x"'
 
 
 def test_editor_notes_are_no_script() -> None:
@@ -342,11 +370,18 @@ def test_editor_notes_are_no_script() -> None:
 SCRIPTS = ("_skipIf", "_failureIf", "_successIf", "_while", "_onSuccess", "_onFailure", "_onHalted")
 
 
-@pytest.mark.parametrize("script", [*SCRIPTS, "_post", "_skipif"])
-def test_conditions_and_scripts_are_not_run(script: str) -> None:
+@pytest.mark.parametrize("script", [*SCRIPTS, "_post"])
+def test_conditions_and_scripts_are_read_with_their_column(script: str) -> None:
     for where in ('<SubTree ID="Leg"', "<Sequence", "<moveForward"):
-        trees = (MAIN + LEG).replace(where, f'{where} {script}="x==1"')
-        assert f"attribute '{script}': conditions and scripts" in refusal(of_groot(trees)).text
+        trees = (MAIN + LEG).replace(where, f'{where} {script}="1 == x"')
+        assert f"{script}: column 6: nothing sets x" in refusal(of_groot(trees)).text
+        assert distances(of_groot(trees.replace("== x", "== 2"))) in ([0.5], [])
+
+
+@pytest.mark.parametrize("attribute", ["_skipif", "_autoremap", "_later", "_"])
+def test_an_unknown_attribute_with_an_underscore_is_refused(attribute: str) -> None:
+    trees = (MAIN + LEG).replace("<moveForward", f'<moveForward {attribute}="1"')
+    assert f"attribute '{attribute}' is neither a condition" in refusal(of_groot(trees)).text
 
 
 LATIN = '<?xml version="1.0" encoding="ISO-8859-1"?>'

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from executive.commands import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.plans import FINAL_STATUSES
-from executive.plans.planner import PLAN_EDGES
+from executive.plans.plan_lifecycle import PLAN_EDGES
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose
 from executive.values.reports import PlanStatus, Stage
@@ -33,6 +33,14 @@ BODY = """<Sequence>
     <RetryUntilSuccessful num_attempts="2"><deleteFile path="nothing.jpg" deadline_s="5"/></RetryUntilSuccessful>
   </Inverter>
   <Repeat num_cycles="2"><setTravelSpeed speed="0.7" deadline_s="5"/></Repeat>
+  <Script code="driven := 0"/>
+  <LoopDouble queue="0.11;0.12" value="{far}">
+    <moveForward distance="{far}" deadline_s="60" _onSuccess="driven += 1"/>
+  </LoopDouble>
+  <ReactiveSequence>
+    <ScriptCondition code="@BATERY_VOLTAGE &gt; 20 &amp;&amp; driven == 2"/>
+    <Sequence><Sleep msec="150"/><rotateBy angle="0.21" deadline_s="60"/></Sequence>
+  </ReactiveSequence>
   <takePicture deadline_s="9"/>
 </Sequence>"""  # noqa: E501
 
@@ -40,6 +48,9 @@ ALWAYS = Counter(
     {
         '{"distance_m": 0.31}': 1,
         '{"angle_rad": -0.5}': 1,
+        '{"distance_m": 0.11}': 1,
+        '{"distance_m": 0.12}': 1,
+        '{"angle_rad": 0.21}': 1,
         '{"speed_mps": 0.7}': 2,
         '{"width_px": null, "height_px": null, "format": null, "quality": null}': 1,
     }
@@ -103,7 +114,7 @@ def poll(bench: PlanBench) -> None:
 
 
 BREAKS = st.tuples(
-    st.integers(0, 60),
+    st.integers(0, 90),
     st.sampled_from([suspend, stop, jump, crash, crash_twice]),
     st.sampled_from([0, 1, 50]),
 )

@@ -44,6 +44,7 @@ def test_what_is_written_is_read_back(written: list[WrittenStep]) -> None:
     found = steps_of(root)
     assert isinstance(found, tuple)
     for step, asked in zip(found, written, strict=True):
+        assert step.request is not None
         values = argument_values(step.request)
         assert {name: values[name] for name in asked.args} == asked.args
         assert asked.deadline_s in {None, step.deadline_s}

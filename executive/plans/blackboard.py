@@ -1,0 +1,136 @@
+"""`CellTable` numbers the variables of a plan when it is read; `Scope` resolves their names.
+
+Each tree has names of its own. A `SubTree` sets some of them to literals, remaps others to the tree
+above, or with `_autoremap` all that it does not set. `@name` is a name of the root.
+"""
+
+from executive.plans.dialect import TELEMETRY
+from executive.plans.model import Blackboard
+from executive.plans.scripting import NUMBER, Types, type_of, value_of
+from executive.plans.syntax import CONSTANTS, Value
+
+_MAX_NAME_LENGTH = 64
+
+
+class CellTable:
+    """The cells of one plan.
+
+    Attributes:
+        texts: text of each cell that begins with a value.
+        telemetry: name of the telemetry in a cell.
+        created: cells that a node or a script creates, beside their initial value.
+    """
+
+    def __init__(self) -> None:
+        self.texts: list[str | None] = []
+        self.telemetry: dict[int, str] = {}
+        self.created: set[int] = set()
+        self.changed: set[int] = set()
+        self._names: list[str] = []
+        self._initial: list[Value | None] = []
+
+    def add(self, name: str, text: str | None = None) -> int:
+        """Add a cell, with its initial text if any; return its number."""
+        self._names.append(name)
+        self.texts.append(text)
+        self._initial.append(None if text is None else value_of(text))
+        return len(self._names) - 1
+
+    def name(self, cell: int) -> str:
+        """Return the name of a cell."""
+        return self._names[cell]
+
+    def constant(self, cell: int) -> str | None:
+        """Return the text of a cell that nothing changes; None for all others."""
+        return None if cell in self.changed else self.texts[cell]
+
+    def has_value(self, cell: int) -> bool:
+        """Return whether a literal, a node or telemetry sets a cell."""
+        return self.texts[cell] is not None or cell in self.created or cell in self.telemetry
+
+    def types(self) -> Types:
+        """Return the types of the cells as far as their initial values determine them."""
+        found: Types = [None if value is None else type_of(value) for value in self._initial]
+        for cell in self.telemetry:
+            found[cell] = NUMBER
+        return found
+
+    def blackboard(self) -> Blackboard:
+        """Return the cells as the plan begins."""
+        return Blackboard(
+            tuple(self._names), tuple(self._initial), tuple(sorted(self.telemetry.items()))
+        )
+
+
+class Scope:
+    """The names of one tree.
+
+    Args:
+        label: prefix of the names of its cells.
+        above: the scope of the tree above; None for the root.
+        autoremap: whether names that it does not set are those of the tree above.
+    """
+
+    def __init__(
+        self,
+        cells: CellTable,
+        label: str = "",
+        above: "Scope | None" = None,
+        autoremap: bool = False,
+    ) -> None:
+        self.cells = cells
+        self.used: set[str] = set()
+        self.measured: set[str] = set()
+        self._label = label
+        self._above = above
+        self._autoremap = autoremap
+        self._own: dict[str, int] = {}
+        self._remapped: dict[str, str] = {}
+
+    def set(self, name: str, text: str) -> None:
+        """Set a name to a literal, or remap it to a name `{outer}` of the tree above."""
+        outer = variable(text, name)
+        if outer is not None and self._above is not None:
+            self._remapped[name] = outer
+        else:
+            self._own[name] = self.cells.add(f"{self._label}{name}", text)
+
+    def resolve(self, name: str) -> int:
+        """Return the cell of a name.
+
+        Raises:
+            ValueError: no variable can have this name.
+        """
+        if name.startswith("@"):
+            self._root.measured.add(name[1:])
+            return self._root.resolve(name[1:])
+        if not name or len(name) > _MAX_NAME_LENGTH or not name.isprintable():
+            raise ValueError(f"{name[:40]!r} is no name of a variable")
+        if name in CONSTANTS:
+            raise ValueError(f"{name} is a constant, and no name of a variable")
+        self.used.add(name)
+        if name in self._own:
+            return self._own[name]
+        if self._above is not None:
+            if name in self._remapped:
+                return self._above.resolve(self._remapped[name])
+            if self._autoremap and not name.startswith("_"):
+                return self._above.resolve(name)
+        cell = self._own[name] = self.cells.add(f"{self._label}{name}")
+        if self._above is None and name in TELEMETRY:
+            self.cells.telemetry[cell] = name
+        return cell
+
+    @property
+    def _root(self) -> "Scope":
+        scope = self
+        while scope._above is not None:
+            scope = scope._above
+        return scope
+
+
+def variable(text: str, attribute: str) -> str | None:
+    """Return the name in braces that an attribute refers to; None for a literal."""
+    if not (text.startswith("{") and text.endswith("}") and len(text) > 1):
+        return None
+    return attribute if text == "{=}" else text[1:-1]

@@ -1,0 +1,394 @@
+"""`find_faults`: the static check of a plan that was read, for probable faults.
+
+The reader refuses what cannot run; nothing is found twice.
+"""
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from executive.commands import PlanDefinition
+from executive.plans.abstraction import cells_of_script, input_cells, scripts_of
+from executive.plans.arguments import suggest
+from executive.plans.arrival import arrival_faults
+from executive.plans.dialect import LINK_UP, MODE, SUBTREE, TELEMETRY
+from executive.plans.model import (
+    LOOPS,
+    CellReference,
+    PlanNode,
+    PlanRoot,
+    PlanStep,
+    nodes,
+    parts_of,
+)
+from executive.plans.plan_xml import AUTOREMAP, Element, main_tree, ports_of, read_xml, trees_of
+from executive.plans.scripting import case_matches, text_of
+from executive.plans.syntax import ASSIGNMENTS, COMPARE, LITERAL, NAME, Value, expressions
+
+
+class Level(Enum):
+    """Weight of a finding."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A probable fault of a plan, or a note on it.
+
+    Attributes:
+        line: line of the plan's text.
+        node: path of the node below the plan; empty for the plan or a tree as a whole.
+        text: the fault and its remedy.
+    """
+
+    level: Level
+    line: int
+    node: str
+    text: str
+
+    @staticmethod
+    def of(level: Level, node: PlanNode, text: str) -> "Finding":
+        """Return a finding on a node."""
+        return Finding(level, node.location.line, node.location.path.partition("/")[2], text)
+
+    def __str__(self) -> str:
+        at = f"{self.node}: " if self.node else ""
+        return f"line {self.line}: {self.level.value}: {at}{self.text}"
+
+
+Answers = frozenset[str]
+"""Answers that a node can give in its first tick: S, F or K (skipped)."""
+
+_ALL_ANSWERS: Final = frozenset("SFK")
+_RELATIVE: Final = frozenset({"moveForward", "rotateBy", "drive", "moveCameraAngles"})
+"""Commands with an effect relative to the pose of the rover when they start."""
+_WHOLE: Final = frozenset({LINK_UP, MODE})
+"""Telemetry with whole numbers only."""
+_LOOPS: Final = {*LOOPS, "KeepRunningUntilFailure", "LoopString", "LoopDouble", "LoopPlace"}
+_ELSE: Final = {"SUCCESS": "S", "FAILURE": "F", "SKIPPED": "K"}
+
+
+def find_faults(
+    plan: PlanRoot, definition: PlanDefinition, begin_utc_s: float | None = None
+) -> tuple[Finding, ...]:
+    """Return the findings on a plan, by line, each line of text with each fault once.
+
+    Args:
+        plan: the plan as it was read.
+        definition: its text.
+        begin_utc_s: planned begin, seconds since 1970-01-01 UTC; by default it begins in time for
+            its first absolute time.
+    """
+    found = list(_unused(definition))
+    found += [
+        Finding.of(Level.ERROR if always else Level.WARNING, node, text)
+        for node, always, text in arrival_faults(plan, begin_utc_s)
+    ]
+    values = _text_values(plan)
+    reads = Counter(each for node in nodes(plan) for each in _cells_read(node))
+    for node in nodes(plan):
+        for rule in _RULES:
+            found += (Finding.of(level, node, text) for level, text in rule(node))
+        found += (Finding.of(*each) for each in _unread(node, reads))
+        found += (Finding.of(*each) for each in _impossible_texts(node, values, plan))
+    once = {(each.line, each.text): each for each in reversed(found)}
+    return tuple(sorted(once.values(), key=lambda each: (each.line, each.text)))
+
+
+Rule = Callable[[PlanNode], Iterator[tuple[Level, str]]]
+
+
+def _reactive(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name not in {"ReactiveSequence", "ReactiveFallback"}:
+        return
+    passes = frozenset("SK" if node.kind.name == "ReactiveSequence" else "FK")
+    for at, child in enumerate(node.children[:-1]):
+        later = node.children[at + 1 :]
+        if not passes & instant_answers(child) and any(map(takes_time, later)):
+            what = "a command" if any(map(_is_step, nodes(child))) else "a wait"
+            name = child.location.name
+            remedy = "put it into a Sequence around this node, or make it the last child"
+            yield Level.ERROR, f"{what} in {name} begins again in each tick: {remedy}"
+            return
+
+
+def _run_once(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name in _LOOPS and _is_once(node.children[0]):
+        remedy = "put the RunOnce beside other steps in a Sequence, or remove the loop"
+        yield Level.ERROR, f"the second cycle is skipped by RunOnce and ends the plan: {remedy}"
+
+
+def _is_once(node: PlanNode) -> bool:
+    if node.kind.name == "RunOnce":
+        return bool(node.ports["then_skip"])
+    return bool(node.children) and all(map(_is_once, node.children))
+
+
+def _parallel(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name != "Parallel" or node.ports["counts_skipped"]:
+        return
+    surely = sum("K" not in instant_answers(each) for each in node.children)
+    if surely < node.number("success_count"):
+        yield (
+            Level.ERROR,
+            f"it waits for ever if children are skipped, {surely} are not: success_count -1 "
+            "takes skipped children for done",
+        )
+
+
+def _retry(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name == "RetryUntilSuccessful" and not takes_time(node.children[0]):
+        yield Level.WARNING, "all attempts are made at once: use WaitFor, or a Delay below it"
+
+
+def _milliseconds(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    port = next((each for each in ("msec", "delay_msec") if each in node.ports), None)
+    if port is not None and node.number(port) < _MIN_MSEC:
+        short = f"{port} is in ms: {node.number(port):g} is {node.number(port) / 1000:g} s"
+        if node.kind.name != "Timeout" or any(map(_is_step, nodes(node))):
+            yield Level.WARNING, f"{short}, write {node.number(port) * 1000:g} if s are meant"
+
+
+_MIN_MSEC: Final = 1000
+"""Minimum plausible time of a wait or of a limit around a command, ms; chosen."""
+
+
+def _relative(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    if node.kind.name in _RELATIVE:
+        absolute = "setCameraAngles" if node.kind.name == "moveCameraAngles" else "moveTo"
+        yield Level.NOTE, f"after a stop the whole of it is done again: {absolute} is not"
+
+
+def _equal_floats(node: PlanNode) -> Iterator[tuple[Level, str]]:
+    for attribute, script in scripts_of(node):
+        for each in expressions(script.statements):
+            if each.sign == COMPARE and {"==", "!="} & set(each.text.split()):
+                names = {one.text for one in each.operands if one.sign == NAME}
+                if names & {f"@{each}" for each in TELEMETRY.keys() - _WHOLE}:
+                    text = f"{attribute}: {script.text}: measured values are never equal"
+                    yield Level.WARNING, f"{text}, compare them with < and >"
+
+
+_RULES: Final[tuple[Rule, ...]] = (
+    _reactive,
+    _run_once,
+    _parallel,
+    _retry,
+    _milliseconds,
+    _relative,
+    _equal_floats,
+)
+
+
+def _is_step(node: PlanNode) -> bool:
+    return isinstance(node, PlanStep)
+
+
+def takes_time(node: PlanNode) -> bool:
+    """Return whether a node can be RUNNING, apart from loops that yield."""
+    return any(_is_step(each) or each.kind.name in _TIMED for each in nodes(node))
+
+
+_TIMED: Final = frozenset(
+    {"Sleep", "Delay", "WaitUntil", "WaitFor", "Ask", "Window", "KeepRunningUntilFailure"}
+)
+
+
+def instant_answers(node: PlanNode) -> Answers:
+    """Return the answers that a node can give in its first tick."""
+    found = _instant(node)
+    for condition, answer in (("_failureIf", "F"), ("_successIf", "S"), ("_skipIf", "K")):
+        found |= frozenset(answer if condition in node.conditions else "")
+    return found | frozenset("K" if "_while" in node.conditions else "")
+
+
+def _instant(node: PlanNode) -> Answers:
+    name = node.kind.name
+    if isinstance(node, PlanStep) or name in {"Sleep", "WaitFor", "Ask", "Delay"}:
+        return frozenset()
+    below = [instant_answers(each) for each in node.children]
+    match name:
+        case "AlwaysSuccess" | "SetBlackboard":
+            return frozenset("S")
+        case "AlwaysFailure":
+            return frozenset("F")
+        case "WaitUntil":
+            return frozenset("F" if "late_s" in node.ports else "S")
+        case "RunOnce":
+            return below[0] | frozenset("K" if node.ports["then_skip"] else "SF")
+        case "Precondition":
+            return below[0] | frozenset(_ELSE.get(node.text("else"), ""))
+        case "Inverter":
+            return frozenset({"S": "F", "F": "S", "K": "K"}[each] for each in below[0])
+        case "ForceSuccess" | "ForceFailure":
+            end = "S" if name == "ForceSuccess" else "F"
+            return frozenset("K" if each == "K" else end for each in below[0])
+        case "Sequence" | "AsyncSequence" | "SequenceWithMemory" | "ReactiveSequence":
+            return _in_order(below, "S", "F")
+        case "Fallback" | "AsyncFallback" | "ReactiveFallback":
+            return _in_order(below, "F", "S")
+        case _:
+            return frozenset().union(*below) if below else _ALL_ANSWERS - {"K"}
+
+
+def _in_order(below: list[Answers], passes: str, ends: str) -> Answers:
+    found: set[str] = set()
+    for answers in below:
+        found |= answers & {ends}
+        if not answers & {passes, "K"}:
+            return frozenset(found)
+    if any(passes in each for each in below):
+        found.add(passes)
+    if all("K" in each for each in below):
+        found.add("K")
+    return frozenset(found)
+
+
+def _cells_read(node: PlanNode) -> Iterator[int]:
+    yield from (each.cell for each in input_cells(node))
+    for _, script in scripts_of(node):
+        yield from cells_of_script(script.statements)
+
+
+def _unread(node: PlanNode, reads: Counter[int]) -> Iterator[tuple[Level, PlanNode, str]]:
+    """Yield the variables that a node sets and no node reads."""
+    for port in node.kind.ports:
+        value = node.ports.get(port.name)
+        if port.type.is_output and isinstance(value, CellReference) and not reads[value.cell]:
+            level = Level.WARNING if port.required else Level.NOTE
+            remedy = "read it in a Switch, a condition or a port, or leave it out"
+            yield level, node, f"nothing reads {port.name} {{{value.name}}}: {remedy}"
+    for attribute, script in scripts_of(node):
+        for each in expressions(script.statements):
+            if each.sign in ASSIGNMENTS and not reads[each.cell]:
+                yield Level.NOTE, node, f"{attribute}: nothing in the plan reads {each.text}"
+
+
+def _text_values(plan: PlanRoot) -> dict[int, set[Value]]:
+    """Return the possible values of the cells that get only literals."""
+    found: defaultdict[int, set[Value]] = defaultdict(set)
+    other = {cell for cell, _ in plan.blackboard.telemetry}
+    for node in nodes(plan):
+        for _, script in scripts_of(node):
+            for each in expressions(script.statements):
+                if each.sign in ASSIGNMENTS:
+                    written = each.operands[-1]
+                    is_literal = each.sign in {":=", "="} and written.sign == LITERAL
+                    found[each.cell] |= {written.value} if is_literal else set()
+                    other |= set() if is_literal else {each.cell}
+        for port in node.kind.ports:
+            target = node.ports.get(port.name)
+            if port.type.is_output and isinstance(target, CellReference):
+                given = _written(node)
+                found[target.cell] |= given or set()
+                other |= set() if given else {target.cell}
+    initial = plan.blackboard.initial
+    return {
+        cell: values | ({value} if (value := initial[cell]) is not None else set())
+        for cell, values in found.items()
+        if cell not in other
+    }
+
+
+def _written(node: PlanNode) -> set[Value] | None:
+    source = {"Ask": "options", "LoopString": "queue", "SetBlackboard": "value"}.get(node.kind.name)
+    value = None if source is None else node.ports.get(source)
+    if not isinstance(value, str | float):
+        return None
+    return set(parts_of(value)) if source != "value" and isinstance(value, str) else {value}
+
+
+def _impossible_texts(
+    node: PlanNode, values: dict[int, set[Value]], plan: PlanRoot
+) -> Iterator[tuple[Level, PlanNode, str]]:
+    """Yield cases and comparisons with a text that the variable never has; options without a case.
+
+    A single option may be left to the last child of a Switch.
+    """
+    variable = node.ports.get("variable")
+    if isinstance(variable, CellReference) and variable.cell in values:
+        cases = [node.ports.get(f"case_{at}") for at in range(1, len(node.children))]
+        left = set(values[variable.cell])
+        for at, case in enumerate(cases, 1):
+            if isinstance(case, str | float):
+                had = {each for each in values[variable.cell] if case_matches(each, case)}
+                left -= had
+                if not had:
+                    text = _never(variable.name, case, values[variable.cell])
+                    yield Level.ERROR, node, f"case_{at} is never taken: {text}"
+            else:
+                left.clear()
+        options = {
+            option
+            for each in nodes(plan)
+            if each.kind.name == "Ask" and each.ports["answer"] == variable
+            for option in parts_of(each.text("options"))
+        }
+        if len(left & options) > 1:
+            names = ", ".join(sorted(map(text_of, left & options)))
+            remedy = "give each but one a case"
+            yield Level.WARNING, node, f"options without a case: {names}: {remedy}"
+    for attribute, script in scripts_of(node):
+        for comparison in expressions(script.statements):
+            if comparison.sign == COMPARE and len(comparison.operands) == 2:
+                name, literal = sorted(comparison.operands, key=lambda each: each.sign != NAME)
+                if (name.sign, literal.sign) == (NAME, LITERAL):
+                    had = values.get(name.cell, {literal.value})
+                    if isinstance(literal.value, str) and literal.value not in had:
+                        text = _never(name.text, literal.value, had)
+                        yield Level.ERROR, node, f"{attribute}: {text}"
+
+
+def _never(name: str, value: Value, values: set[Value]) -> str:
+    known = sorted(map(text_of, values))
+    near = suggest(text_of(value), known)
+    return f"{name} is never {text_of(value)!r}{near or ', only ' + ', '.join(known)}"
+
+
+def _unused(definition: PlanDefinition) -> Iterator[Finding]:
+    """Yield the trees that nothing runs, and the ports that a tree does not read."""
+    root = read_xml(definition.content)
+    trees = trees_of(root)
+    used, todo = set[str](), [main_tree(root, trees)]
+    while todo:
+        name = todo.pop()
+        if name not in used:
+            used.add(name)
+            todo += (each.attributes["ID"] for each in _subtrees(trees[name]))
+    for name, tree in trees.items():
+        if name not in used:
+            remedy = "remove it, or run it by a SubTree"
+            yield Finding(Level.WARNING, tree.line, "", f"nothing runs the tree {name}: {remedy}")
+    for name in used:
+        for element in _subtrees(trees[name]):
+            inner = element.attributes["ID"]
+            read_there = _names(trees[inner], trees)
+            for port in ports_of(element):
+                if port not in read_there:
+                    near = suggest(port, sorted(read_there)) or ": remove it"
+                    text = f"the tree {inner} does not read {port}{near}"
+                    yield Finding(Level.WARNING, element.line, "", text)
+
+
+_WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def _subtrees(tree: Element) -> list[Element]:
+    return [each for each in tree.elements() if each.tag == SUBTREE]
+
+
+def _names(tree: Element, trees: dict[str, Element]) -> set[str]:
+    """Return all texts in the attributes of a tree that could be names of its variables."""
+    found: set[str] = set()
+    for element in tree.elements():
+        for attribute, text in element.attributes.items():
+            found |= {attribute if text == "{=}" else text.strip("{}"), *_WORD.findall(text)}
+        if element.tag == SUBTREE and AUTOREMAP in element.attributes:
+            found |= _names(trees[element.attributes["ID"]], trees)
+    return found

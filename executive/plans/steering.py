@@ -1,0 +1,103 @@
+"""Requests that steer a plan: skip, retry, hold at a node, answer a question.
+
+They change the plan's state only: a node finds its steering there at its next tick, so that
+nothing is lost after the state was stored.
+"""
+
+from typing import Final
+
+from executive.commands import AnswerQuestion, HoldAtNode, PlanSteering, RetryNode, SkipNode
+from executive.plans.execution import Steering
+from executive.plans.model import PlanNode, PlanRoot, nodes, parts_of
+from executive.plans.state import PlanState
+from executive.values.reasons import Reason, Refusal
+
+MAX_NAMED: Final = 10
+"""Maximum number of nodes that a report names."""
+
+
+def check_steering(request: PlanSteering, root: PlanRoot, state: PlanState) -> Refusal | None:
+    """Return why a plan cannot be steered so in its state, or None."""
+    if isinstance(request, AnswerQuestion):
+        node = _find(root, request.question, Reason.NO_SUCH_QUESTION, "Ask")
+        return node if isinstance(node, Refusal) else _check_answer(node, request.option, state)
+    node = _find(root, request.node, Reason.NO_SUCH_STEP)
+    if isinstance(node, Refusal):
+        return node
+    letter = "I" if state.tree is None else state.tree.statuses[node.location.number]
+    match request, letter:
+        case SkipNode(_, _, result), _ if result not in {"SUCCESS", "FAILURE"}:
+            text = f"result {result[:64]!r} is neither SUCCESS nor FAILURE"
+            return Refusal(Reason.OUT_OF_RANGE, text, argument=3)
+        case SkipNode(), "S" | "F":
+            return _status(node, "has ended: there is nothing to skip")
+        case RetryNode(), "I" | "S" | "F":
+            return _status(node, "is not running: only what runs is begun again")
+        case HoldAtNode(), "R":
+            return _status(node, "runs already: suspend the plan")
+        case _:
+            return None
+
+
+def steered(
+    request: PlanSteering, root: PlanRoot, state: PlanState
+) -> tuple[PlanState, PlanNode, str]:
+    """Return the state after a request that was checked, the node, and the text of the report."""
+    match request:
+        case SkipNode(_, name, result):
+            steering, text = Steering[result], f"skipped with {result}"
+        case RetryNode(_, name):
+            steering, text = Steering.RETRY, "begins again"
+        case HoldAtNode(_, name):
+            steering, text = Steering.HOLD, "the plan is suspended before it begins"
+        case AnswerQuestion(_, question, option):
+            node = _found(root, question, "Ask")
+            key = node.location.path
+            if key not in state.questions and key in dict(state.settled):
+                return state, node, f"was answered before: {option}"
+            answers = {**dict(state.answers), key: option}
+            return state._replace(answers=tuple(answers.items())), node, f"answered: {option}"
+    node = _found(root, name)
+    forced = {**dict(state.forced), node.location.number: steering.name}
+    return state._replace(forced=tuple(forced.items())), node, text
+
+
+def _check_answer(node: PlanNode, option: str, state: PlanState) -> Refusal | None:
+    """Return why a question takes no such answer; the same answer again is accepted."""
+    key, options = node.location.path, parts_of(node.text("options"))
+    if option not in options:
+        text = f"{key}: {option[:64]!r} is no option: {' or '.join(options)}"
+        return Refusal(Reason.NO_SUCH_OPTION, text, argument=3)
+    given = dict(state.answers).get(key)
+    if given is None and key not in state.questions:
+        given = dict(state.settled).get(key)
+    if given is None or given == option:
+        return None
+    how = f"was answered: {given}" if given else "ended without an answer"
+    return Refusal(Reason.QUESTION_ANSWERED, f"{key} {how}")
+
+
+def _status(node: PlanNode, text: str) -> Refusal:
+    return Refusal(Reason.PLAN_STATUS, f"{node.location.path} {text}")
+
+
+def _matches(root: PlanRoot, name: str, kind: str | None) -> list[PlanNode]:
+    found = (each for each in nodes(root) if kind in {None, each.kind.name})
+    return [each for each in found if f"/{each.location.path}".endswith(f"/{name}")]
+
+
+def _found(root: PlanRoot, name: str, kind: str | None = None) -> PlanNode:
+    (node,) = _matches(root, name, kind)
+    return node
+
+
+def _find(root: PlanRoot, name: str, reason: Reason, kind: str | None = None) -> PlanNode | Refusal:
+    """Return the node with a path, or an unambiguous end of one."""
+    found = _matches(root, name, kind)
+    if len(found) == 1:
+        return found[0]
+    known = [each.location.path for each in found or nodes(root) if kind in {None, each.kind.name}]
+    shown = ", ".join(path.partition("/")[2] or path for path in known[:MAX_NAMED])
+    what = "nodes" if kind is None else "questions"
+    text = f"{len(found) or 'no'} {what} of {root.location.path} are named {name[:64]!r}"
+    return Refusal(reason, f"{text}; {what}: {shown or 'none'}", argument=2, subject=name[:64])

@@ -1,0 +1,328 @@
+"""The checks before uplink: flawed plans with the line of their fault, and sound plans without."""
+
+from pathlib import Path
+from time import process_time
+
+import pytest
+
+from executive.commands import PlanDefinition
+from executive.plans import FORMAT, Finding, Level, PlanRoot, find_faults, read_plan
+from executive.values.reasons import Refusal
+from trees.plan import prove
+
+MISSIONS = sorted((Path(__file__).parents[3] / "config/plans").glob("[01]*.xml"))
+
+HERE = "<!-- here -->"
+"""Marks the line of the fault."""
+
+
+def definition(body: str, *trees: str, name: str = "tried") -> PlanDefinition:
+    """Return a plan with a main tree and others."""
+    more = "\n".join(trees)
+    text = (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
+        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n{more}\n</root>'
+    )
+    return PlanDefinition(name, name, FORMAT, text.encode())
+
+
+def read(plan: PlanDefinition) -> PlanRoot:
+    """Return a plan as it was read."""
+    root = read_plan(plan)
+    assert not isinstance(root, Refusal), root.text
+    return root
+
+
+def faults(plan: PlanDefinition, begin_utc_s: float | None = None) -> list[Finding]:
+    """Return what both checks find, without notes."""
+    root = read(plan)
+    found = [*find_faults(root, plan, begin_utc_s), *prove(root).findings]
+    return [each for each in found if each.level is not Level.NOTE]
+
+
+def line_of(plan: PlanDefinition) -> int:
+    """Return the marked line."""
+    lines = plan.content.decode().splitlines()
+    (marked,) = (number for number, line in enumerate(lines, 1) if HERE in line)
+    return marked
+
+
+DRIVE = '<moveTo name="drive" x="3" y="0" deadline_s="60"/>'
+HOME = '<moveTo name="home" x="0" y="0" deadline_s="60"/>'
+PICTURE = '<takePicture deadline_s="20"/>'
+NOON, ONE = "2027-03-01T12:00:00Z", "2027-03-01T13:00:00Z"
+
+FLAWED = {
+    "a command before the last child of a ReactiveSequence": f"""<ReactiveSequence> {HERE}
+        <takePicture deadline_s="20"/>
+        {DRIVE}
+        </ReactiveSequence>""",
+    "a command behind a condition in a ReactiveSequence": f"""<ReactiveSequence> {HERE}
+        <Sequence><ScriptCondition code="@LINK_UP == 1"/>
+        <setTravelSpeed speed="0.1" deadline_s="5"/></Sequence>
+        {DRIVE}
+        </ReactiveSequence>""",
+    "a Sleep before the last child of a ReactiveFallback": f"""<ReactiveFallback> {HERE}
+        <Inverter><Sleep msec="5000"/></Inverter>
+        {DRIVE}
+        </ReactiveFallback>""",
+    "RunOnce below Repeat": f"""<Repeat num_cycles="3"> {HERE}
+        <RunOnce>{DRIVE}</RunOnce>
+        </Repeat>""",
+    "RunOnce in a loop over positions": f"""<LoopPlace queue="1,0;2,0" x="{{x}}" y="{{y}}"> {HERE}
+        <RunOnce><moveTo x="{{x}}" y="{{y}}" deadline_s="60"/></RunOnce>
+        </LoopPlace>""",
+    "Parallel waits for a skipped child": f"""<Sequence>
+        <Parallel success_count="2" failure_count="1"> {HERE}
+        {DRIVE}
+        <takePicture deadline_s="20" _skipIf="@BATERY_VOLTAGE &lt; 22"/>
+        </Parallel></Sequence>""",
+    "a case that is no option": f"""<Sequence>
+        <Ask question="Go?" options="left;right" default="left" deadline_s="60" answer="{{path}}"/>
+        <Switch2 variable="{{path}}" case_1="left" case_2="rigth"> {HERE}
+        {DRIVE}{HOME}{PICTURE}
+        </Switch2></Sequence>""",
+    "options without a case": f"""<Sequence>
+        <Ask question="?" options="a;b;c;d" default="a" deadline_s="60" answer="{{path}}"/>
+        <Switch2 variable="{{path}}" case_1="a" case_2="b"> {HERE}
+        {DRIVE}{HOME}{PICTURE}
+        </Switch2></Sequence>""",
+    "a comparison with no option": f"""<Sequence>
+        <Ask question="?" options="yes;no" default="no" deadline_s="60" answer="{{good}}"/>
+        <Precondition if="good == 'ja'" else="SUCCESS"> {HERE}
+        {DRIVE}
+        </Precondition></Sequence>""",
+    "an answer that nothing reads": f"""<Sequence>
+        <Ask question="?" options="a;b" default="a" deadline_s="60" answer="{{path}}"/> {HERE}
+        {DRIVE}</Sequence>""",
+    "a window after its end": f"""<Sequence>
+        <WaitUntil utc="{ONE}"/>
+        <Window until="{NOON}"> {HERE}
+        {DRIVE}
+        </Window></Sequence>""",
+    "a window missed in the worst case": f"""<Sequence>
+        <WaitUntil utc="{NOON}"/>
+        <moveTo x="3" y="0" deadline_s="4000"/>
+        <Window until="{ONE}"> {HERE}
+        {PICTURE}
+        </Window></Sequence>""",
+    "a window too short for its steps": f"""<Window from="{NOON}" until="{ONE}"> {HERE}
+        <Repeat num_cycles="3"><Sequence>
+        {PICTURE}
+        <Sleep msec="1500000"/></Sequence></Repeat>
+        </Window>""",
+    "a wait that is always too late": f"""<Sequence>
+        <WaitUntil utc="{NOON}"/>
+        <Sleep msec="3600000"/>
+        <WaitUntil utc="{NOON}" late_s="600"/> {HERE}
+        {PICTURE}</Sequence>""",
+    "a timeout shorter than its sleep": f"""<Fallback>
+        <Timeout msec="60000"> {HERE}
+        <Sequence>{PICTURE}<Sleep msec="90000"/></Sequence>
+        </Timeout>
+        {HOME}</Fallback>""",
+    "seconds for milliseconds": f"""<Timeout msec="300"> {HERE}
+        <moveTo x="3" y="0"/>
+        </Timeout>""",
+    "attempts that are made at once": f"""<Sequence>
+        <RetryUntilSuccessful num_attempts="5"> {HERE}
+        <ScriptCondition code="@BATERY_VOLTAGE &gt; 24"/>
+        </RetryUntilSuccessful>
+        {DRIVE}</Sequence>""",
+    "a measured value is compared with ==": f"""<Sequence>
+        <ScriptCondition code="@HEAD == 3.14"/> {HERE}
+        {DRIVE}</Sequence>""",
+    "to and fro": f"""<WhileDoElse> {HERE}
+        <ScriptCondition code="@LINK_UP == 1"/>
+        {DRIVE}
+        <Sequence>{HOME}<WaitFor if="@LINK_UP == 1" deadline_s="60"/></Sequence>
+        </WhileDoElse>""",
+    "a wait for a variable that nothing sets": f"""<Fallback><Sequence>
+        <Script code="ready := 0"/>
+        <Fallback>{DRIVE}<Script code="ready := 1"/></Fallback>
+        <ScriptCondition code="ready == 0"/>
+        <WaitFor if="ready == 1" deadline_s="60"/> {HERE}
+        </Sequence>
+        {HOME}</Fallback>""",
+    "a Parallel that the prover sees wait": f"""<Sequence>
+        <Script code="lamp := 0"/>
+        {DRIVE}
+        <Parallel success_count="2" failure_count="1"> {HERE}
+        <takePicture deadline_s="20"/>
+        <Fallback><Sequence _skipIf="lamp == 0">{PICTURE}</Sequence></Fallback>
+        </Parallel></Sequence>""",
+    "a plan that cannot succeed": f"""<Sequence> {HERE}
+        {DRIVE}
+        <ForceFailure><takePicture deadline_s="20"/></ForceFailure>
+        </Sequence>""",
+    "a step behind a Fallback's success": f"""<Sequence>
+        <Fallback>
+        <ForceSuccess>{DRIVE}</ForceSuccess>
+        <takePicture name="never" deadline_s="20"/> {HERE}
+        </Fallback></Sequence>""",
+    "a variable that a failed step does not set": f"""<Sequence>
+        <ForceSuccess><takePicture deadline_s="20" _onSuccess="seen := 1"/></ForceSuccess>
+        <ForceSuccess><ScriptCondition code="seen == 1"/></ForceSuccess> {HERE}
+        {DRIVE}</Sequence>""",
+    "an answer that may not exist": f"""<Sequence>
+        <ForceSuccess>
+        <Ask question="?" options="a;b" deadline_s="60" answer="{{path}}"/>
+        </ForceSuccess>
+        <Switch2 variable="{{path}}" case_1="a" case_2="b"> {HERE}
+        {DRIVE}{HOME}{PICTURE}
+        </Switch2></Sequence>""",
+    "steps that a guard does again": f"""<Timeout msec="900000"><ReactiveSequence>
+        <Fallback><ScriptCondition code="@BATERY_VOLTAGE &gt; 23"/>
+        <WaitFor if="@BATERY_VOLTAGE &gt; 25" deadline_s="60"/></Fallback>
+        <Sequence>
+        <moveForward distance="1" deadline_s="60"/> {HERE}
+        <Sleep msec="60000"/></Sequence></ReactiveSequence></Timeout>""",
+    "a division by a variable that can be 0": f"""<Sequence>
+        <Script code="good := 0; tries := 0"/>
+        <ForceSuccess><takePicture deadline_s="20" _onSuccess="good = 1; tries = 1"/></ForceSuccess>
+        <ScriptCondition code="good / tries &gt; 0.5"/> {HERE}
+        {DRIVE}</Sequence>""",
+}
+
+
+SOUND = {
+    "a guard, and what to do below it": f"""<Fallback>
+        <ReactiveSequence><ScriptCondition code="@BATERY_VOLTAGE &gt; 22"/>
+        <Sequence>{DRIVE}{PICTURE}</Sequence></ReactiveSequence>
+        {HOME}</Fallback>""",
+    "a setting once, beside a guard": f"""<ReactiveSequence>
+        <RunOnce><setTravelSpeed speed="0.1" deadline_s="5"/></RunOnce>
+        <ScriptCondition code="@LINK_SILENT_S &lt; 600"/>
+        {DRIVE}</ReactiveSequence>""",
+    "a RunOnce beside other steps in a loop": f"""<Repeat num_cycles="3"><Sequence>
+        <RunOnce>{DRIVE}</RunOnce>{PICTURE}</Sequence></Repeat>""",
+    "a Parallel that does not wait for skipped children": f"""<Parallel>
+        {DRIVE}<takePicture deadline_s="20" _skipIf="@BATERY_VOLTAGE &lt; 22"/></Parallel>""",
+    "every option has a case": f"""<Sequence>
+        <Ask question="?" options="a;b" default="a" deadline_s="60" answer="{{path}}"/>
+        <Switch2 variable="{{path}}" case_1="a" case_2="b">{DRIVE}{HOME}<AlwaysFailure/></Switch2>
+        </Sequence>""",
+    "a question without default, and what to do then": f"""<Fallback><Sequence>
+        <Ask question="?" options="a;b" deadline_s="60" answer="{{path}}"/>
+        <Switch2 variable="{{path}}" case_1="a" case_2="b">{DRIVE}{HOME}{PICTURE}</Switch2>
+        </Sequence>{PICTURE}</Fallback>""",
+    "windows one after the other": f"""<Sequence>
+        <ForceSuccess><Window from="{NOON}" until="{ONE}">{DRIVE}</Window></ForceSuccess>
+        <ForceSuccess><Window from="{ONE}" until="2027-03-01T14:00:00Z">{PICTURE}</Window>
+        </ForceSuccess>{HOME}</Sequence>""",
+    "a count of a long loop decides": f"""<Sequence><Script code="good := 0"/>
+        <Repeat num_cycles="10">
+        <ForceSuccess><takePicture deadline_s="20" _onSuccess="good += 1"/></ForceSuccess>
+        </Repeat><ScriptCondition code="good &gt;= 8"/>{HOME}</Sequence>""",
+    "the value of a loop decides": f"""<LoopString queue="a;b;c;d" value="{{part}}">
+        <Switch3 variable="{{part}}" case_1="a" case_2="b" case_3="c">
+        {DRIVE}{HOME}{PICTURE}<rotateTo heading="0" deadline_s="30"/></Switch3></LoopString>""",
+    "the reason of a refusal decides": f"""<Fallback>
+        <moveTo x="3" y="0" deadline_s="60" reason="{{why}}"/>
+        <Sequence><ScriptCondition code="why == 214"/>{PICTURE}</Sequence>
+        {HOME}</Fallback>""",
+    "a wait for the other arm": f"""<Sequence><Script code="there := 0"/><Parallel>
+        <moveTo x="3" y="0" deadline_s="60" _onSuccess="there = 1"/>
+        <Sequence><WaitFor if="there == 1" deadline_s="60"/>{PICTURE}</Sequence>
+        </Parallel></Sequence>""",
+    "rounds below a Timeout": f"""<ForceSuccess><Timeout msec="3600000">
+        <KeepRunningUntilFailure><Sequence>{DRIVE}{HOME}</Sequence></KeepRunningUntilFailure>
+        </Timeout></ForceSuccess>""",
+    "rounds that count": f"""<Sequence><Script code="rounds := 0"/>
+        <ForceSuccess><Timeout msec="3600000"><KeepRunningUntilFailure>
+        <Sequence _onSuccess="rounds += 1">{DRIVE}{HOME}</Sequence>
+        </KeepRunningUntilFailure></Timeout></ForceSuccess>
+        <ScriptCondition code="rounds &gt; 40"/>{PICTURE}</Sequence>""",
+    "not before a time": f"""<ReactiveSequence><WaitUntil utc="{NOON}"/>
+        {DRIVE}</ReactiveSequence>""",
+    "a stored voltage": f"""<Sequence><Script code="before := @BATERY_VOLTAGE"/>{DRIVE}
+        <ScriptCondition code="before - @BATERY_VOLTAGE &lt; 1"/>{HOME}</Sequence>""",
+    "a subtree that its port decides": """<Sequence><SubTree ID="Go" mode="a"/>
+        <SubTree ID="Go" mode="b"/></Sequence></BehaviorTree><BehaviorTree ID="Go"><Fallback>
+        <Sequence><ScriptCondition code="mode == 'a'"/><takePicture deadline_s="20"/></Sequence>
+        <rotateTo heading="0" deadline_s="30"/></Fallback>""",
+    "three things at once": f"""<Parallel>{DRIVE}{PICTURE}
+        <setCameraAngles pan="0" tilt="0" deadline_s="9"/></Parallel>""",
+    "memory over failures": f"""<RetryUntilSuccessful num_attempts="2"><SequenceWithMemory>
+        {DRIVE}{PICTURE}{HOME}</SequenceWithMemory></RetryUntilSuccessful>""",
+    "cleaned up": f"""<TryCatch>{DRIVE}{PICTURE}{HOME}</TryCatch>""",
+    "inverted": f"""<Sequence><Inverter><FaultActive name="battery_low"/></Inverter>
+        <Delay delay_msec="5000">{DRIVE}</Delay></Sequence>""",
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_sound_plan_has_no_finding(name: str) -> None:
+    assert faults(definition(SOUND[name])) == []
+
+
+@pytest.mark.parametrize("name", FLAWED)
+def test_a_flawed_plan_has_its_fault_at_its_line(name: str) -> None:
+    plan = definition(FLAWED[name])
+    found = faults(plan)
+    assert line_of(plan) in {each.line for each in found}, found
+
+
+def test_trees_and_ports_that_nothing_uses_are_named() -> None:
+    go = f'<BehaviorTree ID="Go">{DRIVE}</BehaviorTree>'
+    plan = definition(
+        '<SubTree ID="Go" xx="1"/>', go, f'<BehaviorTree ID="No">{HOME}</BehaviorTree>'
+    )
+    found = {each.line: each.text for each in faults(plan)}
+    assert found == {
+        3: "the tree Go does not read xx: remove it",
+        6: "nothing runs the tree No: remove it, or run it by a SubTree",
+    }
+
+
+def test_an_exploration_that_is_cut_short_is_not_a_proof() -> None:
+    arm = "<Sequence>" + PICTURE * 6 + "</Sequence>"
+    plan = read(definition(f"<Parallel>{arm * 3}</Parallel>"))
+    proof = prove(plan, max_work=10_000)
+    assert proof.verdict == "no fault found"
+    assert "states were not explored" in proof.limits[0]
+    conditions = "".join(f"<ScriptCondition code='@HEAD &gt; {i}'/>" for i in range(9))
+    first = f"<Sequence>{PICTURE}<ParallelAll>{conditions}</ParallelAll></Sequence>"
+    assert prove(read(definition(first)), max_work=6000).verdict == "no fault found"
+    whole = prove(read(definition(f"<Parallel>{arm * 2}</Parallel>")))
+    assert (whole.verdict, whole.limits) == ("proved", ())
+    cycles = prove(read(definition(f'<Repeat num_cycles="9">{PICTURE}</Repeat>')))
+    assert cycles.verdict == "no fault found"
+    assert cycles.limits == ("line 3: Repeat explored with 2 of 9 cycles",)
+
+
+def test_a_planned_begin_decides_which_windows_are_missed() -> None:
+    plan = definition(f"""<Sequence>
+        <moveTo x="3" y="0" deadline_s="600"/>
+        <Window until="{NOON}">{PICTURE}</Window></Sequence>""")
+    noon_s = 1_803_902_400.0
+    levels = {
+        noon_s - 700: [],
+        noon_s - 500: [(Level.WARNING, "it is missed in the worst case, by 100 s")],
+        noon_s + 60: [(Level.ERROR, "it is always missed, by 60 s at least")],
+    }
+    for begin_s, expected in levels.items():
+        found = find_faults(read(plan), plan, begin_s)
+        assert [(each.level, each.text.partition(":")[0]) for each in found] == expected
+
+
+def test_nested_loops_are_checked_in_time() -> None:
+    loop, end = '<RetryUntilSuccessful num_attempts="2">', "</RetryUntilSuccessful>"
+    plan = definition(f"{loop * 12}{PICTURE}{end * 12}")
+    begin_s = process_time()
+    assert find_faults(read(plan), plan) == ()
+    assert process_time() - begin_s < 0.5
+
+
+@pytest.mark.parametrize("mission", MISSIONS, ids=lambda path: path.stem)
+def test_a_mission_is_without_a_fault(mission: Path) -> None:
+    plan = PlanDefinition(mission.stem, mission.name, FORMAT, mission.read_bytes())
+    root = read(plan)
+    begin_s = process_time()
+    found = find_faults(root, plan)
+    checked_s = process_time()
+    proof = prove(root)
+    assert [each for each in found if each.level is not Level.NOTE] == []
+    assert proof.findings == ()
+    assert checked_s - begin_s < 0.05
+    assert process_time() - checked_s < 2.0

@@ -1,0 +1,296 @@
+"""The nodes of a plan with several children: sequences, fallbacks, parallels, branches."""
+
+from collections.abc import Sequence
+
+from executive.plans import PlanNode, UnknownValueError, Value, case_matches
+from trees.plan.node import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Answer,
+    PlanBehaviour,
+    PlanRun,
+)
+
+
+class ControlNode(PlanBehaviour):
+    """A node with several children; those of fallbacks continue after a failure."""
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        is_fallback = "Fallback" in plan.kind.name
+        self.continues, self.ends = (FAILURE, SUCCESS) if is_fallback else (SUCCESS, FAILURE)
+
+
+class OrderedBranch(ControlNode):
+    """Runs its children in order, until one ends it: `Sequence`, `Fallback`, and their variants.
+
+    Those with `Async` yield after a child that ended in its first tick. `SequenceWithMemory` does,
+    and continues at the child that failed, also after it was halted.
+
+    Attributes:
+        current: index of the child that it continues with.
+        skipped: number of children skipped.
+    """
+
+    memory = ("current", "skipped")
+    current = skipped = 0
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        self._remembers = plan.kind.name == "SequenceWithMemory"
+        self._yields = self._remembers or plan.kind.name.startswith("Async")
+
+    def run(self) -> Answer:
+        """Tick the children from the present one on."""
+        if self.status is IDLE:
+            self.skipped = 0
+        self.status = RUNNING
+        count = len(self.nodes)
+        while self.current < count:
+            child = self.nodes[self.current]
+            begins = child.status is IDLE
+            answer = child.execute()
+            if answer is RUNNING:
+                return RUNNING
+            if answer is self.ends:
+                for other in self.nodes[self.current :] if self._remembers else self.nodes:
+                    other.reset()
+                self.current = self.current if self._remembers else 0
+                return answer
+            self.current += 1
+            if answer is SKIPPED:
+                self.skipped += 1
+            elif self._yields and begins and self.current < count:
+                self.context.yielded = True
+                return RUNNING
+        answer = SKIPPED if self.skipped == count else self.continues
+        self.reset_children()
+        self.current = self.skipped = 0
+        return answer
+
+    def on_halt(self) -> None:
+        """Begin with the first child next time, except with memory."""
+        if not self._remembers:
+            super().on_halt()
+
+
+class ReactiveBranch(ControlNode):
+    """`ReactiveSequence`, `ReactiveFallback`: tick their children from the first one each time."""
+
+    def run(self) -> Answer:
+        """Tick the children; one that is RUNNING resets all others."""
+        self.status = RUNNING
+        all_skipped = True
+        for child in self.nodes:
+            answer = child.execute()
+            if answer is SKIPPED:
+                child.reset()
+                continue
+            all_skipped = False
+            if answer is RUNNING:
+                for other in self.nodes:
+                    if other is not child and other.status is not IDLE:
+                        other.reset()
+                return RUNNING
+            if answer is self.ends:
+                self.reset_children()
+                return answer
+        self.reset_children()
+        return SKIPPED if all_skipped else self.continues
+
+
+class ParallelBranch(PlanBehaviour):
+    """`Parallel` ticks its children until enough have ended, `ParallelAll` until all have.
+
+    Attributes:
+        ended: a bit for each child that has ended.
+        good, bad: numbers of successes and failures.
+    """
+
+    memory = ("ended", "good", "bad")
+    ended = good = bad = 0
+
+    def run(self) -> Answer:
+        """Tick the children in order until the result is decided."""
+        self.status = RUNNING
+        ports, skipped, count = self.plan.ports, 0, len(self.nodes)
+        needed, allowed = ports.get("success_count"), ports.get("failure_count")
+        for index, child in enumerate(self.nodes):
+            if not self.ended >> index & 1:
+                answer = child.execute()
+                if answer is SKIPPED:
+                    skipped += 1
+                elif answer is not RUNNING:
+                    self.ended |= 1 << index
+                    self.good += answer is SUCCESS
+                    self.bad += answer is FAILURE
+            if isinstance(needed, int):
+                if self.good + (skipped if ports["counts_skipped"] else 0) >= needed:
+                    return self._end(SUCCESS)
+                if count - self.bad < needed or self.bad == allowed:
+                    return self._end(FAILURE)
+        if skipped == count:
+            return SKIPPED
+        if needed is not None or skipped + self.ended.bit_count() < count:
+            return RUNNING
+        return self._end(FAILURE if self.bad >= self.plan.number("max_failures") else SUCCESS)
+
+    def _end(self, answer: Answer) -> Answer:
+        self.on_halt()
+        self.reset_children()
+        return answer
+
+
+class IfThenElse(PlanBehaviour):
+    """`IfThenElse`: tests its first child once, then runs a branch to its end.
+
+    Attributes:
+        current: the branch that runs; 0 before the condition has ended.
+    """
+
+    memory = ("current",)
+    current = 0
+
+    def run(self) -> Answer:
+        """Tick the condition until it has ended, then the branch."""
+        self.status = RUNNING
+        if self.current == 0:
+            answer = self.nodes[0].execute()
+            if answer is RUNNING:
+                return RUNNING
+            if answer is SUCCESS:
+                self.current = 1
+            elif answer is FAILURE and len(self.nodes) == 3:
+                self.current = 2
+            else:
+                self.reset_children()
+                return answer
+        answer = self.nodes[self.current].execute()
+        if answer is not RUNNING:
+            self.reset_children()
+            self.current = 0
+        return answer
+
+
+class WhileDoElse(PlanBehaviour):
+    """`WhileDoElse`: tests its first child in each tick, and runs the branch that it selects."""
+
+    def run(self) -> Answer:
+        """Tick the condition, reset the other branch, tick the selected one."""
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is RUNNING:
+            return RUNNING
+        has_else = len(self.nodes) == 3
+        if answer is SUCCESS:
+            if has_else:
+                self.nodes[2].reset()
+            answer = self.nodes[1].execute()
+        elif answer is FAILURE and has_else:
+            self.nodes[1].reset()
+            answer = self.nodes[2].execute()
+        if answer is not RUNNING:
+            self.reset_children()
+        return answer
+
+
+class Switch(PlanBehaviour):
+    """`Switch2` to `Switch6`: runs the child with the case of the variable, or the last one.
+
+    Attributes:
+        running: the child that is RUNNING; -1 for none.
+    """
+
+    memory = ("running",)
+    running = -1
+
+    def run(self) -> Answer:
+        """Select a child, reset another one that runs, tick the selected one."""
+        try:
+            selected = self._selected()
+        except UnknownValueError as unknown:
+            self.note_unknown(unknown)
+            self.reset_children()
+            self.running = -1
+            return FAILURE
+        if self.running not in {-1, selected}:
+            self.nodes[self.running].reset()
+        answer = self.nodes[selected].execute()
+        if answer is RUNNING:
+            self.running = selected
+            return RUNNING
+        if answer is not SKIPPED:
+            self.reset_children()
+        self.running = -1
+        return answer
+
+    def _selected(self) -> int:
+        last = len(self.nodes) - 1
+        try:
+            variable = self.read("variable") if "variable" in self.plan.ports else None
+        except UnknownValueError as unknown:
+            if unknown.cell in self.context.measured:
+                raise
+            return last
+        if variable is None:
+            return last
+        return next((at for at in range(last) if self._is_case(at, variable)), last)
+
+    def _is_case(self, at: int, variable: Value) -> bool:
+        try:
+            return case_matches(variable, self.read(f"case_{at + 1}"))
+        except UnknownValueError:
+            return False
+
+
+class TryCatch(PlanBehaviour):
+    """`TryCatch`: a sequence; its last child cleans up after a failure of the others.
+
+    Attributes:
+        current: index of the child that it continues with.
+        skipped: number of children skipped.
+        catching: whether the last child runs.
+    """
+
+    memory = ("current", "skipped", "catching")
+    current = skipped = 0
+    catching = False
+
+    def run(self) -> Answer:
+        """Tick the children, or the one that cleans up."""
+        if self.status is IDLE:
+            self.skipped, self.catching = 0, False
+        self.status = RUNNING
+        count = len(self.nodes) - 1
+        while not self.catching and self.current < count:
+            answer = self.nodes[self.current].execute()
+            if answer is RUNNING:
+                return RUNNING
+            if answer is FAILURE:
+                self.reset_children()
+                self.current, self.catching = 0, True
+                break
+            self.current += 1
+            self.skipped += answer is SKIPPED
+        if self.catching:
+            if self.nodes[-1].execute() is RUNNING:
+                return RUNNING
+            self.reset_children()
+            self.current, self.catching = 0, False
+            return FAILURE
+        answer = SKIPPED if self.skipped == count else SUCCESS
+        self.reset_children()
+        self.current = self.skipped = 0
+        return answer
+
+    def on_halt(self) -> None:
+        """Let the last child run for one tick, if the plan wants it."""
+        if self.plan.ports["catch_on_halt"] and not self.catching:
+            for child in self.nodes[:-1]:
+                child.reset()
+            if self.nodes[-1].execute() is RUNNING:
+                self.nodes[-1].reset()
+        super().on_halt()

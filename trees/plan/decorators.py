@@ -1,0 +1,294 @@
+"""The nodes of a plan with one child: loops, limits of time, forced results, conditions."""
+
+from collections.abc import Sequence
+from math import inf
+from typing import Final
+
+from executive.plans import (
+    LOOPS,
+    MAX_READ_PARTS,
+    ArgumentError,
+    PlanNode,
+    UnknownValueError,
+    part_values,
+    parts_of,
+)
+from trees.plan.node import (
+    ANSWERS,
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Answer,
+    PlanBehaviour,
+    PlanRun,
+    time_text,
+)
+
+
+class PlanDecorator(PlanBehaviour):
+    """A node with one child, which is IDLE again after it has ended."""
+
+    def execute(self) -> Answer:
+        """Tick the node; see `PlanBehaviour.execute`."""
+        answer = super().execute()
+        child = self.nodes[0]
+        if child.status is SUCCESS or child.status is FAILURE:
+            child.status = IDLE
+        return answer
+
+
+class SubTree(PlanDecorator):
+    """`SubTree`, and the root of a plan: runs a tree with variables of its own."""
+
+    def run(self) -> Answer:
+        """Tick the tree."""
+        if self.status is IDLE:
+            self.status = RUNNING
+        return self.nodes[0].execute()
+
+
+_RESULTS: Final = {
+    "Inverter": (FAILURE, SUCCESS),
+    "ForceSuccess": (SUCCESS, SUCCESS),
+    "ForceFailure": (FAILURE, FAILURE),
+}
+
+
+class MappedResult(PlanDecorator):
+    """`Inverter`, `ForceSuccess`, `ForceFailure`: give another result than their child."""
+
+    def run(self) -> Answer:
+        """Tick the child, and map its result."""
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is RUNNING or answer is SKIPPED:
+            return answer
+        return _RESULTS[self.plan.kind.name][answer is FAILURE]
+
+
+class LoopDecorator(PlanDecorator):
+    """`Repeat`, `RetryUntilSuccessful`: yield between cycles that end at once.
+
+    Attributes:
+        count: number of cycles that have ended.
+    """
+
+    memory = ("count",)
+    count = 0
+
+    def __init__(self, plan: PlanNode, run: PlanRun, nodes: Sequence[PlanBehaviour]) -> None:
+        super().__init__(plan, run, nodes)
+        self.times = plan.number(LOOPS[plan.kind.name])
+        self.again = SUCCESS if plan.kind.name == "Repeat" else FAILURE
+
+    def run(self) -> Answer:
+        """Tick the child, and begin the next cycle after its end."""
+        child, times = self.nodes[0], self.times
+        self.status = RUNNING
+        loops = times == -1 or self.count < times
+        while loops:
+            self.feedback_message = f"{self.count + 1} of {times:g}"
+            begins = child.status is IDLE
+            answer = child.execute()
+            if answer is RUNNING:
+                return RUNNING
+            child.reset()
+            if answer is SKIPPED:
+                return SKIPPED
+            if answer is not self.again:
+                self.count = 0
+                return answer
+            self.count += 1
+            loops = times == -1 or self.count < times
+            if begins and loops:
+                self.context.yielded = True
+                return RUNNING
+        self.count = 0
+        return self.again
+
+
+class RunUntilFailure(PlanDecorator):
+    """`KeepRunningUntilFailure`: one cycle each tick."""
+
+    def run(self) -> Answer:
+        """Tick the child."""
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        return FAILURE if answer is FAILURE else RUNNING
+
+
+class RunOnce(PlanDecorator):
+    """`RunOnce`: after its first end SKIPPED, or that result.
+
+    Attributes:
+        was: name of the first result; empty before.
+    """
+
+    memory = ("was",)
+    was = ""
+
+    def on_halt(self) -> None:
+        """Remember the result."""
+
+    def run(self) -> Answer:
+        """Tick the child, unless it has ended once."""
+        if self.was:
+            return SKIPPED if self.plan.ports["then_skip"] else ANSWERS[self.was]
+        self.status = RUNNING
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.was = answer.name
+        return answer
+
+
+class TimedDecorator(PlanDecorator):
+    """A decorator with a timer on the executive's clock.
+
+    Attributes:
+        until_s: end of the timer; None while it is not running.
+    """
+
+    timers = ("until_s",)
+    until_s: float | None = None
+
+    def tick_child(self) -> Answer:
+        """Tick the child; its end drops the timer."""
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.until_s = None
+        return answer
+
+
+class Timeout(TimedDecorator):
+    """`Timeout`: fails when its child takes too long. The timer ends once if the child is idle."""
+
+    def run(self) -> Answer:
+        """Tick the child, unless its time has expired."""
+        port, duration_s = self.context.port, self.plan.number("msec") / 1000
+        now_s = port.clock.now_s()
+        if self.until_s is None:
+            if port.has_expired(self.plan, self.cycles):
+                return FAILURE
+            self.status = RUNNING
+            self.until_s = now_s + duration_s
+        elif now_s >= self.until_s:
+            if self.nodes[0].status is RUNNING:
+                self.until_s = None
+                self.nodes[0].reset()
+                port.note_failure(self.plan, f"not done within {duration_s:g} s")
+                return FAILURE
+            self.until_s = inf
+        return self.tick_child()
+
+
+class Delay(TimedDecorator):
+    """`Delay`: waits, then runs its child."""
+
+    def run(self) -> Answer:
+        """Tick the child after the delay."""
+        now_s = self.context.port.clock.now_s()
+        if self.until_s is None:
+            self.status = RUNNING
+            self.until_s = now_s + self.plan.number("delay_msec") / 1000
+        return RUNNING if now_s < self.until_s else self.tick_child()
+
+
+class Precondition(PlanDecorator):
+    """`Precondition`: runs its child if a condition holds when it begins.
+
+    Attributes:
+        inside: whether the condition has held, and the child has not ended.
+    """
+
+    memory = ("inside",)
+    inside = False
+
+    def run(self) -> Answer:
+        """Test the condition unless the child was begun, and tick the child."""
+        if not self.inside:
+            holds = self.holds(self.script("if"))
+            if holds is None:
+                return FAILURE
+            if not holds:
+                return ANSWERS[self.plan.text("else")]
+            self.inside = True
+        answer = self.nodes[0].execute()
+        if answer is SUCCESS or answer is FAILURE:
+            self.inside = False
+        return answer
+
+
+class QueueLoop(PlanDecorator):
+    """`LoopString`, `LoopDouble`, `LoopPlace`: runs its child for each part of a queue.
+
+    Attributes:
+        left: the parts that are left.
+        busy: whether the child runs.
+    """
+
+    memory = ("left", "busy")
+    left: tuple[str, ...] = ()
+    busy = False
+
+    def run(self) -> Answer:
+        """Take the next part unless the child runs, and tick the child."""
+        if self.status is IDLE or not self.busy:
+            try:
+                if not self._take_part():
+                    return ANSWERS[self.plan.text("if_empty")]
+            except UnknownValueError as unknown:
+                self.note_unknown(unknown)
+                return FAILURE
+            except ArgumentError as error:
+                self.context.port.note_failure(self.plan, str(error))
+                return FAILURE
+        if self.status is IDLE:
+            self.status = RUNNING
+        answer = self.nodes[0].execute()
+        self.busy = answer is RUNNING
+        return FAILURE if answer is FAILURE else RUNNING
+
+    def _take_part(self) -> bool:
+        """Write the next part to its ports; return whether there is one."""
+        if self.status is IDLE:
+            self.busy, self.left = False, parts_of(self.read_text("queue"))
+            if len(self.left) > MAX_READ_PARTS and not isinstance(self.plan.ports["queue"], str):
+                problem = f"queue has {len(self.left)} parts: {MAX_READ_PARTS} at most"
+                raise ArgumentError(f"{problem} from a variable")
+        if not self.left:
+            return False
+        part, *rest = self.left
+        self.left = tuple(rest)
+        self.feedback_message = f"part {part}"[:80]
+        self.write("heading", None)
+        for port, value in part_values(self.plan.kind.name, part).items():
+            self.write(port, value)
+        return True
+
+
+class Window(PlanDecorator):
+    """`Window`: runs its child between two times, and fails at the end; times are absolute."""
+
+    def run(self) -> Answer:
+        """Wait for the begin, tick the child, halt it at the end."""
+        utc_s, ports = self.context.port.clock.utc_s(), self.plan.ports
+        self.status = RUNNING
+        if "until" in ports and utc_s >= self.plan.number("until"):
+            self.nodes[0].reset()
+            self.feedback_message = "closed"
+            self.context.port.note_failure(self.plan, "the window has closed")
+            return FAILURE
+        if "from" in ports and utc_s < self.plan.number("from"):
+            return RUNNING
+        return self.nodes[0].execute()
+
+    @property
+    def waits(self) -> str:
+        """Its begin, before that."""
+        if "from" not in self.plan.ports:
+            return ""
+        begin_utc_s = self.plan.number("from")
+        waits = self.context.port.clock.utc_s() < begin_utc_s
+        return f"waits until {time_text(begin_utc_s)}" if waits else ""

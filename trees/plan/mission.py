@@ -1,0 +1,174 @@
+"""The leaves of a plan that are the mission's own: waits, questions, conditions on the rover."""
+
+from math import hypot
+from typing import ClassVar
+
+from executive.plans import Question, parts_of
+from executive.values.parameters import Parameter
+from trees.plan.leaves import PlanLeaf, TimedLeaf
+from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, time_text
+
+
+class WaitUntil(TimedLeaf):
+    """`WaitUntil`: succeeds from a time on; fails if it begins too late."""
+
+    def begin(self) -> Answer:
+        """Fail if the time has passed by more than is allowed."""
+        late_s = self.context.port.clock.utc_s() - self.plan.number("utc")
+        if "late_s" in self.plan.ports and late_s > self.plan.number("late_s"):
+            self.context.port.note_failure(self.plan, f"{late_s:.0f} s too late")
+            return FAILURE
+        return self.proceed()
+
+    def proceed(self) -> Answer:
+        """Succeed from the time on."""
+        left_s = self.plan.number("utc") - self.context.port.clock.utc_s()
+        return RUNNING if left_s > 0.0 else SUCCESS
+
+    @property
+    def waits(self) -> str:
+        """The time that it waits for."""
+        return f"waits until {time_text(self.plan.number('utc'))}"
+
+
+class _WaitingLeaf(TimedLeaf):
+    """A leaf with a deadline that continues over suspensions.
+
+    Attributes:
+        until_utc_s: the deadline, seconds since 1970-01-01 UTC; None without one.
+    """
+
+    memory: ClassVar[tuple[str, ...]] = ("until_utc_s",)
+    until_utc_s: float | None = None
+
+    def begin(self) -> Answer:
+        """Set the deadline."""
+        self.until_utc_s = None
+        if "deadline_s" in self.plan.ports:
+            allowed_s = self.plan.number("deadline_s")
+            self.until_utc_s = self.context.port.clock.utc_s() + allowed_s
+        return self.proceed()
+
+    @property
+    def deadline(self) -> str:
+        """The deadline as text; empty without one."""
+        return "" if self.until_utc_s is None else f" until {time_text(self.until_utc_s)}"
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether the deadline has passed."""
+        return self.until_utc_s is not None and (
+            self.context.port.clock.utc_s() >= self.until_utc_s
+        )
+
+
+class WaitFor(_WaitingLeaf):
+    """`WaitFor`: succeeds as soon as a condition holds; an unknown condition does not hold."""
+
+    def proceed(self) -> Answer:
+        """Test the condition, then the deadline."""
+        holds = self.holds(self.script("if"))
+        if holds:
+            self.feedback_message = ""
+            return SUCCESS
+        if holds is False:
+            self.feedback_message = ""
+        if not self.is_overdue:
+            return RUNNING
+        text = self.feedback_message or f"not {self.script('if').text} within its deadline"
+        self.context.port.note_failure(self.plan, text)
+        return FAILURE
+
+    @property
+    def waits(self) -> str:
+        """Its condition and deadline."""
+        return f"waits for {self.script('if').text}{self.deadline}"
+
+
+class OperatorQuestion(_WaitingLeaf):
+    """A question to the operators; at the deadline the default is the answer."""
+
+    def proceed(self) -> Answer:
+        """Take the answer, or the default at the deadline."""
+        port = self.context.port
+        answer = port.take_answer(self._question)
+        if answer is None and self.is_overdue:
+            default = self.plan.ports.get("default")
+            port.withdraw(self._question, str(default or ""))
+            if not isinstance(default, str):
+                port.note_failure(self.plan, "no answer within its deadline")
+                return FAILURE
+            answer = default
+        if answer is None:
+            return RUNNING
+        self.write("answer", answer)
+        return SUCCESS
+
+    @property
+    def _question(self) -> Question:
+        default = self.plan.ports.get("default")
+        return Question(
+            self.plan.location.path,
+            self.plan.text("question"),
+            parts_of(self.plan.text("options")),
+            default if isinstance(default, str) else None,
+            self.until_utc_s,
+        )
+
+    @property
+    def waits(self) -> str:
+        """The question with its options, deadline and default."""
+        question = self._question
+        default = "" if question.default is None else f", then {question.default}"
+        options = " or ".join(question.options)
+        text = f"{self.name}: {question.text} ({options}){self.deadline}{default}"
+        return f"waits for an answer to {text}"
+
+    def on_halt(self) -> None:
+        """Withdraw the question."""
+        self.context.port.withdraw(self._question)
+
+
+class Near(PlanLeaf):
+    """`Near`: succeeds if the rover is within a distance of a point."""
+
+    def run(self) -> Answer:
+        """Compare the position; fail if it is not known."""
+        port = self.context.port
+        here = [port.telemetry(each.value) for each in (Parameter.POS_X, Parameter.POS_Y)]
+        if None in here:
+            port.note_failure(self.plan, "the position is not known")
+            return FAILURE
+        x_m, y_m = (float(each) for each in here if each is not None)
+        distance_m = hypot(float(self.read("x")) - x_m, float(self.read("y")) - y_m)
+        self.feedback_message = f"{distance_m:.2f} m away"
+        if distance_m <= self.plan.number("within"):
+            return SUCCESS
+        port.note_failure(self.plan, self.feedback_message)
+        return FAILURE
+
+
+class Reachable(PlanLeaf):
+    """`Reachable`: succeeds if the checks would accept a motion to a point from here."""
+
+    def run(self) -> Answer:
+        """Run the checks."""
+        port = self.context.port
+        refusal = port.check_target(float(self.read("x")), float(self.read("y")))
+        if refusal is None:
+            return SUCCESS
+        self.feedback_message = refusal.text
+        port.note_failure(self.plan, refusal.text)
+        return FAILURE
+
+
+class FaultActive(PlanLeaf):
+    """`FaultActive`: succeeds while a fault is active."""
+
+    def run(self) -> Answer:
+        """Test for the fault."""
+        name = self.plan.text("name")
+        if self.context.port.fault_active(name):
+            return SUCCESS
+        self.context.port.note_failure(self.plan, f"{name} is not active")
+        return FAILURE
