@@ -210,8 +210,9 @@ class Planner:
 
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
-        self.started_by: dict[str, str] = {}
         self._restarted = None
+        if isinstance(request, ActivatePlan | ResumePlan):
+            self._active.started_by[request.plan_id] = by.source
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
