@@ -4,6 +4,7 @@ from executive.plans.abstraction import ANY as ANY
 from executive.plans.abstraction import Abstraction as Abstraction
 from executive.plans.abstraction import input_cells as input_cells
 from executive.plans.arguments import ArgumentError as ArgumentError
+from executive.plans.arguments import number as number
 from executive.plans.arguments import utc as utc
 from executive.plans.builder import check_bounds as check_bounds
 from executive.plans.builder import check_plan as check_plan

@@ -1,9 +1,10 @@
 """The leaves of a plan that are the mission's own: waits, questions, conditions on the rover."""
 
+from abc import abstractmethod
 from math import hypot
 from typing import ClassVar
 
-from executive.plans import Question, parts_of
+from executive.plans import ArgumentError, Question, number, parts_of
 from executive.values.parameters import Parameter
 from trees.plan.leaves import PlanLeaf, TimedLeaf
 from trees.plan.node import FAILURE, RUNNING, SUCCESS, Answer, time_text
@@ -129,18 +130,44 @@ class OperatorQuestion(_WaitingLeaf):
         self.context.port.withdraw(self._question)
 
 
-class Near(PlanLeaf):
-    """`Near`: succeeds if the rover is within a distance of a point."""
+class _PointCondition(PlanLeaf):
+    """A condition on a point; it fails if a coordinate is no number."""
 
     def run(self) -> Answer:
+        """Test the point."""
+        try:
+            x_m, y_m = self._coordinate("x"), self._coordinate("y")
+        except ArgumentError as error:
+            self.context.port.note_failure(self.plan, str(error))
+            return FAILURE
+        return self.test(x_m, y_m)
+
+    @abstractmethod
+    def test(self, x_m: float, y_m: float) -> Answer:
+        """Return the answer for a point."""
+
+    def _coordinate(self, port: str) -> float:
+        """Return a coordinate in m.
+
+        Raises:
+            ArgumentError: its variable has another text than a number.
+        """
+        value = self.read(port)
+        return number(port, value, "m") if isinstance(value, str) else float(value)
+
+
+class Near(_PointCondition):
+    """`Near`: succeeds if the rover is within a distance of a point."""
+
+    def test(self, x_m: float, y_m: float) -> Answer:
         """Compare the position; fail if it is not known."""
         port = self.context.port
         here = [port.telemetry(each.value) for each in (Parameter.POS_X, Parameter.POS_Y)]
         if None in here:
             port.note_failure(self.plan, "the position is not known")
             return FAILURE
-        x_m, y_m = (float(each) for each in here if each is not None)
-        distance_m = hypot(float(self.read("x")) - x_m, float(self.read("y")) - y_m)
+        here_x_m, here_y_m = (float(each) for each in here if each is not None)
+        distance_m = hypot(x_m - here_x_m, y_m - here_y_m)
         self.feedback_message = f"{distance_m:.2f} m away"
         if distance_m <= self.plan.number("within"):
             return SUCCESS
@@ -148,13 +175,13 @@ class Near(PlanLeaf):
         return FAILURE
 
 
-class Reachable(PlanLeaf):
+class Reachable(_PointCondition):
     """`Reachable`: succeeds if the checks would accept a motion to a point from here."""
 
-    def run(self) -> Answer:
+    def test(self, x_m: float, y_m: float) -> Answer:
         """Run the checks."""
         port = self.context.port
-        refusal = port.check_target(float(self.read("x")), float(self.read("y")))
+        refusal = port.check_target(x_m, y_m)
         if refusal is None:
             return SUCCESS
         self.feedback_message = refusal.text

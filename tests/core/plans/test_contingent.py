@@ -10,6 +10,7 @@ from executive.commands import (
     AbortPlan,
     AnswerQuestion,
     MoveForward,
+    RemovePlan,
     Request,
     Resume,
     ResumePlan,
@@ -167,6 +168,21 @@ def test_conditions_on_the_rover(bench: PlanBench) -> None:
       <Inverter><FaultActive name="battery_low"/></Inverter>{BACK}
     </Sequence>"""
     assert bench.outcome(body) is COMPLETED, bench.status()
+
+
+@pytest.mark.parametrize("condition", ["Near within='1'", "Reachable"])
+def test_a_text_that_is_no_number_fails_a_condition_on_a_point(
+    bench: PlanBench, condition: str
+) -> None:
+    def outcome(text: str) -> PlanStatus:
+        test = f"""<{condition} name="there" x="{{x}}" y="0"/>"""
+        done = bench.outcome(f"<Sequence><Script code=\"x := '{text}'\"/>{test}{BACK}</Sequence>")
+        bench.request(RemovePlan("survey"))
+        return done
+
+    assert outcome("0.2") is COMPLETED
+    assert outcome("a") is FAILED
+    assert bench.received.plans[-1].text == "plan:survey/Sequence/there: x 'a' is not a number in m"
 
 
 def test_a_suspension_halts_no_node_and_stores_the_rest_of_a_sleep(bench: PlanBench) -> None:
