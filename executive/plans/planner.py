@@ -292,6 +292,7 @@ class Planner:
             return True
         result = run.tree.tick()
         if result is PlanResult.RUNNING:
+            run.execution.report_questions()
             if (held := run.execution.held) is not None:
                 text = f"held at {held.location.path}"
                 self.suspend(Refusal(Reason.PLAN_SUSPENDED, text))

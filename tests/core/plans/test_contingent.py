@@ -223,6 +223,19 @@ def test_an_abort_runs_the_scripts_of_halted_nodes_and_commands_nothing(bench: P
     assert bench.rover.velocity == STANDING
 
 
+@pytest.mark.parametrize("cause", ["abort", "time limit"])
+def test_a_halt_reports_no_question(bench: PlanBench, cause: str) -> None:
+    ask = with_question()
+    caught = f'<TryCatch catch_on_halt="true"><Sequence>{LONG}</Sequence>{ask}</TryCatch>'
+    limit = 1_000 if cause == "time limit" else 9_000
+    bench.begin(f'<Fallback><Timeout msec="{limit}">{caught}</Timeout>{BACK}</Fallback>', 0.5)
+    if cause == "abort":
+        bench.request(AbortPlan("survey"))
+    bench.run(5.0)
+    assert bench.ends() == [Stage.CANCELLED, *([Stage.EXECUTED] * (cause == "time limit"))]
+    assert not [each for each in bench.received.reports if "The ditch?" in each.text]
+
+
 def test_a_wrong_script_does_not_prevent_an_abort(bench: PlanBench) -> None:
     bench.begin(f'<Sequence _onHalted="x := 1 / (@LINK_UP - @LINK_UP)">{LONG}</Sequence>', 1.0)
     bench.request(AbortPlan("survey"))
