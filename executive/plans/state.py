@@ -2,9 +2,11 @@
 
 All that a tick changes is here: statuses, memories and timers of the nodes, the blackboard, the
 running commands. Timers are times on the executive's clock; as text they are the times left.
+The text ends with a checksum: a damaged state would otherwise repeat or omit steps.
 """
 
 import json
+from binascii import crc32
 from typing import Any, NamedTuple
 
 from executive.plans.syntax import Value
@@ -83,21 +85,26 @@ def shifted(state: PlanState, by_s: float) -> PlanState:
 
 
 def encode(state: PlanState) -> str:
-    """Return a state as text."""
-    return json.dumps(state, separators=(",", ":"))
+    """Return a state as text, a JSON array with its checksum at the end."""
+    fields = json.dumps(state, separators=(",", ":"))
+    return f"{fields[:-1]},{crc32(fields.encode())}]"
 
 
 def decode(text: str) -> PlanState:
     """Return the state of a text.
 
     Raises:
-        StateError: the text is no state.
+        StateError: the text is no state, or damaged.
     """
     try:
-        state = PlanState(*_frozen(json.loads(text)))
+        head, _, checksum = text.rpartition(",")
+        fields = f"{head}]"
+        if checksum != f"{crc32(fields.encode())}]":
+            raise StateError("the stored state is damaged")
+        state = PlanState(*_frozen(json.loads(fields)))
         tree = None if state.tree is None else TreeState(*state.tree)
         commands = tuple(StateCommand(*each) for each in state.commands)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise StateError("the stored state cannot be read") from error
     return state._replace(tree=tree, commands=commands)
 

@@ -1,6 +1,6 @@
 """Waits, windows, questions, conditions and variables of plans, on a rover without physics."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +15,13 @@ from executive.commands import (
     Resume,
     ResumePlan,
     SetCameraAngles,
+    SkipNode,
     Stop,
     SuspendPlan,
 )
 from executive.values.clock import START_UTC_S
 from executive.values.geometry import STANDING, Pose
+from executive.values.reasons import Reason
 from executive.values.reports import PlanStatus, Stage
 from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
@@ -317,6 +319,33 @@ def test_the_state_of_a_plan_is_one_row_that_does_not_grow(bench: PlanBench) -> 
     bench.request(AbortPlan("survey"))
     bench.step()
     assert bench.ledger.rows("SELECT * FROM plan_states") == []
+
+
+DAMAGES: dict[str, Callable[[str], object]] = {
+    "a letter of a status": lambda text: text.replace("R", "X", 1),
+    "another status": lambda text: text.replace("R", "S", 1),
+    "a figure": lambda text: text.replace("1", "2", 1),
+    "the end": lambda text: text[:-9],
+    "all": lambda _: "",
+    "octets": lambda text: text.encode(),
+    "too deep": lambda text: "[" * 5000 + text,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_state_fails_the_plan_by_name(
+    bench: PlanBench, damage: Callable[[str], object]
+) -> None:
+    begin_resuming(bench)
+    ((text,),) = bench.ledger.rows("SELECT state FROM plan_states")
+    bench.ledger.write("UPDATE plan_states SET state = ?", (damage(text),))
+    bench.step()
+    bench.crash()
+    bench.run(0.5)
+    assert bench.status().status is SUSPENDED
+    assert bench.plan_refusal(SkipNode("survey", "long", "SUCCESS")).reason is Reason.PLAN_STATUS
+    assert bench.resumed() is FAILED
+    assert bench.status().text.startswith("survey: the stored state")
 
 
 def test_the_state_of_another_text_fails_the_plan_by_name(bench: PlanBench) -> None:
