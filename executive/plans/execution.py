@@ -127,7 +127,7 @@ class PlanPort(Protocol):
         """Return whether the journal of a plan of version 0.1 has the end of a time limit."""
 
     def take_answer(self, question: Question) -> str | None:
-        """Ask a question once; remove and return its answer, if there is one."""
+        """Open a question once; remove and return its answer, if there is one."""
 
     def withdraw(self, question: Question, answer: str = "") -> None:
         """End a question that needs no answer any longer, or has one of its own."""
@@ -334,7 +334,7 @@ class PlanExecution:
         }
         self._answers = dict(state.answers)
         self._open_questions = set(state.questions)
-        self._asked: dict[str, Question] = {}
+        self._new_questions: dict[str, Question] = {}
         self._settled_questions = dict(state.settled)
         self.restarts = state.restarts
         self._charge_ratio = state.charge_ratio
@@ -443,21 +443,21 @@ class PlanExecution:
         return bool(self._journal) and step_key(node.location, cycles) in self._journal
 
     def take_answer(self, question: Question) -> str | None:
-        """Ask a question, and return its answer; see `PlanPort`."""
+        """Open a question, and return its answer; see `PlanPort`."""
         answer = self._answers.pop(question.key, None)
         if answer is not None:
             self._settle(question, answer)
         elif question.key not in self._open_questions:
             self._open_questions.add(question.key)
             self._settled_questions.pop(question.key, None)
-            self._asked[question.key] = question
+            self._new_questions[question.key] = question
         return answer
 
     def report_questions(self) -> None:
-        """Report the questions that were asked in this tick, and are still open."""
-        for question in self._asked.values():
+        """Report the questions that were opened in this tick, and still are."""
+        for question in self._new_questions.values():
             self._surroundings.report_question(self.plan.plan_id, question)
-        self._asked.clear()
+        self._new_questions.clear()
 
     def withdraw(self, question: Question, answer: str = "") -> None:
         """End a question; see `PlanPort`."""
@@ -466,7 +466,7 @@ class PlanExecution:
 
     def _settle(self, question: Question, answer: str) -> None:
         self._open_questions.discard(question.key)
-        self._asked.pop(question.key, None)
+        self._new_questions.pop(question.key, None)
         self._settled_questions[question.key] = answer
 
     def steer(self, state: PlanState) -> None:

@@ -227,8 +227,8 @@ def test_an_abort_runs_the_scripts_of_halted_nodes_and_commands_nothing(bench: P
 
 @pytest.mark.parametrize("cause", ["abort", "time limit"])
 def test_a_halt_reports_no_question(bench: PlanBench, cause: str) -> None:
-    ask = with_question()
-    caught = f'<TryCatch catch_on_halt="true"><Sequence>{LONG}</Sequence>{ask}</TryCatch>'
+    cleanup = with_question()
+    caught = f'<TryCatch catch_on_halt="true"><Sequence>{LONG}</Sequence>{cleanup}</TryCatch>'
     limit = 1_000 if cause == "time limit" else 9_000
     bench.begin(f'<Fallback><Timeout msec="{limit}">{caught}</Timeout>{BACK}</Fallback>', 0.5)
     if cause == "abort":
