@@ -5,7 +5,7 @@ negligible time; a preview would delay the command too long. Without battery fig
 settings, or without a charge in the battery state, nothing is refused.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final, assert_never
 
@@ -92,6 +92,7 @@ def check_battery(
     settings: Settings,
     scene: Scene,
     longer_m: float = 0.0,
+    done: Collection[int] = (),
 ) -> Refusal | None:
     """Return a refusal if the battery lacks energy for a motion or plan and the return, or None.
 
@@ -106,6 +107,7 @@ def check_battery(
         settings: provide the energy figures and the battery's reserve.
         scene: the obstacles, and the detours around them.
         longer_m: by how much the planner's path of a navigated motion exceeds the straight lines.
+        done: numbers of the steps of a plan that have ended.
     """
     battery, last_battery = settings.battery, status.battery
     if battery is None or last_battery is None or last_battery.charge_ratio is None:
@@ -116,7 +118,8 @@ def check_battery(
         requests: Iterable[object] = (what,)
     else:
         course, scene = nominal_steps(what), (Zones(), None)
-        requests = (each.request for each in course if isinstance(each, PlanStep))
+        left = (each for each in course if isinstance(each, PlanStep))
+        requests = (each.request for each in left if each.location.number not in done)
     estimator = _EnergyEstimator(pose, speeds, settings, scene)
     for each in _motions(requests, estimator):
         request = localized(each, status, settings)

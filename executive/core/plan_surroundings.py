@@ -1,14 +1,14 @@
 """`RoverSurroundings`: telemetry, checks, faults and questions, as plans see them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from executive.checks import check_pose, check_request
+from executive.checks import check_battery, check_pose, check_request
 from executive.commands import Mode, MoveTo, Waypoint
 from executive.commands.intake import check_arguments, localized
 from executive.core.link_loss import GroundMonitor
 from executive.goals import Context
-from executive.plans import BATTERY_CHARGE, LINK_SILENT_S, LINK_UP, MODE, Question
+from executive.plans import BATTERY_CHARGE, LINK_SILENT_S, LINK_UP, MODE, PlanRoot, Question
 from executive.plans import UTC as UTC_NAME
 from executive.record import Notifications
 from executive.state import picture_of
@@ -18,6 +18,8 @@ from executive.values.reports import Identity, Severity
 
 LINK_UP_S: Final = 10.0
 """Time since the last contact within which the link is up; chosen, not measured."""
+BATTERY_S: Final = 10.0
+"""Time after a start within which the battery reports its charge; chosen, not measured."""
 
 
 class RoverSurroundings:
@@ -30,6 +32,7 @@ class RoverSurroundings:
         self._notifications = notifications
         self._parameters: dict[str, float | None] = {}
         self._sampled_s = -1.0
+        self._began_s = context.clock.now_s()
         self._own: dict[str, Callable[[], float | None]] = {
             LINK_UP: lambda: float(ground.silent_s <= LINK_UP_S),
             LINK_SILENT_S: lambda: ground.silent_s,
@@ -77,6 +80,26 @@ class RoverSurroundings:
             or check_pose(request, pose, status.uncertainty, settings)
             or check_request(request, pose, settings, obstacles, self._context.detours.copy())
         )
+
+    @property
+    def awaits_battery(self) -> bool:
+        """Whether the battery is still to report its charge after the start."""
+        context = self._context
+        if context.settings.battery is None or context.status.battery is not None:
+            return False
+        return context.clock.now_s() < self._began_s + BATTERY_S
+
+    def check_energy(self, plan: PlanRoot, done: Sequence[int]) -> Refusal | None:
+        """Return why the battery lacks energy for the other steps and the return, or None.
+
+        Args:
+            plan: the plan.
+            done: numbers of the steps that have ended.
+        """
+        status, settings = self._context.status, self._context.settings
+        if settings.battery is None:
+            return None
+        return check_battery(plan, status.pose, status, settings, self._context.scene, done=done)
 
     def fault_active(self, name: str) -> bool:
         """Return whether a fault is active."""

@@ -290,9 +290,18 @@ class Reactions:
         self._context.goals.motion.cancel_all(refusal)
         self._context.goals.camera.cancel_all(refusal)
 
+    def shut_down(self) -> None:
+        """End the plan and all goals as the process ends; see `Planner.shut_down`."""
+        refusal = Refusal(Reason.INTERRUPTED, "the executive was shut down")
+        self._planner.shut_down(refusal)
+        self._cancel_all(refusal)
+
     def end_goals(self, refusal: Refusal) -> None:
         """Suspend the executing plan, and cancel every goal and active stop."""
         self._planner.suspend(refusal)
+        self._cancel_all(refusal)
+
+    def _cancel_all(self, refusal: Refusal) -> None:
         self._context.goals.cancel_all(refusal)
         for lifecycle in self._context.latches.take_stopping():
             lifecycle.cancel(refusal)

@@ -514,7 +514,7 @@ class Executive:
             if self.velocity != STANDING or self.moving:
                 self._arbiter.stop()
             self.tree.stop()
-            self._reactions.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+            self._reactions.shut_down()
             if not self._context.latches.held:
                 self._arbiter.release()
             self._commits.flush()

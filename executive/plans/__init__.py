@@ -52,8 +52,8 @@ from executive.plans.nominal import TimeLimitEnd as TimeLimitEnd
 from executive.plans.nominal import max_commands as max_commands
 from executive.plans.nominal import nominal_steps as nominal_steps
 from executive.plans.plan_lifecycle import FINAL_STATUSES as FINAL_STATUSES
+from executive.plans.plan_lifecycle import ActivePlans as ActivePlans
 from executive.plans.plan_xml import FORMAT as FORMAT
-from executive.plans.planner import ActivePlans as ActivePlans
 from executive.plans.planner import Planner as Planner
 from executive.plans.scripting import Cells as Cells
 from executive.plans.scripting import EvaluationError as EvaluationError

@@ -230,6 +230,13 @@ class Surroundings(Protocol):
     def energy_used_j(self, charge_ratio: float | None) -> float | None:
         """Return the energy used since the battery had a charge; None if it is not known."""
 
+    @property
+    def awaits_battery(self) -> bool:
+        """Whether the battery is still to report its charge after the start."""
+
+    def check_energy(self, plan: PlanRoot, done: Sequence[int]) -> Refusal | None:
+        """Return why the battery lacks energy for the other steps and the return, or None."""
+
     def report_question(self, plan_id: str, question: Question) -> None:
         """Report a question to the operators."""
 

@@ -56,3 +56,20 @@ def check_status(plan: RunningPlan, allowed: Iterable[PlanStatus]) -> Refusal | 
     names = ", ".join(sorted(status.name for status in allowed))
     text = f"plan {plan.plan_id} is {plan.state.name}: needs {names}"
     return Refusal(Reason.PLAN_STATUS, text)
+
+
+class ActivePlans:
+    """The executing and suspended plans; written by the planner alone.
+
+    Attributes:
+        executing: the plan that controls the rover, if any.
+        suspended: the plans that wait to be resumed.
+        started_by: source that last activated or resumed each plan, in this process.
+        waits: the present waits and questions of the executing plan, as text; empty without any.
+    """
+
+    def __init__(self) -> None:
+        self.executing: str | None = None
+        self.suspended: tuple[str, ...] = ()
+        self.started_by: dict[str, str] = {}
+        self.waits = ""

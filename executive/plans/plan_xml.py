@@ -144,6 +144,10 @@ EXPLICIT: Final = frozenset({"Action", "Condition", "Control", "Decorator"})
 AUTOREMAP: Final = "_autoremap"
 AFTER_RESTART: Final = "after_restart"
 """Attribute of the root: `suspend` or `resume`."""
+_ROOT_ATTRIBUTES: Final = frozenset(
+    {"BTCPP_format", "main_tree_to_execute", AFTER_RESTART, "project_name"}
+)
+"""Attributes of the root; the last one is Groot2's."""
 
 _PLAN_ID: Final = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 MAX_NAME_LENGTH: Final = 80
@@ -227,6 +231,11 @@ def trees_of(root: Element) -> dict[str, Element]:
         remedy = "Groot2 converts older formats" if "BTCPP_format" in root.attributes else ""
         text = '<root> needs BTCPP_format="4"'
         raise root.error(Reason.PLAN_FORMAT, f"{text}: {remedy}" if remedy else text)
+    for name in sorted(root.attributes.keys() - _ROOT_ATTRIBUTES - REMARKS):
+        if ":" not in name and name != "xmlns":
+            near = suggest(name, sorted(_ROOT_ATTRIBUTES)) or ": remove it"
+            text = f"unknown attribute {quote(name)} of <root>{near}"
+            raise root.error(Reason.PLAN_BAD_ARGUMENT, text)
     trees: dict[str, Element] = {}
     for element in root.children:
         match element.tag:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import dist
+from math import dist, inf
 from typing import Final, assert_never
 
 from executive.commands import (
@@ -46,12 +46,18 @@ from executive.plans.model import PlanNode, PlanRoot, digest_of, nodes, skipped_
 from executive.plans.plan_lifecycle import (
     FINAL_STATUSES,
     MACHINE,
+    ActivePlans,
     PlanEvent,
     check_status,
     source_states,
 )
-from executive.plans.recovery import recover_state
-from executive.plans.state import PlanState, StateError, decode, encode, shifted
+from executive.plans.recovery import (
+    MAX_RESTARTS,
+    STORED_POSITION_M,
+    continued_state,
+    recover_state,
+)
+from executive.plans.state import MAX_STATE_LENGTH, PlanState, StateError, decode, encode, shifted
 from executive.plans.steering import MAX_NAMED, check_steering, steered
 from executive.record import Notifications, PlanStore, StoredState
 from executive.settings import Settings
@@ -60,40 +66,14 @@ from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanStatus, PlanUpdate, Severity
 
-
-class ActivePlans:
-    """The executing and suspended plans; written by the planner alone.
-
-    Attributes:
-        executing: the plan that controls the rover, if any.
-        suspended: the plans that wait to be resumed.
-        started_by: source that last activated or resumed each plan, in this process.
-        waits: the present waits and questions of the executing plan, as text; empty without any.
-    """
-
-    def __init__(self) -> None:
-        self.executing: str | None = None
-        self.suspended: tuple[str, ...] = ()
-        self.started_by: dict[str, str] = {}
-        self.waits = ""
-
-
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
 
 
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
 
-MAX_RESTARTS: Final = 3
-"""Maximum number of restarts after which a plan continues by itself."""
-MAX_RESTART_DISTANCE_M: Final = 1.5
-"""Maximum distance from the stored position for a plan that continues by itself; chosen."""
 RESTART_S: Final = 60.0
 """Time after a start within which a plan continues by itself; chosen."""
-STORED_POSITION_M: Final = 0.5
-"""Distance after which the position of the rover is stored again."""
-
-MAX_STATE_LENGTH: Final = 256 * 1024
 UNWRITTEN_STEPS: Final = Refusal(
     Reason.PLAN_STATUS, "the last steps of the plan are not stored yet: try again"
 )
@@ -249,6 +229,16 @@ class Planner:
                 self._end_run()
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
+    def shut_down(self, why: Refusal) -> None:
+        """Suspend the executing plan; one that continues by itself counts as interrupted."""
+        run = self._run
+        if run is None or not run.resumes:
+            self.suspend(why)
+        else:
+            run.execution.cancel_running(why)
+            self._save(run, suspended=True)
+            self._end_run()
+
     def recover(self) -> None:
         """Suspend the plan that a previous process left executing.
 
@@ -319,19 +309,19 @@ class Planner:
         ):
             self._restarted = None
             return False
-        if position is None or not self._store.is_durable(plan.batch):
+        waits = position is None or self._surroundings.awaits_battery
+        if waits or not self._store.is_durable(plan.batch):
             return False
-        self._restarted, stored = None, self._store.state(plan_id)
-        try:
-            state = PlanState() if stored is None else decode(stored.text)
-        except StateError:
+        found, self._restarted = continued_state(self._store, plan_id, position), None
+        root = None if found is None else self.root(plan_id)
+        if found is None or root is None:
             return False
-        if stored is None or state.position is None or state.restarts >= MAX_RESTARTS:
-            return False
-        if dist(position, state.position) > MAX_RESTART_DISTANCE_M:
-            return False
-        state = state._replace(restarts=state.restarts + 1)
-        self._store.save_state(plan_id, replace(stored, text=encode(state)))
+        stored, state = found
+        if (low := self._surroundings.check_energy(root, state.ended)) is not None:
+            text = f"plan {plan_id} does not continue by itself: {low.text}"
+            self._notifications.report_event(Severity.WARNING, text, low.reason, low.figures)
+            return True
+        self._store.save_state(plan_id, stored)
         text = f"resumed after a restart, {state.restarts} of {MAX_RESTARTS}"
         self._change(plan, PlanEvent.RESUME, text)
         return True
@@ -341,7 +331,7 @@ class Planner:
         state, before = run.execution.state(run.tree.state()), run.saved
         moved_m = 0.0
         if run.resumes and state.position is not None:
-            moved_m = dist(state.position, before.position or state.position)
+            moved_m = inf if before.position is None else dist(state.position, before.position)
         if (
             state._replace(position=before.position) == before
             and moved_m < STORED_POSITION_M

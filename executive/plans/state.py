@@ -7,9 +7,12 @@ The text ends with a checksum: a damaged state would otherwise repeat or omit st
 
 import json
 from binascii import crc32
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from executive.plans.syntax import Value
+
+MAX_STATE_LENGTH: Final = 256 * 1024
+"""Maximum length in characters of the text of a state; chosen."""
 
 
 class StateError(Exception):

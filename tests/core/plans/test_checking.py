@@ -110,6 +110,7 @@ NO_PLANS = [
     (b"<root/>", Reason.PLAN_FORMAT),
     (xml(GO).replace(b'="4"', b'="3"'), Reason.PLAN_FORMAT),
     (b'<root BTCPP_format="4"/>', Reason.PLAN_STRUCTURE),
+    (xml(GO).replace(b"<root", b'<root after_restrt="resume"'), Reason.PLAN_BAD_ARGUMENT),
     (xml(GO).replace(b'"Main">\n<Beh', b'"Other">\n<Beh'), Reason.PLAN_STRUCTURE),
     (xml(GO, '<include path="/etc/passwd"/>'), Reason.PLAN_UNKNOWN_NODE),
     (xml(GO, '<BehaviorTree ID="Main"><x/></BehaviorTree>'), Reason.PLAN_STRUCTURE),
@@ -124,6 +125,15 @@ NO_PLANS = [
 @pytest.mark.parametrize(("content", "reason"), NO_PLANS, ids=range(len(NO_PLANS)))
 def test_a_text_that_is_no_plan_is_refused(content: bytes, reason: Reason) -> None:
     assert refusal(replace(plan(GO), content=content)).reason is reason
+
+
+def test_attributes_of_editors_on_the_root_are_passed_over() -> None:
+    remarks = b'<root project_name="P" xmlns:x="y" x:z="" _description="" after_restart="suspend"'
+    root = check_plan(replace(plan(GO), content=xml(GO).replace(b"<root", remarks)), SETTINGS)
+    assert not isinstance(root, Refusal), root
+    misspelt = xml(GO).replace(b"<root", b'<root after_restrt="resume"')
+    found = refusal(replace(plan(GO), content=misspelt))
+    assert "'after_restrt' of <root>: did you mean after_restart?" in found.text
 
 
 def test_a_rover_refuses_an_invalid_plan(bench: Bench) -> None:

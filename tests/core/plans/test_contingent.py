@@ -19,6 +19,7 @@ from executive.commands import (
     Stop,
     SuspendPlan,
 )
+from executive.state.uncertainty import Uncertainty
 from executive.values.clock import START_UTC_S
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason
@@ -26,7 +27,8 @@ from executive.values.reports import PlanStatus, Stage
 from tests.support.kinematic import STEP_S
 from tests.support.plans import PlanBench, plan, xml
 
-COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
+COMPLETED, FAILED = PlanStatus.COMPLETED, PlanStatus.FAILED
+EXECUTING, SUSPENDED = PlanStatus.EXECUTING, PlanStatus.SUSPENDED
 BACK = '<moveForward distance="-0.3" deadline_s="60"/>'
 LONG = '<moveForward name="long" distance="50" deadline_s="600"/>'
 AIM = '<setCameraAngles pan="{pan}" tilt="0" deadline_s="9"/>'
@@ -306,6 +308,80 @@ def test_it_does_not_continue_by_itself_after_another_cause(bench: PlanBench, ca
     bench.run(2.0)
     assert bench.status().status is SUSPENDED
     assert bench.rover.velocity == STANDING
+
+
+def end_orderly(bench: PlanBench) -> None:
+    bench.executive.close()
+    bench.clock.advance(600.0)
+    bench.restart()
+
+
+@pytest.mark.parametrize("cause", ["", "plan text", "stop", "suspended", "stop after"])
+def test_it_continues_by_itself_after_an_orderly_end_without_another_cause(
+    bench: PlanBench, cause: str
+) -> None:
+    if cause == "plan text":
+        bench.begin(f"<Sequence>{BACK}{LONG}</Sequence>", 5.0)
+    else:
+        begin_resuming(bench)
+    if cause == "stop":
+        bench.numbered(Stop())
+    elif cause == "suspended":
+        bench.request(SuspendPlan("survey"))
+    end_orderly(bench)
+    if cause == "stop after":
+        bench.numbered(Stop())
+        bench.numbered(Resume())
+    bench.run(1.0)
+    assert bench.status().status is (SUSPENDED if cause else PlanStatus.EXECUTING)
+    if not cause:
+        assert bench.status().done == 1
+        assert bench.ends()[:2] == [Stage.EXECUTED, Stage.CANCELLED]
+        assert len(bench.ends()) == 3
+
+
+def test_the_first_position_that_is_known_is_stored(bench: PlanBench) -> None:
+    bench.executive.status.raise_uncertainty(0.5, 0.1, "a test")
+    wait = f'<Sequence><Sleep msec="600000"/>{BACK}</Sequence>'
+    bench.go(replace(plan(""), content=resuming(wait)))
+    bench.run(1.0)
+    bench.executive.status.uncertainty = Uncertainty()
+    bench.run(1.0)
+    bench.crash()
+    bench.run(1.0)
+    assert bench.status().status is PlanStatus.EXECUTING
+
+
+@pytest.mark.parametrize(("charge_ratio", "status"), [(0.1001, SUSPENDED), (0.9, EXECUTING)])
+@pytest.mark.parametrize("late_s", [0.0, 5.0])
+def test_it_continues_by_itself_only_with_enough_energy(
+    bench: PlanBench, charge_ratio: float, status: PlanStatus, late_s: float
+) -> None:
+    bench.charge_ratio = 0.9
+    begin_resuming(bench)
+    bench.executive.simulate_crash()
+    bench.voltage_v, bench.charge_ratio = None, charge_ratio
+    bench.restart()
+    bench.run(late_s)
+    bench.voltage_v = 26.0
+    bench.run(1.0)
+    assert bench.status().status is status
+    low = [each for each in bench.received.reports if each.reason is Reason.BATTERY_INSUFFICIENT]
+    assert len(low) == (status is SUSPENDED)
+
+
+def test_the_energy_of_steps_that_have_ended_is_not_needed(bench: PlanBench) -> None:
+    bench.charge_ratio = 0.9
+    far = LONG.replace("50", "100")
+    steps = f'<Sequence><ForceSuccess>{far}</ForceSuccess><Sleep msec="600000"/>{BACK}</Sequence>'
+    bench.go(replace(plan(""), content=resuming(steps)))
+    bench.run(2.0)
+    bench.request(SkipNode("survey", "long", "SUCCESS"))
+    bench.run(2.0)
+    bench.charge_ratio = 0.103
+    bench.crash()
+    bench.run(1.0)
+    assert bench.status().status is EXECUTING
 
 
 def test_the_state_of_a_plan_is_one_row_that_does_not_grow(bench: PlanBench) -> None:
