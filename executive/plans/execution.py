@@ -92,9 +92,14 @@ class CommandOutcome:
 
 
 class PlanPort(Protocol):
-    """The executive, as the tree of a plan needs it."""
+    """The executive, as the tree of a plan needs it.
+
+    Attributes:
+        why: description of the last failure.
+    """
 
     clock: Clock
+    why: str
 
     def telemetry(self, name: str) -> Value | None:
         """Return a value of `dialect.TELEMETRY`; None if it is not known."""

@@ -51,6 +51,7 @@ class ScriptedPort:
     def __init__(self) -> None:
         self.manual_clock = ManualClock()
         self.clock: Clock = self.manual_clock
+        self.why = ""
         self.values: dict[str, float] = {}
         self.events: list[tuple[str | float, ...]] = []
         self.queries: dict[int, int] = {}

@@ -112,6 +112,7 @@ class ParallelBranch(PlanBehaviour):
 
     memory = ("ended", "good", "bad")
     ended = good = bad = 0
+    _why = ""
 
     def run(self) -> Answer:
         """Tick the children in order until the result is decided."""
@@ -127,6 +128,8 @@ class ParallelBranch(PlanBehaviour):
                     self.ended |= 1 << index
                     self.good += answer is SUCCESS
                     self.bad += answer is FAILURE
+                    if answer is FAILURE:
+                        self._why = self.context.port.why
             if isinstance(needed, int):
                 if self.good + (skipped if ports["counts_skipped"] else 0) >= needed:
                     return self._end(SUCCESS)
@@ -139,6 +142,9 @@ class ParallelBranch(PlanBehaviour):
         return self._end(FAILURE if self.bad >= self.plan.number("max_failures") else SUCCESS)
 
     def _end(self, answer: Answer) -> Answer:
+        if answer is FAILURE and self._why:  # others have continued, and may have noted theirs
+            self.context.port.why = self._why
+        self._why = ""
         self.on_halt()
         self.reset_children()
         return answer
@@ -258,6 +264,7 @@ class TryCatch(PlanBehaviour):
     memory = ("current", "skipped", "catching")
     current = skipped = 0
     catching = False
+    _why = ""
 
     def run(self) -> Answer:
         """Tick the children, or the one that cleans up."""
@@ -272,6 +279,7 @@ class TryCatch(PlanBehaviour):
             if answer is FAILURE:
                 self.reset_children()
                 self.current, self.catching = 0, True
+                self._why = self.context.port.why
                 break
             self.current += 1
             self.skipped += answer is SKIPPED
@@ -280,6 +288,7 @@ class TryCatch(PlanBehaviour):
                 return RUNNING
             self.reset_children()
             self.current, self.catching = 0, False
+            self.context.port.why = self._why or self.context.port.why
             return FAILURE
         answer = SKIPPED if self.skipped == count else SUCCESS
         self.reset_children()

@@ -38,6 +38,13 @@ class PlanDecorator(PlanBehaviour):
             child.status = IDLE
         return answer
 
+    def answer_as(self, port: str, why: str) -> Answer:
+        """Return the result that a port declares; a failure has a reason."""
+        answer = ANSWERS[self.plan.text(port)]
+        if answer is FAILURE:
+            self.context.port.note_failure(self.plan, why)
+        return answer
+
 
 class SubTree(PlanDecorator):
     """`SubTree`, and the root of a plan: runs a tree with variables of its own."""
@@ -65,7 +72,10 @@ class MappedResult(PlanDecorator):
         answer = self.nodes[0].execute()
         if answer is RUNNING or answer is SKIPPED:
             return answer
-        return _RESULTS[self.plan.kind.name][answer is FAILURE]
+        result = _RESULTS[self.plan.kind.name][answer is FAILURE]
+        if result is FAILURE and answer is SUCCESS:
+            self.context.port.note_failure(self.plan, f"{self.nodes[0].name} succeeded")
+        return result
 
 
 class LoopDecorator(PlanDecorator):
@@ -135,6 +145,8 @@ class RunOnce(PlanDecorator):
     def run(self) -> Answer:
         """Tick the child, unless it has ended once."""
         if self.was:
+            if not self.plan.ports["then_skip"] and self.was == FAILURE.name:
+                self.context.port.note_failure(self.plan, "it failed before")
             return SKIPPED if self.plan.ports["then_skip"] else ANSWERS[self.was]
         self.status = RUNNING
         answer = self.nodes[0].execute()
@@ -212,7 +224,7 @@ class Precondition(PlanDecorator):
             if holds is None:
                 return FAILURE
             if not holds:
-                return ANSWERS[self.plan.text("else")]
+                return self.answer_as("else", f"not {self.script('if').text}")
             self.inside = True
         answer = self.nodes[0].execute()
         if answer is SUCCESS or answer is FAILURE:
@@ -237,7 +249,7 @@ class QueueLoop(PlanDecorator):
         if self.status is IDLE or not self.busy:
             try:
                 if not self._take_part():
-                    return ANSWERS[self.plan.text("if_empty")]
+                    return self.answer_as("if_empty", "no part of the queue is left")
             except UnknownValueError as unknown:
                 self.note_unknown(unknown)
                 return FAILURE

@@ -102,6 +102,7 @@ class Exploration:
     def __init__(self, plan: PlanRoot) -> None:
         self.time = _Clock()
         self.clock: Clock = self.time
+        self.why = ""
         self.runs = 0
         self.reached: set[int] = set()
         self.repeated: set[int] = set()

@@ -68,13 +68,14 @@ class WaitFor(_WaitingLeaf):
 
     def proceed(self) -> Answer:
         """Test the condition, then the deadline."""
-        holds = self.holds(self.script("if"))
+        why, holds = self.context.port.why, self.holds(self.script("if"))
         if holds:
             self.feedback_message = ""
             return SUCCESS
         if holds is False:
             self.feedback_message = ""
         if not self.is_overdue:
+            self.context.port.why = why  # it has not failed, though its value is not known
             return RUNNING
         text = self.feedback_message or f"not {self.script('if').text} within its deadline"
         self.context.port.note_failure(self.plan, text)

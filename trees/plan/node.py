@@ -266,6 +266,8 @@ class PlanBehaviour(Behaviour):
                 holds = self.holds(script)
                 if holds is None:
                     return FAILURE
+                if holds and met is FAILURE:
+                    self.context.port.note_failure(self.plan, f"{name}: {script.text}")
                 if holds:
                     return met
         if (script := conditions.get("_while")) is None or self.status not in _WHILE:

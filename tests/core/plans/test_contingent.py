@@ -263,6 +263,53 @@ def test_a_wrong_script_fails_the_plan(bench: PlanBench) -> None:
     assert "division by zero" in bench.status().text
 
 
+OTHER = '<Fallback><AlwaysFailure name="other"/><AlwaysSuccess/></Fallback>'
+"""A failure that is not the reason of the plan's."""
+UNKNOWN = '<WaitFor if="@BATERY_VOLTAGE &gt; 1" deadline_s="90"/>'
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        (f'<Precondition if="@POS_X &gt; 99">{BACK}</Precondition>', "not @POS_X > 99"),
+        ('<AlwaysSuccess name="Precondition" _failureIf="1 == 1"/>', "_failureIf: 1 == 1"),
+        ("<Inverter><AlwaysSuccess/></Inverter>", "AlwaysSuccess succeeded"),
+        ("<ForceFailure><AlwaysSuccess/></ForceFailure>", "AlwaysSuccess succeeded"),
+        ('<ForceFailure><AlwaysFailure name="why"/></ForceFailure>', "why: fails always"),
+        (
+            '<LoopString queue="a" value="{v}" if_empty="FAILURE"><AlwaysSuccess/></LoopString>',
+            "no part of the queue is left",
+        ),
+        (f'<TryCatch><AlwaysFailure name="why"/>{OTHER}</TryCatch>', "why: fails always"),
+        (
+            f"""<ParallelAll><AlwaysFailure name="why"/>
+            <Sequence><Sleep msec="500"/>{OTHER}</Sequence></ParallelAll>""",
+            "why: fails always",
+        ),
+        (
+            f"""<ParallelAll><Sequence><Sleep msec="500"/><AlwaysFailure name="why"/></Sequence>
+            <Timeout msec="700">{UNKNOWN}</Timeout></ParallelAll>""",
+            "Timeout: not done within 0.7 s",
+        ),
+    ],
+)
+def test_a_plan_fails_with_the_reason_of_the_node_that_failed(
+    bench: PlanBench, body: str, text: str
+) -> None:
+    bench.voltage_v = None
+    bench.executive.status.battery = None
+    assert bench.outcome(f"<Sequence>{OTHER}{body}{BACK}</Sequence>") is FAILED
+    assert bench.status().text.endswith(text), bench.status().text
+
+
+def test_a_wait_for_an_unknown_value_is_no_failure(bench: PlanBench) -> None:
+    bench.voltage_v = None
+    bench.executive.status.battery = None
+    body = f'<Parallel success_count="1">{UNKNOWN}<Sequence>{BACK}{BACK}</Sequence></Parallel>'
+    assert bench.outcome(body) is COMPLETED
+    assert not [each for each in bench.received.plans if "is not known" in each.text]
+
+
 def test_a_plan_that_is_skipped_is_not_completed(bench: PlanBench) -> None:
     assert bench.outcome(f'<Sequence _skipIf="true">{BACK}</Sequence>') is FAILED
     assert "skipped" in bench.status().text
