@@ -18,6 +18,8 @@ from executive.values.reports import Identity, Severity
 
 LINK_UP_S: Final = 10.0
 """Time since the last contact within which the link is up; chosen, not measured."""
+MAX_QUESTION_LENGTH: Final = 4096
+"""Maximum length in characters of a reported question; the rest is cut."""
 BATTERY_S: Final = 10.0
 """Time after a start within which the battery reports its charge; chosen, not measured."""
 
@@ -113,7 +115,7 @@ class RoverSurroundings:
             left_s = question.until_utc_s - self._context.clock.utc_s()
             default = "it fails" if question.default is None else question.default
             text += f"; without an answer within {left_s:.0f} s: {default}"
-        self._notifications.report_event(Severity.WARNING, text)
+        self._notifications.report_event(Severity.WARNING, text[:MAX_QUESTION_LENGTH])
 
     def file_of(self, command: Identity) -> str:
         """Return the path of the picture that a command stored; empty if there is none."""

@@ -261,8 +261,11 @@ def _scripts(element: Element, kind: NodeKind, scope: Scope) -> dict[str, tuple[
 
 
 def _note_outputs(element: Element, kind: NodeKind, texts: Mapping[str, str], scope: Scope) -> None:
-    """Note the variables that the output ports of a node set."""
+    """Note the variables that the output ports of a node set, and that `SetBlackboard` copies."""
     cells = scope.cells
+    copied = variable(texts.get("value", ""), "value")
+    if copied is not None and kind.name == "SetBlackboard":
+        _cell(element, scope, "value", copied)
     for port in kind.ports:
         if not port.type.is_output or port.name not in texts:
             continue

@@ -69,6 +69,9 @@ from executive.values.reports import Identity, PlanStatus, PlanUpdate, Severity
 _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
 
 
+MAX_WAITS_LENGTH: Final = 1000
+"""Maximum length in characters of the text of waits and questions; the rest is cut."""
+
 MAX_PLANS: Final = 100
 """Maximum number of stored plans; chosen, not measured."""
 
@@ -190,7 +193,8 @@ class Planner:
 
     def apply(self, request: PlanRequest, by: Identity) -> str:
         """Execute a request after `check_request` returned None; return the text of its report."""
-        self._restarted = None
+        if isinstance(request, ActivatePlan | ResumePlan | SuspendPlan | AbortPlan):
+            self._restarted = None
         if isinstance(request, ActivatePlan | ResumePlan):
             self._active.started_by[request.plan_id] = by.source
         match request:
@@ -338,7 +342,7 @@ class Planner:
             and not suspended
         ):
             return
-        run.saved, self._active.waits = state, run.tree.waits()
+        run.saved, self._active.waits = state, run.tree.waits()[:MAX_WAITS_LENGTH]
         left = shifted(state, -self._clock.now_s())
         if len(text := encode(left)) > MAX_STATE_LENGTH and not suspended:
             raise LeafError(f"plan:{run.execution.plan.plan_id}") from StateError(

@@ -244,6 +244,20 @@ def test_scripts_are_bounded_after_subtrees_are_expanded() -> None:
     assert found.text.endswith("a plan has 10000 operations in scripts at most")
 
 
+@pytest.mark.parametrize(
+    "copied",
+    ["{nothing}", "{@nothing}", "{}", "{true}", "{@}", "{a b}", "{{x}}", "{" + "a" * 70 + "}"],
+)
+def test_a_copy_of_what_nothing_sets_is_refused(copied: str) -> None:
+    copy = f'<Sequence><SetBlackboard value="{copied}" output_key="x"/>{GO}</Sequence>'
+    assert "value" in refusal(plan(copy)).text
+
+
+def test_telemetry_can_be_copied() -> None:
+    copy = f'<Sequence><SetBlackboard value="{{@BATERY_VOLTAGE}}" output_key="x"/>{GO}</Sequence>'
+    assert not isinstance(check_plan(plan(copy), SETTINGS), Refusal)
+
+
 def test_an_argument_does_not_replace_telemetry() -> None:
     body = f'<Sequence><ScriptCondition code="@BATERY_VOLTAGE &gt; 2"/>{GO}</Sequence>'
     found = refusal(plan(body, BATERY_VOLTAGE="1000"))
