@@ -20,6 +20,7 @@ from executive.plans.scripting import (
     EvaluationError,
     Script,
     UnknownValueError,
+    case_matches,
     text_of,
     value_of,
 )
@@ -147,7 +148,8 @@ def _set_part(node: PlanNode, part: str, cells: Cells) -> None:
 def _case(node: PlanNode, cells: Cells) -> PlanNode:
     variable = _given(node, "variable", cells)
     for at, child in enumerate(node.children[:-1], 1):
-        if variable is not None and variable == _given(node, f"case_{at}", cells):
+        case = _given(node, f"case_{at}", cells)
+        if variable is not None and case is not None and case_matches(variable, case):
             return child
     return node.children[-1 if variable is not None else 0]
 

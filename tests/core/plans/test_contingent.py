@@ -19,6 +19,7 @@ from executive.commands import (
     Stop,
     SuspendPlan,
 )
+from executive.plans import PlanRoot, PlanStep, nominal_steps, read_plan
 from executive.state.uncertainty import Uncertainty
 from executive.values.clock import START_UTC_S
 from executive.values.geometry import STANDING, Pose
@@ -245,6 +246,18 @@ def test_a_wrong_script_does_not_prevent_an_abort(bench: PlanBench) -> None:
     bench.request(AbortPlan("survey"))
     assert bench.status().status is PlanStatus.ABORTED
     assert bench.ends() == [Stage.CANCELLED]
+
+
+def test_the_nominal_course_takes_the_branch_that_the_switch_takes(bench: PlanBench) -> None:
+    names = ("one", "two", "else")
+    leaves = "".join(BACK.replace("/>", f' name="{name}"/>') for name in names)
+    switch = f'<Switch2 variable="{{x}}" case_1="1" case_2="two">{leaves}</Switch2>'
+    body = f"<Sequence><Script code=\"x := '1.0'\"/>{switch}</Sequence>"
+    root = read_plan(plan(body))
+    assert isinstance(root, PlanRoot)
+    course = [each.location.name for each in nominal_steps(root) if isinstance(each, PlanStep)]
+    assert bench.outcome(body) is COMPLETED
+    assert course == [bench.status().node.rpartition("/")[2]] == ["one"]
 
 
 def test_a_switch_fails_while_its_telemetry_is_not_known(bench: PlanBench) -> None:
