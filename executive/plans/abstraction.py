@@ -1,7 +1,7 @@
 """`abstracted`: a plan for its exploration: telemetry is any value, loops are short.
 
 A value that depends on telemetry is `ANY`, and a condition on it is a choice. Loops of more than
-two cycles have two; the counters of these are `ANY`.
+two cycles have two; the counters of these are `ANY`. `limits` has the parts that a proof excludes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,14 @@ from executive.plans.scripting import (
     UnknownValueError,
     compile_script,
 )
-from executive.plans.syntax import ASSIGNMENTS, NAME, Expression, Value, expressions
+from executive.plans.syntax import (
+    ASSIGNMENTS,
+    LITERAL,
+    NAME,
+    Expression,
+    Value,
+    expressions,
+)
 
 ANY: Final = "\0any"
 """A value that can be any."""
@@ -71,12 +78,12 @@ class Abstraction:
     """Makes the abstract nodes of one plan.
 
     Attributes:
-        shortened: loops that have fewer cycles than in the plan, each with its text.
+        limits: lines and texts of parts that are not explored exactly, as shortened loops.
     """
 
     plan: PlanRoot
     chooser: Chooser
-    shortened: list[tuple[PlanNode, str]] = field(default_factory=list)
+    limits: set[tuple[int, str]] = field(default_factory=set)
 
     def root(self) -> PlanRoot:
         """Return the abstract plan."""
@@ -89,12 +96,12 @@ class Abstraction:
         port = LOOPS.get(node.kind.name)
         if port is not None and node.number(port) > MAX_CYCLES:
             inexact, ports[port] = True, MAX_CYCLES
-            self.shortened.append((node, f"{MAX_CYCLES} of {node.number(port):g} cycles"))
+            self._shorten(node, f"{MAX_CYCLES} of {node.number(port):g} cycles")
         elif isinstance(queue := ports.get("queue"), str):
             parts, bound = parts_of(queue), MAX_PARTS if self._decides(node) else MAX_CYCLES
             if len(parts) > bound:
                 inexact, ports["queue"] = True, ";".join(parts[:bound])
-                self.shortened.append((node, f"{bound} of {len(parts)} parts"))
+                self._shorten(node, f"{bound} of {len(parts)} parts")
         changed: dict[str, PortValue] = {
             name: self._script(node, name, value, inexact) if isinstance(value, Script) else value
             for name, value in ports.items()
@@ -108,6 +115,9 @@ class Abstraction:
                 for name, script in node.conditions.items()
             },
         )
+
+    def _shorten(self, loop: PlanNode, text: str) -> None:
+        self.limits.add((loop.location.line, f"{loop.kind.name} explored with {text}"))
 
     def _decides(self, loop: PlanNode) -> bool:
         """Return whether a script or a port of a control reads the values of a loop."""
@@ -125,18 +135,22 @@ class Abstraction:
         measured = {cell for cell, _ in self.plan.blackboard.telemetry}
         statements = tuple(map(_Statement, script.statements))
         decides = script.statements[-1].sign not in ASSIGNMENTS
-        unknown = attribute in {*PRECONDITIONS[:-1], "if"} and node.kind.name != "WaitFor"
+        can_fail = attribute in {*PRECONDITIONS[:-1], "if"} and node.kind.name != "WaitFor"
+        can_fail = can_fail or any(each.assigned for each in statements)
         key = script.text, *sorted(cells_of_script(script.statements))
 
         def run(cells: Cells) -> Value:
             value: Value = 0.0
-            seen: int | None = None
             for each in statements:
-                value, cell = each.run(cells, measured, inexact)
-                seen = cell if seen is None else seen
-            can_fail = seen is not None and (unknown or not decides)
-            if seen is not None and can_fail and self.chooser.choose(2, ("unknown", key)):
-                raise UnknownValueError(seen)
+                before = [cells[cell] for cell in each.assigned]
+                value, seen = each.run(cells, measured, inexact)
+                if value == ANY and each.risk:
+                    self.limits.add((node.location.line, each.risk))
+                choice = ("unknown", key, seen)
+                if seen is not None and can_fail and self.chooser.choose(2, choice):
+                    for cell, old in zip(each.assigned, before, strict=True):
+                        cells[cell] = old
+                    raise UnknownValueError(seen)
             if value == ANY:
                 return float(not self.chooser.choose(2, key)) if decides else 1.0
             return value
@@ -145,12 +159,18 @@ class Abstraction:
 
 
 class _Statement:
-    """A statement that is evaluated if nothing it reads is `ANY`."""
+    """A statement that is evaluated if nothing it reads is `ANY`.
+
+    Attributes:
+        assigned: the cells that it assigns.
+        risk: why its evaluation may fail for some values; empty if it cannot.
+    """
 
     def __init__(self, statement: Expression) -> None:
         self._reads = tuple(cells_of_script((statement,)))
         found = expressions((statement,))
-        self._assigned = tuple(each.cell for each in found if each.sign in ASSIGNMENTS)
+        self.assigned = tuple(each.cell for each in found if each.sign in ASSIGNMENTS)
+        self.risk = next(filter(None, map(_risk, expressions((statement,)))), "")
         self._run: Evaluation = compile_script("", (statement,)).run
 
     def run(self, cells: Cells, measured: set[int], inexact: bool) -> tuple[Value, int | None]:
@@ -160,10 +180,20 @@ class _Statement:
                 raise UnknownValueError(cell)
         if all(cells[cell] != ANY for cell in self._reads):
             value = self._run(cells)
-            for cell in self._assigned if inexact else ():
+            for cell in self.assigned if inexact else ():
                 if cell in self._reads:
                     cells[cell] = value = ANY
             return value, None
-        for cell in self._assigned:
+        for cell in self.assigned:
             cells[cell] = ANY
         return ANY, next((cell for cell in self._reads if cell in measured), None)
+
+
+def _risk(expression: Expression) -> str:
+    """Return why an operation may fail for some values; empty if it cannot."""
+    if expression.sign in {"/", "/="}:
+        divisor = expression.operands[-1]
+        if divisor.sign == LITERAL and divisor.value not in {0.0, ""}:
+            return ""
+        return "a divisor that is not constant"
+    return "bits of a value that may have none" if expression.sign in {*"&|^~"} else ""

@@ -114,8 +114,19 @@ def _reactive(node: PlanNode) -> Iterator[tuple[Level, str]]:
             what = "a command" if any(map(_is_step, nodes(child))) else "a wait"
             name = child.location.name
             remedy = "put it into a Sequence around this node, or make it the last child"
+            if node.kind.name == "ReactiveSequence" and _only_waits_for(child):
+                text = f"{name} begins again in each tick, and halts the children after it"
+                yield Level.WARNING, f"{text} while its condition does not hold: {remedy}"
+                continue
             yield Level.ERROR, f"{what} in {name} begins again in each tick: {remedy}"
             return
+
+
+def _only_waits_for(child: PlanNode) -> bool:
+    """Return whether it waits for conditions only, and succeeds at once while they hold."""
+    timed = {each.kind.name for each in nodes(child) if _is_step(each) or each.kind.name in _TIMED}
+    inverts = {each.kind.name for each in nodes(child)} & {"Inverter", "ForceFailure"}
+    return timed == {"WaitFor"} and not inverts
 
 
 def _run_once(node: PlanNode) -> Iterator[tuple[Level, str]]:
@@ -149,14 +160,19 @@ def _retry(node: PlanNode) -> Iterator[tuple[Level, str]]:
 
 def _milliseconds(node: PlanNode) -> Iterator[tuple[Level, str]]:
     port = next((each for each in ("msec", "delay_msec") if each in node.ports), None)
-    if port is not None and node.number(port) < _MIN_MSEC:
+    if port is None:
+        return
+    minimum = _MIN_TIMEOUT_MSEC if node.kind.name == "Timeout" else _MIN_WAIT_MSEC
+    if node.number(port) < minimum:
         short = f"{port} is in ms: {node.number(port):g} is {node.number(port) / 1000:g} s"
         if node.kind.name != "Timeout" or any(map(_is_step, nodes(node))):
             yield Level.WARNING, f"{short}, write {node.number(port) * 1000:g} if s are meant"
 
 
-_MIN_MSEC: Final = 1000
-"""Minimum plausible time of a wait or of a limit around a command, ms; chosen."""
+_MIN_WAIT_MSEC: Final = 100
+"""Minimum plausible time of a wait, ms; chosen."""
+_MIN_TIMEOUT_MSEC: Final = 1000
+"""Minimum plausible limit around a command, ms; chosen."""
 
 
 def _relative(node: PlanNode) -> Iterator[tuple[Level, str]]:

@@ -97,6 +97,8 @@ class Exploration:
         satisfied: lines of `WaitFor` nodes that succeeded.
         unwritten: variables that were read before they were written, each with the node.
         errors: paths of nodes with a script that could not be evaluated, with the reason.
+        limits: lines and texts of parts that were not explored exactly.
+        widened: variables that had too many values, and were explored with any.
     """
 
     def __init__(self, plan: PlanRoot) -> None:
@@ -111,7 +113,8 @@ class Exploration:
         self.errors: dict[str, str] = {}
         abstraction = Abstraction(plan, self)
         self._plan = abstraction.root()
-        self.shortened = abstraction.shortened
+        self.limits = abstraction.limits
+        self.widened: set[str] = set()
         self._names = plan.blackboard.names
         self._measured = {cell for cell, _ in plan.blackboard.telemetry}
         self._active: dict[int, tuple[int, ...]] = {}
@@ -163,11 +166,13 @@ class Exploration:
     def _widen(self) -> None:
         for cell, value in enumerate(self._tree.cells):
             values = self._values[cell]
-            if value not in values:
-                if len(values) > MAX_VALUES:
-                    self._tree.cells[cell] = ANY
-                else:
-                    values.add(value)
+            if value in values or value == ANY:
+                continue
+            if len(values) > MAX_VALUES:
+                self._tree.cells[cell] = ANY
+                self.widened.add(self._names[cell].rpartition("/")[2])
+            else:
+                values.add(value)
 
     def choose(self, options: int, key: object = None) -> int:
         """Return a choice from 0; the same one for the same key within a tick."""
@@ -207,6 +212,9 @@ class Exploration:
         if number in self._active:
             return
         read = {each.cell: cells[each.cell] for each in input_cells(step)}
+        if read:
+            text = "bounds of arguments from variables are checked aboard"
+            self.limits.add((step.location.line, text))
         unknown = next((cell for cell, value in read.items() if value is None), None)
         if unknown is not None:
             raise UnknownValueError(unknown)
@@ -406,6 +414,9 @@ class _Switch(Switch):
 
 class _QueueLoop(QueueLoop):
     def run(self) -> Answer:
+        queue = self.plan.ports["queue"]
+        if isinstance(queue, CellReference) and self.context.cells[queue.cell] == ANY:
+            _exploration(self).limits.add((self.plan.location.line, "its queue may be any"))
         return _new_cycle(self, super().run())
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from executive.plans import Finding, Level, PlanNode, PlanResult, PlanRoot, nodes
-from trees.plan.exploration import Exploration, ExploredState
+from trees.plan.exploration import MAX_VALUES, Exploration, ExploredState
 
 MAX_WORK: Final = 1_000_000
 """Maximum number of nodes that are loaded or run: about 5 s; chosen."""
@@ -17,7 +17,7 @@ class Proof:
 
     Attributes:
         states, ticks: their numbers.
-        limits: parts that were cut short; without any, and without findings, the plan is proved.
+        limits: parts not explored exactly; without any, and without findings, the plan is proved.
     """
 
     states: int
@@ -27,7 +27,7 @@ class Proof:
 
     @property
     def verdict(self) -> str:
-        """`proved`, `no fault found` if it was cut short, or `faults`."""
+        """`proved`, `no fault found` if it has limits, or `faults`."""
         if self.findings:
             return "faults"
         return "no fault found" if self.limits else "proved"
@@ -77,15 +77,16 @@ def prove(plan: PlanRoot, max_work: int = MAX_WORK) -> Proof:
         at += not is_cut
     is_cut = at < len(todo)
     limits = [f"{ticks} ticks: {len(todo) - at} states were not explored"] * is_cut
+    limits += [f"line {line}: {text}" for line, text in sorted(exploration.limits)]
     limits += [
-        f"line {node.location.line}: {node.kind.name} explored with {text}"
-        for node, text in exploration.shortened
+        f"{name}: explored with any value after {MAX_VALUES}"
+        for name in sorted(exploration.widened)
     ]
     judge = _Judge(plan, exploration)
     judge.judge_graph(graph)
     if not is_cut:
         judge.judge_results(results)
-    return Proof(len(todo), ticks, judge.findings, tuple(dict.fromkeys(limits)))
+    return Proof(len(todo), ticks, judge.findings, tuple(limits))
 
 
 _LIMITS: Final = frozenset({"Timeout", "Window"})

@@ -107,7 +107,7 @@ def prove(
 ) -> None:
     """Explore all outcomes of FILE: results of steps, telemetry, answers, timers, stops.
 
-    The plan is proved if no outcome has a fault and nothing was cut short. Exits 1 if the plan
+    The plan is proved if no outcome has a fault and there is no limit. Exits 1 if the plan
     would be refused, or has an error.
 
     \b
@@ -119,7 +119,7 @@ def prove(
     definition = definition_of(file, plan_id, arguments)
     proof = explore(_checked(file, definition, asset, as_json))
     text = f"{definition.plan_id}: {proof.verdict}, {proof.states} states, {proof.ticks} ticks"
-    text = "\n  cut short: ".join([text, *proof.limits])
+    text = "\n  limit: ".join([text, *proof.limits])
     figures = {"verdict": proof.verdict, "states": proof.states, "ticks": proof.ticks}
     _print(definition, proof.findings, text, as_json, **figures, limits=list(proof.limits))
 

@@ -124,6 +124,14 @@ FLAWED = {
     "seconds for milliseconds": f"""<Timeout msec="300"> {HERE}
         <moveTo x="3" y="0"/>
         </Timeout>""",
+    "seconds for the milliseconds of a wait": f"""<Sequence>
+        <Sleep msec="90"/> {HERE}
+        {PICTURE}</Sequence>""",
+    "a script that telemetry may leave undone": f"""<Sequence>
+        <ForceSuccess><ScriptCondition code="volts := @BATERY_VOLTAGE; volts &gt; 24"/>
+        </ForceSuccess>
+        <ForceSuccess><ScriptCondition code="volts &gt; 25"/></ForceSuccess> {HERE}
+        {DRIVE}</Sequence>""",
     "attempts that are made at once": f"""<Sequence>
         <RetryUntilSuccessful num_attempts="5"> {HERE}
         <ScriptCondition code="@BATERY_VOLTAGE &gt; 24"/>
@@ -194,6 +202,12 @@ SOUND = {
         <RunOnce><setTravelSpeed speed="0.1" deadline_s="5"/></RunOnce>
         <ScriptCondition code="@LINK_SILENT_S &lt; 600"/>
         {DRIVE}</ReactiveSequence>""",
+    "short waits": f"""<Sequence><Sleep msec="500"/><Delay delay_msec="200">{DRIVE}</Delay>
+        </Sequence>""",
+    "an assignment before one that telemetry may leave undone": f"""<Sequence>
+        <ForceSuccess><ScriptCondition code="good := 1; volts := @BATERY_VOLTAGE; volts &gt; 24"/>
+        </ForceSuccess>
+        <ForceSuccess><ScriptCondition code="good == 1"/></ForceSuccess>{DRIVE}</Sequence>""",
     "a RunOnce beside other steps in a loop": f"""<Repeat num_cycles="3"><Sequence>
         <RunOnce>{DRIVE}</RunOnce>{PICTURE}</Sequence></Repeat>""",
     "a Parallel that does not wait for skipped children": f"""<Parallel>
@@ -289,6 +303,76 @@ def test_an_exploration_that_is_cut_short_is_not_a_proof() -> None:
     cycles = prove(read(definition(f'<Repeat num_cycles="9">{PICTURE}</Repeat>')))
     assert cycles.verdict == "no fault found"
     assert cycles.limits == ("line 3: Repeat explored with 2 of 9 cycles",)
+
+
+LIMITED = {
+    "a count of any value": (
+        f"""<Sequence><Script code="rounds := 0"/>
+        <ForceSuccess><Timeout msec="3600000"><KeepRunningUntilFailure>
+        <Sequence _onSuccess="rounds += 1">{PICTURE}</Sequence>
+        </KeepRunningUntilFailure></Timeout></ForceSuccess>
+        <ScriptCondition code="rounds &gt; 40"/>{HOME}</Sequence>""",
+        "rounds: explored with any value after 8",
+    ),
+    "a divisor that is measured": (
+        f"""<Fallback><Sequence>
+        <Script code="rate := 10 / @LINK_SILENT_S"/> {HERE}
+        <ScriptCondition code="rate &gt; 1"/>{PICTURE}</Sequence>{HOME}</Fallback>""",
+        "a divisor that is not constant",
+    ),
+    "a divisor that depends on a measured value": (
+        f"""<Fallback><Sequence><Script code="n := @LINK_SILENT_S; x := 5"/>
+        <Script code="x /= n"/> {HERE}
+        <ScriptCondition code="x &gt; 1"/>{PICTURE}</Sequence>{HOME}</Fallback>""",
+        "a divisor that is not constant",
+    ),
+    "bits of a measured value": (
+        f"""<Fallback><Sequence>
+        <ScriptCondition code="@BATERY_VOLTAGE &amp; 1"/> {HERE}
+        {PICTURE}</Sequence>{HOME}</Fallback>""",
+        "bits of a value that may have none",
+    ),
+    "a target from a variable": (
+        f"""<LoopPlace queue="1,0;900000,0" x="{{x}}" y="{{y}}">
+        <moveTo x="{{x}}" y="{{y}}" deadline_s="60"/> {HERE}
+        </LoopPlace>""",
+        "bounds of arguments from variables are checked aboard",
+    ),
+    "a queue that telemetry decides": (
+        f"""<Fallback><Sequence><Script code="queue := 'a;' .. @HEAD"/>
+        <LoopString queue="{{queue}}" value="{{part}}"> {HERE}
+        <Sequence _skipIf="part == 'a'">{PICTURE}</Sequence>
+        </LoopString></Sequence>{HOME}</Fallback>""",
+        "its queue may be any",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LIMITED)
+def test_a_part_that_is_not_explored_exactly_is_a_limit(name: str) -> None:
+    body, limit = LIMITED[name]
+    plan = definition(body)
+    proof = prove(read(plan))
+    assert proof.findings == ()
+    assert proof.verdict == "no fault found"
+    line = f"line {line_of(plan)}: " if HERE in body else ""
+    assert proof.limits == (line + limit,)
+
+
+def test_a_division_that_is_explored_exactly_is_no_limit() -> None:
+    body = f"""<Fallback><Sequence><Script code="n := 4; x := 5 / n; y := @HEAD / 2"/>
+        <ScriptCondition code="x + y &gt; 1"/>{PICTURE}</Sequence>{HOME}</Fallback>"""
+    proof = prove(read(definition(body)))
+    assert (proof.verdict, proof.findings, proof.limits) == ("proved", (), ())
+
+
+def test_a_wait_that_guards_in_each_tick_is_a_warning() -> None:
+    plan = definition(f"""<Timeout msec="600000"><ReactiveSequence> {HERE}
+        <WaitFor if="@BATERY_VOLTAGE &gt; 24" deadline_s="60"/>
+        {DRIVE}</ReactiveSequence></Timeout>""")
+    (found,) = (each for each in find_faults(read(plan), plan) if each.level is not Level.NOTE)
+    assert (found.level, found.line) == (Level.WARNING, line_of(plan))
+    assert found.text.startswith("WaitFor begins again in each tick, and halts")
 
 
 def test_a_planned_begin_decides_which_windows_are_missed() -> None:
