@@ -86,7 +86,7 @@ def check(
     Examples:
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
-      rover plan check config/plans/02-relay-passes.xml --at 2026-11-27T10:00:00Z
+      rover plan check config/plans/missions/02-relay-passes.xml --at 2026-11-27T10:00:00Z
     """
     definition = definition_of(file, plan_id, arguments)
     plan = _checked(file, definition, asset, as_json)

@@ -10,7 +10,7 @@ from executive.plans import FORMAT, Finding, Level, PlanRoot, find_faults, read_
 from executive.values.reasons import Refusal
 from trees.plan import prove
 
-MISSIONS = sorted((Path(__file__).parents[3] / "config/plans").glob("[01]*.xml"))
+MISSIONS = sorted((Path(__file__).parents[3] / "config/plans/missions").glob("*.xml"))
 
 HERE = "<!-- here -->"
 """Marks the line of the fault."""
