@@ -365,7 +365,7 @@ def test_a_package_that_is_missing_is_named(
 def test_a_package_for_another_python_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = type(import_module("nav2_msgs.action").NavigateToPose)
     monkeypatch.setattr(kind, "_TYPE_SUPPORT", None)
-    monkeypatch.setattr(kind, "__import_type_support__", lambda: None)
+    monkeypatch.setattr(kind, "__import_type_support__", lambda *_: None)
     text = action_type("type", "nav2_msgs/action/NavigateToPose", ("pose",))
     assert "no package nav2_msgs for this Python" in text
     assert "navigate_to_pose" not in _installed_actions()
