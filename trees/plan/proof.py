@@ -89,9 +89,6 @@ def prove(plan: PlanRoot, max_work: int = MAX_WORK) -> Proof:
     return Proof(len(todo), ticks, judge.findings, tuple(limits))
 
 
-_LIMITS: Final = frozenset({"Timeout", "Window"})
-
-
 class _Judge:
     def __init__(self, plan: PlanRoot, exploration: Exploration) -> None:
         self._plan = plan
