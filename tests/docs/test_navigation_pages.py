@@ -42,6 +42,7 @@ from tests.support.navigation import Navigation
 from tests.support.navigation_server import NavigationServer
 from tests.support.patience import shipped_config
 from tests.support.processes import executive, simulation
+from tests.support.ros_client import call
 
 ABOVE_NAV2 = CHECKOUT / "docs" / "above-nav2.md"
 FROM_ROS = CHECKOUT / "docs" / "command-from-ros.md"
@@ -161,10 +162,11 @@ class Terminal:
         client: Any = ActionClient(self._node, action, name)  # type: ignore[no-untyped-call]
         self._clients.append(client)
         until(client.server_is_ready, f"{name} is served")
-        sent: Any = client.send_goal_async(fill(action.Goal(), yaml.safe_load(values)))
+        goal = fill(action.Goal(), yaml.safe_load(values))
+        sent = call(self._node, lambda: client.send_goal_async(goal))
         until(sent.done, f"{name} answers")
         assert sent.result().accepted, self.reports[-1]
-        ended = sent.result().get_result_async()
+        ended = call(self._node, sent.result().get_result_async)
         until(ended.done, f"the goal of {name} ends")
         return ended.result()
 

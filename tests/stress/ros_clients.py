@@ -110,7 +110,7 @@ def test_cancels_are_answered_and_obeyed(tmp_path: Path) -> None:
             handle = client.send("navigate_to_pose", far)
             time.sleep(0.2 + each % 7 / 10)
             begun_s = time.monotonic()
-            future = handle.cancel_goal_async()
+            future = client.call(handle.cancel_goal_async)
             client.until(future.done, "the answer to a cancel")
             answered_s.append(time.monotonic() - begun_s)
             client.until(lambda: client.rover.velocity == STANDING, "standstill")

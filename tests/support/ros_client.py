@@ -4,9 +4,11 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from math import cos, pi, sin
 from pathlib import Path
+from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Final
 from uuid import uuid4
@@ -63,6 +65,18 @@ def asset(folder: Path, commands: str, more: str = "") -> Path:
     return path
 
 
+def call(node: Node, work: Callable[[], Any]) -> Any:
+    """Call an action client of a node in the thread that spins it, and return the result.
+
+    rclpy of Jazzy registers a request after it was sent: an answer that another thread takes before
+    that is dropped.
+    """
+    done: SimpleQueue[Any] = SimpleQueue()
+    assert node.executor is not None
+    node.executor.create_task(lambda: done.put(work()))
+    return done.get(timeout=LIMIT_S)
+
+
 class RosClient:
     """Publishes odometry as it is driven, and is a client of topics and actions.
 
@@ -109,6 +123,10 @@ class RosClient:
         self.rover.advance(step_s)
         self._odometry.publish(odometry_message(Odometry(time.time(), self.rover.pose, velocity)))
 
+    def call(self, work: Callable[[], Any]) -> Any:
+        """Call an action client; see `call`."""
+        return call(self.node, work)
+
     def until(self, done: Callable[[], Any], what: str, limit_s: float = LIMIT_S) -> Any:
         """Wait until a function returns something true, and return that."""
         deadline_s = time.monotonic() + limit_s
@@ -143,7 +161,8 @@ class RosClient:
         deadline_s = time.monotonic() + LIMIT_S
         while not any(each.done() for each in futures):
             assert time.monotonic() < deadline_s, f"no answer of {name}"
-            futures.append(client.send_goal_async(goal, feedback_callback=feedback, goal_uuid=uuid))
+            send = partial(client.send_goal_async, goal, feedback_callback=feedback, goal_uuid=uuid)
+            futures.append(self.call(send))
             again_s = time.monotonic() + AGAIN_S
             while time.monotonic() < again_s and not any(each.done() for each in futures):
                 time.sleep(0.002)
@@ -151,7 +170,7 @@ class RosClient:
 
     def result(self, handle: Any) -> Any:
         """Return status and result of an accepted goal."""
-        future = handle.get_result_async()
+        future = self.call(handle.get_result_async)
         self.until(future.done, "result")
         return future.result()
 
