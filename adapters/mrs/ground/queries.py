@@ -16,6 +16,8 @@ from adapters.mrs.spec import (
     Notification,
     ParameterDefinition,
     ParameterValue,
+    PlanCheck,
+    PlanCheckLevel,
     PlanPreview,
     Pose,
     Preview,
@@ -31,6 +33,7 @@ from adapters.mrs.spec import (
     preview_request,
     received_report,
     received_value,
+    to_ns,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
@@ -44,6 +47,15 @@ LINK_LOST_ERRORS: Final = {StandardError.DESTINATION_LOST.value, StandardError.S
 
 PREVIEW_TIMEOUT_S: Final = 70.0
 """Timeout of a preview, s; the rover aborts it after 60 s."""
+
+CHECK_TIMEOUT_S: Final = 20.0
+"""Time of a check of a plan aboard beyond its own limit: start of its process, and the link."""
+CHECK_LIMIT_S: Final = {
+    PlanCheckLevel.CHECK: 10.0,
+    PlanCheckLevel.PROVE: 30.0,
+    PlanCheckLevel.TRY: 600.0,
+}
+"""Time limits of checks aboard, s; chosen, not measured."""
 
 MAX_COMMAND_ID: Final = (1 << 63) - 1
 
@@ -157,6 +169,31 @@ class Queries:
         wanted = ("Plan", "previewSteps", wire_definition(plan))
         preview: PlanPreview = await self._query(*wanted, timeout_s=PREVIEW_TIMEOUT_S)
         return preview
+
+    async def check_plan(
+        self,
+        plan: PlanDefinition,
+        level: PlanCheckLevel,
+        draws: int | None = None,
+        begin_utc_s: float | None = None,
+    ) -> PlanCheck:
+        """Return the result of a check of a plan aboard, without submitting it.
+
+        Args:
+            plan: the plan.
+            level: depth of the check.
+            draws: number of runs of `TRY`; None for the rover's default.
+            begin_utc_s: planned begin for `CHECK`, s UTC; None if unknown.
+
+        Raises:
+            MalError: also Busy, another check runs or this one exceeded its limits; NotSupported,
+                the rover has not the software for `TRY`.
+        """
+        begin = None if begin_utc_s is None else to_ns(begin_utc_s)
+        wanted = ("Plan", "checkPlan", wire_definition(plan), level, draws, begin)
+        limit_s = CHECK_LIMIT_S[level] + CHECK_TIMEOUT_S
+        check: PlanCheck = await self._query(*wanted, timeout_s=limit_s)
+        return check
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
         """Return the supported text commands, each with its help."""

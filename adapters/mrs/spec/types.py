@@ -119,6 +119,52 @@ class NodeStatus(Enum):
     FAILURE = 4
 
 
+class PlanCheckLevel(Enum):
+    """Depth of a check of a plan.
+
+    Attributes:
+        CHECK: Looks for probable faults in the text.
+        PROVE: Explores the outcomes of all steps, conditions, questions, timers and stops.
+        TRY: Runs the plan in simulation, several times.
+    """
+
+    CHECK = 1
+    PROVE = 2
+    TRY = 3
+
+
+class PlanVerdict(Enum):
+    """Result of a check of a plan.
+
+    Attributes:
+        REFUSED: The asset would refuse the plan.
+        FAULTS: Probable faults were found.
+        NO_FAULT_FOUND: No fault was found, but not all was explored.
+        PROVED: All outcomes were explored, without a fault.
+        TRIED: The plan ran in simulation; the trial has the results.
+    """
+
+    REFUSED = 1
+    FAULTS = 2
+    NO_FAULT_FOUND = 3
+    PROVED = 4
+    TRIED = 5
+
+
+class FindingLevel(Enum):
+    """Weight of a finding on a plan.
+
+    Attributes:
+        ERROR: The plan probably does not do what it should.
+        WARNING: The plan can do something unexpected.
+        NOTE: Information.
+    """
+
+    ERROR = 1
+    WARNING = 2
+    NOTE = 3
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandHeader:
     """Identity and handling of a command; the first part of every command.
@@ -898,3 +944,108 @@ class PlanPreview:
     total: Preview | None = None
     steps: tuple[PreviewStep, ...]
     refusal: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFinding:
+    """A probable fault of a plan, or a note on it.
+
+    Attributes:
+        level: Its weight.
+        line: Line of the text of the plan.
+        node: Path of the node below the plan. Empty: the plan as a whole.
+        text: The fault and its remedy.
+    """
+
+    level: FindingLevel
+    line: int
+    node: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialFigure:
+    """The values of a quantity in simulated runs.
+
+    Attributes:
+        name: The quantity, e.g. duration, energy, clearance.
+        unit: Its unit.
+        least: Minimum.
+        median: Median.
+        most: Maximum.
+        draws: Number of runs with a value.
+    """
+
+    name: str
+    unit: str
+    least: float
+    median: float
+    most: float
+    draws: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialBranch:
+    """How often a branch of a plan ran.
+
+    Attributes:
+        node: Path of the first node of the branch, below the plan.
+        line: Line of the text of the plan.
+        draws: Number of runs in which it ran.
+    """
+
+    node: str
+    line: int
+    draws: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanTrial:
+    """Summary of simulated runs of a plan.
+
+    Attributes:
+        draws: Number of runs.
+        successes: Number of runs in which the plan was completed.
+        successLow: Lower end of the 95 % interval of the share of success, 0 to 1.
+        successHigh: Upper end of it.
+        figures: Time, energy, clearance and others.
+        branches: The branches.
+        worst: The worst run, and what happened in it. NULL: none.
+    """
+
+    draws: int
+    successes: int
+    successLow: float
+    successHigh: float
+    figures: tuple[TrialFigure, ...]
+    branches: tuple[TrialBranch, ...]
+    worst: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanCheck:
+    """Result of a check of a plan.
+
+    Attributes:
+        verdict: The result as a whole.
+        leaves: Number of leaves of the plan. NULL: refused.
+        commands: Maximum number of its commands. NULL: refused.
+        states: Number of explored states. NULL: not explored.
+        ticks: Number of explored ticks. NULL: not explored.
+        limits: Parts that were not explored exactly, at most 1000.
+        findings: Probable faults and notes, at most 1000.
+        code: Number of the reason of the refusal. NULL: not refused.
+        refusal: Why the asset would refuse the plan. NULL: it would not.
+        trial: Summary of the runs of TRY.
+    """
+
+    verdict: PlanVerdict
+    leaves: int | None = None
+    commands: int | None = None
+    states: int | None = None
+    ticks: int | None = None
+    limits: tuple[str, ...]
+    findings: tuple[PlanFinding, ...]
+    code: int | None = None
+    refusal: str | None = None
+    trial: PlanTrial | None = None
