@@ -30,7 +30,6 @@ from executive.plans.execution import PlanPort as PlanPort
 from executive.plans.execution import PlanResult as PlanResult
 from executive.plans.execution import Question as Question
 from executive.plans.execution import Steering as Steering
-from executive.plans.execution import StepStatus as StepStatus
 from executive.plans.execution import Surroundings as Surroundings
 from executive.plans.execution import Tree as Tree
 from executive.plans.execution import TreeNodeView as TreeNodeView

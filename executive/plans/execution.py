@@ -33,15 +33,12 @@ from executive.values.reports import Identity, PlanUpdate, Stage
 
 
 class PlanResult(Enum):
-    """Result of a tick of a plan, or of a poll of a step; SKIPPED if the root was skipped."""
+    """Result of a tick of a plan; SKIPPED if the root was skipped."""
 
     RUNNING = "running"
     SUCCESS = "success"
     FAILURE = "failure"
     SKIPPED = "skipped"
-
-
-StepStatus = PlanResult
 
 
 class Steering(Enum):
@@ -80,26 +77,20 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class CommandOutcome:
-    """Values of the output ports of a step.
+    """End of a step's command, with the values of its output ports.
 
     Attributes:
         reason: number of the refusal; 0 after success.
         file: path of the stored file; empty for none.
     """
 
+    succeeded: bool
     reason: Value = 0.0
     file: str = ""
 
 
-class PlanPort(Protocol):
-    """The executive, as the tree of a plan needs it.
-
-    Attributes:
-        why: description of the last failure.
-    """
-
-    clock: Clock
-    why: str
+class RoverView(Protocol):
+    """The rover, as queried by the nodes of a plan."""
 
     def telemetry(self, name: str) -> Value | None:
         """Return a value of `dialect.TELEMETRY`; None if it is not known."""
@@ -110,20 +101,28 @@ class PlanPort(Protocol):
     def fault_active(self, name: str) -> bool:
         """Return whether a fault is active."""
 
+
+class PlanPort(RoverView, Protocol):
+    """The executive, as the tree of a plan needs it.
+
+    Attributes:
+        why: description of the last failure.
+    """
+
+    clock: Clock
+    why: str
+
     def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
         """Request the command of a step; see `PlanStep.request_from`."""
 
-    def poll(self, step: PlanStep) -> StepStatus:
-        """Return the status of the command of a step."""
+    def poll(self, step: PlanStep) -> CommandOutcome | None:
+        """Return how the command of a step has ended, and forget it; None while it is active."""
 
-    def outcome(self, step: PlanStep) -> CommandOutcome:
-        """Return the outcome of the last command of a step."""
-
-    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
-        """Cancel the command of a step that exceeded its deadline."""
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome | None:
+        """Cancel the command of a step that exceeded its deadline; see `poll`."""
 
     def halt_step(self, step: PlanStep) -> None:
-        """Abandon the command of a step."""
+        """Abandon the command of a step that has not ended."""
 
     def command_text(self, step: PlanStep) -> str:
         """Return the last command of a step as SOURCE:NUMBER; empty before its first."""
@@ -137,14 +136,11 @@ class PlanPort(Protocol):
     def withdraw(self, question: Question, answer: str = "") -> None:
         """End a question that needs no answer any longer, or has one of its own."""
 
-    def note_failure(self, node: PlanNode, text: str) -> None:
-        """Note why a node fails."""
+    def note_failure(self, node: PlanNode, text: str, unknown: int | None = None) -> None:
+        """Note why a node fails, with the cell that is not known, if that is why."""
 
     def on_forced(self, node: PlanNode, steering: Steering) -> None:
         """Note that a node obeyed."""
-
-    def cell_name(self, cell: int) -> str:
-        """Return the name of a cell of the blackboard."""
 
 
 class PlanTree(Protocol):
@@ -220,17 +216,11 @@ class Tree(PlanHost, Protocol):
         """Return all nodes as of the last tick."""
 
 
-class Surroundings(Protocol):
+class Surroundings(RoverView, Protocol):
     """The rover and its surroundings, as plans see them."""
 
     def telemetry(self, name: str) -> float | None:
-        """Return a value of `dialect.TELEMETRY`; None if it is not known."""
-
-    def check_target(self, x_m: float, y_m: float) -> Refusal | None:
-        """Return why a motion to a point from here would be refused, or None."""
-
-    def fault_active(self, name: str) -> bool:
-        """Return whether a fault is active."""
+        """Return a value as a number."""
 
     def energy_used_j(self, charge_ratio: float | None) -> float | None:
         """Return the energy used since the battery had a charge; None if it is not known."""
@@ -285,12 +275,44 @@ MAX_COMMANDS_PER_TICK: Final = 8
 
 Cancel = Callable[[CommandLifecycle, Refusal], None]
 
-_ANSWER: Final = {
-    StepOutcome.SUCCESS: StepStatus.SUCCESS,
-    StepOutcome.FAILURE: StepStatus.FAILURE,
-    StepOutcome.HALTED: StepStatus.RUNNING,
-    StepOutcome.SKIPPED: StepStatus.SUCCESS,
+_REPLAYED: Final = {
+    StepOutcome.SUCCESS: CommandOutcome(True),
+    StepOutcome.FAILURE: CommandOutcome(False),
+    StepOutcome.SKIPPED: CommandOutcome(True),
 }
+
+
+@dataclass(slots=True)
+class _StepCommand:
+    """The command of a step.
+
+    Attributes:
+        request: the request until it is commanded; then None.
+        given: the command as it was given, or as it ended in an earlier process.
+        refusal: why it was rejected.
+        replayed: its end by the journal of a plan of version 0.1.
+    """
+
+    step: PlanStep
+    request: Request | None = None
+    given: StateCommand | None = None
+    lifecycle: CommandLifecycle | None = None
+    refusal: Refusal | None = None
+    replayed: CommandOutcome | None = None
+
+    @property
+    def state(self) -> StateCommand | None:
+        """The command as it is stored; None before it is given."""
+        lifecycle = self.lifecycle
+        if self.given is None or lifecycle is None or not lifecycle.stage.terminal:
+            return self.given
+        reason = 0 if lifecycle.refusal is None else lifecycle.refusal.reason.value
+        return self.given._replace(stage=lifecycle.stage.value, reason=reason)
+
+    def cancel(self, cancel: Cancel, refusal: Refusal) -> None:
+        """Cancel it if it is active."""
+        if self.lifecycle is not None and not self.lifecycle.stage.terminal:
+            cancel(self.lifecycle, refusal)
 
 
 class PlanExecution:
@@ -326,16 +348,16 @@ class PlanExecution:
         self.held: PlanNode | None = None
         self._cancel = cancel
         self._surroundings = surroundings
-        self._names = root.blackboard.names
-        self._leaves = {step.location.number for step in steps(root)}
+        self.check_target = surroundings.check_target
+        self.fault_active = surroundings.fault_active
+        leaves = {step.location.number: step for step in steps(root)}
+        self._leaves = leaves.keys()
         self._journal = journal
-        self._settled: dict[int, StepOutcome] = {}
-        self._wanted: dict[int, tuple[PlanStep, Request]] = {}
-        self._lifecycles: dict[int, CommandLifecycle] = {}
-        self._outcomes: dict[int, CommandOutcome] = {}
-        self._refusals: dict[int, Refusal] = {}
-        self._commands = {each.node: each.command_id for each in state.commands if each.stage}
-        self._ends = {each.node: each for each in state.commands if each.stage}
+        self._commands = {
+            each.node: _StepCommand(leaves[each.node], given=each)
+            for each in state.commands
+            if each.stage
+        }
         self._last = dict(state.last)
         self._ended = {*state.ended, *ended_steps(journal)}
         self.forced = {number: Steering[name] for number, name in state.forced}
@@ -360,49 +382,27 @@ class PlanExecution:
             return self._surroundings.energy_used_j(self._charge_ratio)
         return self._surroundings.telemetry(name)
 
-    def check_target(self, x_m: float, y_m: float) -> Refusal | None:
-        """Check a motion; see `PlanPort`."""
-        return self._surroundings.check_target(x_m, y_m)
-
-    def fault_active(self, name: str) -> bool:
-        """Return whether a fault is active."""
-        return self._surroundings.fault_active(name)
-
-    def cell_name(self, cell: int) -> str:
-        """Return the name of a cell of the blackboard."""
-        return self._names[cell]
-
     def request(self, step: PlanStep, cycles: tuple[int, ...], cells: Cells) -> None:
         """Request a command; see `PlanPort`."""
-        number = step.location.number
-        if self._journal:
-            outcome = self._journal.get(step_key(step.location, cycles))
-            if outcome is not None:
-                self._settled[number] = outcome
-                return
-        if number not in self._commands:
-            self._wanted[number] = step, step.request_from(cells)
+        outcome = self._journal and self._journal.get(step_key(step.location, cycles))
+        if outcome:
+            command = _StepCommand(step, replayed=_REPLAYED.get(outcome))
+            self._commands[step.location.number] = command
+        elif step.location.number not in self._commands:
+            command = _StepCommand(step, step.request_from(cells))
+            self._commands[step.location.number] = command
 
-    def poll(self, step: PlanStep) -> StepStatus:
-        """Return the status of a step; a command that has ended is forgotten."""
-        number = step.location.number
-        if number in self._settled:
-            outcome = self._settled[number]
-            if outcome is not StepOutcome.HALTED:
-                del self._settled[number]
-            return _ANSWER[outcome]
-        lifecycle, known = self._lifecycles.get(number), self._ends.pop(number, None)
-        if known is not None:
-            return self._end(step, Stage(known.stage), known.reason, self._refusals.get(number))
-        if lifecycle is None or not lifecycle.stage.terminal:
-            return StepStatus.RUNNING
-        refusal = lifecycle.refusal
-        reason = 0 if refusal is None else refusal.reason.value
-        return self._end(step, lifecycle.stage, reason, refusal)
-
-    def outcome(self, step: PlanStep) -> CommandOutcome:
-        """Return the outcome of the last command of a step."""
-        return self._outcomes.get(step.location.number, CommandOutcome())
+    def poll(self, step: PlanStep) -> CommandOutcome | None:
+        """Return how a command has ended; see `PlanPort`."""
+        command = self._commands[step.location.number]
+        if command.replayed is not None:
+            del self._commands[step.location.number]
+            return command.replayed
+        state, lifecycle = command.state, command.lifecycle
+        if state is None or not state.stage:
+            return None
+        refusal = command.refusal if lifecycle is None else lifecycle.refusal
+        return self._end(step, Stage(state.stage), state.reason, refusal)
 
     def command_text(self, step: PlanStep) -> str:
         """Return the last command of a step as text."""
@@ -411,44 +411,37 @@ class PlanExecution:
 
     def take_requested(self) -> Sequence[tuple[PlanStep, Request]]:
         """Return the steps to command in this tick, in the tree's order."""
-        return tuple(islice(self._wanted.values(), MAX_COMMANDS_PER_TICK))
+        commands = self._commands.values()
+        wanted = ((each.step, each.request) for each in commands if each.request is not None)
+        return tuple(islice(wanted, MAX_COMMANDS_PER_TICK))
 
     def on_started(self, step: PlanStep, lifecycle: CommandLifecycle) -> None:
         """Record the life cycle of a step's command, in any stage."""
-        number = step.location.number
-        self._note_command(number, lifecycle.command.identity)
-        self._lifecycles[number] = lifecycle
+        self._note_given(step, lifecycle.command.identity).lifecycle = lifecycle
         self.plan.node = step.location.path
 
     def on_rejected(self, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
         """Fail a step after the rejection of its command."""
-        number, reason = step.location.number, refusal.reason.value
-        self._note_command(number, identity)
-        self._ends[number] = StateCommand(number, identity.command_id, Stage.REJECTED.value, reason)
-        self._refusals[number] = refusal
+        command = self._note_given(step, identity, Stage.REJECTED.value, refusal.reason.value)
+        command.refusal = refusal
 
-    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome | None:
         """Fail a step that exceeded its deadline."""
-        number = step.location.number
+        command = self._commands[step.location.number]
         text = f"{step.location.path}: not done within {allowed_s:g} s"
         refusal = Refusal(Reason.PLAN_DEADLINE, text, (Figure("bound", allowed_s, "s"),))
-        if number in self._lifecycles:
-            self._cancel(self._lifecycles[number], refusal)
-            return self.poll(step)
-        if self._settled.get(number) is StepOutcome.HALTED:
-            return StepStatus.RUNNING
-        self._wanted.pop(number, None)
-        return self._end(step, Stage.CANCELLED, refusal.reason.value, refusal)
+        if command.request is not None:
+            return self._end(step, Stage.CANCELLED, refusal.reason.value, refusal)
+        command.cancel(self._cancel, refusal)
+        return self.poll(step)
 
     def halt_step(self, step: PlanStep) -> None:
-        """Abandon a step that has not ended."""
-        number = step.location.number
-        self._wanted.pop(number, None)
-        self._settled.pop(number, None)
-        self._forget(number)
-        lifecycle = self._lifecycles.pop(number, None)
-        if lifecycle is not None and not lifecycle.stage.terminal:
-            self._cancel(lifecycle, Refusal(Reason.STEP_HALTED, "the plan continued without it"))
+        """Abandon the command of a step."""
+        command = self._commands.pop(step.location.number, None)
+        if command is not None:
+            command.cancel(
+                self._cancel, Refusal(Reason.STEP_HALTED, "the plan continued without it")
+            )
 
     def has_expired(self, node: PlanNode, cycles: tuple[int, ...]) -> bool:
         """Return whether the journal has the end of a time limit."""
@@ -486,8 +479,8 @@ class PlanExecution:
         self.forced = {number: Steering[name] for number, name in state.forced}
         self._answers = dict(state.answers)
 
-    def note_failure(self, node: PlanNode, text: str) -> None:
-        """Note why a node fails."""
+    def note_failure(self, node: PlanNode, text: str, unknown: int | None = None) -> None:
+        """Note why a node fails; see `PlanPort`."""
         self.why = f"{node.location.path}: {text}"
 
     def on_forced(self, node: PlanNode, steering: Steering) -> None:
@@ -506,9 +499,10 @@ class PlanExecution:
 
     def state(self, tree: TreeState) -> PlanState:
         """Return the state of the plan."""
+        commands = (each.state for each in self._commands.values())
         return PlanState(
             tree,
-            tuple(self._state_of(*each) for each in self._commands.items()),
+            tuple(each for each in commands if each is not None),
             tuple(self._last.items()),
             tuple(sorted(self._ended)),
             tuple((number, result.name) for number, result in self.forced.items()),
@@ -522,50 +516,38 @@ class PlanExecution:
 
     def cancel_running(self, refusal: Refusal) -> None:
         """Cancel every active command and forget it; one that has ended stays known."""
-        self._wanted.clear()
-        for number, lifecycle in tuple(self._lifecycles.items()):
-            if not lifecycle.stage.terminal:
-                del self._lifecycles[number]
-                self._forget(number)
-                self._cancel(lifecycle, refusal)
+        for number, command in tuple(self._commands.items()):
+            if command.state is None or not command.state.stage:
+                del self._commands[number]
+                command.cancel(self._cancel, refusal)
         self._ended |= self._commands.keys()
 
-    def _forget(self, number: int) -> None:
-        self._commands.pop(number, None)
-        self._ends.pop(number, None)
-        self._refusals.pop(number, None)
-
-    def _state_of(self, number: int, command_id: int) -> StateCommand:
-        known, lifecycle = self._ends.get(number), self._lifecycles.get(number)
-        if known is not None or lifecycle is None or not lifecycle.stage.terminal:
-            return known or StateCommand(number, command_id)
-        reason = 0 if lifecycle.refusal is None else lifecycle.refusal.reason.value
-        return StateCommand(number, command_id, lifecycle.stage.value, reason)
-
-    def _note_command(self, number: int, identity: Identity) -> None:
-        self._wanted.pop(number, None)
-        self._commands[number] = self._last[number] = identity.command_id
+    def _note_given(
+        self, step: PlanStep, identity: Identity, stage: int = 0, reason: int = 0
+    ) -> _StepCommand:
+        number, command_id = step.location.number, identity.command_id
+        command = self._commands[number]
+        command.request, command.given = None, StateCommand(number, command_id, stage, reason)
+        self._last[number] = command_id
+        return command
 
     def _end(
         self, step: PlanStep, stage: Stage, reason: int, refusal: Refusal | None
-    ) -> StepStatus:
-        """Forget the command of a step that has ended, note its outcome, return its status."""
+    ) -> CommandOutcome:
+        """Forget the command of a step that has ended, and return its outcome."""
         number, path = step.location.number, step.location.path
-        command_id = self._commands.get(number)
-        self._forget(number)
-        self._lifecycles.pop(number, None)
+        given = self._commands.pop(number).given
         self._ended.add(number)
         self.plan.node, self.plan.done = path, len(self._ended & self._leaves)
+        if stage is not Stage.EXECUTED:
+            text = f" ({refusal.text})" if refusal else ""
+            self.why = f"{path}: {stage.name}{text}"
+            return CommandOutcome(False, float(reason))
         file = ""
-        if command_id is not None and step.kind.port("file") is not None:
-            identity = Identity(source_of(self.plan.plan_id), command_id)
-            file = self._surroundings.file_of(identity) if stage is Stage.EXECUTED else ""
-        self._outcomes[number] = CommandOutcome(float(reason), file)
-        if stage is Stage.EXECUTED:
-            return StepStatus.SUCCESS
-        text = f" ({refusal.text})" if refusal else ""
-        self.why = f"{path}: {stage.name}{text}"
-        return StepStatus.FAILURE
+        if given is not None and step.kind.port("file") is not None:
+            identity = Identity(source_of(self.plan.plan_id), given.command_id)
+            file = self._surroundings.file_of(identity)
+        return CommandOutcome(True, float(reason), file)
 
 
 def ended_steps(journal: Mapping[str, StepOutcome]) -> set[int]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
 from unittest.mock import patch
 
 from executive.commands import PlanDefinition, Request, SetCameraAngles
@@ -13,7 +12,6 @@ from executive.plans import (
     PlanStep,
     Question,
     Steering,
-    StepStatus,
     Value,
     nodes,
     read_plan,
@@ -25,12 +23,6 @@ from tests.support.behaviortree_cpp.traces import CellChange, Trace, TracedTick
 from tests.support.random_plans import STEP_MS, TELEMETRY, TICKS, RandomPlan
 from trees.plan import FAILURE, SUCCESS, Answer, PlanBehaviour, PlanLeaf, PlanTree
 from trees.plan import tree as tree_module
-
-STATUSES: Final = {
-    "R": StepStatus.RUNNING,
-    "S": StepStatus.SUCCESS,
-    "F": StepStatus.FAILURE,
-}
 
 
 @dataclass(slots=True)
@@ -81,25 +73,22 @@ class ScriptedPort:
             request = step.request_from(cells)
             self.events.append(("+", number - 1, *_angles(request)))
 
-    def poll(self, step: PlanStep) -> StepStatus:
+    def poll(self, step: PlanStep) -> CommandOutcome | None:
         """Play the next letter; the last one repeats."""
         playing = self._playing[step.location.number]
         letter = playing.word[min(playing.at, len(playing.word) - 1)]
         playing.at += 1
-        if letter != "R":
-            del self._playing[step.location.number]
-        return STATUSES[letter]
+        if letter == "R":
+            return None
+        del self._playing[step.location.number]
+        return CommandOutcome(letter == "S")
 
     def halt_step(self, step: PlanStep) -> None:
         """Note the halt."""
         del self._playing[step.location.number]
         self.events.append(("-", step.location.number - 1))
 
-    def outcome(self, _step: PlanStep) -> CommandOutcome:
-        """Return no refusal."""
-        return CommandOutcome()
-
-    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome:
         """Raise: no deadline is due."""
         raise AssertionError(f"{step.location.path} after {allowed_s} s")
 
@@ -119,16 +108,12 @@ class ScriptedPort:
         """Raise: there is no question."""
         raise AssertionError(question)
 
-    def note_failure(self, _node: PlanNode, _text: str) -> None:
+    def note_failure(self, _node: PlanNode, _text: str, unknown: int | None = None) -> None:
         """Do nothing."""
 
     def on_forced(self, node: PlanNode, steering: Steering) -> None:
         """Raise: no node is forced."""
         raise AssertionError(node.location.path)
-
-    def cell_name(self, cell: int) -> str:
-        """Return a name."""
-        return f"cell {cell}"
 
 
 def _angles(request: Request) -> tuple[float, ...]:

@@ -20,7 +20,6 @@ from executive.plans import (
     PlanStep,
     Question,
     Steering,
-    StepStatus,
     TreeState,
     UnknownValueError,
     Value,
@@ -120,11 +119,9 @@ class Exploration:
         self._active: dict[int, tuple[int, ...]] = {}
         self._done: set[tuple[int, tuple[int, ...]]] = set()
         self._begun: set[int] = set()
-        self._outcomes: dict[int, CommandOutcome] = {}
         self._taken: list[list[int]] = []
         self._at = 0
         self._alike: dict[object, int] = {}
-        self._unknown: int | None = None
         self._tree = PlanTree(self._plan, self, CLASSES)
         values = self._tree.cells
         self._values: list[set[Value | None]] = [{each} for each in values]
@@ -142,7 +139,7 @@ class Exploration:
             self._taken[-1][0] += 1
 
     def _tick(self, state: ExploredState) -> Transition:
-        self._at, self._unknown, self.time.next_s = 0, None, 0.0
+        self._at, self.time.next_s = 0, 0.0
         self._alike.clear()
         self._begun.clear()
         self._active, self._done = dict(state.active), set(state.done)
@@ -225,30 +222,23 @@ class Exploration:
         self._active[number] = cycles
         self._begun.add(number)
 
-    def poll(self, step: PlanStep) -> StepStatus:
+    def poll(self, step: PlanStep) -> CommandOutcome | None:
         """Choose whether a command continues, succeeds or fails."""
         number = step.location.number
-        if number in self._begun:
-            return StepStatus.RUNNING
-        status = _STATUSES[self.choose(3)]
-        if status is not StepStatus.RUNNING:
-            cycles = self._active.pop(number, ())
-            if status is StepStatus.SUCCESS:
-                self._done.add((number, cycles))
-                self._outcomes[number] = CommandOutcome(0.0, ANY)
-            else:
-                self._outcomes[number] = CommandOutcome(ANY, "")
-        return status
+        choice = 0 if number in self._begun else self.choose(3)
+        if choice == 0:
+            return None
+        cycles = self._active.pop(number, ())
+        if choice == 2:
+            return CommandOutcome(False, ANY)
+        self._done.add((number, cycles))
+        return CommandOutcome(True, file=ANY)
 
-    def outcome(self, step: PlanStep) -> CommandOutcome:
-        """Return the outcome of the last command of a step."""
-        return self._outcomes[step.location.number]
-
-    def fail_overdue(self, step: PlanStep, allowed_s: float) -> StepStatus:
+    def fail_overdue(self, step: PlanStep, allowed_s: float) -> CommandOutcome:
         """Fail a step."""
         del allowed_s
         self.halt_step(step)
-        return StepStatus.FAILURE
+        return CommandOutcome(False, ANY)
 
     def halt_step(self, step: PlanStep) -> None:
         """Abandon the command of a step."""
@@ -272,23 +262,15 @@ class Exploration:
     def withdraw(self, question: Question, answer: str = "") -> None:
         """End a question."""
 
-    def note_failure(self, node: PlanNode, text: str) -> None:
+    def note_failure(self, node: PlanNode, text: str, unknown: int | None = None) -> None:
         """Note a variable that was not known."""
         del text
-        cell, self._unknown = self._unknown, None
-        if cell is not None and cell not in self._measured and node.kind.name != "WaitFor":
-            self.unwritten[cell, node.location.line] = node
+        if unknown is None or unknown in self._measured or node.kind.name == "WaitFor":
+            return
+        self.unwritten[unknown, node.location.line] = node
 
     def on_forced(self, node: PlanNode, steering: Steering) -> None:
         """Never called: no node is forced."""
-
-    def cell_name(self, cell: int) -> str:
-        """Return the name of a cell, which is not known."""
-        self._unknown = cell
-        return self._names[cell]
-
-
-_STATUSES: Final = (StepStatus.RUNNING, StepStatus.SUCCESS, StepStatus.FAILURE)
 
 
 def _exploration(node: PlanBehaviour) -> Exploration:
@@ -402,8 +384,7 @@ class _Switch(Switch):
     def _selected(self) -> int:
         variable = self.plan.ports.get("variable")
         if isinstance(variable, CellReference) and self.context.cells[variable.cell] is None:
-            _exploration(self).cell_name(variable.cell)
-            _exploration(self).note_failure(self.plan, "")
+            _exploration(self).note_failure(self.plan, "", variable.cell)
         return super()._selected()
 
     def _is_case(self, at: int, variable: Value) -> bool:

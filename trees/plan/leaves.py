@@ -2,23 +2,8 @@
 
 from abc import abstractmethod
 
-from executive.plans import (
-    ArgumentError,
-    LeafError,
-    PlanStep,
-    StepStatus,
-    UnknownValueError,
-)
-from trees.plan.node import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    STATUSES,
-    SUCCESS,
-    Answer,
-    PlanBehaviour,
-    time_text,
-)
+from executive.plans import ArgumentError, LeafError, PlanStep, UnknownValueError
+from trees.plan.node import FAILURE, IDLE, RUNNING, SUCCESS, Answer, PlanBehaviour, time_text
 
 
 class PlanLeaf(PlanBehaviour):
@@ -162,18 +147,17 @@ class CommandLeaf(TimedLeaf):
                 return FAILURE
             allowed_s = step.deadline_s
             self.deadline_s = float("inf") if allowed_s is None else now_s + allowed_s
-        progress = port.poll(step)
-        if progress is StepStatus.RUNNING and now_s >= self.deadline_s:
+        outcome = port.poll(step)
+        if outcome is None and now_s >= self.deadline_s:
             assert step.deadline_s is not None
-            progress = port.fail_overdue(step, step.deadline_s)
+            outcome = port.fail_overdue(step, step.deadline_s)
         self.feedback_message = port.command_text(step)
-        if progress is StepStatus.RUNNING:
+        if outcome is None:
             return RUNNING
         self.deadline_s = None
-        outcome = port.outcome(step)
         self.write("reason", outcome.reason)
         self.write("file", outcome.file or None)
-        return STATUSES[progress]
+        return SUCCESS if outcome.succeeded else FAILURE
 
     def on_halt(self) -> None:
         """Cancel the command."""

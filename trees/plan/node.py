@@ -19,7 +19,6 @@ from executive.plans import (
     LeafError,
     PlanNode,
     PlanPort,
-    PlanResult,
     Script,
     Steering,
     UnknownValueError,
@@ -63,6 +62,7 @@ class PlanRun(Protocol):
     Attributes:
         port: the executive's side of the plan.
         cells: the blackboard.
+        cell_names: names of its cells.
         yielded: whether a node requests another tick at once.
         executed: number of nodes executed in this tick.
         measured: cells with telemetry.
@@ -70,6 +70,7 @@ class PlanRun(Protocol):
 
     port: PlanPort
     cells: list[Value | None]
+    cell_names: tuple[str, ...]
     yielded: bool
     executed: int
     measured: frozenset[int]
@@ -221,9 +222,8 @@ class PlanBehaviour(Behaviour):
 
     def note_unknown(self, unknown: UnknownValueError) -> None:
         """Name the value that is not known in the message, and in the reason of a failure."""
-        name = self.context.port.cell_name(unknown.cell)
-        self.feedback_message = f"{name} is not known"
-        self.context.port.note_failure(self.plan, self.feedback_message)
+        self.feedback_message = f"{self.context.cell_names[unknown.cell]} is not known"
+        self.context.port.note_failure(self.plan, self.feedback_message, unknown.cell)
 
     def _execute_guarded(self) -> Answer:
         answer: Answer | None = None
@@ -290,5 +290,3 @@ _BEFORE: Final[tuple[tuple[str, Answer], ...]] = (
     ("_skipIf", SKIPPED),
 )
 _WHILE: Final = (IDLE, RUNNING)
-
-STATUSES: Final = {PlanResult[each.name]: each for each in (RUNNING, SUCCESS, FAILURE)}

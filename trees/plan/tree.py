@@ -74,6 +74,7 @@ class PlanTree:
         root: the root node.
         nodes: all nodes by number.
         cells: the blackboard.
+        cell_names: names of its cells.
         yielded: whether a node requests another tick at once.
         executed: number of nodes executed in this tick.
         measured: cells with telemetry.
@@ -84,6 +85,7 @@ class PlanTree:
     ) -> None:
         self.port = port
         self.cells: list[Value | None] = list(plan.blackboard.initial)
+        self.cell_names = plan.blackboard.names
         self.yielded = False
         self._classes = {**NODES, **(classes or {})}
         self._telemetry = plan.blackboard.telemetry
