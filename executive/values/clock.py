@@ -78,7 +78,8 @@ START_UTC_S: Final = 1_800_000_000.0
 class ManualClock:
     """Clock that is set by its owner, from a day in 2027: for lock step and tests."""
 
-    def __init__(self) -> None:
+    def __init__(self, start_utc_s: float = START_UTC_S) -> None:
+        self._start_utc_s = start_utc_s
         self._now_s = 0.0
 
     def now_s(self) -> float:
@@ -87,7 +88,7 @@ class ManualClock:
 
     def utc_s(self) -> float:
         """Return the UTC time of the start plus the seconds since."""
-        return START_UTC_S + self._now_s
+        return self._start_utc_s + self._now_s
 
     def set(self, now_s: float) -> None:
         """Set the time.

@@ -54,19 +54,20 @@ class BatteryPack:
 class BatteryModel:
     """Charge that decreases with the load, and the resulting voltage."""
 
-    def __init__(self, pack: BatteryPack, charge_ratio: float) -> None:
-        self._pack = pack
+    def __init__(self, pack: BatteryPack, charge_ratio: float, sun_w: float = 0.0) -> None:
+        self._pack, self._sun_w = pack, sun_w
         self._left_j = pack.capacity_j * charge_ratio
         self._load_j = 0.0
         self._load_s = 0.0
         self.used_j = 0.0
 
     def draw(self, mechanical_j: float, period_s: float) -> None:
-        """Consume the energy of a period: the motors' work and the idle load."""
+        """Consume the energy of a period, the motors' work and the idle load, and charge."""
         pack = self._pack
         energy_j = mechanical_j / pack.efficiency + pack.idle_w * period_s
         self.used_j += energy_j
-        self._left_j = max(0.0, self._left_j - energy_j)
+        left_j = self._left_j - energy_j + self._sun_w * period_s
+        self._left_j = min(max(0.0, left_j), pack.capacity_j)
         self._load_j += energy_j
         self._load_s += period_s
 
@@ -113,6 +114,8 @@ _FREE: Final = 7
 """Number of position values of the free joint; the joints of wheels and head follow."""
 
 
+_RESTING: Final = 0.002
+"""Maximum speed of a resting rover and its joints, m/s and rad/s; chosen: slides are faster."""
 CUT_OCTETS: Final = 200
 """Octets of a JPEG that `CameraTruncated` leaves."""
 
@@ -195,7 +198,7 @@ class SimulatedBody(ABC):
         self._pose = self.true_pose
         self._wheels_rad = self._qpos[self._wheels].tolist()
         self._pack = pack
-        self._battery = BatteryModel(pack, world.charge_ratio)
+        self._battery = BatteryModel(pack, world.charge_ratio, world.sun_w)
         self._camera = Camera(self.model, picture or PictureSettings())
         self._frame_wanted = False
         self._faults: dict[type[SimulatedFault], SimulatedFault] = {}
@@ -222,6 +225,20 @@ class SimulatedBody(ABC):
                 self._due += self._read_sensors(self._steps)
             if self._steps % STEPS_PER_PERIOD == 0:
                 self._end_period()
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing moves, and no fault is active that misleads a motion."""
+        moves = float(abs(self._qvel).max()) > _RESTING
+        onsets = (faults.fault_declaration(kind).onset for kind in self._faults)
+        return not moves and all(onset is faults.Onset.NONE for onset in onsets)
+
+    def skip(self, duration_s: float) -> None:
+        """Let time pass for a resting rover: its battery continues, not physics and sensors."""
+        self._steps += round(duration_s / STEP_S)
+        wheels = self._wheels.stop - self._wheels.start
+        torque2 = sum(torque * torque for torque in self._force[:wheels].tolist())
+        self._battery.draw(self._pack.heat_w_per_nm2 * torque2 * duration_s, duration_s)
 
     def facts(self) -> list[Fact]:
         """Return the facts published since the last call, in order.

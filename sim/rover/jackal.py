@@ -297,6 +297,15 @@ class SimulatedJackal(SimulatedBody):
         self._servos.set_speed(wanted.speed_radps)
         self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
+    def skip(self, duration_s: float) -> None:
+        """Let time pass; the last facts arrive at its end: of the battery, and the odometry."""
+        super().skip(duration_s)
+        self._report_battery()
+        self._in_transit = deque(
+            (due_s + duration_s, replace(each, stamp_s=each.stamp_s + duration_s))
+            for due_s, each in self._in_transit
+        )
+
     def inject(self, fault: SimulatedFault) -> None:
         """Inject a fault."""
         super().inject(fault)
@@ -328,9 +337,12 @@ class SimulatedJackal(SimulatedBody):
         if period % _ANGLES_EVERY == 1:
             self._due.append(self.camera_angles)
         if period % _BATTERY_EVERY == 1:
-            voltage_v = self._voltage_v()
-            if faults.BatterySilent not in self._faults:
-                self._due.append(Battery(voltage_v, self._battery.charge_ratio))
+            self._report_battery()
+
+    def _report_battery(self) -> None:
+        voltage_v = self._voltage_v()
+        if faults.BatterySilent not in self._faults:
+            self._due.append(Battery(voltage_v, self._battery.charge_ratio))
 
     def _gyro_radps(self, true_radps: float) -> float:
         """Return the gyro's measurement of a rate, without its own noise."""

@@ -4,10 +4,12 @@ The same core and the same physics as over ROS, without threads, sockets or wait
 bit for bit and are many times faster than real time.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from math import floor, inf
 from pathlib import Path
-from typing import assert_never
+from typing import Final, assert_never
 
 from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
@@ -15,11 +17,14 @@ from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
 from executive.core.recording import RecordingSink, Truth
 from executive.core.runner import Executive
+from executive.goals import Context
 from executive.motion import SharedSolver, make_solver
+from executive.plans import Tree
 from executive.record import Ledger, Synchronous
 from executive.settings import LocomotionKind, Settings
-from executive.values.clock import Clock, ManualClock
+from executive.values.clock import START_UTC_S, Clock, ManualClock
 from executive.values.facts import Fact
+from executive.values.geometry import STANDING
 from executive.values.parameters import ParameterValue
 from executive.values.ports import Downlink
 from executive.values.reports import FileEvent, PlanUpdate, Report
@@ -73,6 +78,13 @@ def _refuse(line: str) -> None:
 
 
 STEP_S = 0.01
+MAX_SKIP_S: Final = 60.0
+"""Maximum duration of a skip; chosen."""
+RESTED_S: Final = 2.0
+"""Time of rest before a skip, after which a standstill has been detected; chosen."""
+MEASURED_S: Final = 0.6
+"""Time between two skips, in which the monitors of the accelerometer settle; measured."""
+_SECOND: Final = round(1 / STEP_S)
 
 
 class DownlinkRecorder:
@@ -112,6 +124,9 @@ class LockStep:
         solver: solver of plans; created if the settings offer mpc, unless given.
         tape: receives a recording of the executive; None for none.
         rover: a Jackal with further parts, such as a navigation; None for that of the settings.
+        start_utc_s: UTC of the start.
+        skips: whether `skip` is used: late ticks are then no fault up to the longest skip.
+        build_tree: builds the executive's tree.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP if it executes whole motions.
@@ -131,14 +146,21 @@ class LockStep:
         solver: SharedSolver | None = None,
         tape: RecordingSink | None = None,
         rover: SimulatedJackal | None = None,
+        start_utc_s: float = START_UTC_S,
+        skips: bool = False,
+        build_tree: Callable[[Context], Tree] = RoverTree,
     ) -> None:
-        self.settings = settings
+        if skips:
+            safety = replace(settings.safety, watchdog_s=settings.safety.watchdog_s + MAX_SKIP_S)
+            settings = replace(settings, safety=safety)
+        self.settings, self._skips, self._build_tree = settings, skips, build_tree
+        self._rested_since_s = inf
         if solver is None and settings.offers_mpc:
             solver = make_solver(settings)
         self._solver = solver
         self._tape = tape
         self.rover = rover or _rover(settings, world, seed, picture, odometry)
-        self.clock = ManualClock()
+        self.clock = ManualClock(start_utc_s)
         self.downlink_record = DownlinkRecorder()
         self._folder = folder
         self._downlinks = (self.downlink_record, *downlinks)
@@ -180,6 +202,56 @@ class LockStep:
             self._step()
         return done()
 
+    def skip(self, limit_s: float = MAX_SKIP_S) -> float:
+        """Let time pass at once while the rover rests and only waits; return the seconds.
+
+        Clock and battery continue. Physics, sensors and ticks do not: a condition on telemetry is
+        next tested after the skip, and a rover on a slope does not creep. A skip ends before the
+        next timer of a plan, a tick before a whole second, and begins `MEASURED_S` after one: in
+        between all sensors are measured as usual. Call it after each tick; at other times, and if
+        the rover does not rest, it returns 0.
+        """
+        if not self._waits:
+            self._rested_since_s = inf
+            return 0.0
+        self._rested_since_s = min(self._rested_since_s, self.time_s)
+        rested = self.time_s - self._rested_since_s >= RESTED_S
+        if not rested or self._steps % _SECOND != round(MEASURED_S / STEP_S):
+            return 0.0
+        until_s = min(self.time_s + min(limit_s, MAX_SKIP_S), *self._timers_s())
+        steps = max(0, floor(until_s) * _SECOND - self._tick_steps - self._steps)
+        self.rover.skip(steps * STEP_S)
+        self._steps += steps
+        self.clock.set(self._steps * STEP_S)
+        return steps * STEP_S
+
+    @property
+    def _waits(self) -> bool:
+        """Whether the rover rests, and the executive has no command and no computation to do."""
+        executive = self.executive
+        busy = executive.goal_count or executive.waiting or executive.predictions.pending
+        return (
+            self._skips
+            and self.alive
+            and not busy
+            and executive.velocity == STANDING
+            and isinstance(self.rover, SimulatedJackal)
+            and self.rover.resting
+        )
+
+    def _timers_s(self) -> Iterator[float]:
+        """Yield the ends of the timers of the executing plan, on the clock."""
+        tree, utc_s = self.executive.tree, self.clock.utc_s() - self.time_s
+        plan = tree.plan if isinstance(tree, RoverTree) else None
+        yield inf
+        for node in () if plan is None else plan.nodes:
+            if node.status is node.status.RUNNING:
+                yield getattr(node, "until_s", None) or inf
+                until_utc_s = getattr(node, "until_utc_s", None)
+                ports = (node.plan.ports.get(name) for name in ("utc", "from", "until"))
+                times = [each for each in (until_utc_s, *ports) if isinstance(each, float | int)]
+                yield from (each - utc_s for each in times if each - utc_s > self.time_s)
+
     def kill(self) -> None:
         """End the executive as by kill -9: it receives no facts, and does not tick or command."""
         self.executive.simulate_crash()
@@ -200,7 +272,7 @@ class LockStep:
             ledger=ledger,
             files=self._folder / "files",
             downlinks=self._downlinks,
-            build_tree=RoverTree,
+            build_tree=self._build_tree,
             solver=self._solver,
             tape=self._tape,
         )

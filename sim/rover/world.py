@@ -138,6 +138,7 @@ class World:
             the last one counts; slopes add up. Ditches and slopes are within the square of the
             ground.
         charge_ratio: charge of the battery, 0 to 1.
+        sun_w: power that charges the battery, in W.
         dark: whether it is too dark for visual odometry; pictures are unchanged.
     """
 
@@ -154,6 +155,7 @@ class World:
     slopes: tuple[SlopeZone, ...] = ()
     start: StartPose = field(default_factory=StartPose)
     charge_ratio: float = figure(maximum=1.0, default=0.9)
+    sun_w: float = figure(maximum=1000.0, default=0.0)
     dark: bool = False
 
     def __post_init__(self) -> None:

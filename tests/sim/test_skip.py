@@ -1,0 +1,83 @@
+"""`LockStep.skip`: hours of standing pass at once, and change nothing that is not documented."""
+
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from executive.commands import ActivatePlan, Command, PlanDefinition, Request, SubmitPlan
+from executive.commands.lifecycle import Accepted
+from executive.plans import FORMAT
+from executive.settings import load_settings
+from executive.values.reports import Identity, PlanStatus, Severity
+from sim.rover import World
+from sim.rover.faults import BatterySilent, OdometryDrift
+from sim.rover.lockstep import MAX_SKIP_S, LockStep
+
+BEGIN_UTC_S: Final = 1_795_000_000.0
+PLAN: Final = b"""
+<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>
+  <moveTo x="0.5" y="0" deadline_s="60"/>
+  <Sleep msec="7200000"/>
+  <moveTo x="0" y="0" deadline_s="60"/>
+</Sequence></BehaviorTree></root>"""
+
+
+@pytest.fixture
+def lock(tmp_path: Path) -> LockStep:
+    """Return a rover in lock step that skips."""
+    world = World(sun_w=30.0)
+    settings = load_settings("jackal")
+    return LockStep(settings, world, tmp_path, start_utc_s=BEGIN_UTC_S, skips=True)
+
+
+def _send(lock: LockStep, number: int, request: Request) -> None:
+    command = Command(Identity("MOE", number), request, "direct", lock.clock.utc_s())
+    assert isinstance(lock.submit(command), Accepted)
+
+
+def test_hours_of_a_plan_pass_at_once(lock: LockStep) -> None:
+    """The sleep ends on its tick, no monitor reports a fault, and the battery continues."""
+    lock.run(1.0)
+    _send(lock, 1, SubmitPlan(PlanDefinition("p", "p.xml", FORMAT, PLAN)))
+    _send(lock, 2, ActivatePlan("p"))
+    skipped_s, skips = 0.0, 0
+    while lock.downlink_record.plans[-1].status is not PlanStatus.COMPLETED:
+        assert lock.time_s < 8000
+        lock.run(lock.settings.tick_s)
+        lock.executive.ground.record_contact()
+        now_s = lock.skip()
+        skipped_s, skips = skipped_s + now_s, skips + (now_s > 0)
+    assert skipped_s > 7000
+    assert skips >= skipped_s / MAX_SKIP_S
+    moves = [each for each in lock.downlink_record.reports if "done in" in each.text]
+    slept_s = moves[1].utc_s - moves[0].utc_s
+    assert 7201 < slept_s < 7202.5
+    worrying = [
+        each.text
+        for each in lock.downlink_record.reports
+        if each.severity is not Severity.INFORMATIONAL
+    ]
+    assert not worrying
+    assert lock.rover.energy_j == pytest.approx(30 * lock.time_s, rel=0.02)
+    charge = lock.executive.status.battery
+    assert charge is not None
+    assert charge.charge_ratio == pytest.approx(World().charge_ratio, abs=0.001)
+    assert lock.clock.utc_s() == pytest.approx(BEGIN_UTC_S + lock.time_s)
+
+
+def test_a_rover_that_does_not_rest_does_not_skip(lock: LockStep) -> None:
+    """Neither a fault that grows nor a moving rover is skipped; a silent battery is."""
+
+    def skipped_s() -> float:
+        found = 0.0
+        for _ in range(80):
+            lock.run(lock.settings.tick_s)
+            found += lock.skip()
+        return found
+
+    lock.rover.inject(OdometryDrift())
+    assert not skipped_s()
+    lock.rover.clear(OdometryDrift)
+    lock.rover.inject(BatterySilent())
+    assert skipped_s()
